@@ -1,0 +1,74 @@
+"""The one decorator that every compiled kernel passes through."""
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+from platformdirs import user_cache_path
+
+
+@cache
+def cache_folder() -> Path:
+    """Folder of the compiled kernels: the user's cache, under a hash of every source file.
+
+    numba notices an edited kernel, but not an edited kernel that it inlined from another
+    file; a folder per state of the sources does. Where the user's cache cannot be written
+    (read-only home), a private temporary folder serves for this process.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    folder = user_cache_path("closeform") / digest.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return folder
+    except OSError:
+        pass
+    return Path(tempfile.mkdtemp(prefix="closeform-"))
+
+
+@cache
+def announce() -> None:
+    """Say once, on standard error, that the first compilation is under way."""
+    if not any(cache_folder().rglob("*.nbi")):
+        print("closeform: compiling its kernels, once for this version", file=sys.stderr)
+
+
+@contextmanager
+def own_cache() -> Iterator[None]:
+    """Point numba at our folder while one kernel is declared, and back for everybody else's."""
+    others = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_folder())
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = others
+
+
+def kernel(signature: Any = None) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function of floats and arrays.
+
+    With a `signature` it is an entry point: compiled at import, once for a version of the
+    sources, then loaded from the cache. Without, it is a part that entry points inline.
+    Every kernel releases the GIL; none is parallel inside (chunks in a thread pool are as
+    fast and cannot abort); none uses fastmath (the certificates need IEEE arithmetic).
+    """
+    options = {"nogil": True, "error_model": "numpy"}
+    if signature is None or config.DISABLE_JIT:
+        return numba.njit(**options)
+
+    def declare(function: Callable[..., Any]) -> Any:
+        announce()
+        with own_cache():
+            return numba.njit(signature, cache=True, **options)(function)
+
+    return declare

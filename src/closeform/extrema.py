@@ -1,0 +1,119 @@
+"""Certified extrema of a norm along one window of an arc (see `march`)."""
+
+from closeform.compiled import kernel
+from closeform.march import (
+    LESS_PATIENCE,
+    along,
+    bounds,
+    inside_step,
+    norm,
+    outside_step,
+    rate,
+    taylor_step,
+)
+
+# Extrema are certain to these fractions of themselves; a least norm below NIL counts as 0.
+PRECISION, PEAK_PRECISION = 1e-11, 1e-9
+NIL = 1e-13
+TURN_ANGLE = 0.3  # in n t: a local extremum is looked for in steps no longer than this
+
+
+@kernel()
+def slope(box, q, order, n, t):
+    x, y, z, vx, vy, vz = along(q, order, n, t)
+    return rate(box, x, y, z, vx, vy, vz)
+
+
+@kernel()
+def turn(box, q, order, n, t, stop, sign):
+    """Next time at which sign * rate turns from positive to negative: a local extremum."""
+    high = sign * slope(box, q, order, n, t)
+    longest = (stop - t) / 16.0 if n == 0.0 else min((stop - t) / 16.0, TURN_ANGLE / n)
+    x, y, z, _, _, _ = along(q, order, n, t)
+    step = min(longest, 0.25 * norm(box, x, y, z) / abs(high))  # a fly-by is this fast
+    before = t
+    after = t
+    while after < stop:
+        after = min(after + step, stop)
+        low = sign * slope(box, q, order, n, after)
+        if low <= 0.0:
+            break
+        before = after
+        high = low
+        step = min(1.5 * step, longest)
+    else:
+        return stop
+    for k in range(200):
+        width = after - before
+        if width <= 4e-16 * (abs(after) + width):
+            break
+        # regula falsi, and every third time the middle: rates jump where a box has its kinks
+        middle = before + 0.5 * width
+        if k % 3 and high - low > 0.0:
+            guess = before + width * high / (high - low)
+            if before < guess < after:
+                middle = guess
+        here = sign * slope(box, q, order, n, middle)
+        if here > 0.0:
+            before = middle
+            high = here
+        else:
+            after = middle
+            low = here
+            if here == 0.0:
+                break
+    return after
+
+
+@kernel()
+def lowest(box, q, order, n, t, stop, patience, best, best_time):
+    """Least norm over [t, stop] of the window's own time, if below `best`.
+
+    Returns it, its time, and the time reached: short of `stop` where the march stalls.
+    """
+    ax, ay, az, a, _ = bounds(q, order, n, stop)
+    if not box and patience == LESS_PATIENCE:
+        aim = best * (1.0 - PRECISION)
+        if t == 0.0 and norm(box, q[0, 0], q[0, 1], q[0, 2]) > aim > 0.0:
+            t = taylor_step(q, order, n, stop, aim, False)
+    for _ in range(patience):
+        x, y, z, vx, vy, vz = along(q, order, n, t)
+        s = norm(box, x, y, z)
+        if s < best:
+            best = s
+            best_time = t
+            if s > NIL and rate(box, x, y, z, vx, vy, vz) < 0.0:
+                there = turn(box, q, order, n, t, stop, -1.0)
+                x1, y1, z1, _, _, _ = along(q, order, n, there)
+                low = norm(box, x1, y1, z1)
+                if low < best:
+                    best = low
+                    best_time = there
+        if best <= NIL:
+            return 0.0, best_time, stop
+        if t >= stop:
+            return best, best_time, stop
+        h = outside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, best * (1.0 - PRECISION))
+        t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
+    return best, best_time, t
+
+
+@kernel()
+def highest(q, order, n, stop):
+    """Greatest Euclidean norm over [0, stop]."""
+    ax, ay, az, a, speed = bounds(q, order, n, stop)
+    t = 0.0
+    best = 0.0
+    for _ in range(100_000):
+        x, y, z, vx, vy, vz = along(q, order, n, t)
+        s = norm(False, x, y, z)
+        if s > best:
+            best = s
+            if rate(False, x, y, z, vx, vy, vz) > 0.0:
+                x1, y1, z1, _, _, _ = along(q, order, n, turn(False, q, order, n, t, stop, 1.0))
+                best = max(best, norm(False, x1, y1, z1))
+        if t >= stop:
+            break
+        h = inside_step(False, x, y, z, vx, vy, vz, ax, ay, az, a, speed, best * (1.0 + PEAK_PRECISION))
+        t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
+    return best
