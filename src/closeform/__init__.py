@@ -3,39 +3,36 @@
 from importlib import import_module
 from typing import Any
 
-_HOMES = {
-    "Orbit": "orbit",
-    "Path": "path",
-    "join": "path",
-    "stack": "path",
-    "Zone": "zones",
-    "Box": "zones",
-    "Ellipsoid": "zones",
-    "Sphere": "zones",
-    "Conflict": "conflicts",
-    "Approach": "conflicts",
-    "find_conflicts": "conflicts",
-    "closest_approach": "conflicts",
-    "last_possible_conflict": "conflicts",
-    "Screening": "screening",
-    "screen": "screening",
-    "Avoidance": "avoidance",
-    "Contact": "avoidance",
-    "avoid": "avoidance",
-    "end_gradients": "avoidance",
+# Loaded at first use: `import closeform` costs nothing, and the command line starts at once.
+_NAMES = {
+    "orbit": "Orbit",
+    "path": "Path join stack",
+    "zones": "Zone Box Ellipsoid Sphere",
+    "conflicts": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
+    "screening": "Screening screen",
+    "avoidance": "Avoidance Contact avoid end_gradients",
+    "frames": "relative_from_inertial inertial_from_relative",
+    "elements": (
+        "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "
+        "mean_motion_from_period semi_major_axis_from_mean_motion altitude_from_mean_motion "
+        "period_from_mean_motion palmer_from_state state_from_palmer elements_from_inertial "
+        "inertial_from_elements roe_from_elements elements_from_roe roe_from_state "
+        "state_from_roe"
+    ),
+    "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",
 }
-__all__ = sorted(_HOMES)  # noqa: PLE0605
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        value = getattr(import_module(f"closeform.{_HOMES[name]}"), name)
-        globals()[name] = value
-        return value
     if name == "plots":
         return import_module("closeform.plots")
-    raise AttributeError(f"module 'closeform' has no attribute {name!r}")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'closeform' has no attribute {name!r}")
+    value = getattr(import_module(f"closeform.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOMES])
+    return sorted([*globals(), *_HOMES, "plots"])

@@ -84,9 +84,8 @@ def derivatives_at(arc, t, order, out, sign):
     n = arc[MEAN_MOTION]
     x, y, z, vx, vy, vz = state_at(arc, t)
     ux, uy, uz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if order == 8 or n == 0.0:
-        if steered(arc):
-            ux, uy, uz, wx, wy, wz = steering_at(arc, t)
+    if steered(arc):
+        ux, uy, uz, wx, wy, wz = steering_at(arc, t)
     px, py, pz = arc[CONSTANT], arc[CONSTANT + 1], arc[CONSTANT + 2]  # acts on the second only
     k = 0
     while True:

@@ -62,9 +62,9 @@ def kernel(signature: Any = None) -> Callable[[Callable[..., Any]], Any]:
     Every kernel releases the GIL; none is parallel inside (chunks in a thread pool are as
     fast and cannot abort); none uses fastmath (the certificates need IEEE arithmetic).
     """
-    options = {"nogil": True, "error_model": "numpy"}
+    options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     if signature is None or config.DISABLE_JIT:
-        return numba.njit(**options)
+        return numba.njit(no_cpython_wrapper=True, **options)
 
     def declare(function: Callable[..., Any]) -> Any:
         announce()

@@ -1,8 +1,10 @@
 """Certified extrema of a norm along one window of an arc (see `march`)."""
 
 from closeform.compiled import kernel
+from closeform.hill import oscillation
 from closeform.march import (
     LESS_PATIENCE,
+    PATIENCE,
     along,
     bounds,
     inside_step,
@@ -99,21 +101,53 @@ def lowest(box, q, order, n, t, stop, patience, best, best_time):
 
 
 @kernel()
-def highest(q, order, n, stop):
-    """Greatest Euclidean norm over [0, stop]."""
-    ax, ay, az, a, speed = bounds(q, order, n, stop)
-    t = 0.0
+def advance(q, n, t):
+    """Derivatives (order 4) seen from time t on."""
+    p0, p1, _ = oscillation(n, t)
+    c = 1.0 - n * n * p1
+    x, y, z, vx, vy, vz = along(q, 4, n, t)
+    for i in range(3):
+        a, b = q[2, i], q[3, i]
+        q[2, i] = a * c + b * p0
+        q[3, i] = b * c - n * n * a * p0
+    q[0, 0], q[0, 1], q[0, 2] = x, y, z
+    q[1, 0], q[1, 1], q[1, 2] = vx, vy, vz
+
+
+@kernel()
+def highest(q, n, stop):
+    """Greatest Euclidean norm over [0, stop] of an arc of order 4; spoils `q`."""
     best = 0.0
-    for _ in range(100_000):
-        x, y, z, vx, vy, vz = along(q, order, n, t)
+    for k in range(9):  # a norm to start from, even where it vanishes at both ends
+        x, y, z, _, _, _ = along(q, 4, n, stop * (0.125 * k) ** 1.1)
+        best = max(best, norm(False, x, y, z))
+    patience = PATIENCE
+    t = 0.0
+    while best > 0.0:
+        t, best = climb(q, n, t, stop, patience, best)
+        if t >= stop:
+            break
+        advance(q, n, t)
+        stop -= t
+        t = taylor_step(q, 4, n, stop, best * (1.0 + PEAK_PRECISION), True)
+        patience = LESS_PATIENCE
+    return best
+
+
+@kernel()
+def climb(q, n, t, stop, patience, best):
+    """March at most `patience` steps from t to `stop`: the time reached and the greatest norm."""
+    ax, ay, az, a, speed = bounds(q, 4, n, stop)
+    for _ in range(patience):
+        x, y, z, vx, vy, vz = along(q, 4, n, t)
         s = norm(False, x, y, z)
         if s > best:
             best = s
             if rate(False, x, y, z, vx, vy, vz) > 0.0:
-                x1, y1, z1, _, _, _ = along(q, order, n, turn(False, q, order, n, t, stop, 1.0))
+                x1, y1, z1, _, _, _ = along(q, 4, n, turn(False, q, 4, n, t, stop, 1.0))
                 best = max(best, norm(False, x1, y1, z1))
         if t >= stop:
             break
         h = inside_step(False, x, y, z, vx, vy, vz, ax, ay, az, a, speed, best * (1.0 + PEAK_PRECISION))
         t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
-    return best
+    return t, best

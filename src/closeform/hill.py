@@ -55,9 +55,9 @@ def horner(series, z):
 def oscillation(n, t):
     """sin(nt)/n, (1 - cos nt)/n^2 and (nt - sin nt)/n^3: P_0, P_1, P_2."""
     angle = n * t
-    if angle < 1.0:
+    if abs(angle) < 1.0:
         p2 = t * t * t * horner(P2, angle * angle)
-        half = 0.5 * t if angle < 1e-150 else sin(0.5 * angle) / n
+        half = 0.5 * t if abs(angle) < 1e-150 else sin(0.5 * angle) / n
         return t - n * n * p2, 2.0 * half * half, p2
     s = sin(angle)
     c = cos(angle)
@@ -121,7 +121,12 @@ def drift(n, t, x, y, z, vx, vy, vz):
 @kernel()
 def forced(n, t, ux, uy, uz, wx, wy, wz):
     """State reached from rest at the origin under optimal thrust that starts at u with rate w."""
-    p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4 = powers(n, t)
+    return _forced(n, t, powers(n, t), ux, uy, uz, wx, wy, wz)
+
+
+@kernel()
+def _forced(n, t, transforms, ux, uy, uz, wx, wy, wz):
+    p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4 = transforms
     m = 2.0 * n
     a = n * (3.0 * n * ux + 2.0 * wy)
     x = ux * p1 + wx * q0 + a * q1 + m * (uy * p2 + wy * p3 - m * (wx * q2 + a * q3))
@@ -157,16 +162,11 @@ def pushed(n, t, cx, cy, cz):
 @kernel()
 def response(n, t, matrix):
     """Fill the 6x6 `matrix` that maps start thrust and thrust rate to the state of `forced`."""
+    transforms = powers(n, t)
+    unit = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(6):
-        column = forced(
-            n,
-            t,
-            1.0 * (k == 0),
-            1.0 * (k == 1),
-            1.0 * (k == 2),
-            1.0 * (k == 3),
-            1.0 * (k == 4),
-            1.0 * (k == 5),
+        column = _forced(
+            n, t, transforms, unit[5 - k], unit[6 - k], unit[7 - k], unit[8 - k], unit[9 - k], unit[10 - k]
         )
         for i in range(6):
             matrix[i, k] = column[i]

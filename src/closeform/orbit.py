@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, void
 from numpy.typing import ArrayLike
 
 from closeform.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
@@ -17,37 +17,9 @@ from closeform.elements import (
     mean_motion_from_semi_major_axis,
 )
 from closeform.hill import drift, response
-from closeform.path import Path
-from closeform.zones import Floats
-
-
-@kernel()
-def solve(matrix, rhs):
-    """Gaussian elimination with row and column scaling and pivoting; both arguments are spoilt."""
-    size = len(rhs)
-    scale = np.empty(size)
-    for j in range(size):  # columns of very different units
-        scale[j] = np.abs(matrix[:, j]).max()
-        matrix[:, j] /= scale[j]
-    for i in range(size):
-        top = np.abs(matrix[i]).max()
-        matrix[i] /= top
-        rhs[i] /= top
-    for k in range(size):
-        pivot = k + np.argmax(np.abs(matrix[k:, k]))
-        if pivot != k:
-            for j in range(size):
-                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-            rhs[k], rhs[pivot] = rhs[pivot], rhs[k]
-        for i in range(k + 1, size):
-            factor = matrix[i, k] / matrix[k, k]
-            matrix[i, k:] -= factor * matrix[k, k:]
-            rhs[i] -= factor * rhs[k]
-    for k in range(size - 1, -1, -1):
-        for j in range(k + 1, size):
-            rhs[k] -= matrix[k, j] * rhs[j]
-        rhs[k] /= matrix[k, k]
-    rhs /= scale
+from closeform.linear import solve
+from closeform.path import Path, broadcast
+from closeform.zones import Floats, numbers
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
@@ -65,12 +37,12 @@ def steer(n, arcs, finals):
         for i in range(6):
             gap[i] = finals[p, i] - reached[i]
         for _ in range(2):  # once more on what rounding left
-            rhs[:] = gap
             for i in range(6):
+                rhs[i] = gap[i]
                 for j in range(6):
                     rhs[i] -= matrix[i, j] * arc[THRUST + j]
-            work[:] = matrix
-            solve(work, rhs)
+                    work[i, j] = matrix[i, j]
+            solve(work, rhs, 6)
             for i in range(6):
                 arc[THRUST + i] += rhs[i]
 
@@ -90,7 +62,7 @@ def aim(n, arcs, finals):
         reached = drift(n, t, arc[6], arc[7], arc[8], 0.0, 0.0, 0.0)
         for i in range(3):
             rhs[i] = finals[p, i] - reached[i]
-        solve(matrix, rhs)
+        solve(matrix, rhs, 3)
         for i in range(3):
             arc[STATE + 3 + i] = rhs[i]
 
@@ -113,12 +85,15 @@ def transitions(n, times, out):
                 out[p, i, k] = column[i]
 
 
+LARGEST = 1e60  # beyond, squares and cubes overflow
+
+
 def _checked(name: str, value: ArrayLike, columns: int | None = None) -> Floats:
-    array = np.asarray(value, dtype=float)
+    array = numbers(name, value)
     if columns is not None and (array.ndim == 0 or array.shape[-1] != columns):
         raise ValueError(f"{name}: expected shape (..., {columns}), got {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name}: every number must be finite")
+    if not (np.abs(array) < LARGEST).all():
+        raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
     return array
 
 
@@ -134,9 +109,12 @@ class Orbit:
     mean_motion: float
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mean_motion) and self.mean_motion >= 0):
-            raise ValueError(f"mean_motion: must be finite and at least 0 rad/s, got {self.mean_motion}")
-        object.__setattr__(self, "mean_motion", float(self.mean_motion))
+        value = numbers("mean_motion", self.mean_motion)
+        if value.shape or not (np.isfinite(value) and value >= 0):
+            raise ValueError(
+                f"mean_motion: must be one finite number, at least 0 rad/s, got {self.mean_motion}"
+            )
+        object.__setattr__(self, "mean_motion", float(value))
 
     @classmethod
     def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
@@ -228,8 +206,8 @@ class Orbit:
 
         A cubic Hermite arc is exactly the n = 0 transfer between its two states.  It follows
         positions and velocities at every sample; between two samples h apart its position is
-        off by at most h^4/384 max|r''''|, its velocity by about h^3/125 max|r''''|: for motion
-        of amplitude E in an orbit of mean motion n about E (n h)^4/384.
+        off by at most h^4/384 max|r''''|, its velocity by at most h^3/124 max|r''''|, per axis:
+        for motion of eccentricity difference E in an orbit of mean motion n, 2 E (n h)^4/384.
 
         Raises ValueError unless the times increase strictly and all numbers are finite.
         """
@@ -259,7 +237,7 @@ class Orbit:
         lengths, starts = _checked("duration", duration), _checked("start", start)
         if not (lengths > 0).all():
             raise ValueError(f"duration: must be positive, got {lengths.min():g} s")
-        shape = np.broadcast_shapes(states.shape[:-1], lengths.shape, starts.shape, like)
+        shape = broadcast(state=states.shape[:-1], duration=lengths.shape, start=starts.shape, other=like)
         arcs = np.zeros((*shape, WIDTH))
         arcs[..., START] = starts
         arcs[..., END] = starts + lengths

@@ -1,6 +1,7 @@
 """Screening: the conflicts among all pairs of many paths."""
 
 import os
+from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -8,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from closeform.conflicts import COLUMNS, conflicts_of_pairs
+from closeform.pairs import COLUMNS, conflicts_of_pairs
 from closeform.path import Path, stack
 from closeform.zones import Floats, Zone
 
 CHUNK = 32_768  # pairs that one thread takes at a time
+AHEAD = 2 * (os.cpu_count() or 1)
 LONG = 5_000_000  # pairs from which on a progress bar is shown
 
 
@@ -96,14 +98,22 @@ def screen(paths: Path | Sequence[Path], zone: Zone) -> Screening:
     total = count * (count - 1) // 2
     pairs, rows = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, COLUMNS - 1))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        jobs = (pool.map if total > CHUNK else map)(
-            lambda chunk: _search(batch, zone, *chunk), _chunks(count)
-        )
-        for found, table in _shown(jobs, total):
+        for found, table in _shown(_ahead(pool, batch, zone), total):
             pairs.append(found)
             rows.append(table)
     table = np.concatenate(rows)
     return Screening(np.concatenate(pairs), *np.ascontiguousarray(table.T))
+
+
+def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone) -> Iterator[tuple[Any, Floats]]:
+    """Results of the chunks in order, few of them under way at once."""
+    waiting: deque[Any] = deque()
+    for first, second in _chunks(len(paths)):
+        waiting.append(pool.submit(_search, paths, zone, first, second))
+        if len(waiting) > AHEAD:
+            yield waiting.popleft().result()
+    while waiting:
+        yield waiting.popleft().result()
 
 
 def _shown(jobs: Any, total: int) -> Any:

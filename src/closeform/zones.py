@@ -9,19 +9,27 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 
 
+def numbers(name: str, value: ArrayLike) -> Floats:
+    """An argument as an array of floats; ValueError naming it where that cannot be."""
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: expected numbers, got {value!r:.60}") from error
+
+
 def _lengths(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    lengths = np.asarray(value, dtype=float)
+    lengths = numbers(name, value)
     if lengths.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {lengths.shape}")
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
-        raise ValueError(f"{name}: every length must be positive and finite, got {lengths.tolist()}")
+        raise ValueError(f"{name}: must be positive and finite, got {lengths.tolist()}")
     return lengths
 
 
 def _rotation(axes: ArrayLike | None) -> Floats:
     if axes is None:
         return np.eye(3)
-    rows = np.asarray(axes, dtype=float)
+    rows = numbers("axes", axes)
     if rows.shape != (3, 3) or not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
         raise ValueError("axes: expected three orthonormal rows, the zone's own axes in the path's frame")
     return rows
@@ -39,11 +47,16 @@ class Zone:
 
     def norm(self, position: ArrayLike) -> Any:
         """Norm of positions (..., 3) in m: shape (...), <= 1 inside."""
-        inside = np.abs(np.asarray(position, dtype=float) @ self.matrix.T)
+        where = numbers("position", position)
+        if where.shape[-1:] != (3,):
+            raise ValueError(f"position: expected shape (..., 3), got {where.shape}")
+        inside = np.abs(where @ self.matrix.T)
         return inside.max(axis=-1) if self.box else np.sqrt((inside * inside).sum(axis=-1))
 
     def enlarged(self, factor: float) -> "Zone":
         """The same shape, `factor` times as large."""
+        if not (np.isfinite(factor) and factor > 0):
+            raise ValueError(f"factor: must be positive and finite, got {factor}")
         return Zone(self.matrix / factor, self.box)
 
     @property
@@ -83,11 +96,10 @@ class Ellipsoid(Zone):
 
         P = (sigmas^2 covariance)^-1.  Raises ValueError unless it is symmetric positive definite.
         """
-        matrix = np.asarray(covariance, dtype=float)
+        matrix = numbers("covariance", covariance)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T):
             raise ValueError("covariance: expected a finite symmetric (3, 3) matrix in m^2")
-        if not (np.isfinite(sigmas) and sigmas > 0):
-            raise ValueError(f"sigmas: must be positive and finite, got {sigmas}")
+        sigmas = float(_lengths("sigmas", sigmas, ()))
         variances, axes = np.linalg.eigh(matrix)
         if variances[0] <= 1e-15 * variances[-1]:
             raise ValueError(

@@ -1,0 +1,61 @@
+"""Every public name, and the module it lives in."""
+
+from closeform import plots as plots
+from closeform.avoidance import (
+    Avoidance as Avoidance,
+    Contact as Contact,
+    avoid as avoid,
+    end_gradients as end_gradients,
+)
+from closeform.ccsds import (
+    CommonFrame as CommonFrame,
+    Ephemeris as Ephemeris,
+    common_frame as common_frame,
+    read_oem as read_oem,
+    write_oem as write_oem,
+)
+from closeform.conflicts import (
+    Approach as Approach,
+    Conflict as Conflict,
+    closest_approach as closest_approach,
+    find_conflicts as find_conflicts,
+    last_possible_conflict as last_possible_conflict,
+)
+from closeform.elements import (
+    EARTH_MU as EARTH_MU,
+    EARTH_RADIUS as EARTH_RADIUS,
+    altitude_from_mean_motion as altitude_from_mean_motion,
+    elements_from_inertial as elements_from_inertial,
+    elements_from_roe as elements_from_roe,
+    inertial_from_elements as inertial_from_elements,
+    mean_motion_from_altitude as mean_motion_from_altitude,
+    mean_motion_from_period as mean_motion_from_period,
+    mean_motion_from_semi_major_axis as mean_motion_from_semi_major_axis,
+    palmer_from_state as palmer_from_state,
+    period_from_mean_motion as period_from_mean_motion,
+    roe_from_elements as roe_from_elements,
+    roe_from_state as roe_from_state,
+    semi_major_axis_from_mean_motion as semi_major_axis_from_mean_motion,
+    state_from_palmer as state_from_palmer,
+    state_from_roe as state_from_roe,
+)
+from closeform.frames import (
+    inertial_from_relative as inertial_from_relative,
+    relative_from_inertial as relative_from_inertial,
+)
+from closeform.orbit import Orbit as Orbit
+from closeform.path import (
+    Path as Path,
+    join as join,
+    stack as stack,
+)
+from closeform.screening import (
+    Screening as Screening,
+    screen as screen,
+)
+from closeform.zones import (
+    Box as Box,
+    Ellipsoid as Ellipsoid,
+    Sphere as Sphere,
+    Zone as Zone,
+)

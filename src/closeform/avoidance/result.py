@@ -1,0 +1,168 @@
+"""What an avoidance is asked (obstacles, each with its zone) and what it answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from closeform.arc import END, START
+from closeform.orbit import Orbit
+from closeform.pairs import COLUMNS, conflicts_of_pairs
+from closeform.path import Path, stack
+from closeform.zones import Floats, Zone
+
+# The optimum touches the zone: plan against a slightly larger one, so that the march can
+# certify the zone itself; further out only where no plan that close was found.
+PLANNED = (1.0 + 1e-9, 1.001, 1.02)
+
+
+class Status(StrEnum):
+    """How an avoidance ended."""
+
+    CLEAR = "clear already"
+    AVOIDED = "avoided"
+    END_INSIDE = "end inside a zone"
+    NOT_FOUND = "no clear path found"
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Where a shaped path touches a zone.
+
+    `time` [s]; the `obstacle`'s index; the craft's `position` (3,) [m]; the unit `normal` (3,)
+    of the zone there, pointing away from the obstacle; the `force` [m/s^3], a jump of the
+    thrust's rate along the normal: twice the extra energy per metre of push, for one contact.
+    """
+
+    time: float
+    obstacle: int
+    position: Floats
+    normal: Floats
+    force: float
+
+
+@dataclass(frozen=True, eq=False)
+class Avoidance:
+    """A path around obstacles, or why there is none.
+
+    `path` is certified clear of every zone (None where not `ok`); `energy` [m^2/s^3] and
+    `delta_v` [m/s] are its own, `extra_energy` what it costs beyond the unconstrained optimum
+    between its end states (nan where not ok).  `contacts` are in order of time.  `proven`:
+    the energy is proven the global optimum (for the zone enlarged by 1e-9); otherwise it is
+    the best of the `tried` ways, and `exhausted` tells whether those were all the sides.
+    """
+
+    path: Path | None
+    energy: float
+    extra_energy: float
+    delta_v: float
+    contacts: tuple[Contact, ...]
+    status: Status
+    reason: str
+    proven: bool = False
+    exhausted: bool = False
+    tried: int = 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether `path` is a clear path."""
+        return self.status in (Status.CLEAR, Status.AVOIDED)
+
+
+def refused(status: Status, reason: str, tried: int = 0) -> Avoidance:
+    """An avoidance without a path."""
+    return Avoidance(None, nan, nan, nan, (), status, reason, tried=tried)
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Paths to keep clear of, each with the matrix of its zone."""
+
+    arcs: Floats
+    offsets: Any
+    matrices: Floats
+    boxes: Any
+    groups: list[tuple[Zone, Any]] = field(repr=False)  # obstacles that share a zone
+
+    @classmethod
+    def of(cls, paths: Path | Sequence[Path], zone: Zone | Sequence[Zone]) -> "Obstacles":
+        """Raises ValueError for a batch that is not of shape (M,) or zones that do not match it."""
+        if isinstance(paths, Path):
+            batch = paths if paths.shape else stack([paths])
+        else:
+            batch = stack(paths)
+        if len(batch.shape) != 1:
+            raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
+        zones = [zone] * len(batch) if isinstance(zone, Zone) else list(zone)
+        if len(zones) != len(batch):
+            raise ValueError(
+                f"zone: give one zone, or one for each of {len(batch)} obstacles, not {len(zones)}"
+            )
+        groups: dict[int, tuple[Zone, list[int]]] = {}
+        for k, one in enumerate(zones):
+            groups.setdefault(id(one), (one, []))[1].append(k)
+        return cls(
+            batch.arcs,
+            batch.offsets,
+            np.array([one.matrix for one in zones]).reshape(-1, 3, 3),
+            np.array([one.box for one in zones], dtype=bool),
+            [(one, np.array(members)) for one, members in groups.values()],
+        )
+
+    def conflicts(self, rows: Floats) -> list[Floats]:
+        """Conflicts of a path's arcs: rows of (obstacle, start, end, time, ratio)."""
+        ends = np.array([0, len(rows)])
+        found = []
+        for zone, members in self.groups:
+            table = np.empty((64, COLUMNS))
+            done = np.zeros(2, dtype=np.int64)
+            while done[0] < len(members):
+                count = conflicts_of_pairs(
+                    rows,
+                    ends,
+                    self.arcs,
+                    self.offsets,
+                    np.zeros(len(members), dtype=np.int64),
+                    members,
+                    done[0],
+                    zone.box,
+                    zone.matrix,
+                    table,
+                    done,
+                )
+                for row in table[:count]:
+                    found.append(np.array([members[int(row[0])], *row[1:]]))
+                if done[1]:
+                    table = np.empty((done[1], COLUMNS))
+                    done[1] = 0
+        return found
+
+    def deepest(self, rows: Floats) -> tuple[int, float] | None:
+        """Obstacle and time of the deepest conflict of a path's arcs."""
+        found = self.conflicts(rows)
+        if not found:
+            return None
+        worst = min(found, key=lambda row: row[4])
+        return int(worst[0]), float(worst[3])
+
+    def state(self, orbit: Orbit, obstacle: int, time: float) -> Floats:
+        """State (6,) of one obstacle."""
+        own = self.arcs[self.offsets[obstacle] : self.offsets[obstacle + 1]]
+        return Path(orbit, own, np.array([0, len(own)]), ()).state(time)
+
+    def at_end(self, path: Path) -> str | None:
+        """Which end of a path is inside which zone, in words."""
+        for name, time in (("start", path.start), ("end", path.end)):
+            state = path.state(time)
+            for k in range(len(self.boxes)):
+                own = self.arcs[self.offsets[k] : self.offsets[k + 1]]
+                if not own[0, START] <= time <= own[-1, END]:
+                    continue
+                gap = self.matrices[k] @ (state - self.state(path.orbit, k, time))[:3]
+                ratio = np.abs(gap).max() if self.boxes[k] else np.linalg.norm(gap)
+                if ratio <= PLANNED[0]:
+                    return f"the path's {name} is {ratio:.2f} x zone from obstacle {k}; move it or the time"
+        return None

@@ -1,0 +1,229 @@
+"""Exact shaping: the least-energy path of one craft around keep-out zones, all sides searched."""
+
+import heapq
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.arc import END, MEAN_MOTION, START, WIDTH
+from closeform.avoidance.contacts import IDLE, SETTLED, relax
+from closeform.avoidance.kernel import influences, invert_response, relative
+from closeform.avoidance.result import PLANNED, Avoidance, Contact, Obstacles, Status, refused
+from closeform.avoidance.sides import ways_out
+from closeform.compiled import kernel
+from closeform.path import Path
+from closeform.zones import Floats
+
+NODES = 96  # partial plans examined before the search settles for the best it has
+CONTACTS = 16  # of one path
+PROVEN = 1e-9  # tolerance of the certificate of global optimality
+
+
+@kernel(void(float64[::1], float64[:, ::1]))
+def prepare(base, inverse):
+    invert_response(base[MEAN_MOTION], base[END] - base[START], inverse, np.empty((6, 6)), np.empty(6))
+
+
+@kernel(
+    void(
+        float64[::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        int64,
+        int64,
+        float64[:, ::1],
+        float64,
+        float64[:, ::1],
+        float64[:, ::1],
+    )
+)
+def view(base, inverse, rows, others, first, last, matrix, t, motion, gram):
+    """Relative motion (3, 3) at time t in zone coordinates, and the kernel K(t, t) there."""
+    relative(rows, len(rows), others, first, last, matrix, t, motion)
+    times = np.array([t])
+    pulls = np.empty((1, 6, 3))
+    blocks = np.empty((1, 1, 6, 3))
+    influences(base, inverse, times, 1, pulls, blocks, np.empty((1, 1, 6, 3)))
+    for i in range(3):
+        for j in range(3):
+            gram[i, j] = 0.0
+            for a in range(3):
+                for b in range(3):
+                    gram[i, j] += matrix[i, a] * blocks[0, 0, a, b] * matrix[j, b]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Contacts (obstacle, time, normal in zone coordinates) and the path that they shape."""
+
+    which: Any
+    times: Floats
+    normals: Floats
+    force: Floats
+    rows: Floats
+    gram: Floats
+    energy: float  # beyond the unconstrained optimum
+    settled: bool
+
+
+class Shaping:
+    """One search: a base arc, obstacles, and the tree of sides on which to pass them."""
+
+    def __init__(self, base: Floats, obstacles: Obstacles, aim: float) -> None:
+        self.base = base
+        self.obstacles = obstacles
+        self.aim = aim
+        self.inverse = np.empty((6, 6))
+        prepare(base, self.inverse)
+
+    def relaxed(self, which: Any, times: Floats, normals: Floats) -> Plan | None:
+        """The plan that the given contacts slide to; None where their forces vanish."""
+        while len(which):
+            count = len(which)
+            force, rows, gram = (
+                np.empty(count),
+                np.zeros((count + 1, WIDTH)),
+                np.empty((3 * count, 3 * count)),
+            )
+            o = self.obstacles
+            times, normals = times.copy(), normals.copy()
+            scene = (o.arcs, o.offsets, o.matrices, o.boxes)
+            contacts = (which, times, normals, force)
+            status = relax(self.base, self.inverse, scene, self.aim, contacts, rows, gram)
+            if status != IDLE:
+                push = (normals * force[:, None]).ravel()
+                keep = rows[: 1 + len(np.unique(times))]
+                return Plan(
+                    which, times, normals, force, keep, gram, 0.5 * push @ gram @ push, status == SETTLED
+                )
+            pressed = force > 0.0
+            if pressed.all():
+                return None
+            which, times, normals = which[pressed], times[pressed], normals[pressed]
+        return None
+
+    def proven(self, plan: Plan) -> bool:
+        """Whether no path that is clear at the times of a plan's contacts can cost less.
+
+        With ellipsoids the plan solves min d.G^-1.d / 2 subject to |q + d|^2 >= aim^2 at each
+        contact.  Where G^-1 - diag(force / aim) is positive semidefinite its Lagrangian is
+        convex, so the plan is the global optimum of this relaxation, and of the problem.  For
+        a single contact with a box the six faces are compared.
+        """
+        if not plan.settled:
+            return False
+        if not self.obstacles.boxes[plan.which].any():
+            weight = np.repeat(np.sqrt(plan.force / self.aim), 3)
+            return bool(np.linalg.eigvalsh(weight[:, None] * plan.gram * weight)[-1] <= 1.0 + PROVEN)
+        if len(plan.which) > 1:
+            return False
+        least = self.sides(self.base[None], int(plan.which[0]), float(plan.times[0]))[0][0]
+        return bool(plan.energy <= least * (1.0 + PROVEN))
+
+    def sides(self, rows: Floats, obstacle: int, time: float) -> list[tuple[float, Floats]]:
+        """Ways to pass an obstacle: (rough cost, outward normal in zone coordinates), cheapest first."""
+        o = self.obstacles
+        motion, gram = np.empty((3, 3)), np.empty((3, 3))
+        first, last = int(o.offsets[obstacle]), int(o.offsets[obstacle + 1])
+        view(self.base, self.inverse, rows, o.arcs, first, last, o.matrices[obstacle], time, motion, gram)
+        return ways_out(bool(o.boxes[obstacle]), self.aim, motion[0], motion[1], gram)
+
+    def search(self) -> tuple[Plan | None, bool, int]:
+        """Best clear plan, whether every side was searched, and how many plans were examined.
+
+        Best first: a plan that still conflicts branches over the sides of its deepest conflict.
+        """
+        empty = np.empty((0, 3))
+        root = Plan(
+            np.empty(0, int), np.empty(0), empty, np.empty(0), self.base[None], np.empty((0, 0)), 0.0, True
+        )
+        queue: list[tuple[float, int, Plan, int, float, Floats]] = []
+        seen: list[tuple[float, Floats]] = []
+        best: Plan | None = None
+        examined = order = 0
+
+        def branch(plan: Plan, obstacle: int, time: float) -> None:
+            nonlocal order
+            for cost, normal in self.sides(plan.rows, obstacle, time):
+                order += 1
+                heapq.heappush(queue, (plan.energy + cost, order, plan, obstacle, time, normal))
+
+        deepest = self.obstacles.deepest(self.base[None])
+        if deepest is None:
+            return root, True, 0
+        branch(root, *deepest)
+        while queue and examined < NODES:
+            _, _, parent, obstacle, time, normal = heapq.heappop(queue)
+            examined += 1
+            plan = self.relaxed(
+                np.append(parent.which, obstacle),
+                np.append(parent.times, time),
+                np.vstack([parent.normals, normal]),
+            )
+            if plan is None or (best is not None and plan.energy >= best.energy * (1.0 - 1e-12)):
+                continue
+            if any(
+                abs(plan.energy - e) <= 1e-9 * e and np.allclose(plan.times, t)
+                for e, t in seen
+                if len(t) == len(plan.times)
+            ):
+                continue
+            seen.append((plan.energy, plan.times))
+            deepest = self.obstacles.deepest(plan.rows)
+            if deepest is None:
+                best = plan
+                if self.proven(plan):
+                    break
+            elif len(plan.which) < CONTACTS:
+                branch(plan, *deepest)
+        return best, not queue, examined
+
+
+def shaped(path: Path, obstacles: Obstacles) -> Avoidance:
+    """`avoid` by method "exact"."""
+    orbit = path.orbit
+    optimum = orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start, path.start)
+    tried = 0
+    for aim in PLANNED:
+        search = Shaping(optimum.arcs[0], obstacles, aim)
+        plan, exhausted, examined = search.search()
+        tried += examined
+        if plan is not None:
+            break
+    else:
+        return refused(Status.NOT_FOUND, f"no clear path among {tried} ways tried; allow more time", tried)
+    result = Path(orbit, np.ascontiguousarray(plan.rows), np.array([0, len(plan.rows)]), ())
+    proven = aim == PLANNED[0] and (not len(plan.which) or search.proven(plan))
+    ways = "proven the global optimum" if proven else f"the best of {tried} ways tried"
+    return Avoidance(
+        path=result,
+        energy=result.energy,
+        extra_energy=plan.energy,
+        delta_v=result.delta_v,
+        contacts=_contacts(plan, result, obstacles),
+        status=Status.AVOIDED,
+        reason=f"{len(plan.which)} contact{'s' * (len(plan.which) != 1)}, {ways}",
+        proven=proven,
+        exhausted=exhausted,
+        tried=tried,
+    )
+
+
+def _contacts(plan: Plan, path: Path, obstacles: Obstacles) -> tuple[Contact, ...]:
+    found = []
+    for k in np.argsort(plan.times):
+        matrix = obstacles.matrices[plan.which[k]]
+        push = matrix.T @ plan.normals[k]
+        found.append(
+            Contact(
+                time=float(plan.times[k]),
+                obstacle=int(plan.which[k]),
+                position=path.state(plan.times[k])[:3],
+                normal=push / np.linalg.norm(push),
+                force=float(plan.force[k] * np.linalg.norm(push)),
+            )
+        )
+    return tuple(found)

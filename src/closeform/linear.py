@@ -1,0 +1,55 @@
+"""Small dense linear algebra inside kernels."""
+
+import numpy as np
+
+from closeform.compiled import kernel
+
+
+@kernel()
+def solve(matrix, rhs, size):
+    """Solve the leading `size` equations in place by scaled, pivoted elimination.
+
+    Both arguments are spoilt; the solution is left in `rhs`.
+    """
+    scale = np.empty(size)
+    for j in range(size):  # columns of very different units
+        largest = 0.0
+        for i in range(size):
+            largest = max(largest, abs(matrix[i, j]))
+        scale[j] = 1.0 / largest
+        for i in range(size):
+            matrix[i, j] *= scale[j]
+    for i in range(size):
+        largest = 0.0
+        for j in range(size):
+            largest = max(largest, abs(matrix[i, j]))
+        for j in range(size):
+            matrix[i, j] /= largest
+        rhs[i] /= largest
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(k, size):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+            rhs[k], rhs[pivot] = rhs[pivot], rhs[k]
+        for i in range(k + 1, size):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, size):
+                matrix[i, j] -= factor * matrix[k, j]
+            rhs[i] -= factor * rhs[k]
+    for k in range(size - 1, -1, -1):
+        for j in range(k + 1, size):
+            rhs[k] -= matrix[k, j] * rhs[j]
+        rhs[k] /= matrix[k, k]
+    for j in range(size):
+        rhs[j] *= scale[j]
+
+
+@kernel()
+def copy(source, target):
+    """Copy a vector; a slice assignment would make numba compile its error message."""
+    for k in range(len(source)):
+        target[k] = source[k]

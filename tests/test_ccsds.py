@@ -1,0 +1,292 @@
+"""Reading, writing and relating ephemerides; damaged files give one clear line."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oem import OrbitEphemerisMessage
+
+from closeform import ccsds
+from closeform.ccsds import Ephemeris, common_frame, read_oem, write_oem
+from closeform.elements import elements_from_inertial, inertial_from_elements
+
+GRACE = Path(__file__).parents[1] / "examples" / "grace"
+
+HEAD = """CCSDS_OEM_VERS = 2.0
+CREATION_DATE = 2026-01-01T00:00:00
+ORIGINATOR = TEST
+
+META_START
+OBJECT_NAME = DEPUTY
+OBJECT_ID = 2000-001B
+CENTER_NAME = EARTH
+REF_FRAME = EME2000
+TIME_SYSTEM = UTC
+START_TIME = 2016-12-31T23:59:50
+STOP_TIME = 2017-01-01T00:00:10
+META_STOP
+
+COMMENT across the leap second of 2016
+"""
+ROWS = """2016-12-31T23:59:50 7000.0 0.0 0.0 0.0 7.5 0.0
+2016-12-31T23:59:60.5 7000.0 75.0 0.0 0.0 7.5 0.0
+2017-01-01T00:00:10 7000.0 150.0 1.5e-3 0.0 7.5 -1.25
+"""
+GOOD = HEAD + ROWS
+
+
+def written(folder, text):
+    file = folder / "case.oem"
+    file.write_text(text)
+    return file
+
+
+def circular(name="CHIEF", ahead=0.0, times=None, **changes):
+    times = np.arange(0.0, 600.0, 10.0) if times is None else np.asarray(times, dtype=float)
+    elements = np.tile([7e6, 0.0, 0.0, 0.0, 1.0, 0.2], (len(times), 1))
+    elements[:, 1] = ahead + 1.078007e-3 * times
+    states = inertial_from_elements(elements)
+    fields = {"object_id": "2000-001A", "center": "EARTH", "frame": "GCRF", "time_system": "TAI"}
+    fields |= {"epoch": "2020-01-01T00:00:00"} | changes
+    return Ephemeris(name=name, times=times, states=states, **fields)
+
+
+def test_reads_si_units_and_counts_the_leap_second(tmp_path):
+    ephemeris = read_oem(written(tmp_path, GOOD))
+    assert (ephemeris.name, ephemeris.object_id, ephemeris.center) == ("DEPUTY", "2000-001B", "EARTH")
+    assert (ephemeris.frame, ephemeris.time_system) == ("EME2000", "UTC")
+    assert ephemeris.epoch == "2016-12-31T23:59:50"
+    np.testing.assert_allclose(ephemeris.times, [0.0, 10.5, 21.0], atol=1e-9)
+    np.testing.assert_allclose(ephemeris.states[2], [7e6, 150e3, 1.5, 0.0, 7.5e3, -1.25e3])
+
+
+@pytest.mark.parametrize(("system", "seconds"), [("UTC", 21.0), ("GPS", 20.0), ("TAI", 20.0), ("TDB", 20.0)])
+def test_only_utc_has_leap_seconds(tmp_path, system, seconds):
+    rows = "".join(ROWS.splitlines(True)[::2])
+    ephemeris = read_oem(written(tmp_path, HEAD.replace("UTC", system) + rows))
+    assert ephemeris.times.tolist() == [0.0, seconds]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("2016-12-31T", "2016-366T").replace("2017-01-01T", "2017-001T"),
+        lambda text: text.replace("T23:59:50", "T23:59:50.000Z"),
+        lambda text: text.replace(" = ", "="),  # legal, though the oem package refuses it
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("7.5 0.0\n", "7.5 0.0 0 0 0\n").replace("-1.25\n", "-1.25 0 0 0\n"),
+        lambda text: "\ufeff" + text,
+    ],
+)
+def test_lawful_spellings_read_the_same(tmp_path, change):
+    plain = read_oem(written(tmp_path, GOOD))
+    file = tmp_path / "other.oem"
+    file.write_bytes(change(GOOD).encode())
+    other = read_oem(file)
+    np.testing.assert_array_equal(other.times, plain.times)
+    np.testing.assert_array_equal(other.states, plain.states)
+
+
+def test_xml_reads_like_key_value(tmp_path):
+    file = tmp_path / "grace.xml"
+    OrbitEphemerisMessage.open(written(tmp_path, GOOD.replace("59:60.5", "59:60"))).save_as(file, "xml")
+    ephemeris = read_oem(file)
+    np.testing.assert_allclose(ephemeris.times, [0.0, 10.0, 21.0], atol=1e-9)
+    assert ephemeris.name == "DEPUTY"
+
+
+def test_useable_span_limits_the_states(tmp_path):
+    limits = "USEABLE_START_TIME = 2016-12-31T23:59:55\nUSEABLE_STOP_TIME = 2017-01-01T00:00:10\nMETA_STOP"
+    ephemeris = read_oem(written(tmp_path, GOOD.replace("META_STOP", limits)))
+    assert ephemeris.epoch == "2016-12-31T23:59:60.5"
+    np.testing.assert_allclose(ephemeris.times, [0.0, 10.5], atol=1e-9)
+
+
+@pytest.mark.parametrize("system", ["GPS", "TAI", "UTC", "TT"])
+def test_written_file_reads_back(tmp_path, system):
+    file = tmp_path / "chief.oem"
+    ephemeris = circular(times=[0.0, 10.0, 20.123456789], time_system=system)
+    write_oem(file, ephemeris, originator="NOBODY", comments=("first", "second"))
+    back = read_oem(file)
+    np.testing.assert_allclose(back.times, ephemeris.times, atol=1e-9)
+    np.testing.assert_allclose(back.states[:, :3], ephemeris.states[:, :3], atol=0.51e-6)
+    np.testing.assert_allclose(back.states[:, 3:], ephemeris.states[:, 3:], atol=0.51e-9)
+    assert (back.name, back.time_system, back.epoch) == ("CHIEF", system, "2020-01-01T00:00:00")
+    assert "COMMENT first\nCOMMENT second\n" in file.read_text()
+
+
+def test_written_file_is_an_oem_to_the_oem_package(tmp_path):
+    file = tmp_path / "chief.oem"
+    ephemeris = circular()
+    write_oem(file, ephemeris)
+    states = OrbitEphemerisMessage.open(file).states
+    np.testing.assert_allclose([s.position for s in states], ephemeris.states[:, :3] / 1e3, atol=1e-9)
+    assert [round((s.epoch - states[0].epoch).sec, 6) for s in states] == ephemeris.times.tolist()
+
+
+DAMAGE = {
+    "empty": (lambda text: "", "empty file"),
+    "blank": (lambda text: " \n\n", "empty file"),
+    "not an OEM": (lambda text: "a,b,c\n1,2,3\n", "line 1: not an OEM, which starts with CCSDS_OEM_VERS"),
+    "cut in the header": (lambda text: text[:40], "0 segments"),
+    "cut in a state": (lambda text: text[:-20], r"line 18: Data contains mix of data lengths"),
+    "no states": (lambda text: HEAD, "has 0 states"),
+    "one state": (lambda text: HEAD + ROWS.splitlines()[0], "has 1 states"),
+    "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
+    "infinite": (lambda text: text.replace("75.0", "1e999"), "line 17: a value is not finite"),
+    "a word": (lambda text: text.replace("75.0", "many"), "line 17: Malformed data entry"),
+    "epochs fall": (lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]), "line 17: epochs must rise"),
+    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must rise"),
+    "no epoch": (lambda text: text.replace("23:59:60.5", "23:59"), "line 17: '2016-12-31T23:59' is no epoch"),
+    "no such day": (lambda text: text.replace("2017-01-01T", "2017-02-30T"), "is no epoch"),
+    "missing keyword": (
+        lambda text: text.replace("REF_FRAME = EME2000\n", ""),
+        "keyword REF_FRAME is missing",
+    ),
+    "keyword twice": (
+        lambda text: text.replace("META_STOP", "REF_FRAME = TOD\nMETA_STOP"),
+        "Duplicate entry",
+    ),
+    "unknown time": (lambda text: text.replace("UTC", "MET"), "TIME_SYSTEM MET is not supported"),
+    "wrong span": (
+        lambda text: text.replace("E = 2016-12-31T23:59:50", "E = 2018-01-01T00:00:00"),
+        "has 0 st",
+    ),
+    "two segments": (lambda text: text + HEAD[HEAD.index("META_START") :] + ROWS, "has 2 segments"),
+    "not closed XML": (lambda text: "<?xml version='1.0'?>\n<oem>", "not a complete OEM"),
+    "other XML": (lambda text: "<?xml version='1.0'?>\n<oem version='2.0'/>", "not a complete OEM"),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+def test_damaged_file_gives_one_line(tmp_path, case):
+    change, message = DAMAGE[case]
+    file = written(tmp_path, change(GOOD))
+    with pytest.raises(ValueError, match=message) as caught:
+        read_oem(file)
+    assert str(caught.value).startswith(f"{file}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_absent_and_binary_files(tmp_path):
+    with pytest.raises(ValueError, match=r"none\.oem: cannot be read: No such file"):
+        read_oem(tmp_path / "none.oem")
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_oem(tmp_path)
+    file = tmp_path / "picture.oem"
+    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    with pytest.raises(ValueError, match="not a text file"):
+        read_oem(file)
+
+
+@given(data=st.data())
+@settings(max_examples=150, deadline=None)
+def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
+    text = GOOD
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.integers(0, len(text)))
+        stop = min(len(text), start + data.draw(st.integers(0, 30)))
+        text = (
+            text[:start]
+            + data.draw(st.text(alphabet="0123456789.-:=TZe nafMETA_\n<>", max_size=8))
+            + text[stop:]
+        )
+    file = written(tmp_path_factory.getbasetemp(), text)
+    try:
+        ephemeris = read_oem(file)
+    except ValueError as error:
+        assert str(error).startswith(f"{file}: ")  # noqa: PT017
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert np.isfinite(ephemeris.states).all()
+        assert (np.diff(ephemeris.times) > 0).all()
+
+
+def test_missing_extra_says_what_to_install(tmp_path):
+    code = f"""
+import sys
+sys.modules["oem"] = None
+import closeform.ccsds
+try:
+    closeform.ccsds.read_oem({str(written(tmp_path, GOOD))!r})
+except ImportError as error:
+    print(error)
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "oem is not installed; run: pip install 'closeform[ephemeris]'\n"
+
+
+def test_importing_the_module_loads_no_heavy_package():
+    code = "import sys, closeform.ccsds; print({'oem', 'astropy', 'numba', 'lxml'} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "set()\n"
+
+
+def test_ephemeris_is_checked_when_made():
+    chief = circular()
+    with pytest.raises(ValueError, match=r"expected shapes \(T,\) and \(T, 6\)"):
+        replace(chief, times=chief.times[:5])
+    with pytest.raises(ValueError, match="row 1: epochs must rise"):
+        replace(chief, times=chief.times * 0)
+    with pytest.raises(ValueError, match="row 0: a value is not finite"):
+        replace(chief, states=chief.states * np.nan)
+
+
+@pytest.mark.parametrize("along_track", ["straight", "arc"])
+def test_common_frame_of_a_craft_ahead(along_track):
+    chief, deputy = circular(), circular("DEPUTY", ahead=0.01)
+    frame = common_frame([chief, deputy], along_track)
+    # 70 km on a circle of 7000 km, or its chord seen along the axes
+    place = [0, 70e3, 0] if along_track == "arc" else [7e6 * (np.cos(0.01) - 1), 7e6 * np.sin(0.01), 0]
+    np.testing.assert_allclose(frame.states[1, :, :3], np.tile(place, (60, 1)), atol=1e-7)
+    np.testing.assert_allclose(frame.states[1, :, 3:], 0.0, atol=1e-10)
+    assert not frame.states[0].any()
+    assert frame.names == ("CHIEF", "DEPUTY")
+    assert frame.radius == pytest.approx(7e6, rel=1e-12)
+    assert frame.mean_motion == pytest.approx(np.sqrt(ccsds.EARTH_MU / 7e6**3), rel=1e-12)
+    assert frame.epoch == chief.epoch
+    assert frame.time_system == chief.time_system
+
+
+def test_common_frame_takes_the_shared_epochs_only():
+    chief = circular(times=np.arange(0.0, 100.0, 10.0))
+    # starts 20 s later, at twice the spacing, one epoch a microsecond off
+    later = circular("LATER", times=[0.0, 20.0, 40.0 + 1e-6, 60.0, 80.0], epoch="2020-01-01T00:00:20")
+    frame = common_frame([chief, later, circular("THIRD")])
+    np.testing.assert_array_equal(frame.times, [20.0, 40.0, 80.0])
+    assert frame.states.shape == (3, 3, 6)
+    at_20 = elements_from_inertial(chief.states[2])[1]
+    np.testing.assert_allclose(frame.states[1, 0, 1], -7e6 * at_20, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("others", "message"),
+    [
+        ([], "at least two are needed, got 1"),
+        ([circular("CHIEF")], "CHIEF: two ephemerides have this OBJECT_NAME"),
+        ([circular("D", frame="EME2000")], "D: REF_FRAME EME2000 differs from GCRF of CHIEF"),
+        ([circular("D", time_system="UTC")], "D: TIME_SYSTEM UTC differs from TAI"),
+        ([circular("D", center="MARS")], "D: CENTER_NAME MARS differs"),
+        ([circular("D", epoch="2020-01-02T00:00:00")], "CHIEF, D: fewer than two common epochs"),
+        ([circular("D", times=[1.0, 2.0, 3.0])], "CHIEF, D: fewer than two common epochs"),
+    ],
+)
+def test_ephemerides_that_do_not_go_together(others, message):
+    with pytest.raises(ValueError, match=message):
+        common_frame([circular(), *others])
+
+
+def test_earth_fixed_frame_is_refused():
+    fixed = [circular(name, frame="ITRF2000") for name in ("A", "B")]
+    with pytest.raises(ValueError, match="A: REF_FRAME ITRF2000 turns with the Earth or is unknown"):
+        common_frame(fixed)
+
+
+def test_wrong_gravity_is_noticed():
+    with pytest.raises(ValueError, match="CHIEF: not on a closed orbit"):
+        common_frame([circular(), circular("D", 0.1)], mu=4e13)
