@@ -52,8 +52,10 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
     Certified: between two stays the norm of the relative position is above 1, with no time
     step and however short a stay is, up to rounding: of positions, about 1e-15 of the largest
     relative coordinate met; of time, one unit in its last place.  A norm of
-    up to 1 + 2e-13 is a conflict, one above 1 + 7e-13 is none.  At every start and end inside the common time |norm - 1| <= 1e-12
-    (times, then, to 1e-6 s wherever the norm changes faster than 1e-6 per second); the least
+    up to 1 + 8e-14 is a conflict, one above 1 + 4e-13 is none.  At every start and end inside
+    the common time |norm - 1| <= 1e-12 (so times are good to 1e-6 s wherever the norm changes
+    faster than 1e-6 per second) where rounding allows: coordinates of some tens of zones, times
+    whose last place is small against zone / speed.  The least
     ratio is certain to 1e-9.  A conflict that is on at the edge of the common time starts or
     ends there; without a common time there is none.
 

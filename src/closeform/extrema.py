@@ -31,10 +31,12 @@ def turn(box, q, order, n, t, stop, sign):
     """Next time at which sign * rate turns from positive to negative: a local extremum."""
     high = sign * slope(box, q, order, n, t)
     longest = (stop - t) / 16.0 if n == 0.0 else min((stop - t) / 16.0, TURN_ANGLE / n)
+    longest = max(longest, 1e-15 * stop)  # a step that time can resolve
     x, y, z, _, _, _ = along(q, order, n, t)
     step = min(longest, 0.25 * norm(box, x, y, z) / abs(high))  # a fly-by is this fast
     before = t
     after = t
+    step = max(step, 1e-15 * stop)
     while after < stop:
         after = min(after + step, stop)
         low = sign * slope(box, q, order, n, after)
@@ -68,6 +70,24 @@ def turn(box, q, order, n, t, stop, sign):
 
 
 @kernel()
+def descend(box, q, order, n, t, stop, s, sign):
+    """A local minimum (sign -1) or maximum (1) that is reached from norm s at t: its time and norm.
+
+    A turn further off may lie on the wrong side of s, beyond another: then look nearer by.
+    """
+    for _ in range(60):
+        there = turn(box, q, order, n, t, stop, sign)
+        x, y, z, _, _, _ = along(q, order, n, there)
+        found = norm(box, x, y, z)
+        if sign * (found - s) > 0.0:
+            return there, found
+        stop = t + 0.25 * (there - t)
+        if stop <= t * (1.0 + 1e-15):
+            break
+    return t, s
+
+
+@kernel()
 def lowest(box, q, order, n, t, stop, patience, best, best_time):
     """Least norm over [t, stop] of the window's own time, if below `best`.
 
@@ -85,12 +105,7 @@ def lowest(box, q, order, n, t, stop, patience, best, best_time):
             best = s
             best_time = t
             if s > NIL and rate(box, x, y, z, vx, vy, vz) < 0.0:
-                there = turn(box, q, order, n, t, stop, -1.0)
-                x1, y1, z1, _, _, _ = along(q, order, n, there)
-                low = norm(box, x1, y1, z1)
-                if low < best:
-                    best = low
-                    best_time = there
+                best_time, best = descend(box, q, order, n, t, stop, s, -1.0)
         if best <= NIL:
             return 0.0, best_time, stop
         if t >= stop:
@@ -144,8 +159,7 @@ def climb(q, n, t, stop, patience, best):
         if s > best:
             best = s
             if rate(False, x, y, z, vx, vy, vz) > 0.0:
-                x1, y1, z1, _, _, _ = along(q, 4, n, turn(False, q, 4, n, t, stop, 1.0))
-                best = max(best, norm(False, x1, y1, z1))
+                _, best = descend(False, q, 4, n, t, stop, s, 1.0)
         if t >= stop:
             break
         h = inside_step(False, x, y, z, vx, vy, vz, ax, ay, az, a, speed, best * (1.0 + PEAK_PRECISION))

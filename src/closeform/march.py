@@ -13,9 +13,18 @@ Everything here is in zone coordinates: positions divided by the zone's half-axe
 derivatives (8, 3) of the relative position at the start of a window (see `arc`).
 """
 
-from math import hypot, inf, sqrt
+from math import inf, sqrt
 
-from closeform.arc import ANGLE, END, MEAN_MOTION, START, derivatives_at, thrusts
+from closeform.arc import (
+    ANGLE,
+    END,
+    MEAN_MOTION,
+    START,
+    acceleration,
+    derivatives_at,
+    state_at,
+    thrusts,
+)
 from closeform.compiled import kernel
 from closeform.hill import oscillation, powers
 
@@ -34,18 +43,30 @@ def window(arcs, i, others, j, t, end, matrix, q):
     nb = b[MEAN_MOTION]
     n = max(na, nb)
     stop = min(end, a[END], b[END])
-    # n = 0 arcs are cubic in time whatever their thrust
-    order = 4 if na == nb and (na == 0.0 or not (thrusts(a) or thrusts(b))) else 8
+    if na == nb and n > 0.0 and not (thrusts(a) or thrusts(b)):
+        ax, ay, az, avx, avy, avz = state_at(a, t)
+        x, y, z, vx, vy, vz = state_at(b, t)
+        x, y, z, vx, vy, vz = ax - x, ay - y, az - z, avx - vx, avy - vy, avz - vz
+        for k in range(4):  # the difference of two natural motions is one
+            put(q, k, matrix, x, y, z)
+            ax, ay, az = acceleration(n, x, z, vx, vy)
+            x, y, z, vx, vy, vz = vx, vy, vz, ax, ay, az
+        return 4, n, stop
+    order = 4 if n == 0.0 else 8  # n = 0 arcs are cubic in time whatever their thrust
     if order == 8:
         stop = min(stop, t + ANGLE / n)
     q[:order] = 0.0
     derivatives_at(a, t, order, q, 1.0)
     derivatives_at(b, t, order, q, -1.0)
     for k in range(order):
-        x, y, z = q[k, 0], q[k, 1], q[k, 2]
-        for axis in range(3):
-            q[k, axis] = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
+        put(q, k, matrix, q[k, 0], q[k, 1], q[k, 2])
     return order, n, stop
+
+
+@kernel()
+def put(q, k, matrix, x, y, z):
+    for axis in range(3):
+        q[k, axis] = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
 
 
 @kernel()
@@ -104,10 +125,10 @@ def bound(q, order, n, h, axis):
         if n == 0.0:
             a = max(b, abs(q[2, axis] + q[3, axis] * h))
             return a, abs(q[1, axis]) + a * h
-        a = hypot(b, c / n)
+        swing = sqrt(b * b + c * c / (n * n))
         mean = abs(q[1, axis] + q[3, axis] / (n * n))
-        a = min(a, b + c * h)
-        return a, min(abs(q[1, axis]) + a * h, mean + hypot(b, c / n) / n)
+        a = min(swing, b + c * h)
+        return a, min(abs(q[1, axis]) + a * h, mean + swing / n)
     # A cubic within the hull of its Bernstein coefficients, and the rest for n h <= 1:
     # |b4'' - t^2/2| <= (nt)^4/360 t^2/2, |b5'' - t^3/6| <= (nt)^4/840 t^3/6, and the last
     # two second derivatives are below t^4/24 and t^5/120.

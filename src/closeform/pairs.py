@@ -1,11 +1,11 @@
 """The march over pairs of paths: their conflicts and closest approaches, as rows of floats."""
 
-from math import inf, nan
+from math import inf, nan, sqrt
 
 import numpy as np
 from numba import bool_, float64, int64, void
 
-from closeform.arc import END, MEAN_MOTION, START, thrusts
+from closeform.arc import END, START
 from closeform.compiled import kernel
 from closeform.extrema import lowest
 from closeform.march import (
@@ -24,7 +24,7 @@ from closeform.march import (
 # A norm within 1e-12 of 1 is on the surface.  Outside ends at ENTERED, inside only at LEFT, so
 # that rounding cannot make the two searches chase each other; each aims a little further.
 TOUCH = 1e-12
-ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.2 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.7 * TOUCH, 1 + 0.9 * TOUCH
+ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
 COLUMNS = 5  # of a row of conflicts: pair, start, end, time, ratio
 
 
@@ -76,23 +76,18 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, box, matrix, q):
 
 
 @kernel()
-def drifting_apart(arcs, i, others, j, start, end, matrix, q):
-    """Whether two coasting craft stay clear along some axis of the zone all the time.
+def stays_apart(q, n, h):
+    """Whether natural motion keeps two craft apart along some axis of the zone over [0, h].
 
-    Along an axis natural motion is centre + drift t + an oscillation: SP11's radial test and
-    its last time of contact (SP11 eq. 15, theory 6) for any zone, and its first time too.
+    Along an axis it is centre + drift t + an oscillation: SP11's radial test and its last time
+    of contact (SP11 eq. 15, theory 6) for any zone, and the first time of contact too.
     """
-    a, b = arcs[i], others[j]
-    n = a[MEAN_MOTION]
-    if n == 0.0 or n != b[MEAN_MOTION] or thrusts(a) or thrusts(b) or a[END] < end or b[END] < end:
-        return False
-    window(arcs, i, others, j, start, end, matrix, q)
+    square = 1.0 / (n * n)
     for axis in range(3):
-        centre = q[0, axis] + q[2, axis] / (n * n)
-        drift = q[1, axis] + q[3, axis] / (n * n)
-        swing = np.hypot(q[2, axis], q[3, axis] / n) / (n * n)
-        last = centre + drift * (end - start)
-        if min(abs(centre), abs(last)) > 1.0 + 1e-9 + swing * (1.0 + 1e-12) and centre * last > 0.0:
+        first = q[0, axis] + q[2, axis] * square
+        last = first + (q[1, axis] + q[3, axis] * square) * h
+        clear = 1.0 + 1e-9 + sqrt(q[2, axis] ** 2 + q[3, axis] ** 2 * square) * square * (1.0 + 1e-12)
+        if (first > clear and last > clear) or (first < -clear and last < -clear):
             return True
     return False
 
@@ -106,8 +101,6 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows,
         return count
     i = locate(arcs, i, i_end, start)
     j = locate(others, j, j_end, start)
-    if drifting_apart(arcs, i, others, j, start, end, matrix, q):
-        return count
     inside = False
     entry = start
     patience = PATIENCE
@@ -118,6 +111,8 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows,
         while j + 1 < j_end and others[j, END] <= t:
             j += 1
         order, n, stop = window(arcs, i, others, j, t, end, matrix, q)
+        if order == 4 and n > 0.0 and not inside and stop == end and stays_apart(q, n, stop - t):
+            return count
         local = 0.0
         while True:
             local, crossed = cross(box, q, order, n, local, stop - t, inside, patience)

@@ -212,14 +212,20 @@ def join(paths: Any) -> Path:
             )
         ended = before._evaluate_rows(before.arcs[last, END : END + 1])[:, 0]
         jump = arcs[first, STATE : STATE + 6] - ended
-        size = np.abs(ended[:, :3]).max(axis=1), np.abs(ended[:, 3:]).max(axis=1) * length
-        scale = FORGIVEN * np.maximum(*size) + 1e-300
+        scale = FORGIVEN * np.maximum(_scale(before, length), _scale(after, length)) + 1e-300
         if np.any(np.abs(jump[:, :3]).max(axis=1) > scale):
             raise ValueError(f"paths: position jumps by {np.abs(jump[:, :3]).max():g} m between two of them")
         kicked = np.abs(jump[:, 3:]).max(axis=1) * np.maximum(length, 1e-300) > scale
         arcs[first, IMPULSE : IMPULSE + 3] = np.where(kicked[:, None], jump[:, 3:], 0.0)
         pieces.append(arcs)
     return _interleaved(chosen, pieces)
+
+
+def _scale(path: Path, duration: Floats) -> Floats:
+    """The larger of |r| and |v| T over the arcs of each craft (N,)."""
+    sizes = np.abs(path.arcs[:, STATE : STATE + 6])
+    sizes[:, 3:] *= np.repeat(duration, np.diff(path.offsets))[:, None]
+    return np.maximum.reduceat(sizes.max(axis=1), path.offsets[:-1])
 
 
 def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:

@@ -45,6 +45,9 @@ class Zone:
     matrix: Floats
     box: bool
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "matrix", np.array(self.matrix, dtype=float, order="C"))
+
     def norm(self, position: ArrayLike) -> Any:
         """Norm of positions (..., 3) in m: shape (...), <= 1 inside."""
         where = numbers("position", position)

@@ -1,0 +1,126 @@
+"""The benchmark: closeform and its peers on the same work, side by side in one run.
+
+    python benchmarks/run.py            measures everything, prints it and writes docs/benchmarks.md
+    python benchmarks/run.py --quick    a small version that only shows that everything runs
+
+Each section runs in a process of its own, so that none disturbs another; those that compare
+single cores are pinned to one.
+"""
+
+import argparse
+import importlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from tables import Report, Table, as_markdown, as_text, figures_table, seconds
+from timing import machine, say
+
+SECTIONS = {"natural": 1, "thrusting": 1, "many": None, "shaping": 1, "start": None}  # cores; None: all
+LIMIT = 600  # seconds a section may take
+PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="closeform and its peers on the same work.")
+    parser.add_argument("--quick", action="store_true", help="a small version; writes no page")
+    parser.add_argument("--only", choices=SECTIONS, nargs="+", help="some sections; writes no page")
+    parser.add_argument("--result", type=Path, help=argparse.SUPPRESS)  # a section's own process
+    arguments = parser.parse_args()
+    if arguments.result:
+        measure_here(arguments.only[0], arguments.quick, arguments.result)
+        return 0
+    chosen = arguments.only or list(SECTIONS)
+    reports = [measured(section, arguments.quick) for section in chosen]
+    tables = [figures_table([figure for report in reports for figure in report.figures])]
+    tables += [table for report in reports for table in report.tables]
+    speeds = {name: speed for report in reports for name, speed in report.speeds.items()}
+    tables.append(on_board(speeds))
+    print(machine())
+    for table in tables:
+        print("\n" + as_text(table))
+    if not arguments.quick and not arguments.only:
+        PAGE.parent.mkdir(exist_ok=True)
+        PAGE.write_text(page(tables), encoding="utf-8")
+        say(f"wrote {PAGE}")
+    return 1 if any(report.failed for report in reports) else 0
+
+
+def measured(section: str, quick: bool) -> Report:
+    """One section in a process of its own; a failure becomes its table."""
+    say(f"{section} ...")
+    with tempfile.TemporaryDirectory() as folder:
+        result = Path(folder) / "result.json"
+        command = [sys.executable, __file__, "--only", section, "--result", str(result)]
+        environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        try:
+            subprocess.run(command + ["--quick"] * quick, env=environment, check=True, timeout=LIMIT)
+        except subprocess.SubprocessError as error:
+            failure = Table(f"{section}: not measured", ["reason"], [[str(error)]])
+            return Report([failure], failed=True)
+        return Report.from_plain(json.loads(result.read_text()))
+
+
+def measure_here(section: str, quick: bool, result: Path) -> None:
+    """Measure a section in this process, on its share of the cores."""
+    share = SECTIONS[section]
+    if share and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-share:])
+    report = importlib.import_module(f"sections.{section}").measure(quick)
+    result.write_text(json.dumps(report.plain()))
+
+
+# SP11 section 5: on a desktop of 2 GHz; on board it expects 1000 times as long.
+PUBLISHED = {
+    "conflicts of a coasting pair": (0.0002, "natural"),
+    "conflicts of a thrusting pair": (0.0067, "thrusting"),
+    "conflicts found and a path shaped": (0.04, "shaping"),
+}
+SLOWER = 1000
+
+
+def on_board(speeds: dict[str, float]) -> Table:
+    """SP11's estimate for a satellite's processor, and the same factor on what was measured here."""
+    rows = []
+    for name, (published, key) in PUBLISHED.items():
+        here = [speeds.get(key), speeds.get(f"{key} SP11")]
+        cells = [seconds(value) if value else "-" for value in here]
+        rows.append(
+            [
+                name,
+                seconds(published),
+                cells[1],
+                cells[0],
+                seconds(published * SLOWER),
+                seconds(here[0] * SLOWER) if here[0] else "-",
+            ]
+        )
+    columns = ["", "SP11 then", "its method here", "closeform", "SP11 on board", "closeform"]
+    note = f"On board: {SLOWER} times slower, as SP11 estimates; it published times of a 2 GHz desktop."
+    return Table("On board a satellite", columns, rows, [note])
+
+
+def page(tables: list[Table]) -> str:
+    """docs/benchmarks.md."""
+    head = f"""# Benchmarks
+
+Written by `python benchmarks/run.py`; do not edit. Everything was measured in one run on this machine:
+{machine()}.
+
+Times are medians; “spread” is half the range of the repeats over the median; “takes” is the time relative to
+closeform's in the same table. Compilation is left out, except where a table says so. The peers are in
+`benchmarks/peers`, and each says at its top what it does and what it does not. To repeat it:
+
+    pip install -e '.[benchmark]'
+    python benchmarks/run.py
+
+V-BAR needs Python 3.12; on 3.11 its table says that it was left out.
+"""
+    return head + "\n" + "\n".join(as_markdown(table) for table in tables)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,198 @@
+"""A path past one obstacle: closeform, SP11's method, convex programs and a mixed-integer program."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import closeform as cf
+from cases import MEAN_MOTION, ZONE, Passage, passages
+from peers import convex, mixed_integer
+from peers.motion import Array, position
+from tables import Figure, Report, Table, seconds, times
+from timing import say
+
+EXACT, PAPER, CONVEX = "closeform, exact", "closeform, sauter-palmer", "convex programs, inflated"
+EXACT_BOX, MIXED = "closeform, exact", "mixed-integer, 20 steps"
+SHAPE = np.diag(1 / ZONE**2)
+FINE = 20_001  # samples that judge a path
+
+
+@dataclass
+class Outcome:
+    """One method on one passage; without a path energy and delta-v are nan."""
+
+    time: float
+    energy: float = np.nan
+    delta_v: float = np.nan
+    ratio: float = np.nan  # least norm, judged by samples of the peers' own motion of the obstacle
+    inside: float = 0.0  # seconds in the zone
+
+    @property
+    def clear(self) -> bool:
+        return bool(self.ratio >= 1 - 1e-9)
+
+
+def measure(quick: bool) -> Report:
+    count, repeats = (2, 3) if quick else (24, 20)
+    work = passages(count, seed=6)
+    ellipsoid, box = cf.Ellipsoid(ZONE), cf.Box(ZONE)
+    for method in ("exact", "sauter-palmer"):
+        avoided(work[0], ellipsoid, method, 1)  # compile
+    found: dict[str, list[Outcome]] = {name: [] for name in (EXACT, PAPER, CONVEX)}
+    boxed: dict[str, list[Outcome]] = {name: [] for name in (EXACT_BOX, MIXED)}
+    programs = []
+    for number, passage in enumerate(work):
+        say(f"  passage {number + 1} of {count}")
+        found[EXACT].append(avoided(passage, ellipsoid, "exact", repeats))
+        found[PAPER].append(avoided(passage, ellipsoid, "sauter-palmer", repeats))
+        outcome, shaped = programmed(passage)
+        found[CONVEX].append(outcome)
+        programs.append(shaped)
+        boxed[EXACT_BOX].append(avoided(passage, box, "exact", repeats))
+        boxed[MIXED].append(mixed(passage))
+    solved = [shaped for shaped in programs if shaped]
+    speeds = {
+        "shaping": middle(o.time for o in found[EXACT]),
+        "shaping SP11": middle(o.time for o in found[PAPER]),
+    }
+    return Report([ellipsoids(found, solved), boxes(boxed)], figures(found), speeds)
+
+
+def middle(values: Iterable[float]) -> float:
+    """Median of those that are numbers."""
+    return float(np.nanmedian(list(values)))
+
+
+def ratios(others: list[Outcome], ours: list[Outcome], name: str) -> Array:
+    """One quantity of a method over ours, passage by passage; nan where either has no path."""
+    pairs = zip(others, ours, strict=True)
+    return np.array([getattr(other, name) / getattr(our, name) for other, our in pairs])
+
+
+def ellipsoids(found: dict[str, list[Outcome]], programs: list[convex.Shaped]) -> Table:
+    rows = []
+    for name, outcomes in found.items():
+        above = 100 * (ratios(outcomes, found[EXACT], "energy") - 1)
+        rows.append(
+            [
+                name,
+                seconds(middle(o.time for o in outcomes)),
+                seconds(float(np.nanmax([o.time for o in outcomes]))),
+                times(middle(ratios(outcomes, found[EXACT], "time"))),
+                f"{np.nanmedian(above):+.3f} %",
+                f"{np.nanmin(above):+.3f} %",
+                f"{np.nanmax(above):+.2f} %",
+                f"{sum(o.clear for o in outcomes)} of {len(outcomes)}",
+            ]
+        )
+    one = middle(p.solver_time / p.programs for p in programs)
+    inflations = [100 * (p.inflation - 1) for p in programs]
+    notes = [
+        f"Convex programs: {convex.NODES} nodes, thrust constant between them, Clarabel to "
+        f"{convex.TOLERANCE:g}, planes taken anew until the energy settles to {convex.SETTLED:g}, best of "
+        f"{convex.STARTS} starts, then the zone inflated until the path is clear between nodes too (by "
+        f"{np.median(inflations):.3f} %, at most {np.max(inflations):.3f} %; without, "
+        f"{sum(p.inflation > 1 for p in programs)} of {len(programs)} paths cut through the zone). Solver "
+        f"time: {int(middle(p.programs for p in programs))} programs of {seconds(one)}.",
+        "closeform's time is the whole call, median of its repeats: search, shaping and certificate. Its "
+        f"paths are judged by {FINE:,} samples of the peers' own motion, the convex ones by its march.",
+    ]
+    title = f"A path past one obstacle, {len(found[EXACT])} passages, ellipsoid 20 x 40 x 20 m, one core"
+    columns = ["method", "median", "worst", "takes", "energy above exact", "least", "most", "clear"]
+    return Table(title, columns, rows, notes)
+
+
+def boxes(found: dict[str, list[Outcome]]) -> Table:
+    rows = []
+    for name, outcomes in found.items():
+        rows.append(
+            [
+                name,
+                seconds(middle(o.time for o in outcomes)),
+                times(middle(ratios(outcomes, found[EXACT_BOX], "time"))),
+                f"{middle(ratios(outcomes, found[EXACT_BOX], 'energy')):.2f}",
+                f"{middle(ratios(outcomes, found[EXACT_BOX], 'delta_v')):.2f}",
+                f"{sum(o.inside > 0 for o in outcomes)} of {len(outcomes)}",
+                f"{max(o.inside for o in outcomes):.0f} s",
+            ]
+        )
+    notes = [
+        "The mixed-integer program minimises the sum of |u| over axes and steps, so its energy is no "
+        "optimum and closeform's delta-v is none; both are given relative to closeform's. HiGHS to a gap of "
+        f"{mixed_integer.GAP:g}, at most {mixed_integer.LIMIT:g} s. Cuts: paths through the box between "
+        "nodes, which the program does not see, and the longest time inside."
+    ]
+    title = (
+        f"A path past one obstacle, {len(found[MIXED])} passages, box of half-widths 20 x 40 x 20 m, one core"
+    )
+    return Table(title, ["method", "median", "takes", "energy", "delta-v", "cuts", "longest"], rows, notes)
+
+
+def figures(found: dict[str, list[Outcome]]) -> list[Figure]:
+    time = middle(o.time for o in found[EXACT])
+    faster = middle(ratios(found[CONVEX], found[EXACT], "time"))
+    above = 100 * float(np.nanmax(ratios(found[EXACT], found[CONVEX], "energy") - 1))
+    paper = 100 * float(np.nanmax(ratios(found[EXACT], found[PAPER], "energy") - 1))
+    clear = sum(o.clear for o in found[EXACT])
+    return [
+        Figure("avoid, one ellipsoid, median", "<= 1 ms", seconds(time), time <= 1e-3),
+        Figure("avoid, clear paths", "all", f"{clear} of {len(found[EXACT])}", clear == len(found[EXACT])),
+        Figure("avoid, energy above the convex program's", "<= 0.05 %", f"{above:+.4f} %", above <= 0.05),
+        Figure("avoid, energy above the paper's method", "<= 0 %", f"{paper:+.4f} %", paper <= 1e-6),
+        Figure("avoid, against the convex program", ">= 200x", times(faster), faster >= 200),
+    ]
+
+
+def closeform_paths(passage: Passage) -> tuple[cf.Path, cf.Path]:
+    orbit = cf.Orbit(MEAN_MOTION)
+    path = orbit.transfer(passage.initial, passage.final, passage.duration)
+    if passage.obstacle_final is None:
+        return path, orbit.coast(passage.obstacle, passage.duration)
+    return path, orbit.transfer(passage.obstacle, passage.obstacle_final, passage.duration)
+
+
+def avoided(passage: Passage, zone: Any, method: str, repeats: int) -> Outcome:
+    """closeform's answer: the search for conflicts and the shaping, from two paths to a certified third."""
+    path, obstacle = closeform_paths(passage)
+    runs = []
+    for _ in range(repeats):
+        begin = perf_counter()
+        result = cf.avoid(path, obstacle, zone, method=method)
+        runs.append(perf_counter() - begin)
+    if not result.ok:
+        return Outcome(median(runs))
+    instants = np.linspace(0, passage.duration, FINE)
+    norms = zone.norm(result.path.position(instants) - position(passage.obstacle_path, instants, MEAN_MOTION))
+    return Outcome(median(runs), result.energy, result.delta_v, float(norms.min()))
+
+
+def programmed(passage: Passage) -> tuple[Outcome, convex.Shaped | None]:
+    place = lambda instants: position(passage.obstacle_path, instants, MEAN_MOTION)  # noqa: E731
+    shaped = convex.solve(passage.initial, passage.final, passage.duration, MEAN_MOTION, [place], SHAPE)
+    if shaped is None:
+        return Outcome(np.nan), None
+    delta_v = float(np.linalg.norm(shaped.thrust, axis=1).sum() * passage.duration / convex.NODES)
+    return Outcome(shaped.solver_time, shaped.energy, delta_v, certified(passage, shaped.thrust)), shaped
+
+
+def certified(passage: Passage, thrust: Array) -> float:
+    """Least norm on the exact path of held thrusts, by closeform's march."""
+    orbit, step = cf.Orbit(MEAN_MOTION), passage.duration / len(thrust)
+    state, burns = passage.initial, []
+    for k, push in enumerate(thrust):
+        burns.append(orbit.burn(state, push, step, start=k * step))
+        state = burns[-1].state(burns[-1].end)
+    _, obstacle = closeform_paths(passage)
+    return float(cf.closest_approach(cf.join(burns), obstacle, cf.Ellipsoid(ZONE)).ratio)
+
+
+def mixed(passage: Passage) -> Outcome:
+    place = lambda instants: position(passage.obstacle_path, instants, MEAN_MOTION)  # noqa: E731
+    found = mixed_integer.solve(passage.initial, passage.final, passage.duration, MEAN_MOTION, [place], ZONE)
+    if found is None:
+        return Outcome(np.nan)
+    return Outcome(found.wall_time, found.energy, found.delta_v, found.least_ratio, found.inside)

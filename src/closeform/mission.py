@@ -1,0 +1,167 @@
+"""START HERE: a mission flies the stages of a scenario in order, each from where the last ended.
+
+    scenario file -> Scenario -> fly -> Mission -> result folder, report, printed tables
+
+No mathematics: a stage asks the orbit for paths, `screen` for conflicts and `avoid` for the way
+around them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from closeform.avoidance import Avoidance, avoid
+from closeform.flight import Flight, watch
+from closeform.orbit import Orbit
+from closeform.path import Path, stack
+from closeform.scenario import Coast, Move, Scenario, ScenarioError, StageTable, Target
+from closeform.zones import Floats, Zone
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a move changed: the `direct` path of one craft and the way around the others."""
+
+    craft: str
+    others: tuple[str, ...]
+    zones: tuple[Zone, ...]  # one for each other
+    method: str
+    direct: Path
+    avoidance: Avoidance
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A stage as flown, from `start` to `end` [s]: the flight `before` avoidance and `after` it."""
+
+    number: int
+    name: str
+    verb: str
+    start: float
+    end: float
+    before: Flight
+    after: Flight
+    change: Change | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Mission:
+    """All legs flown; `stopped` says why there are fewer than stages, else it is None."""
+
+    scenario: Scenario
+    orbit: Orbit
+    legs: tuple[Leg, ...]
+    stopped: str | None = None
+
+    @property
+    def clear(self) -> bool:
+        """Whether every stage was flown and no encounter remains."""
+        return self.stopped is None and not any(leg.after.encounters for leg in self.legs)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Craft that would need more than their thrust or delta-v, one line each."""
+        lines = []
+        for k, craft in enumerate(self.scenario.craft):
+            paths = [leg.after.paths[k] for leg in self.legs]
+            spent = sum(path.delta_v for path in paths)
+            if craft.delta_v_budget is not None and spent > craft.delta_v_budget:
+                lines.append(
+                    f"{craft.name} needs {spent:.4g} m/s, its delta_v_budget is {craft.delta_v_budget:g} m/s"
+                )
+            if craft.max_thrust is not None and craft.mass is not None:
+                force = max((path.peak_thrust for path in paths), default=0.0) * craft.mass
+                if force > craft.max_thrust:
+                    lines.append(
+                        f"{craft.name} needs {force:.4g} N, its max_thrust is {craft.max_thrust:g} N"
+                    )
+        return tuple(lines)
+
+
+def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None) -> Mission:
+    """Fly a scenario's stages; `progress` is told what is under way.
+
+    A move that finds no clear path ends the mission; the Mission says so in `stopped`.  Raises
+    ScenarioError for stages or starts that this version has not built, and for numbers that are
+    beyond the mathematics.
+    """
+    if lines := scenario.unbuilt():
+        raise ScenarioError(scenario.file, lines)
+    orbit = scenario.orbit.build()
+    states = np.array([craft.state(orbit) for craft in scenario.craft])
+    legs: list[Leg] = []
+    for number, stage in enumerate(scenario.stages, 1):
+        verb = stage.verb
+        progress(f"stage {number} of {len(scenario.stages)}: {verb}")
+        try:
+            leg = flown(Sky(scenario, orbit, states, legs[-1].end if legs else 0.0), number, stage)
+        except ValueError as error:
+            raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
+        legs.append(leg)
+        if leg.change is not None and not leg.change.avoidance.ok:
+            return Mission(
+                scenario, orbit, tuple(legs), f"stage {number} ({verb}): {leg.change.avoidance.reason}"
+            )
+        states = leg.after.paths.state(leg.end)
+    return Mission(scenario, orbit, tuple(legs))
+
+
+@dataclass(frozen=True, eq=False)
+class Sky:
+    """Where everybody is when a stage begins, at `time` [s]."""
+
+    scenario: Scenario
+    orbit: Orbit
+    states: Floats
+    time: float
+
+    def flight(self, paths: list[Path]) -> Flight:
+        """The paths, watched over their common time."""
+        return watch(stack(paths), self.scenario.names, self.scenario.zones)
+
+    def goal(self, target: Target | None, k: int, duration: float) -> Path:
+        """Craft k's own way to a target: the energy-optimal transfer, or coasting without one."""
+        if target is None:
+            return self.orbit.coast(self.states[k], duration, self.time)
+        return self.orbit.transfer(self.states[k], target.state(self.orbit), duration, self.time)
+
+
+def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
+    """One stage as flown."""
+    verb, name = stage.verb, stage.name or ""
+    if isinstance(stage, Coast):
+        end = sky.time + stage.length.on(sky.orbit.mean_motion)
+        coasts = [sky.orbit.coast(state, end - sky.time, sky.time) for state in sky.states]
+        flight = sky.flight(coasts)
+        return Leg(number, name, verb, sky.time, end, flight, flight)
+    if isinstance(stage, Move):
+        return moved(sky, number, stage)
+    raise TypeError(f"stage {number}: {verb} is not built")
+
+
+def moved(sky: Sky, number: int, stage: Move) -> Leg:
+    """One craft moves; the others coast or fly their own transfers and do not give way."""
+    names = sky.scenario.names
+    duration = stage.within.on(sky.orbit.mean_motion)
+    targets = {fellow.craft: fellow.to for fellow in stage.meanwhile}
+    if stage.to is not None:
+        targets[stage.craft] = stage.to
+    paths = [sky.goal(targets.get(name), k, duration) for k, name in enumerate(names)]
+    mover = names.index(stage.craft)
+    direct, others = paths[mover], paths[:mover] + paths[mover + 1 :]
+    before = sky.flight(paths)
+    zones = sky.scenario.zones_around(stage.craft)
+    avoidance = avoid(direct, others, zones, method=stage.method)
+    after = before
+    if avoidance.path is not None:
+        after = sky.flight([*paths[:mover], avoidance.path, *paths[mover + 1 :]])
+    change = Change(
+        stage.craft,
+        tuple(name for name in names if name != stage.craft),
+        zones,
+        stage.method,
+        direct,
+        avoidance,
+    )
+    return Leg(number, stage.name or "", stage.verb, sky.time, direct.end, before, after, change)

@@ -1,0 +1,183 @@
+"""The look of every picture: colours that hold for the colour-blind and in grey, sizes, units."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.patheffects import withStroke
+
+from closeform.arc import START
+from closeform.path import Path
+from closeform.zones import Floats
+
+WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
+TEXT, SMALL = 13.0, 11.5  # points, readable at half size
+
+BEFORE, AFTER, ALTERNATIVE = "#5f6368", "#0072B2", "#009E73"
+CONFLICT, ZONE, OTHER = "#D55E00", "#E69F00", "#8a9ba8"
+INK, FAINT = "#202124", "#dadce0"
+HALO = [withStroke(linewidth=4, foreground="white")]  # keeps words readable on lines
+DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
+
+
+@dataclass(frozen=True)
+class Direction:
+    """One axis of the orbit's frame as it looks in every picture."""
+
+    name: str
+    colour: str
+    dashes: Any
+
+
+RADIAL = Direction("radial", "#332288", "-")
+ALONG = Direction("along-track", "#1B8A7A", (0, (6, 2)))
+CROSS = Direction("cross-track", "#AA4499", (0, (6, 1.5, 1.5, 1.5)))
+DIRECTIONS = (RADIAL, ALONG, CROSS)
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit to print in: `size` in SI."""
+
+    size: float
+    name: str
+
+
+def length_unit(longest: float) -> Unit:
+    """Metres, or kilometres from 10 km on, millimetres below 0.1 m."""
+    if longest >= 1e4:
+        return Unit(1e3, "km")
+    return Unit(1.0, "m") if longest >= 0.1 else Unit(1e-3, "mm")
+
+
+def thrust_unit(greatest: float) -> Unit:
+    """The unit of acceleration for a greatest thrust [m/s^2]; mm/s² where there is none."""
+    for unit in (Unit(1.0, "m/s²"), Unit(1e-3, "mm/s²"), Unit(1e-6, "µm/s²"), Unit(1e-9, "nm/s²")):
+        if greatest >= 0.1 * unit.size:
+            return unit
+    return Unit(1e-9, "nm/s²") if greatest > 0 else Unit(1e-3, "mm/s²")
+
+
+def speed_unit(greatest: float) -> Unit:
+    """The unit of speed for a greatest speed [m/s]."""
+    return Unit(1.0, "m/s") if greatest >= 0.1 else Unit(1e-3, "mm/s")
+
+
+def speed(value: float) -> str:
+    """A speed [m/s] in words."""
+    unit = speed_unit(value)
+    return f"{value / unit.size:.4g} {unit.name}"
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The time axis: what is printed below, and `other` above (None in deep space)."""
+
+    unit: Unit
+    other: Unit | None
+
+    def __call__(self, time: Any) -> Any:
+        """Times [s] in the unit of the axis."""
+        return np.asarray(time) / self.unit.size
+
+    def text(self, time: float) -> str:
+        """A time [s] in words."""
+        return f"{time / self.unit.size:.2f} {self.unit.name}"
+
+
+def plain_unit(duration: float) -> Unit:
+    """Seconds, minutes, hours or days, whichever makes handy numbers."""
+    for limit, unit in ((300.0, Unit(1.0, "s")), (3e4, Unit(60.0, "min")), (4e5, Unit(3600.0, "h"))):
+        if duration <= limit:
+            return unit
+    return Unit(86400.0, "d")
+
+
+def clock(path: Path, start: float, end: float) -> Clock:
+    """Minutes with orbits above, or orbits with hours above where there are many orbits."""
+    plain, period = plain_unit(end - start), path.orbit.period
+    if not np.isfinite(period):
+        return Clock(plain, None)
+    orbits = Unit(period, "orbits")
+    return Clock(orbits, plain) if end - start >= 4 * period else Clock(plain, orbits)
+
+
+def instants(start: float, end: float, *paths: Path) -> Floats:
+    """Times [s] at which curves look smooth, both sides of every joint among them."""
+    orbits = max(((end - start) / path.orbit.period for path in paths), default=0.0)
+    grid = np.linspace(start, end, int(np.clip(240 * orbits, 900, 6000)))
+    joints = np.concatenate([path.arcs[:, START] for path in paths])
+    joints = joints[(joints > start) & (joints <= end)]
+    return np.unique(np.concatenate([grid, joints, np.nextafter(joints, -np.inf)]))
+
+
+def page(height: float) -> Figure:
+    """An empty figure, `height` in inches, that lays itself out."""
+    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
+    return Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout, facecolor="white")
+
+
+def headline(figure: Figure, text: str) -> None:
+    """What the picture shows, in one line."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=TEXT + 1, color=INK, fontweight="bold")
+
+
+def dress(axes: Axes) -> None:
+    """Quiet frame, faint grid, text sizes."""
+    axes.tick_params(labelsize=SMALL, colors=INK, length=3)
+    axes.grid(color=FAINT, linewidth=0.7)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    for spine in axes.spines.values():
+        spine.set_color(OTHER)
+
+
+def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> None:
+    """Give a column of axes one time axis, with its second unit above the first."""
+    for axes in column:
+        axes.set_xlim(ticks(start), ticks(end))
+        axes.tick_params(labelbottom=axes is column[-1])
+    column[-1].set_xlabel(f"time [{ticks.unit.name}]", fontsize=TEXT, color=INK)
+    if ticks.other is not None:
+        factor = ticks.unit.size / ticks.other.size
+
+        def forward(time: Any) -> Any:
+            return time * factor
+
+        def backward(time: Any) -> Any:
+            return time / factor
+
+        above = column[0].secondary_xaxis("top", functions=(forward, backward))
+        above.set_xlabel(f"time [{ticks.other.name}]", fontsize=SMALL, color=INK)
+        above.tick_params(labelsize=SMALL, colors=INK, length=3)
+        above.spines["top"].set_color(OTHER)
+
+
+def common_time(path: Path, other: Path) -> tuple[float, float]:
+    """The time that two craft share. Raises ValueError where there is none, or for batches."""
+    for name, one in (("path", path), ("other", other)):
+        if one.shape:
+            raise ValueError(f"{name}: pictures show one craft at a time, got shape {one.shape}; index it")
+    start, end = max(path.start, other.start), min(path.end, other.end)
+    if not start < end:
+        raise ValueError(
+            f"other: shares no time with path ({path.start:g} to {path.end:g} s and "
+            f"{other.start:g} to {other.end:g} s)"
+        )
+    return start, end
+
+
+def crafts(paths: Any) -> list[Path]:
+    """Single craft out of one Path of any shape or a sequence of such."""
+    if not isinstance(paths, Path):
+        return [craft for path in paths for craft in crafts(path)]
+    return [paths] if not paths.shape else [paths[k] for k in np.ndindex(paths.shape)]
+
+
+def signed_percent(share: float) -> str:
+    """A relative change in words."""
+    return f"{100 * share:+.3g} %".replace("-", "−")

@@ -1,0 +1,139 @@
+"""How near craft come to each other's zones, against time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from closeform.conflicts import closest_approach
+from closeform.path import Path
+from closeform.plots.look import (
+    AFTER,
+    BEFORE,
+    CONFLICT,
+    DASHED,
+    HALO,
+    INK,
+    SMALL,
+    TEXT,
+    ZONE,
+    Clock,
+    clock,
+    common_time,
+    crafts,
+    dress,
+    headline,
+    instants,
+    page,
+    time_axes,
+)
+from closeform.zones import Floats, Zone
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """Norms of one craft's position relative to its obstacles, and the exact least of all."""
+
+    times: Floats
+    norms: Floats  # (obstacles, times); nan where the two share no time
+    ratio: float
+    time: float
+    nearest: int
+
+    @classmethod
+    def of(cls, path: Path, obstacles: list[Path], zone: Zone) -> "Nearness":
+        """Raises ValueError where an obstacle shares no time with the path."""
+        times = instants(path.start, path.end, path, *obstacles)
+        norms = np.full((len(obstacles), len(times)), np.nan)
+        for row, obstacle in zip(norms, obstacles, strict=True):
+            start, end = common_time(path, obstacle)
+            both = (times >= start) & (times <= end)
+            row[both] = zone.norm(path.position(times[both]) - obstacle.position(times[both]))
+        approaches = [closest_approach(path, obstacle, zone) for obstacle in obstacles]
+        nearest = min(range(len(obstacles)), key=lambda k: approaches[k].ratio)
+        return cls(times, norms, approaches[nearest].ratio, approaches[nearest].time, nearest)
+
+
+def ratios(
+    before: Path, after: Path, obstacles: Any, zone: Zone, names: Sequence[str] | None = None
+) -> Figure:
+    """The norm of a craft's position relative to its obstacles, before and after; below 1 is a conflict.
+
+    `before` and `after` are of one craft, the same path where nothing changed; `obstacles` is a
+    Path of any shape or a sequence of paths, and `names` are theirs.  Thin lines are the norms to
+    each obstacle on the path after, thick lines the least of all; a dot marks the exact least ratio.
+
+    Raises ValueError for batches, no obstacles, or an obstacle that shares no time with a path.
+    """
+    others = crafts(obstacles)
+    if not others:
+        raise ValueError("obstacles: give at least one path")
+    called = names_of(names, len(others))
+    start, end = min(before.start, after.start), max(before.end, after.end)
+    ticks = clock(before, start, end)
+    now = Nearness.of(after, others, zone)
+    then = now if before is after else Nearness.of(before, others, zone)
+
+    figure = page(5.6)
+    axes = figure.subplots()
+    dress(axes)
+    axes.axhspan(0, 1, color=ZONE, alpha=0.2, linewidth=0)
+    axes.axhline(1, color=ZONE, linewidth=1.6)
+    if len(others) > 1:
+        axes.plot(ticks(now.times), now.norms.T, color=AFTER, linewidth=0.8, alpha=0.45)
+    if then is not now:
+        nearness_line(axes, then, ticks, (BEFORE, DASHED, "before "), called)
+    nearness_line(axes, now, ticks, (AFTER, "-", "after " if now is not then else ""), called)
+    axes.set_ylim(0, ceiling(then, now))
+    axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axes.set_ylabel("nearest craft [× zone]", fontsize=TEXT, color=INK)
+    axes.text(0.008, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
+    time_axes([axes], ticks, start, end)
+    change = "" if then is now else f"Before {then.ratio:.2f} × zone, after "
+    headline(figure, f"{change or 'Closest '}{now.ratio:.2f} × zone at {ticks.text(now.time)}")
+    return figure
+
+
+def nearness_line(
+    axes: Axes, near: Nearness, ticks: Clock, look: tuple[str, Any, str], names: Sequence[str]
+) -> None:
+    """The least norm of all, in the colour of conflict where below 1, and its minimum."""
+    colour, dashes, label = look
+    least = np.fmin.reduce(near.norms, axis=0)
+    when = ticks(near.times)
+    axes.plot(when, least, color=colour, linestyle=dashes, linewidth=2.4)
+    axes.plot(when, np.where(least <= 1, least, np.nan), color=CONFLICT, linewidth=3)
+    hit = CONFLICT if near.ratio < 1 else colour
+    axes.plot(ticks(near.time), near.ratio, "o", color=hit, markersize=8, zorder=5)
+    left = near.time - near.times[0] > 0.3 * (near.times[-1] - near.times[0]) and near.ratio >= 1
+    axes.annotate(
+        f"{label}{near.ratio:.2f} × zone{names[near.nearest]}",
+        (float(ticks(near.time)), near.ratio),
+        (-14 if left else 14, 5 if near.ratio < 1 else -14),
+        textcoords="offset points",
+        fontsize=TEXT,
+        color=hit,
+        ha="right" if left else "left",
+        va="center",
+        path_effects=HALO,
+        zorder=6,
+    )
+
+
+def names_of(names: Sequence[str] | None, count: int) -> list[str]:
+    """What to add to a label of each obstacle."""
+    if names is None:
+        return [""] * count
+    if len(names) != count:
+        raise ValueError(f"names: {len(names)} names for {count} obstacles")
+    return [f", {name}" for name in names]
+
+
+def ceiling(*curves: Nearness) -> float:
+    """A limit that shows what happens near the zone: five times the largest least ratio."""
+    most = max(float(np.nanmax(near.norms)) for near in curves)
+    return min(1.05 * most, 5 * max(1.0, *(near.ratio for near in curves)))

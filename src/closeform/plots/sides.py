@@ -1,0 +1,229 @@
+"""The two ways around one obstacle."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from closeform.conflicts import closest_approach, find_conflicts
+from closeform.path import Path
+from closeform.plots.detour import ways_around
+from closeform.plots.look import (
+    AFTER,
+    ALTERNATIVE,
+    BEFORE,
+    CONFLICT,
+    DASHED,
+    DIRECTIONS,
+    DOTTED,
+    HALO,
+    INK,
+    OTHER,
+    SMALL,
+    TEXT,
+    ZONE,
+    clock,
+    common_time,
+    dress,
+    headline,
+    instants,
+    length_unit,
+    page,
+    signed_percent,
+    speed,
+)
+from closeform.plots.scene import PLANES, place, section, shadow, spot, square
+from closeform.zones import Floats, Zone
+
+SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A path that passes the obstacle: when, where, and its state `gap` relative to it."""
+
+    path: Path
+    obstacle: Path
+    time: float
+    ratio: float
+    point: Floats
+    gap: Floats
+
+    @classmethod
+    def of(cls, path: Path, obstacle: Path, zone: Zone) -> "Passage":
+        common_time(path, obstacle)
+        near = closest_approach(path, obstacle, zone)
+        state = path.state(near.time)
+        return cls(path, obstacle, near.time, near.ratio, state[:3], state - obstacle.state(near.time))
+
+    def plane(self, side: float) -> Floats:
+        """Unit vectors (2, 3) along the relative velocity, and to the side where the craft is."""
+        basis: list[Floats] = []
+        for vector in (self.gap[3:], side * self.gap[:3], *np.eye(3)):
+            length = np.linalg.norm(vector)
+            rest = vector - sum(((vector @ u) * u for u in basis), np.zeros(3))
+            if length > 0 and np.linalg.norm(rest) > 1e-6 * length:
+                basis.append(rest / np.linalg.norm(rest))
+        return np.array(basis[:2])
+
+    def seen(self, start: float, end: float, show: Floats, relative: bool) -> Floats:
+        """Positions (K, 2) in a plane from start to end, or as far as the obstacle is there."""
+        if relative:
+            first, last = common_time(self.path, self.obstacle)
+            start, end = max(start, first), min(end, last)
+        times = instants(start, end, self.path, self.obstacle)
+        position = self.path.position(times)
+        return (position - self.obstacle.position(times) if relative else position) @ show.T
+
+
+def two_ways(path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None) -> Figure:
+    """The ways around one obstacle, each with its two legs: SP11 figure 2.
+
+    Left: the path in the orbit's frame, the zone where the obstacle is at closest approach, and
+    the ways, each solid to its own closest approach (initial leg) and dotted from there on
+    (terminal leg).  Right: the same as seen from the obstacle, with the zone's cut.
+
+    `ways` are up to two paths between the same ends; without them, the least-energy path through
+    one deviation point on either side.  Where the path is clear it stands alone.
+
+    Raises ValueError for batches, more than two ways, or paths without a common time.
+    """
+    planned = Passage.of(path, obstacle, zone)
+    chosen = ways_around(path, obstacle, zone) if ways is None else ways
+    if len(chosen) > len(SIDES):
+        raise ValueError(f"ways: at most {len(SIDES)}, got {len(chosen)}")
+    around = [Passage.of(way, obstacle, zone) for way in chosen]
+
+    figure = page(6.4)
+    left, right = figure.subplots(1, 2)
+    in_orbit(left, planned, around, zone)
+    from_obstacle(right, planned, around, zone)
+    figure.legend(
+        *left.get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+        fontsize=SMALL,
+        handlelength=2.8,
+    )
+    headline(figure, summary(planned, len(around)))
+    return figure
+
+
+def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) -> None:
+    """The paths in the plane of the orbit's frame that shows the deviations best."""
+    path, obstacle = planned.path, planned.obstacle
+    course = planned.seen(path.start, path.end, np.eye(3), False)
+    spread = np.ptp([planned.point, *(way.point for way in ways)] if ways else course, axis=0)
+
+    def shown_well(pair: Sequence[int]) -> float:
+        """How far the deviations spread in a plane, and how far and openly the path lies in it."""
+        long, wide = np.linalg.svd((course - course.mean(axis=0))[:, list(pair)], compute_uv=False)
+        return float(np.hypot(*spread[list(pair)]) * (long + 3 * wide))
+
+    plane = max(map(list, PLANES), key=shown_well)
+    unit = length_unit(float(np.abs(course).max()))
+    show = np.eye(3)[plane] / unit.size
+    host = obstacle.position(planned.time)
+    look = {"facecolor": ZONE, "edgecolor": ZONE, "alpha": 0.3, "label": "zone at closest approach"}
+    place(axes, shadow(zone, show), show @ host, **look)
+    both = instants(*common_time(path, obstacle), path, obstacle)
+    axes.plot(*(show @ obstacle.position(both).T), color=OTHER, linewidth=1.6, label="obstacle")
+    axes.plot(*spot(show, host), "s", color=OTHER, markersize=6)
+    shown = draw_planned(axes, planned, zone, show, False)
+    for way, side in zip(ways, SIDES, strict=False):
+        shown = np.vstack([shown, draw_legs(axes, way, show, False, side)])
+        arrow = {"arrowstyle": "->", "color": side[0], "linewidth": 1.5}
+        axes.annotate("", spot(show, way.point), spot(show, planned.point), arrowprops=arrow)
+    for word, time, face in (("start", path.start, "white"), ("end", path.end, INK)):
+        point = spot(show, path.position(time))
+        axes.plot(*point, "o", color=INK, markersize=6, markerfacecolor=face, zorder=5)
+        axes.annotate(word, point, (7, 7), textcoords="offset points", fontsize=SMALL, color=INK)
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    square(axes, (low + high) / 2, 0.58 * float((high - low).max()))
+    axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_title("in the orbit's frame", fontsize=TEXT, color=INK)
+    dress(axes)
+
+
+def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) -> None:
+    """The encounter relative to the obstacle, each way in the plane in which it passes the zone.
+
+    There the way meets the zone's cut just where it touches the zone.  So the picture is folded
+    along the relative motion: each half shows the cut by its own plane.
+    """
+    size = float(zone.extents.max())
+    unit = length_unit(size)
+    planes = [way.plane(side) for way, (_, _, side) in zip(ways, SIDES, strict=False)]
+    own = planes[0] if planes else planned.plane(1.0)
+    for sign, basis in ((1.0, own), (-1.0, planes[-1] if planes else own)):
+        outline = section(zone, basis) / unit.size
+        half = outline[sign * outline[:, 1] >= -1e-9 * size]
+        place(axes, half, (0, 0), facecolor=ZONE, edgecolor="none", alpha=0.3)
+    axes.plot(0, 0, "s", color=OTHER, markersize=6)
+    draw_planned(axes, planned, zone, own / unit.size, True)
+    for way, side, basis in zip(ways, SIDES, planes, strict=False):
+        draw_legs(axes, way, basis / unit.size, True, side)
+        axes.annotate(
+            f"{side[1]}: {price(planned.path, way.path)}",
+            spot(basis / unit.size, way.gap[:3]),
+            (0, 18 * side[2]),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            fontsize=TEXT,
+            color=side[0],
+            path_effects=HALO,
+        )
+    farthest = max(size, *(float(np.linalg.norm(one.gap[:3])) for one in (planned, *ways)))
+    square(axes, (0, 0), 1.6 * farthest / unit.size)
+    axes.set_xlabel(f"along the relative motion [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_ylabel(f"aside of it [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_title("seen from the obstacle", fontsize=TEXT, color=INK)
+    dress(axes)
+
+
+def draw_planned(axes: Axes, planned: Passage, zone: Zone, show: Floats, relative: bool) -> Floats:
+    """The path as it was, strong where in conflict; returns its points (K, 2)."""
+    path = planned.path
+    course = planned.seen(path.start, path.end, show, relative)
+    axes.plot(*course.T, color=BEFORE, linestyle=DASHED, linewidth=2, label="path as planned")
+    for k, stay in enumerate(find_conflicts(path, planned.obstacle, zone)):
+        if stay.start < stay.end:
+            stretch = planned.seen(stay.start, stay.end, show, relative)
+            label = "in conflict" if k == 0 else None
+            axes.plot(*stretch.T, color=CONFLICT, linewidth=4.5, label=label, solid_capstyle="butt")
+    return course
+
+
+def draw_legs(axes: Axes, way: Passage, show: Floats, relative: bool, side: tuple[str, str, float]) -> Floats:
+    """A way's initial leg, deviation point and terminal leg; returns its points (K, 2)."""
+    colour, name, _ = side
+    legs = ((way.path.start, way.time, "-", "initial"), (way.time, way.path.end, DOTTED, "terminal"))
+    drawn = [np.empty((0, 2))]
+    for start, end, dashes, leg in legs:
+        if start < end:
+            drawn.append(way.seen(start, end, show, relative))
+            label = f"{name}, {leg} leg"
+            axes.plot(*drawn[-1].T, color=colour, linestyle=dashes, linewidth=2.4, label=label)
+    axes.plot(*spot(show, way.gap[:3] if relative else way.point), "o", color=colour, markersize=8, zorder=5)
+    return np.vstack(drawn)
+
+
+def price(path: Path, way: Path) -> str:
+    """What a way costs more than the path: energy where that is a number, else delta-v."""
+    if 0 < path.energy < np.inf and way.energy < np.inf:
+        return f"{signed_percent(way.energy / path.energy - 1)} energy"
+    return f"{'+' if way.delta_v >= path.delta_v else '−'}{speed(abs(way.delta_v - path.delta_v))} Δv"
+
+
+def summary(planned: Passage, count: int) -> str:
+    """What the picture shows, in one line."""
+    time = clock(planned.path, planned.path.start, planned.path.end).text(planned.time)
+    if planned.ratio > 1:
+        return f"No way around is needed: closest {planned.ratio:.2f} × zone at {time}"
+    found = ("No way", "One way", "Two ways")[count]
+    return f"{found} around the conflict at {time} ({planned.ratio:.2f} × zone)"

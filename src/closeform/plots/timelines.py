@@ -1,0 +1,143 @@
+"""Distances of two craft against time, with the timelines of their stays in a zone."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from closeform.conflicts import Conflict, closest_approach, find_conflicts
+from closeform.path import Path
+from closeform.plots.look import (
+    CONFLICT,
+    DIRECTIONS,
+    INK,
+    OTHER,
+    SMALL,
+    TEXT,
+    ZONE,
+    Clock,
+    clock,
+    common_time,
+    dress,
+    headline,
+    instants,
+    length_unit,
+    page,
+    time_axes,
+)
+from closeform.zones import Box, Floats, Zone
+
+FAR = 20.0  # zone extents, beyond which a distance is drawn on a logarithmic scale
+
+
+def slab(zone: Zone, axis: int) -> Zone:
+    """All that is within the zone's extent along one axis, however far along the others."""
+    matrix = np.zeros((3, 3))
+    matrix[axis, axis] = 1 / zone.extents[axis]
+    return Zone(matrix, True)
+
+
+def distances(path: Path, other: Path, zone: Zone) -> Figure:
+    """The distance along each axis against time, with the zone's lines and timelines: SP11 figure 1.
+
+    The position of `path` relative to `other`, both of one craft, over their common time.  The
+    shaded bands are the zone's extents.  Bars below them: within the extent along each axis,
+    along all three (the box around the zone) and, where that is not the same, in the zone
+    itself.  Their edges are the exact times of `find_conflicts`.
+
+    Raises ValueError for batches, paths in different orbits or without a common time.
+    """
+    start, end = common_time(path, other)
+    conflicts = find_conflicts(path, other, zone)
+    ticks = clock(path, start, end)
+    times = instants(start, end, path, other)
+    gaps = path.position(times) - other.position(times)
+    rows = bars(path, other, zone, conflicts)
+
+    figure = page(8.6)
+    column = list(figure.subplots(4, 1, sharex=True, height_ratios=[1, 1, 1, 0.19 * len(rows) + 0.1]))
+    for axis, axes in enumerate(column[:3]):
+        distance_panel(axes, axis, ticks(times), gaps[:, axis], float(zone.extents[axis]))
+        for conflict in conflicts:
+            axes.axvspan(ticks(conflict.start), ticks(conflict.end), color=CONFLICT, alpha=0.18, linewidth=0)
+    bar_panel(column[3], rows, ticks)
+    time_axes(column, ticks, start, end)
+    figure.align_ylabels(column[:3])
+    headline(figure, verdict(path, other, zone, conflicts, ticks))
+    return figure
+
+
+def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, extent: float) -> None:
+    """One distance function with the zone's band."""
+    direction = DIRECTIONS[axis]
+    unit = length_unit(max(float(np.abs(gap).max()), extent))
+    edge = extent / unit.size
+    dress(axes)
+    axes.axhspan(-edge, edge, color=ZONE, alpha=0.2, linewidth=0)
+    for line in (-edge, edge):
+        axes.axhline(line, color=ZONE, linewidth=1.2)
+    axes.plot(times, gap / unit.size, color=direction.colour, linewidth=2.2)
+    if np.abs(gap).max() > FAR * extent:
+        axes.set_yscale("symlog", linthresh=2 * edge, linscale=0.6)
+        farthest = float(np.abs(gap).max()) / unit.size
+        decades = 10.0 ** np.arange(np.ceil(np.log10(4 * edge)), np.log10(farthest) + 0.3)
+        ticks = [*-decades, 0.0, *decades]
+        axes.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
+        axes.set_yticks([], minor=True)
+        low, high = min(gap.min(), -2 * extent), max(gap.max(), 2 * extent)
+        axes.set_ylim(1.5 * low / unit.size, 1.5 * high / unit.size)
+    axes.set_ylabel(f"{direction.name} [{unit.name}]", fontsize=TEXT, color=direction.colour)
+    axes.annotate(
+        f"±{edge:.3g}",
+        (1.0, edge),
+        (4, 0),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        fontsize=SMALL,
+        color="#9a6a00",
+        va="center",
+    )
+
+
+def bars(
+    path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict]
+) -> list[tuple[str, str, Sequence[Conflict]]]:
+    """The rows of the timeline: name, colour and stays."""
+    rows: list[tuple[str, str, Sequence[Conflict]]] = [
+        (d.name, d.colour, find_conflicts(path, other, slab(zone, axis))) for axis, d in enumerate(DIRECTIONS)
+    ]
+    aligned_box = zone.box and np.count_nonzero(zone.matrix) == 3
+    if not aligned_box:
+        rows.append(("all three", INK, find_conflicts(path, other, Box(zone.extents))))
+    rows.append(("conflict" if aligned_box else "in the zone", CONFLICT, conflicts))
+    return rows
+
+
+def bar_panel(axes: Axes, rows: list[tuple[str, str, Sequence[Conflict]]], ticks: Clock) -> None:
+    """Timelines, one row each; the edge line keeps the shortest stay visible."""
+    dress(axes)
+    axes.grid(visible=False, axis="y")
+    for row, (name, colour, stays) in enumerate(rows):
+        axes.axhline(row, color=OTHER, linewidth=0.7, zorder=1)
+        spans = [(ticks(stay.start), ticks(stay.end - stay.start)) for stay in stays]
+        axes.broken_barh(
+            spans, (row - 0.3, 0.6), facecolors=colour, edgecolors=colour, linewidth=0.8, label=name, zorder=2
+        )
+    axes.set_yticks(range(len(rows)), [name for name, _, _ in rows], fontsize=SMALL)
+    for text, (_, colour, _) in zip(axes.get_yticklabels(), rows, strict=True):
+        text.set_color(colour)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+
+
+def verdict(path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict], ticks: Clock) -> str:
+    """What the timelines say, in one line."""
+    if not conflicts:
+        near = closest_approach(path, other, zone)
+        return f"Clear all the time: closest {near.ratio:.2f} × zone at {ticks.text(near.time)}"
+    worst = min(conflicts, key=lambda conflict: conflict.ratio)
+    unit = ticks.unit.name
+    spans = [f"{ticks(c.start):.2f} to {ticks(c.end):.2f}" for c in conflicts]
+    listed = f"{', '.join(spans)} {unit}" if len(spans) <= 2 else f"{len(spans)} times"
+    return f"In conflict {listed}; deepest {worst.ratio:.2f} × zone at {ticks.text(worst.time)}"

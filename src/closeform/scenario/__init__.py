@@ -1,0 +1,20 @@
+"""Scenario files: TOML as validated, frozen models. The only place where units are parsed."""
+
+from closeform.scenario.craft import Craft, KeepOut, Target
+from closeform.scenario.errors import ScenarioError
+from closeform.scenario.load import load, parse
+from closeform.scenario.scenario import Scenario
+from closeform.scenario.stages import Coast, Move, StageTable
+
+__all__ = [
+    "Coast",
+    "Craft",
+    "KeepOut",
+    "Move",
+    "Scenario",
+    "ScenarioError",
+    "StageTable",
+    "Target",
+    "load",
+    "parse",
+]

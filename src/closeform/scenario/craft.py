@@ -1,0 +1,264 @@
+"""Where the formation flies and what it is made of: [orbit], [craft], [sensor], [search]."""
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from closeform.elements import state_from_palmer
+from closeform.orbit import Orbit
+from closeform.scenario.quantity import (
+    ANGLE,
+    AREA,
+    FORCE,
+    GRAVITY,
+    LENGTH,
+    MASS,
+    RATE,
+    SHARE,
+    SPEED,
+    TIME,
+    Reader,
+)
+from closeform.scenario.table import Angle, Length, Lengths, Name, Position, Table, Vector, Velocity
+from closeform.zones import Box, Ellipsoid, Floats, Sphere, Zone
+
+Six = tuple[float, float, float, float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+class OrbitTable(Table):
+    """[orbit]: the circular orbit that the formation's frame follows, or deep space."""
+
+    deep_space: Literal[True] | None = Field(None, examples=["true"])
+    altitude: Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))] | None = Field(
+        None, examples=['"500 km"']
+    )
+    period: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
+        None, examples=['"95 min"']
+    )
+    semi_major_axis: Length | None = Field(None, examples=['"6878 km"'])
+    mean_motion: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] | None = Field(
+        None, examples=['"0.0634 deg/s"']
+    )
+    mu: Annotated[float, BeforeValidator(Reader(GRAVITY, least="positive"))] | None = Field(
+        None, examples=['"398600.4418 km^3/s^2"']
+    )
+    radius: Length | None = Field(None, examples=['"6378.137 km"'])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        self.only_with("mu", "altitude", "semi_major_axis")
+        self.only_with("radius", "altitude")
+        return self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space")
+
+    def build(self) -> Orbit:
+        """The orbit of the core."""
+        planet = {key: value for key in ("mu", "radius") if (value := getattr(self, key)) is not None}
+        if self.altitude is not None:
+            return Orbit.circular(self.altitude, **planet)
+        if self.semi_major_axis is not None:
+            return Orbit.from_semi_major_axis(self.semi_major_axis, **planet)
+        if self.period is not None:
+            return Orbit.from_period(self.period)
+        return Orbit(self.mean_motion or 0.0)
+
+
+class KeepOut(Table):
+    """keep_out: the zone around a craft that no other may enter."""
+
+    sphere: Length | None = Field(None, examples=['"20 m"'])
+    box: Lengths | None = Field(None, examples=['"20 40 20 m"'])
+    ellipsoid: Lengths | None = Field(None, examples=['"20 40 20 m"'])
+    covariance: Annotated[Six, BeforeValidator(Reader(AREA, 6))] | None = Field(
+        None, examples=['"25 0 100 0 0 25 m^2"']
+    )
+    sigmas: Annotated[float, Field(gt=0)] | None = Field(None, examples=["3.0"])
+    axes: (
+        Annotated[
+            tuple[
+                Annotated[Vector, Field(strict=False)],
+                Annotated[Vector, Field(strict=False)],
+                Annotated[Vector, Field(strict=False)],
+            ],
+            Field(strict=False),
+        ]
+        | None
+    ) = Field(None, examples=["[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        self.only_with("sigmas", "covariance")
+        self.only_with("axes", "box", "ellipsoid")
+        self.one_of("sphere", "box", "ellipsoid", "covariance")
+        if self.covariance is not None and self.sigmas is None:
+            raise ValueError("covariance needs sigmas; add for example sigmas = 3.0")
+        rows = np.array(self.axes or np.eye(3))
+        if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
+            raise ValueError("axes are not orthonormal; give three perpendicular rows of length 1")
+        if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
+            raise ValueError("covariance is not positive definite; check its six numbers: rr tr tt nr nt nn")
+        return self
+
+    def covariance_matrix(self) -> Floats:
+        """The covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""
+        matrix = np.zeros((3, 3))
+        matrix[np.tril_indices(3)] = self.covariance
+        return np.asarray(matrix + np.tril(matrix, -1).T)
+
+    def zone(self) -> Zone:
+        """The zone of the core."""
+        if self.sphere is not None:
+            return Sphere(self.sphere)
+        if self.box is not None:
+            return Box(self.box, self.axes)
+        if self.ellipsoid is not None:
+            return Ellipsoid(self.ellipsoid, self.axes)
+        return Ellipsoid.from_covariance(self.covariance_matrix(), self.sigmas or 0.0)
+
+
+class ProjectedCircular(Table):
+    """A relative orbit whose projection along the radial is a circle; craft spread evenly."""
+
+    radius: Length = Field(examples=['"150 m"'])
+    first_phase: Angle = Field(0.0, examples=['"0 deg"'])
+
+
+class Start(Table):
+    """start: a relative orbit instead of a position and a velocity."""
+
+    palmer: Annotated[Six, BeforeValidator(Reader(LENGTH, 6))] | None = Field(
+        None, examples=['"0 0 0 100 0 20 m"']
+    )
+    projected_circular: ProjectedCircular | None = Field(None, examples=['{ radius = "150 m" }'])
+    oem: str | None = Field(None, min_length=1, examples=['"F1.oem"'])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        return self.one_of("palmer", "projected_circular", "oem")
+
+
+class Target(Table):
+    """to: the state that a craft moves to, relative to the formation's origin."""
+
+    position: Position | None = Field(None, examples=['"0 100 0 m"'])
+    velocity: Velocity | None = Field(None, examples=['"0 0 0 m/s"'])
+    palmer: Annotated[Six, BeforeValidator(Reader(LENGTH, 6))] | None = Field(
+        None, examples=['"0 0 0 100 0 20 m"']
+    )
+    projected_circular: ProjectedCircular | None = Field(None, examples=['{ radius = "150 m" }'])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        self.one_of("position", "palmer", "projected_circular")
+        self.only_with("velocity", "position")
+        if self.position is not None and self.velocity is None:
+            raise ValueError('position needs velocity; add for example velocity = "0 0 0 m/s"')
+        return self
+
+    @property
+    def unbuilt(self) -> str | None:
+        """The key whose work is not built yet, if this target needs it."""
+        return "projected_circular" if self.projected_circular is not None else None
+
+    def state(self, orbit: Orbit) -> Floats:
+        """The state (6,) in SI units."""
+        if self.palmer is not None:
+            return state_from_palmer(self.palmer, orbit.mean_motion)
+        return np.array([*(self.position or ()), *(self.velocity or ())])
+
+
+class Craft(Table):
+    """One craft of [craft]."""
+
+    name: Name = Field(examples=['["F1", "F2"]'])
+    group: Literal["A", "B"] | None = Field(None, examples=['["A", "B"]'])
+    position: Position | None = Field(None, examples=['["0 0 0 m", "0 100 0 m"]'])
+    velocity: Velocity | None = Field(None, examples=['["0 0 0 m/s", "0 0 0 m/s"]'])
+    start: Start | None = Field(None, examples=['{ palmer = "0 0 0 100 0 20 m" }'])
+    mass: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
+        None, examples=['"150 kg"']
+    )
+    max_thrust: Annotated[float, BeforeValidator(Reader(FORCE, least="positive"))] | None = Field(
+        None, examples=['"1.5 N"']
+    )
+    delta_v_budget: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
+        None, examples=['"12 m/s"']
+    )
+    keep_out: KeepOut | None = Field(None, examples=['{ sphere = "20 m" }'])
+    shade: Length | None = Field(None, examples=['"15 m"'])
+    pointing_error: Annotated[Vector, BeforeValidator(Reader(ANGLE, 3))] = Field(
+        (0.0, 0.0, 0.0), examples=['"0 0 0 deg"']
+    )
+    slew_rate_error: Annotated[float, BeforeValidator(Reader(SHARE))] = Field(0.0, examples=['"0.1 %"'])
+    start_offset: Annotated[float, BeforeValidator(Reader(TIME))] = Field(0.0, examples=['"2 s"'])
+    silent: bool = Field(False, examples=["false"])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        if self.start is not None and (self.position is not None or self.velocity is not None):
+            raise ValueError("start and position with velocity exclude each other; keep one")
+        if self.start is None and self.position is None:
+            raise ValueError('no position; add for example position = "0 100 0 m"')
+        if self.start is None and self.velocity is None:
+            raise ValueError('no velocity; add for example velocity = "0 0 0 m/s"')
+        if self.max_thrust is not None and self.mass is None:
+            raise ValueError('max_thrust needs mass; add for example mass = "150 kg"')
+        return self
+
+    @property
+    def unbuilt(self) -> str | None:
+        """The key of `start` whose work is not built yet, if this craft needs it."""
+        if self.start is None or self.start.palmer is not None:
+            return None
+        return "oem" if self.start.oem is not None else "projected_circular"
+
+    def state(self, orbit: Orbit) -> Floats:
+        """The state (6,) at the start, in SI units."""
+        if self.start is not None and self.start.palmer is not None:
+            return state_from_palmer(self.start.palmer, orbit.mean_motion)
+        return np.array([*(self.position or ()), *(self.velocity or ())])
+
+
+class SensorTable(Table):
+    """[sensor]: the relative sensor that every craft carries."""
+
+    half_angle: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] = Field(
+        examples=['"70 deg"']
+    )
+    offset: Annotated[float, BeforeValidator(Reader(LENGTH, least="zero"))] = Field(0.0, examples=['"7.5 m"'])
+    range: Length | None = Field(None, examples=['"2 km"'])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        if self.half_angle >= np.pi:
+            raise ValueError('half_angle must be below 180 deg; write for example "70 deg"')
+        return self
+
+
+class SearchTable(Table):
+    """[search]: the synchronized turns by which lost craft look for each other."""
+
+    method: Literal["basic", "modified"] = Field(examples=['"modified"'])
+    slew_rate: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] = Field(
+        examples=['"0.25 deg/s"']
+    )
+    sun_limit: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] = Field(
+        examples=['"25 deg"']
+    )
+    in_plane_turn: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] | None = Field(
+        None, examples=['"1.5 turn"']
+    )
+    tip_angle: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] | None = Field(
+        None, examples=['"25 deg"']
+    )
+    max_speed: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
+        None, examples=['"12 cm/s"']
+    )
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        for key in ("in_plane_turn", "tip_angle"):
+            if self.method == "modified" and getattr(self, key) is not None:
+                raise ValueError(f'{key} goes with method = "basic" only; remove {key}')
+        return self

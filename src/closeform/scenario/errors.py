@@ -1,0 +1,105 @@
+"""What is wrong with a scenario file: one line each, `key: what is wrong; remedy`."""
+
+import re
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from typing import Any, get_args
+
+from pydantic import ValidationError
+
+from closeform.scenario.quantity import shown
+from closeform.scenario.table import Table
+
+Place = tuple[int | str, ...]
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be read; `lines` has one line for each thing that is wrong."""
+
+    def __init__(self, file: str, complaints: Iterable[str]) -> None:
+        self.lines = tuple(dict.fromkeys(one_line(f"{file}: {complaint}") for complaint in complaints))
+        super().__init__("\n".join(self.lines))
+
+
+def one_line(text: str) -> str:
+    """The text with every character that would break the line written as an escape."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
+    )
+
+
+def dotted(place: Place) -> str:
+    """A place in the file as one reads it: `stage[2].keep_out.sphere`, counted from one."""
+    text = ""
+    for part in place:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            key = part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else shown(part)
+            text += f".{key}" if text else key
+    return text
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The remedy for a word that is not among the known ones."""
+    choices = list(known)
+    near = get_close_matches(word, choices, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"use one of {', '.join(choices)}"
+
+
+def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Place, str]]:
+    """Place and message of everything that pydantic found wrong with a table."""
+    for found in error.errors(include_url=False):
+        yield found["loc"], message(found, table)
+
+
+def message(found: Any, table: type[Table]) -> str:
+    """One pydantic error as `what is wrong; remedy`."""
+    place, kind, value, context = found["loc"], found["type"], found["input"], found.get("ctx", {})
+    key = next((str(part) for part in reversed(place) if isinstance(part, str)), "")
+    owner = owner_of(table, place)
+    keys = owner.examples() if owner is not None else {}
+    example = f"{key} = {keys[key]}" if keys.get(key) else "what docs/scenario.md says"
+    if kind == "missing":
+        return f"missing; add for example {example}"
+    if kind == "extra_forbidden":
+        return f"unknown key; {did_you_mean(key, keys)}"
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", context["expected"])
+        if choices and isinstance(value, str):
+            return f"{shown(value)} is not known here; {did_you_mean(value, choices)}"
+    what = {
+        "string_type": "is not a text",
+        "float_type": "is not a number",
+        "int_type": "is not a whole number",
+        "bool_type": "is neither true nor false",
+        "tuple_type": "is not a list",
+        "dict_type": "is not a table",
+        "model_type": "is not a table",
+        "finite_number": "is not finite",
+        "greater_than": f"is not above {context.get('gt')}",
+        "greater_than_equal": f"is below {context.get('ge')}",
+        "less_than_equal": f"is above {context.get('le')}",
+    }.get(kind, "does not fit")
+    return f"{shown(value)} {what}; write for example {example}"
+
+
+def owner_of(table: type[Table], place: Place) -> type[Table] | None:
+    """The table that the last key of a place belongs to."""
+    owner: type[Table] | None = table
+    keys = [part for part in place if isinstance(part, str)]
+    for key in keys[:-1]:
+        field = {f.alias or name: f for name, f in owner.model_fields.items()}.get(key) if owner else None
+        if field is not None:  # else a key of a free mapping like [study.vary]
+            owner = next(tables_in(field.annotation), None)
+    return owner
+
+
+def tables_in(annotation: Any) -> Iterator[type[Table]]:
+    """The tables that a field may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        yield annotation
+    for part in get_args(annotation):
+        yield from tables_in(part)

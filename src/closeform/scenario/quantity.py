@@ -1,0 +1,178 @@
+"""A quantity as people write it, "500 km", as a number in SI units and radians.
+
+Units combine with `/` and powers: "7.5 km/s", "398600.4415 km^3/s^2", "0.25 deg/s". A vector
+is some numbers and one unit: "20 40 20 m". Every refusal is one line: what is wrong; remedy.
+"""
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+Dimension = tuple[int, int, int, int]  # powers of metre, second, kilogram, radian
+
+NONE: Dimension = (0, 0, 0, 0)
+UNITS: dict[str, tuple[float, Dimension]] = {
+    **{unit: (scale, (1, 0, 0, 0)) for unit, scale in (("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("km", 1e3))},
+    **{
+        unit: (scale, (0, 1, 0, 0))
+        for unit, scale in (("ms", 1e-3), ("s", 1.0), ("min", 60.0), ("h", 3600.0), ("d", 86400.0))
+    },
+    **{unit: (scale, (0, 0, 1, 0)) for unit, scale in (("g", 1e-3), ("kg", 1.0), ("t", 1e3))},
+    **{unit: (scale, (1, -2, 1, 0)) for unit, scale in (("uN", 1e-6), ("mN", 1e-3), ("N", 1.0), ("kN", 1e3))},
+    **{
+        unit: (scale, (0, 0, 0, 1))
+        for unit, scale in (
+            ("rad", 1.0),
+            ("mrad", 1e-3),
+            ("deg", math.pi / 180),
+            ("arcmin", math.pi / 10_800),
+            ("arcsec", math.pi / 648_000),
+            ("turn", 2 * math.pi),
+            ("turns", 2 * math.pi),
+        )
+    },
+    "%": (0.01, NONE),
+    "ppm": (1e-6, NONE),
+}
+ORBITS = ("orbit", "orbits")
+SMALLEST, LARGEST = 1e-30, 1e30  # so that no square or cube leaves the range of a double
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a number measures: its name in messages, its dimension and the units to offer."""
+
+    name: str
+    dimension: Dimension
+    units: tuple[str, ...]
+
+
+LENGTH = Kind("length", (1, 0, 0, 0), ("m", "km", "cm", "mm"))
+AREA = Kind("squared length", (2, 0, 0, 0), ("m^2", "km^2"))
+SPEED = Kind("speed", (1, -1, 0, 0), ("m/s", "cm/s", "mm/s", "km/s"))
+TIME = Kind("time", (0, 1, 0, 0), ("s", "min", "h", "d"))
+DURATION = Kind("time", (0, 1, 0, 0), ("s", "min", "h", "d", "orbits"))
+ANGLE = Kind("angle", (0, 0, 0, 1), ("deg", "rad", "turn", "arcmin", "arcsec"))
+RATE = Kind("angular rate", (0, -1, 0, 1), ("deg/s", "rad/s"))
+MASS = Kind("mass", (0, 0, 1, 0), ("kg", "g", "t"))
+FORCE = Kind("force", (1, -2, 1, 0), ("N", "mN", "uN"))
+GRAVITY = Kind("gravitational parameter", (3, -2, 0, 0), ("km^3/s^2", "m^3/s^2"))
+SHARE = Kind("share", NONE, ("%", "ppm"))
+KINDS = (LENGTH, AREA, SPEED, TIME, ANGLE, RATE, MASS, FORCE, GRAVITY, SHARE)
+
+
+@dataclass(frozen=True)
+class Duration:
+    """A time of `seconds` plus `orbits` periods of the scenario's orbit."""
+
+    seconds: float = 0.0
+    orbits: float = 0.0
+
+    def on(self, mean_motion: float) -> float:
+        """The time [s] on an orbit of `mean_motion` [rad/s]; orbits need one above zero."""
+        return self.seconds + (self.orbits * 2 * math.pi / mean_motion if self.orbits else 0.0)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Reads one number (`size` 1) or a vector of `size` numbers of one `kind`.
+
+    `least` is "positive", "zero" (not negative) or "any". A number comes back as a float, a
+    vector as a tuple of floats, a number of kind DURATION as a Duration.
+    """
+
+    kind: Kind
+    size: int = 1
+    least: str = "any"
+
+    def __call__(self, value: Any) -> float | tuple[float, ...] | Duration:
+        numbers, unit = self.split(value)
+        if self.kind is DURATION and unit in ORBITS:
+            return Duration(orbits=self.checked(value, numbers)[0])
+        scaled = self.checked(value, [number * self.scale(value, unit) for number in numbers])
+        if self.kind is DURATION:
+            return Duration(seconds=scaled[0])
+        return scaled[0] if self.size == 1 else tuple(scaled)
+
+    @property
+    def example(self) -> str:
+        """What a quantity of this kind looks like."""
+        numbers = ["10", "20", "30", "40", "50", "60"][: self.size]
+        return f'"{" ".join([*numbers, self.kind.units[0]])}"'
+
+    @property
+    def offered(self) -> str:
+        """The units to offer."""
+        return ", ".join(self.kind.units)
+
+    def split(self, value: Any) -> tuple[list[float], str]:
+        """The numbers and the unit of a text."""
+        if not isinstance(value, str):
+            raise ValueError(f"{shown(value)} has no unit; use {self.offered}, for example {self.example}")
+        words = value.split()
+        numbers = []
+        while words and (number := as_number(words[0])) is not None:
+            numbers.append(number)
+            words.pop(0)
+        wanted = "one number" if self.size == 1 else f"{self.size} numbers"
+        if len(numbers) != self.size or len(words) > 1:
+            raise ValueError(f"{shown(value)} is not {wanted} and one unit; write for example {self.example}")
+        if not words:
+            raise ValueError(f"{shown(value)} has no unit; use {self.offered}, for example {self.example}")
+        return numbers, words[0]
+
+    def scale(self, value: Any, unit: str) -> float:
+        """What one `unit` is in SI; refuses a unit of another kind."""
+        scale, dimension = unit_of(unit)
+        if scale == 0.0:
+            raise ValueError(
+                f"{shown(value)} has the unknown unit {shown(unit)}; a {self.kind.name} takes {self.offered}"
+            )
+        if dimension != self.kind.dimension:
+            other = next((kind.name for kind in KINDS if kind.dimension == dimension), "something else")
+            raise ValueError(f"{shown(value)} is a {other}, not a {self.kind.name}; use {self.offered}")
+        return scale
+
+    def checked(self, value: Any, numbers: list[float]) -> list[float]:
+        """The numbers, all finite, in range and of the wanted sign."""
+        if not all(math.isfinite(number) for number in numbers):
+            raise ValueError(f"{shown(value)} is not finite; give finite numbers, for example {self.example}")
+        if any(number and not SMALLEST <= abs(number) <= LARGEST for number in numbers):
+            raise ValueError(
+                f"{shown(value)} is out of range; give {SMALLEST:g} to {LARGEST:g} in SI units, or 0"
+            )
+        if self.least == "positive" and min(numbers) <= 0.0:
+            raise ValueError(f"{shown(value)} must be above zero; write for example {self.example}")
+        if self.least == "zero" and min(numbers) < 0.0:
+            raise ValueError(f"{shown(value)} is negative; give zero or more, for example {self.example}")
+        return numbers
+
+
+def as_number(word: str) -> float | None:
+    """The number that a word is, or None."""
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def unit_of(text: str) -> tuple[float, Dimension]:
+    """Scale and dimension of a unit like "km^3/s^2"; scale 0 if there is no such unit."""
+    scale, powers = 1.0, [0, 0, 0, 0]
+    for place, factor in enumerate(text.split("/")):
+        match = re.fullmatch(r"([A-Za-z%]+)(?:\^([1-9]))?", factor)
+        if match is None or match[1] not in UNITS:
+            return 0.0, NONE
+        power = int(match[2] or 1) * (1 if place == 0 else -1)
+        unit, dimension = UNITS[match[1]]
+        scale *= unit**power
+        powers = [total + power * one for total, one in zip(powers, dimension, strict=True)]
+    return scale, (powers[0], powers[1], powers[2], powers[3])
+
+
+def shown(value: Any) -> str:
+    """A value of the file, on one line and short enough for a message."""
+    text = json.dumps(value, default=str, ensure_ascii=True)
+    return text if len(text) <= 48 else text[:44] + '..."'

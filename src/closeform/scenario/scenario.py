@@ -1,0 +1,99 @@
+"""Scenario: what a file says, read and checked."""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
+from closeform.scenario.stages import STAGES, StageTable
+from closeform.scenario.study import Study
+from closeform.scenario.zoning import larger
+from closeform.zones import Zone
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A scenario file; every number in SI units and radians.
+
+    `file` names it in messages, `text` is what stands in it.
+    """
+
+    file: str
+    text: str
+    title: str
+    orbit: OrbitTable
+    craft: tuple[Craft, ...]
+    stages: tuple[StageTable, ...]
+    sensor: SensorTable | None = None
+    search: SearchTable | None = None
+    study: Study | None = None
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the file."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The craft's names."""
+        return tuple(craft.name for craft in self.craft)
+
+    @cached_property
+    def zones(self) -> tuple[tuple[Zone, Any], ...]:
+        """Every zone with the pairs (M, 2), i < j, for which it holds: the larger of their two.
+
+        Pairs in which a craft has no zone go by the other's; without any they are left out.
+        Raises ValueError naming two craft where neither zone holds the other (a checked scenario
+        has none such).
+        """
+        tables = list(dict.fromkeys(craft.keep_out for craft in self.craft if craft.keep_out is not None))
+        zones = [table.zone() for table in tables]
+        kind = np.array(
+            [-1 if craft.keep_out is None else tables.index(craft.keep_out) for craft in self.craft]
+        )
+        first, second = np.triu_indices(len(kind), 1)
+        winner = np.full(len(first), -1)
+        for one, other in product(range(-1, len(zones)), repeat=2):
+            those = (kind[first] == one) & (kind[second] == other)
+            if not those.any() or max(one, other) < 0:
+                continue
+            rivals = {k: zones[k] for k in (one, other) if k >= 0}
+            held = larger(*rivals.values())
+            if held is None:
+                k = int(np.argmax(those))
+                pair = f"{self.names[first[k]]} and {self.names[second[k]]}"
+                raise ValueError(f"{pair}: neither zone holds the other; give both one that holds both")
+            winner[those] = next(k for k, zone in rivals.items() if zone is held)
+        pairs = np.stack([first, second], axis=1)
+        return tuple((zones[k], pairs[winner == k]) for k in range(len(zones)) if (winner == k).any())
+
+    def zones_around(self, name: str) -> tuple[Zone, ...]:
+        """The zones that hold for one craft and each other, in the others' order."""
+        k = self.names.index(name)
+        held = {int(pair.sum()) - k: zone for zone, pairs in self.zones for pair in pairs if k in pair}
+        return tuple(held[other] for other in sorted(held))
+
+    def unbuilt(self) -> tuple[str, ...]:
+        """What a run would need and this version does not have, one line each."""
+        built = ", ".join(verb for verb, stage in STAGES.items() if stage.built)
+        instead = "give position and velocity, or palmer"
+        lines = [
+            f'craft.start: "{craft.unbuilt}" is not built yet; {instead}'
+            for craft in self.craft
+            if craft.unbuilt
+        ]
+        for number, stage in enumerate(self.stages, 1):
+            if not stage.built:
+                lines.append(
+                    f'stage[{number}].do: "{stage.verb}" is not built yet; this version runs {built}'
+                )
+            lines += [
+                f'stage[{number}].{key}: "{target.unbuilt}" is not built yet; {instead}'
+                for key, target in stage.targets.items()
+                if target.unbuilt
+            ]
+        return tuple(dict.fromkeys(lines))

@@ -1,0 +1,558 @@
+# ruff: noqa: E501 (messages stand as they are printed)
+"""The table of bad inputs: what stands in the file or on the command line, the message, the status.
+
+`tests/test_errors.py` runs every row through the command line; `tools/errors_page.py` makes
+docs/errors.md of the same rows.
+"""
+
+from dataclasses import dataclass
+
+GOOD = """\
+closeform = 1
+title = "Three craft"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["F1", "F2", "F3"]
+position = ["0 0 0 m", "0 100 0 m", "0 200 0 m"]
+velocity = "0 0 0 m/s"
+mass = "150 kg"
+max_thrust = "1.5 N"
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+do = "coast"
+for = "5 min"
+
+[[stage]]
+name = "pass"
+do = "move"
+craft = "F3"
+to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }
+within = "0.1 orbits"
+"""
+F1_F2 = 'position = ["0 0 0 m", "0 100 0 m", "0 200 0 m"]'
+SENSOR = """
+[sensor]
+half_angle = "70 deg"
+"""
+SEARCH = """
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+"""
+STUDY = """
+[study]
+cases = 10
+seed = 1
+"""
+
+
+@dataclass(frozen=True)
+class Bad:
+    """A scenario of which one piece is wrong: `new` stands for `old`, or is added where `old` is ""."""
+
+    what: str
+    old: str
+    new: str
+    message: str  # after "cluster.toml: "
+    status: int = 2
+
+    def text(self) -> str:
+        """The scenario file."""
+        if not self.old:
+            return GOOD + self.new
+        assert GOOD.count(self.old) == 1, f"{self.what}: {self.old!r} must stand once in the good file"
+        return GOOD.replace(self.old, self.new)
+
+
+KEEP_OUT = 'keep_out = { sphere = "20 m" }'
+ALTITUDE = 'altitude = "500 km"'
+FOR = 'for = "5 min"'
+TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
+COAST = 'do = "coast"\nfor = "5 min"'
+MOVE = f'name = "pass"\ndo = "move"\ncraft = "F3"\n{TO}\nwithin = "0.1 orbits"'
+
+SCENARIOS = (
+    # the file
+    Bad(
+        "a file that is not TOML",
+        'title = "Three craft"',
+        "title = Three craft",
+        "line 2, column 9: not TOML: Invalid value; correct it there",
+    ),
+    Bad("no format", "closeform = 1\n", "", "closeform: must say the file's format; write closeform = 1"),
+    Bad(
+        "a format of the future",
+        "closeform = 1",
+        "closeform = 2",
+        "closeform: must say the file's format; write closeform = 1",
+    ),
+    Bad(
+        "no title",
+        'title = "Three craft"\n',
+        "",
+        'title: must be one line of text; write for example title = "My cluster"',
+    ),
+    Bad("an unknown table", "", "\n[sensors]\nrange = 2\n", "sensors: unknown key; did you mean sensor?"),
+    Bad(
+        "a table that is a value",
+        f"[orbit]\n{ALTITUDE}",
+        'orbit = "500 km"',
+        "orbit: is not a table; write it as [orbit]",
+    ),
+    # keys
+    Bad(
+        "an unknown key",
+        KEEP_OUT,
+        'keepout = { sphere = "20 m" }',
+        "craft.keepout: unknown key; did you mean keep_out?",
+    ),
+    Bad(
+        "an unknown key inside a table",
+        KEEP_OUT,
+        'keep_out = { shere = "20 m" }',
+        "craft.keep_out.shere: unknown key; did you mean sphere?",
+    ),
+    Bad(
+        "an unknown key without a near one",
+        ALTITUDE,
+        ALTITUDE + "\nq = 1",
+        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, mu, radius",
+    ),
+    Bad("a missing key", FOR, "", 'stage[1].for: missing; add for example for = "0.5 orbits"'),
+    Bad(
+        "no velocity",
+        'velocity = "0 0 0 m/s"\nmass',
+        "mass",
+        'craft: no velocity; add for example velocity = "0 0 0 m/s"',
+    ),
+    Bad(
+        "no name",
+        'name = ["F1", "F2", "F3"]\n',
+        "",
+        'craft.name: missing; add for example name = ["F1", "F2"]',
+    ),
+    Bad(
+        "no craft",
+        'name = ["F1", "F2", "F3"]',
+        "name = []",
+        'craft.name: missing; add for example name = ["F1", "F2"]',
+    ),
+    Bad(
+        "no stages",
+        f"[[stage]]\n{COAST}\n\n[[stage]]\n{MOVE}",
+        "",
+        'stage: missing; add [[stage]] with do = "coast" and for = "1 orbit"',
+    ),
+    # quantities
+    Bad(
+        "a wrong unit",
+        ALTITUDE,
+        'altitude = "500 kg"',
+        'orbit.altitude: "500 kg" is a mass, not a length; use m, km, cm, mm',
+    ),
+    Bad(
+        "an unknown unit",
+        ALTITUDE,
+        'altitude = "500 miles"',
+        'orbit.altitude: "500 miles" has the unknown unit "miles"; a length takes m, km, cm, mm',
+    ),
+    Bad(
+        "no unit",
+        ALTITUDE,
+        "altitude = 500",
+        'orbit.altitude: 500 has no unit; use m, km, cm, mm, for example "10 m"',
+    ),
+    Bad(
+        "no unit in the text",
+        ALTITUDE,
+        'altitude = "500"',
+        'orbit.altitude: "500" has no unit; use m, km, cm, mm, for example "10 m"',
+    ),
+    Bad(
+        "a vector that is short",
+        '"0 100 0 m"',
+        '"0 100 m"',
+        'craft.position[2]: "0 100 m" is not 3 numbers and one unit; write for example "10 20 30 m"',
+    ),
+    Bad(
+        "a truth value for a quantity",
+        'mass = "150 kg"',
+        "mass = true",
+        'craft.mass: true has no unit; use kg, g, t, for example "10 kg"',
+    ),
+    Bad(
+        "NaN",
+        '"0 100 0 m"',
+        '"0 nan 0 m"',
+        'craft.position[2]: "0 nan 0 m" is not finite; give finite numbers, for example "10 20 30 m"',
+    ),
+    Bad(
+        "infinity",
+        ALTITUDE,
+        'altitude = "inf km"',
+        'orbit.altitude: "inf km" is not finite; give finite numbers, for example "10 m"',
+    ),
+    Bad(
+        "a number too large",
+        ALTITUDE,
+        'altitude = "1e308 km"',
+        'orbit.altitude: "1e308 km" is not finite; give finite numbers, for example "10 m"',
+    ),
+    Bad(
+        "a number out of range",
+        ALTITUDE,
+        'altitude = "1e200 km"',
+        'orbit.altitude: "1e200 km" is out of range; give 1e-30 to 1e+30 in SI units, or 0',
+    ),
+    Bad(
+        "a negative size",
+        KEEP_OUT,
+        'keep_out = { sphere = "-20 m" }',
+        'craft.keep_out.sphere: "-20 m" must be above zero; write for example "10 m"',
+    ),
+    Bad(
+        "a flat box",
+        KEEP_OUT,
+        'keep_out = { box = "20 0 20 m" }',
+        'craft.keep_out.box: "20 0 20 m" must be above zero; write for example "10 20 30 m"',
+    ),
+    Bad(
+        "a duration of zero",
+        FOR,
+        'for = "0 s"',
+        'stage[1].for: "0 s" must be above zero; write for example "10 s"',
+    ),
+    Bad(
+        "a negative duration",
+        FOR,
+        'for = "-5 min"',
+        'stage[1].for: "-5 min" must be above zero; write for example "10 s"',
+    ),
+    Bad(
+        "a word that is not known",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\nmethod = "exakt"',
+        'stage[2].method: "exakt" is not known here; did you mean exact?',
+    ),
+    # craft
+    Bad(
+        "a list of the wrong length",
+        F1_F2,
+        'position = ["0 0 0 m", "0 100 0 m"]',
+        "craft.position: has 2 values for 3 craft; give one value for all or one each",
+    ),
+    Bad(
+        "duplicate names",
+        '["F1", "F2", "F3"]',
+        '["F1", "F3", "F3"]',
+        "craft.name: F3 is given 2 times; name each one differently",
+    ),
+    Bad(
+        "a name that is not one",
+        '["F1", "F2", "F3"]',
+        '["F1", " ", "F3"]',
+        'craft.name[2]: " " is not a name; use 1 to 24 printable characters without space around them',
+    ),
+    Bad(
+        "two starts at once",
+        F1_F2,
+        F1_F2 + '\nstart = { palmer = "0 0 0 100 0 0 m" }',
+        "craft: start and position with velocity exclude each other; keep one",
+    ),
+    Bad(
+        "thrust without mass",
+        'mass = "150 kg"\n',
+        "",
+        'craft: max_thrust needs mass; add for example mass = "150 kg"',
+    ),
+    Bad(
+        "craft that start inside another's zone",
+        '"0 100 0 m"',
+        '"0 15 0 m"',
+        "craft.position: F1 and F2 start inside each other's zone, at 0.75 x zone; move one of them or make keep_out smaller",
+    ),
+    Bad(
+        "zones of which neither is the larger",
+        KEEP_OUT,
+        'keep_out = [{ sphere = "20 m" }, { ellipsoid = "10 40 10 m" }, { sphere = "20 m" }]',
+        "craft.keep_out: F1 and F2: neither zone holds the other; give both one that holds both",
+    ),
+    Bad(
+        "two shapes for one zone",
+        KEEP_OUT,
+        'keep_out = { sphere = "20 m", box = "20 40 20 m" }',
+        "craft.keep_out: sphere and box exclude each other; keep one",
+    ),
+    Bad(
+        "no shape for a zone",
+        KEEP_OUT,
+        "keep_out = {}",
+        'craft.keep_out: needs one of sphere, box, ellipsoid, covariance; add for example sphere = "20 m"',
+    ),
+    Bad("no zone", KEEP_OUT, "", 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'),
+    Bad(
+        "a covariance without sigmas",
+        KEEP_OUT,
+        'keep_out = { covariance = "25 0 100 0 0 25 m^2" }',
+        "craft.keep_out: covariance needs sigmas; add for example sigmas = 3.0",
+    ),
+    Bad(
+        "a covariance that is none",
+        KEEP_OUT,
+        'keep_out = { covariance = "25 0 -100 0 0 25 m^2", sigmas = 3.0 }',
+        "craft.keep_out: covariance is not positive definite; check its six numbers: rr tr tt nr nt nn",
+    ),
+    Bad(
+        "axes that are not orthonormal",
+        KEEP_OUT,
+        'keep_out = { box = "20 40 20 m", axes = [[1, 0, 0], [0, 1, 0], [0, 1, 1]] }',
+        "craft.keep_out: axes are not orthonormal; give three perpendicular rows of length 1",
+    ),
+    # orbit
+    Bad(
+        "two orbits at once",
+        ALTITUDE,
+        ALTITUDE + '\nperiod = "95 min"',
+        "orbit: altitude and period exclude each other; keep one",
+    ),
+    Bad(
+        "no orbit",
+        ALTITUDE,
+        "",
+        'orbit: needs one of altitude, period, semi_major_axis, mean_motion, deep_space; add for example altitude = "500 km"',
+    ),
+    Bad(
+        "a radius without altitude",
+        ALTITUDE,
+        'period = "95 min"\nradius = "6378 km"',
+        "orbit: radius goes with altitude only; remove radius",
+    ),
+    Bad(
+        "orbits in deep space",
+        ALTITUDE,
+        "deep_space = true",
+        'stage[2].within: deep space has no orbits; give a time, for example "30 min"',
+    ),
+    # stages
+    Bad(
+        "an unknown verb",
+        'do = "move"',
+        'do = "mvoe"',
+        'stage[2].do: "mvoe" is not known here; did you mean move?',
+    ),
+    Bad("no verb", 'do = "move"\n', "", 'stage[2].do: missing; add for example do = "coast"'),
+    Bad(
+        "a craft that is not there",
+        'craft = "F3"',
+        'craft = "F33"',
+        "stage[2].craft: no craft F33; did you mean F3?",
+    ),
+    Bad(
+        "a craft that moves twice",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\nmeanwhile = [{ craft = "F3", to = { palmer = "0 0 0 0 0 0 m" } }]',
+        "stage[2]: F3 moves twice in one stage; name each craft once",
+    ),
+    Bad(
+        "duplicate stage names",
+        COAST,
+        f'name = "pass"\n{COAST}',
+        "stage.name: pass is given 2 times; name each one differently",
+    ),
+    Bad(
+        "a stage that is not there",
+        COAST,
+        'do = "regather"\nas_before = "threat"\nwithin = "1 orbit"',
+        "stage[1].as_before: no earlier stage threat; give an earlier stage a name",
+    ),
+    Bad(
+        "a factor that shrinks",
+        COAST,
+        'do = "scatter"\nfactor = 0.5\nwithin = "1 orbit"',
+        "stage[1].factor: 0.5 is not above 1.0; write for example factor = 3.0",
+    ),
+    Bad(
+        "a search without its tables",
+        COAST,
+        'do = "lock"',
+        'sensor: missing; add [sensor] with half_angle = "70 deg"\nsearch: missing; add [search] with method = "modified"\ncraft.group: missing; add for example group = ["A", "B"]',
+    ),
+    # study
+    Bad(
+        "a key that cannot vary",
+        "",
+        STUDY + '[study.vary]\n"craft.positon" = { ball = "1 m" }\n',
+        'study.vary."craft.positon": cannot vary; did you mean craft.position?',
+    ),
+    Bad(
+        "a draw in the wrong unit",
+        "",
+        STUDY + '[study.vary]\n"craft.position" = { ball = "1 s" }\n',
+        'study.vary."craft.position": "1 s" is a time, not a length; use m, km, cm, mm',
+    ),
+    Bad(
+        "a chance for a quantity",
+        "",
+        STUDY + '[study.vary]\n"craft.mass" = { chance = 0.5 }\n',
+        'study.vary."craft.mass": is a mass, chance is for true or false; write { normal = "10 kg" }',
+    ),
+    Bad(
+        "a chance above one",
+        "",
+        STUDY + '[study.vary]\n"craft.silent" = { chance = 1.5 }\n',
+        'study.vary."craft.silent".chance: 1.5 is above 1.0; write for example chance = 0.01',
+    ),
+    Bad(
+        "a study of nothing",
+        "",
+        "\n[study]\ncases = 0\nseed = 1\n",
+        "study.cases: 0 is below 1; write for example cases = 1000",
+    ),
+    Bad(
+        "a sensor that sees all",
+        "",
+        SENSOR.replace("70", "180") + SEARCH,
+        'sensor: half_angle must be below 180 deg; write for example "70 deg"',
+    ),
+    Bad(
+        "a basic key in a modified search",
+        "",
+        SENSOR + SEARCH + 'tip_angle = "25 deg"\n',
+        'search: tip_angle goes with method = "basic" only; remove tip_angle',
+    ),
+    # not built yet
+    Bad(
+        "a verb that is not built",
+        COAST,
+        'do = "scatter"\nfactor = 3.0\nwithin = "0.25 orbits"',
+        'stage[1].do: "scatter" is not built yet; this version runs coast, move',
+    ),
+    Bad(
+        "a start that is not built",
+        F1_F2 + '\nvelocity = "0 0 0 m/s"',
+        'start = { projected_circular = { radius = "150 m" } }',
+        'craft.start: "projected_circular" is not built yet; give position and velocity, or palmer',
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Misuse:
+    """A command line that cannot be obeyed, in a folder with the files of `tests/test_errors.py`."""
+
+    what: str
+    arguments: str  # as typed after "closeform"
+    message: str
+    status: int = 2
+
+
+MISUSES = (
+    Misuse("no such file", "run nowhere.toml", "nowhere.toml: no such file or directory; check the path"),
+    Misuse("a folder instead of a file", "run folder", "folder: is a directory; check the path"),
+    Misuse("a file that is not text", "run picture.toml", "picture.toml: not UTF-8 text; save it as UTF-8"),
+    Misuse(
+        "a finished result folder",
+        "run good.toml --out done",
+        "done: holds finished results; add --overwrite or choose another --out",
+    ),
+    Misuse(
+        "a folder of something else",
+        "run good.toml --out folder --overwrite",
+        "folder: is not a result folder and not empty; choose another --out",
+    ),
+    Misuse(
+        "a file in the way", "run good.toml --out good.toml", "good.toml: is a file; choose another --out"
+    ),
+    Misuse(
+        "a case of a study",
+        "run good.toml --case 3",
+        "--case: cases of a study are not built yet; leave --case out",
+    ),
+    Misuse(
+        "a study",
+        "study good.toml --cases 10 --seed 1",
+        "good.toml: study is not built yet; fly the nominal values with closeform run",
+    ),
+    Misuse("no such results", "view nowhere", "nowhere: no such folder; give the folder that a run left"),
+    Misuse("unfinished results", "view folder", "folder: holds no finished results; run the scenario first"),
+    Misuse(
+        "an unknown command",
+        "fly good.toml",
+        'closeform: Unknown command "fly". Available commands: run, check, screen, study, view; see closeform --help',
+    ),
+    Misuse(
+        "an unknown option",
+        "run good.toml --speed 3",
+        "closeform: Unknown option: --speed. Did you mean --case?; see closeform --help",
+    ),
+    Misuse(
+        "an argument that is missing",
+        "run",
+        'closeform: Command "run" parameter SCENARIO requires an argument; see closeform --help',
+    ),
+    Misuse(
+        "an option of the wrong kind",
+        "run good.toml --case three",
+        'closeform: Invalid value for --case: unable to convert "three" into int; see closeform --help',
+    ),
+    Misuse(
+        "no zone",
+        "screen a.oem b.oem",
+        'screen: give one of --sphere, --box, --ellipsoid; for example --sphere "20 m"',
+    ),
+    Misuse(
+        "two zones",
+        'screen a.oem b.oem --sphere "20 m" --box "1 1 1 m"',
+        'screen: give one of --sphere, --box, --ellipsoid; for example --sphere "20 m"',
+    ),
+    Misuse(
+        "a zone in the wrong unit",
+        'screen a.oem b.oem --sphere "20 s"',
+        '--sphere: "20 s" is a time, not a length; use m, km, cm, mm',
+    ),
+    Misuse(
+        "a zone of negative size",
+        'screen a.oem b.oem --ellipsoid "20 -40 20 m"',
+        '--ellipsoid: "20 -40 20 m" must be above zero; write for example "10 20 30 m"',
+    ),
+    Misuse(
+        "one ephemeris only",
+        'screen a.oem --sphere "20 m"',
+        "screen: needs two ephemerides or more; name another file",
+    ),
+    Misuse(
+        "an ephemeris that is not there",
+        'screen a.oem nowhere.oem --sphere "20 m"',
+        "nowhere.oem: no such file; check the path",
+    ),
+    Misuse(
+        "an empty ephemeris",
+        'screen a.oem empty.oem --sphere "20 m"',
+        "empty.oem: empty file; give an OEM in key-value or XML form",
+    ),
+    Misuse(
+        "a damaged ephemeris",
+        'screen a.oem damaged.oem --sphere "20 m"',
+        "damaged.oem: line 13: Malformed data entry; correct the file or ask its originator for it again",
+    ),
+    Misuse(
+        "an ephemeris cut short",
+        'screen a.oem short.oem --sphere "20 m"',
+        "short.oem: has 1 states; at least two are needed",
+    ),
+    Misuse(
+        "the same ephemeris twice",
+        'screen a.oem a.oem --sphere "20 m"',
+        "A: two ephemerides have this OBJECT_NAME; give each its own",
+    ),
+    Misuse(
+        "ephemerides of different times",
+        'screen a.oem later.oem --sphere "20 m"',
+        "A, B: fewer than two common epochs; sample them at the same times",
+    ),
+)

@@ -1,0 +1,367 @@
+"""The command line on real files: what it prints, what it leaves, its status."""
+
+import json
+import re
+import resource
+import subprocess
+import sys
+import webbrowser
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from bad_input import GOOD
+from closeform.cli import WIDTH, main
+from closeform.results import FolderError, folder
+from closeform.scenario import load
+from test_errors import contents, oem
+
+CLUSTER = Path(__file__).parents[1] / "examples" / "cluster.toml"
+FILES = {
+    *("scenario.toml", "summary.json", "report.html"),
+    *("conflicts.parquet", "approaches.parquet", "paths.parquet", "craft.parquet"),
+}
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The cluster example, flown once from another process: its results and what it printed."""
+    place = tmp_path_factory.mktemp("flown")
+    done = subprocess.run(
+        [sys.executable, "-m", "closeform", "run", str(CLUSTER)], cwd=place, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    return place / "cluster-results", done.stdout
+
+
+def table(folder: Path, name: str) -> dict[str, list]:
+    return pyarrow.parquet.read_table(folder / f"{name}.parquet").to_pydict()
+
+
+def test_help_is_quick_and_imports_nothing_heavy() -> None:
+    heavy = ("numpy", "numba", "matplotlib", "pydantic", "astropy", "pandas")
+    code = (
+        "import sys; from closeform.cli import main; main(['--help']);"
+        f"print([name for name in {heavy} if name in sys.modules])"
+    )
+    took = []
+    for _ in range(3):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        took.append(after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime)
+    assert done.stdout.splitlines()[-1] == "[]"
+    # s, the product's promise, as processor time: one thread, and the machine may be busy
+    assert min(took) < 0.3
+
+
+def test_folder_is_complete(flown: tuple[Path, str]) -> None:
+    results, printed = flown
+    names = {file.name for file in results.iterdir()}
+    assert names >= FILES
+    pictures = {"distances", "two-ways", "before-after", "nearness", "thrust"}
+    assert {name for name in names if name.endswith(".png")} >= {f"stage-2-{name}.png" for name in pictures}
+    assert list(results.parent.iterdir()) == [results]
+    assert (results / "scenario.toml").read_text() == CLUSTER.read_text()
+    assert "clear: no conflict remains; results in cluster-results" in printed
+
+
+def test_conflicts_before_agree_with_sampling_an_integration(flown: tuple[Path, str]) -> None:
+    """Truth by another path: integrate theory (1) under the thrust of the optimal transfer."""
+    results, _ = flown
+    scenario = load(CLUSTER)
+    n = scenario.orbit.build().mean_motion
+    period = 2 * np.pi / n
+    move = scenario.stages[1]
+    states = np.array([craft.state(scenario.orbit.build()) for craft in scenario.craft])
+    times = np.linspace(0.25, 1.0, 8001) * period
+    direct = cf.Orbit(n).transfer(
+        cf.Orbit(n).transition(0.25 * period) @ states[7],
+        move.to.state(cf.Orbit(n)),
+        0.75 * period,
+        0.25 * period,
+    )
+
+    def motion(t: float, s: np.ndarray, thrust: bool) -> np.ndarray:
+        push = direct.thrust(min(max(t, times[0]), times[-1])) if thrust else np.zeros(3)
+        x, _, z, vx, vy, vz = s
+        return np.array([vx, vy, vz, 3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z]) + np.array(
+            [0, 0, 0, *push]
+        )
+
+    flights = []
+    for k, state in enumerate(states):
+        begun = solve_ivp(motion, (0, times[0]), state, args=(False,), rtol=1e-10, atol=1e-10).y[:, -1]
+        solved = solve_ivp(
+            motion,
+            times[[0, -1]],
+            begun,
+            t_eval=times,
+            args=(k == 7,),
+            rtol=1e-10,
+            atol=1e-10,
+            method="DOP853",
+        )
+        flights.append(solved.y[:3].T)
+    rows = table(results, "conflicts")
+    before = [k for k, when in enumerate(rows["when"]) if when == "before"]
+    found = {}
+    for other in range(7):
+        inside = np.linalg.norm((flights[7] - flights[other]) / [20.0, 40.0, 20.0], axis=1) <= 1.0
+        if inside.any():
+            found[f"F{other + 1}"] = times[inside][[0, -1]]
+    assert {rows["first"][k] for k in before} == set(found)
+    assert {rows["second"][k] for k in before} == {"F8"}
+    for k in before:  # sampled every 0.53 s
+        first, last = found[rows["first"][k]]
+        assert rows["start_s"][k] == pytest.approx(first, abs=0.6)
+        assert rows["end_s"][k] == pytest.approx(last, abs=0.6)
+
+
+def test_flown_paths_are_clear_and_meet_the_goal(flown: tuple[Path, str]) -> None:
+    results, _ = flown
+    assert "after" not in table(results, "conflicts")["when"]
+    rows = {key: np.array(value) for key, value in table(results, "paths").items()}
+    position = np.stack([rows[key] for key in ("x_m", "y_m", "z_m")], axis=-1).reshape(3, 8, -1, 3)
+    gaps = np.linalg.norm((position[:, :, None] - position[:, None]) / [20.0, 40.0, 20.0], axis=-1)
+    gaps[:, range(8), range(8)] = np.inf
+    assert gaps.min() > 1.0
+    scenario = load(CLUSTER)
+    goal = scenario.stages[1].to.state(scenario.orbit.build())
+    # 200 m across: a micrometre is 5e-9 of it, and the transfer promises 1e-9 of |v| T as well
+    np.testing.assert_allclose(position[1, 7, -1], goal[:3], atol=1e-6)
+    np.testing.assert_allclose(position[2, :, 0], position[1, :, -1], atol=1e-6)
+
+
+def test_summary_holds_every_printed_figure(flown: tuple[Path, str]) -> None:
+    results, printed = flown
+    summary = json.loads((results / "summary.json").read_text())
+    assert summary["closeform"] == 1
+    assert summary["status"] == 0
+    assert summary["seed"] is None
+    assert list(summary["inputs"]) == ["cluster.toml"]
+    assert {"closeform", "numpy", "numba", "python"} <= set(summary["versions"])
+
+    kept = numbers(summary)
+    stage = summary["stages"][1]["change"]
+    for key in ("energy_m2_s3", "delta_v_m_s", "peak_thrust_m_s2"):
+        kept.append(100 * (stage["around"][key] / stage["direct"][key] - 1))  # the line "change"
+    kept += [1e3 * value for value in kept] + [2 * np.pi / summary["mean_motion_rad_s"] / 60]
+    kept += [c["end_s"] - c["start_s"] for c in summary["stages"][1]["before"]["conflicts"]]
+    body = printed.split("\n", 2)[2]
+    for text in re.findall(r"(?<![\w.])[+-]?\d+\.\d+(?:e[+-]?\d+)?", body):
+        digits = len(text.lstrip("+-").split("e")[0].replace(".", "").lstrip("0"))
+        shown = float(text)
+        step = 10.0 ** (np.floor(np.log10(abs(shown))) - digits + 1) if shown else 0.1
+        assert any(abs(value - shown) <= 0.51 * step for value in kept), f"{text} is not in summary.json"
+
+
+def numbers(value: object) -> list[float]:
+    """Every number in a JSON value."""
+    if isinstance(value, dict):
+        return [n for item in value.values() for n in numbers(item)]
+    if isinstance(value, list):
+        return [n for item in value for n in numbers(item)]
+    return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
+
+
+def test_energy_and_delta_v_stand_beside_each_other(flown: tuple[Path, str]) -> None:
+    _, printed = flown
+    header = next(line for line in printed.splitlines() if "energy" in line and "delta-v" in line)
+    assert header.index("energy") < header.index("delta-v")
+    assert max(map(len, printed.splitlines())) <= WIDTH
+    order = [printed.index(title) for title in ("Conflicts before", "Change made", "Conflicts after")]
+    assert order == sorted(order)
+
+
+def test_report_needs_no_other_file(flown: tuple[Path, str]) -> None:
+    results, _ = flown
+    page = (results / "report.html").read_text()
+    links = re.findall(r'(?:src|href)="([^"]{0,40})', page)
+    assert links
+    assert all(link.startswith("data:image/png;base64,") for link in links)
+    assert page.count("<figure>") == len(list(results.glob("*.png")))
+    assert "prefers-color-scheme: dark" in page
+
+
+def test_finished_results_are_kept_and_replaced_on_demand(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("good.toml").write_text(GOOD)
+    assert main(["run", "good.toml", "--out", "deep/here"]) == 0
+    kept = contents(Path("deep/here"))
+    assert main(["run", "good.toml", "--out", "deep/here"]) == 2
+    assert contents(Path("deep/here")) == kept
+    Path("good.toml").write_text(GOOD.replace("Three craft", "Three <b>craft</b>"))
+    assert main(["run", "good.toml", "--out", "deep/here", "--overwrite"]) == 0
+    assert "<h1>Three &lt;b&gt;craft&lt;/b&gt;</h1>" in Path("deep/here/report.html").read_text()
+    assert [file.name for file in Path("deep").iterdir()] == ["here"]
+
+
+def test_a_broken_run_leaves_nothing(tmp_path) -> None:
+    place = tmp_path / "results"
+
+    def stopped() -> None:
+        with folder(place) as under_way:
+            under_way.summary({"status": 0})
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_killed_run_is_done_anew(tmp_path) -> None:
+    left = tmp_path / ".results.unfinished"
+    left.mkdir()
+    (left / "summary.json").write_text("{")
+    with folder(tmp_path / "results") as under_way:
+        under_way.summary({"status": 0})
+    assert [file.name for file in tmp_path.rglob("*")] == ["results", "summary.json"]
+
+
+def test_a_place_that_cannot_be_written(tmp_path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FolderError, match="choose another --out"), folder(tmp_path / "file" / "results"):
+        pytest.fail("there is no such place")
+
+
+def run(tmp_path: Path, text: str) -> tuple[int, dict]:
+    (tmp_path / "case.toml").write_text(text)
+    status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
+    return status, json.loads((tmp_path / "results" / "summary.json").read_text())
+
+
+def test_a_conflict_that_remains_is_status_1(tmp_path, capsys) -> None:
+    """F1 drifts 1 m/s along-track in deep space: 80 m to F2's zone, 120 m out of it."""
+    text = (
+        GOOD.split("[[stage]]\nname")[0]
+        .replace('altitude = "500 km"', "deep_space = true")
+        .replace('velocity = "0 0 0 m/s"', 'velocity = ["0 1 0 m/s", "0 0 0 m/s", "0 0 0 m/s"]')
+        .replace("5 min", "150 s")
+    )
+    status, summary = run(tmp_path, text)
+    assert status == 1
+    (conflict,) = summary["stages"][0]["after"]["conflicts"]
+    assert conflict["pair"] == ["F1", "F2"]
+    assert (conflict["start_s"], conflict["end_s"]) == pytest.approx((80.0, 120.0), abs=1e-6)
+    assert conflict["ratio"] == pytest.approx(0.0, abs=1e-9)
+    assert "1 conflict remains" in capsys.readouterr().out
+
+
+def test_a_goal_inside_a_zone_stops_the_mission(tmp_path, capsys) -> None:
+    """F2 does not drift, so that F3 cannot end 10 m from it."""
+    status, summary = run(tmp_path, GOOD.replace("0 -100 0 m", "0 110 0 m"))
+    assert status == 1
+    assert summary["stages"][1]["change"]["ok"] is False
+    assert summary["stages"][1]["change"]["around"] is None
+    assert summary["stages"][1]["change"]["status"] == "end inside a zone"
+    assert "stopped in stage 2 (move)" in capsys.readouterr().out
+
+
+def test_both_methods_and_a_fellow_that_does_not_give_way(tmp_path, capsys) -> None:
+    """F3 goes from one end of the string to the other while F1 moves aside."""
+    fellow = 'meanwhile = [{ craft = "F1", to = { position = "0 0 60 m", velocity = "0 0 0 m/s" } }]\n'
+    text = GOOD.replace("0.1 orbits", "5 min")
+    spent = {}
+    for method in ("exact", "sauter-palmer"):
+        status, summary = run(tmp_path, f'{text}method = "{method}"\n{fellow}')
+        assert status == 0
+        change = summary["stages"][1]["change"]
+        assert summary["stages"][1]["before"]["conflicts"]
+        assert change["contacts"] or method == "sauter-palmer"
+        assert change["around"]["energy_m2_s3"] >= change["direct"]["energy_m2_s3"]
+        spent[method] = change["around"]["energy_m2_s3"]
+    assert spent["exact"] <= spent["sauter-palmer"] * (1 + 1e-9)
+
+
+def test_thrust_and_budget_are_watched(tmp_path, capsys) -> None:
+    text = GOOD.replace('"1.5 N"', '"1 uN"').replace("keep_out", 'delta_v_budget = "1 mm/s"\nkeep_out')
+    status, summary = run(tmp_path, text)
+    assert status == 0
+    (leg,) = [stage for stage in summary["stages"] if stage["do"] == "move"]
+    force = 150.0 * leg["change"]["around"]["peak_thrust_m_s2"]
+    assert summary["warnings"] == [
+        f"F3 needs {leg['change']['around']['delta_v_m_s']:.4g} m/s, its delta_v_budget is 0.001 m/s",
+        f"F3 needs {force:.4g} N, its max_thrust is 1e-06 N",
+    ]
+    assert summary["warnings"][0] in capsys.readouterr().out
+
+
+def test_check(tmp_path, capsys) -> None:
+    assert main(["check", str(CLUSTER)]) == 0
+    assert "valid: 8 craft; stages: coast, move, coast" in capsys.readouterr().out
+    assert main(["check", str(CLUSTER.with_name("f6_scatter.toml"))]) == 0
+    assert '"scatter" is not built yet' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["f6_scatter", "tpf", "robustness"])
+def test_what_is_not_built_says_so(name: str, tmp_path, capsys) -> None:
+    out = tmp_path / "results"
+    assert main(["run", str(CLUSTER.with_name(f"{name}.toml")), "--out", str(out)]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert all("is not built yet; " in line for line in printed.err.splitlines())
+    assert not out.exists()
+
+
+def test_view(flown: tuple[Path, str], monkeypatch, capsys) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    assert main(["view", str(flown[0])]) == 0
+    assert opened == [(flown[0] / "report.html").resolve().as_uri()]
+    assert capsys.readouterr().out.rstrip() == str((flown[0] / "report.html").resolve())
+
+
+def test_screen(tmp_path, capsys) -> None:
+    """B flies 0.0001 rad, 700 m, ahead of A on its circle."""
+    for name, ahead in (("A", 0.0), ("B", 1e-4)):
+        (tmp_path / f"{name}.oem").write_text(oem(name, ahead))
+    files = [str(tmp_path / "A.oem"), str(tmp_path / "B.oem")]
+    assert main(["screen", *files, "--sphere", "500 m"]) == 0
+    assert "Conflicts: none; closest are A and B, 1.4000 x zone (700.000 m)" in capsys.readouterr().out
+    assert main(["screen", *files, "--ellipsoid", "20 800 20 m"]) == 1
+    printed = capsys.readouterr().out
+    assert re.search(r"A - B +0\.000 +600\.000 +600\.000 ", printed)
+    assert "0.8750 x zone" in printed
+    assert max(map(len, printed.splitlines())) <= WIDTH
+
+
+def test_version(capsys) -> None:
+    assert main(["--version"]) == 0
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", capsys.readouterr().out)
+
+
+def test_documented_output_is_what_a_run_prints(flown: tuple[Path, str]) -> None:
+    """The same words and the same digits' places; which of two equal zones is closest may differ."""
+    page = (CLUSTER.parents[1] / "docs" / "command-line.md").read_text()
+    documented = page.split("$ closeform run examples/cluster.toml\n")[1].split("```")[0]
+
+    def masked(text: str) -> list[str]:
+        return [re.sub(r"\d", "0", line.rstrip()) for line in text.splitlines()]
+
+    assert masked(flown[1]) == masked(documented)
+
+
+def test_every_option_is_documented(capsys) -> None:
+    page = (CLUSTER.parents[1] / "docs" / "command-line.md").read_text()
+    for command in ("run", "check", "screen", "study", "view"):
+        main([command, "--help"])
+        options = set(re.findall(r"--[a-z]+", capsys.readouterr().out))
+        assert f"closeform {command} " in page
+        assert all(option in page for option in options), command
+
+
+def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.chdir(tmp_path)
+    Path("good.toml").write_text(GOOD)
+    monkeypatch.setattr("closeform.report.pictures", interrupted)
+    assert main(["run", "good.toml"]) == 130
+    assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
+    assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]

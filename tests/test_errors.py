@@ -1,0 +1,204 @@
+"""Every bad input: its line, its status, and that nothing was written or overwritten."""
+
+import re
+import runpy
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bad_input import GOOD, MISUSES, SCENARIOS, Bad, Misuse
+from closeform.cli import main
+from closeform.scenario import Scenario, ScenarioError, parse
+
+ROOT = Path(__file__).parents[1]
+
+OEM = """\
+CCSDS_OEM_VERS = 2.0
+CREATION_DATE = 2026-01-01T00:00:00
+ORIGINATOR = TEST
+META_START
+OBJECT_NAME = {name}
+OBJECT_ID = 2026-001{name}
+CENTER_NAME = EARTH
+REF_FRAME = EME2000
+TIME_SYSTEM = UTC
+START_TIME = 2026-01-01T{hour}:00:00
+STOP_TIME = 2026-01-01T{hour}:10:00
+META_STOP
+"""
+
+
+def oem(name: str, ahead: float, hour: str = "00") -> str:
+    """Ten minutes of a circular orbit at 7000 km, `ahead` [rad] in its plane, a state each minute."""
+    rate, radius = np.sqrt(398600.4418 / 7000.0**3), 7000.0
+    lines = []
+    for minute in range(11):
+        c, s = np.cos(60 * minute * rate + ahead), np.sin(60 * minute * rate + ahead)
+        state = [radius * c, radius * s, 0.0, -radius * rate * s, radius * rate * c, 0.0]
+        lines.append(f"2026-01-01T{hour}:{minute:02d}:00 " + " ".join(f"{value:.9f}" for value in state))
+    return OEM.format(name=name, hour=hour) + "\n".join(lines) + "\n"
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """A working folder with the files that the table speaks of."""
+    (tmp_path / "good.toml").write_text(GOOD)
+    (tmp_path / "picture.toml").write_bytes(b"\x89PNG\xff\xfe")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "thesis.txt").write_text("years of work")
+    (tmp_path / "done").mkdir()
+    (tmp_path / "done" / "summary.json").write_text('{"closeform": 1}')
+    (tmp_path / "a.oem").write_text(oem("A", 0.0))
+    (tmp_path / "b.oem").write_text(oem("B", 1e-4))
+    (tmp_path / "later.oem").write_text(oem("B", 1e-4, hour="05"))
+    (tmp_path / "empty.oem").write_text("")
+    (tmp_path / "damaged.oem").write_text(oem("B", 1e-4).replace("-0.", "-o."))
+    (tmp_path / "short.oem").write_text("\n".join(oem("B", 1e-4).splitlines()[:13]) + "\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("bad", SCENARIOS, ids=lambda bad: bad.what)
+def test_bad_scenario(bad: Bad, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (desk / "cluster.toml").write_text(bad.text())
+    before = contents(desk)
+    assert main(["run", "cluster.toml"]) == bad.status
+    expected = [f"cluster.toml: {line}" for line in bad.message.split("\n")]
+    printed = capsys.readouterr()
+    assert printed.err.splitlines() == expected
+    assert printed.out == ""
+    assert contents(desk) == before
+
+
+@pytest.mark.parametrize("misuse", MISUSES, ids=lambda misuse: misuse.what)
+def test_bad_command(misuse: Misuse, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = contents(desk)
+    assert main(shlex.split(misuse.arguments)) == misuse.status
+    printed = capsys.readouterr()
+    assert printed.err.splitlines() == [misuse.message]
+    assert printed.out == ""
+    assert contents(desk) == before
+
+
+def test_messages_name_a_remedy() -> None:
+    for bad in SCENARIOS:
+        for line in bad.message.split("\n"):
+            key, wrong, *_ = line.split(": ", 1)
+            assert key, bad.what
+            assert len(wrong.split("; ")) >= 2, f"{bad.what}: no remedy in {line!r}"
+    for misuse in MISUSES:
+        assert "; " in misuse.message, misuse.what
+
+
+def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (
+        GOOD.replace('"500 km"', '"500 kg"').replace('"20 m"', '"-20 m"').replace('craft = "F3"', "craft = 3")
+    )
+    (desk / "cluster.toml").write_text(text)
+    assert main(["check", "cluster.toml"]) == 2
+    keys = [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()]
+    assert keys == ["orbit.altitude", "craft.keep_out.sphere", "stage[2].craft"]
+
+
+def test_the_good_file_is_good() -> None:
+    assert isinstance(parse(GOOD), Scenario)
+
+
+def test_page_is_up_to_date() -> None:
+    page = runpy.run_path(str(ROOT / "tools" / "errors_page.py"))["page"]
+    assert (ROOT / "docs" / "errors.md").read_text() == page(), "run: python tools/errors_page.py"
+
+
+def read(text: str) -> None:
+    """Reading ends in a scenario or in one line for each error, never otherwise."""
+    try:
+        parse(text, "file.toml")
+    except ScenarioError as error:
+        lines = error.lines
+    else:
+        return
+    assert lines
+    assert all(line.startswith("file.toml: ") and line.isprintable() for line in lines)
+
+
+@given(st.text(max_size=200))
+def test_any_text(text: str) -> None:
+    read(text)
+
+
+SAMPLES = [GOOD, *(file.read_text() for file in sorted((ROOT / "examples").glob("*.toml")))]
+KEY = re.compile(r'^"?([\w.]+)"? = ')
+VALUES = st.one_of(
+    st.sampled_from(
+        [
+            *(
+                '""',
+                '"1 m"',
+                '"-1 s"',
+                '"nan m"',
+                '"1e999 m"',
+                '"1 m/s"',
+                '"0 orbits"',
+                '"1 2 3 m"',
+                "[]",
+                "{}",
+            ),
+            *(
+                "[[]]",
+                "[{}]",
+                "nan",
+                "inf",
+                "-1",
+                "0",
+                "1e400",
+                "true",
+                "false",
+                "1979-05-27",
+                '"\\n"',
+                '"\\u0000"',
+            ),
+            *(
+                "9" * 400,
+                '["F1"]',
+                '"F1"',
+                "[1, 2, 3]",
+                '{ sphere = "1 mm" }',
+                '{ palmer = "1 2 3 4 5 6 km" }',
+            ),
+        ]
+    ),
+    st.floats().map(lambda x: f'"{x!r} m"'),
+    st.floats().map(repr),
+    st.integers().map(str),
+    st.text(
+        st.characters(codec="ascii", exclude_characters='"\\', exclude_categories=["Cc"]), max_size=20
+    ).map(lambda text: f'"{text}"'),
+)
+KEYS = sorted({found[1] for text in SAMPLES for line in text.splitlines() if (found := KEY.match(line))})
+KEYS += ["axes", "meanwhile", "mu", "order", "period", "pointing_error", "shade", "tip_angle", "x"]
+
+
+@given(st.sampled_from(SAMPLES), st.integers(0), st.sampled_from(KEYS), VALUES, st.booleans())
+def test_any_value_anywhere(text: str, number: int, key: str, value: str, replace: bool) -> None:
+    lines = text.splitlines()
+    number %= len(lines)
+    if replace and KEY.match(lines[number]):
+        lines[number] = f"{lines[number].split(' = ')[0]} = {value}"
+    else:
+        lines.insert(number, f"{key} = {value}")
+    read("\n".join(lines))
+
+
+@given(st.sampled_from(SAMPLES), st.integers(0), st.integers(0, 40), st.text(max_size=8))
+def test_damaged_file(text: str, place: int, length: int, new: str) -> None:
+    place %= len(text)
+    read(text[:place] + new + text[place + length :])

@@ -1,0 +1,391 @@
+"""Paths of an orbit against 200-digit references, published numbers and an integrator."""
+
+import itertools
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from truth import Flight, Reference
+
+N = 1.1e-3
+ANGLES = [
+    *np.logspace(-12, -2, 41),
+    *np.linspace(0.02, 2.5, 12),
+    1.99, 2.0, 2.01, 3.14159, 6.2832, 8.8, 20.0, 63.0, 200 * np.pi,
+]  # fmt: skip
+CLOSE = 1e-9  # of the scale, as promised
+
+INITIAL = np.array([120.0, -80.0, 45.0, 0.11, -0.27, 0.06])
+FINAL = np.array([-60.0, 150.0, -20.0, -0.05, 0.13, 0.09])
+PUSH = np.array([3e-5, -2e-5, 1e-5])
+
+
+def scale(states, duration):
+    """The larger of |r| and |v| T over a path's states."""
+    states = np.atleast_2d(np.array(states, dtype=float))
+    return max(
+        np.linalg.norm(states[:, :3], axis=1).max(), np.linalg.norm(states[:, 3:], axis=1).max() * duration
+    )
+
+
+def off(got, true, duration):
+    """Error of states in units of the scale: of position, and of velocity times the duration."""
+    true = np.array([[float(c) for c in s] for s in true])
+    error = np.abs(got - true) * np.repeat([1.0, duration], 3)
+    return error.max() / scale(true, duration)
+
+
+def states_for(duration, angle):
+    """End states whose speeds suit the time there is."""
+    unit = np.repeat([1.0, 1.0 / duration], 3)
+    return (INITIAL * [1, 1, 1, 500, 500, 500]) * unit, (FINAL * [1, 1, 1, 500, 500, 500]) * unit
+
+
+def test_the_reference_is_the_matrix_exponential():
+    """Theory (2-9) against exp of the 12 x 12 system of state and costate, derived from (1) alone."""
+    duration = 700.0
+    reference = Reference(N)
+    n = reference.n
+    hill = mp.zeros(6)
+    for k in range(3):
+        hill[k, k + 3] = 1
+    hill[3, 0], hill[5, 2], hill[3, 4], hill[4, 3] = 3 * n**2, -(n**2), 2 * n, -2 * n
+    system = mp.zeros(12)
+    system[:6, :6] = hill
+    system[6:, 6:] = -hill.T
+    for k in range(3, 6):
+        system[k, k + 6] = 1
+    with mp.workdps(60):
+        flow = mp.expm(system * duration)
+        begin = mp.matrix([float(s) for s in INITIAL])
+        rest = mp.matrix([float(s) for s in FINAL]) - flow[:6, :6] * begin
+        costate = mp.lu_solve(flow[:6, 6:], rest)
+        half = mp.expm(system * (duration / 2))
+        middle = half[:6, :6] * begin + half[:6, 6:] * costate
+        thrust = (half[6:, 6:] * costate)[3:]
+    state, push, _ = reference.transfer(INITIAL, FINAL, duration)
+    assert max(abs(a - b) for a, b in zip(state(duration / 2), middle, strict=True)) < 1e-40
+    assert max(abs(a - b) for a, b in zip(push(duration / 2), thrust, strict=True)) < 1e-40
+
+
+@pytest.mark.parametrize("kind", ["coast", "burn", "transfer"])
+def test_motion_meets_the_reference_for_every_angle(kind):
+    for angle in ANGLES:
+        duration = angle / N
+        initial, final = states_for(duration, angle)
+        times = duration * np.array([0.0, 0.17, 0.5, 0.83, 1.0])
+        reference, orbit = Reference(N), cf.Orbit(N)
+        if kind == "coast":
+            path = orbit.coast(initial, duration)
+            true = [reference.coast(initial, t) for t in times]
+        elif kind == "burn":
+            push = PUSH / np.abs(PUSH).max() * 100 / duration**2
+            path = orbit.burn(initial, push, duration)
+            true = [reference.burn(initial, push, t) for t in times]
+        else:
+            path = orbit.transfer(initial, final, duration)
+            state, thrust, energy = reference.transfer(initial, final, duration)
+            true = [state(t) for t in times]
+            pushes = np.array([[float(u) for u in thrust(t)] for t in times])
+            assert path.energy == pytest.approx(float(energy), rel=CLOSE), angle
+            np.testing.assert_allclose(path.thrust(times), pushes, rtol=0, atol=CLOSE * np.abs(pushes).max())
+            assert off(path.state(duration)[None], [final], duration) < CLOSE, angle
+        assert off(path.state(times), true, duration) < CLOSE, angle
+
+
+def test_deep_space_is_the_limit_and_the_textbook():
+    """n = 0: cubic motion and J = (12 dr.dr/T^3 - 12 dr.dv/T^2 + 4 dv.dv/T)/2, and n -> 0 gets there."""
+    duration = 300.0
+    deep = cf.Orbit(0.0).transfer(INITIAL, FINAL, duration)
+    gap = FINAL[:3] - INITIAL[:3] - INITIAL[3:] * duration
+    turn = FINAL[3:] - INITIAL[3:]
+    energy = 0.5 * (12 * gap @ gap / duration**3 - 12 * gap @ turn / duration**2 + 4 * turn @ turn / duration)
+    assert deep.energy == pytest.approx(energy, rel=1e-12)
+    s = np.linspace(0, 1, 11)[:, None]
+    hermite = (
+        (1 + 2 * s) * (1 - s) ** 2 * INITIAL[:3]
+        + s * (1 - s) ** 2 * duration * INITIAL[3:]
+        + s**2 * (3 - 2 * s) * FINAL[:3]
+        + s**2 * (s - 1) * duration * FINAL[3:]
+    )
+    np.testing.assert_allclose(deep.position(s[:, 0] * duration), hermite, rtol=0, atol=1e-10)  # of 200 m
+    for n in (1e-300, 1e-30, 1e-15):
+        near = cf.Orbit(n).transfer(INITIAL, FINAL, duration)
+        np.testing.assert_allclose(near.state(120.0), deep.state(120.0), rtol=1e-10)
+        assert near.energy == pytest.approx(deep.energy, rel=1e-10)
+    burn = cf.Orbit(0.0).burn(INITIAL, PUSH, duration)
+    np.testing.assert_allclose(
+        burn.position(duration), INITIAL[:3] + INITIAL[3:] * duration + PUSH * duration**2 / 2, rtol=1e-14
+    )
+
+
+def test_published_states():
+    # Tudat, unitTestClohessyWiltshirePropagator.cpp (after Vallado's hillsr)
+    n = np.sqrt(3.986004418e14 / 6.778137e6**3)
+    path = cf.Orbit(n).coast([45, 37, 12, 0.08, 0.03, 0.01], 1800.0)
+    published = [380.6450080201250, -543.7424675454679, 2.509547637285142]
+    published += [0.1541620605755606, -0.729475139049947, -0.01662099488431618]
+    np.testing.assert_allclose(path.state(1800.0), published, rtol=1e-13)
+    # Vallado, Fundamentals of Astrodynamics, example 6-14; mu and R are the book's
+    orbit = cf.Orbit.circular(590e3, mu=3.986004415e14, radius=6378136.3)
+    path = orbit.coast([0, 0, 0, -0.1, -0.04, -0.02], 300.0)
+    np.testing.assert_allclose(
+        path.position(300.0), [-33.345724432, -1.473560307, -5.894530312], rtol=0, atol=1e-9
+    )
+
+
+def legs(orbit):
+    return {
+        "coast": orbit.coast(INITIAL, 5000.0, start=100.0),
+        "burn": orbit.burn(INITIAL, PUSH, 5000.0, start=100.0),
+        "transfer": orbit.transfer(INITIAL, FINAL, 5000.0, start=100.0),
+        "sampled": orbit.sampled([100.0, 900.0, 2000.0], np.array([INITIAL, FINAL, INITIAL])),
+    }
+
+
+@pytest.mark.parametrize("kind", ["coast", "burn", "transfer", "sampled"])
+@pytest.mark.parametrize("n", [0.0, N])
+def test_thrust_flies_the_path_in_an_integrator(kind, n):
+    path = legs(cf.Orbit(n))[kind]
+    breaks = np.unique([*path.arcs[:, 0], path.end])
+    state = path.state(path.start)
+    for begin, end in itertools.pairwise(breaks):
+
+        def rate(t, s, begin=begin, end=end):
+            u = path.thrust(np.clip(t, begin, np.nextafter(end, begin)))  # the arc's own at its end
+            pull = [3 * n * n * s[0] + 2 * n * s[4], -2 * n * s[3], -n * n * s[2]]
+            return np.concatenate([s[3:], pull + u])
+
+        flown = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=1e-12, atol=1e-12)
+        state = flown.y[:, -1]
+        # 200 m and 0.3 m/s: agreement to 1e-10 of them
+        np.testing.assert_allclose(path.position(end), state[:3], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(path.velocity(end), state[3:], rtol=0, atol=1e-10)
+
+
+def test_two_impulse_meets_both_ends():
+    orbit = cf.Orbit(N)
+    for duration in (1.0, 600.0, 2000.0, 4000.0, 9000.0):
+        path = orbit.two_impulse(INITIAL, FINAL, duration, start=50.0)
+        np.testing.assert_allclose(path.position(50.0), INITIAL[:3], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(path.state(50.0 + duration), FINAL, rtol=0, atol=1e-8)
+        (first, jump), (last, brake) = path.impulses
+        assert (first, last) == (50.0, 50.0 + duration)
+        np.testing.assert_allclose(path.velocity(50.0), INITIAL[3:] + jump, rtol=0, atol=1e-12)
+        drift = orbit.coast(path.state(50.0), duration, start=50.0).state(50.0 + duration)
+        np.testing.assert_allclose(drift[3:] + brake, FINAL[3:], rtol=0, atol=1e-9)
+        assert path.delta_v == pytest.approx(np.linalg.norm(jump) + np.linalg.norm(brake), rel=1e-12)
+        assert path.energy == np.inf
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 1.5])
+def test_two_impulse_refuses_half_orbits(turns):
+    with pytest.raises(ValueError, match="duration: no two impulses"):
+        cf.Orbit(N).two_impulse(INITIAL, FINAL, turns * 2 * np.pi / N)
+
+
+def test_transition_is_a_flow_in_both_directions():
+    orbit = cf.Orbit(N)
+    times = np.array([[0.0, 1e-6, 300.0], [5000.0, 30000.0, 1e5]])
+    forward, back = orbit.transition(times), orbit.transition(-times)
+    assert forward.shape == (2, 3, 6, 6)
+    scaled = np.repeat([1.0, 1 / N], 3)
+    # y drifts by 6 n t |x|: 660 times after 1e5 s, and rounding with it
+    np.testing.assert_allclose(
+        (forward @ back) * scaled[:, None] / scaled, np.broadcast_to(np.eye(6), (2, 3, 6, 6)), atol=1e-9
+    )
+    np.testing.assert_allclose(
+        orbit.transition(700.0) @ INITIAL, orbit.coast(INITIAL, 700.0).state(700.0), rtol=1e-13
+    )
+
+
+def amplitude_motion(n, t):
+    """Natural motion (5) without drift, amplitude 1 m, and its velocity."""
+    s, c = np.sin(n * t), np.cos(n * t)
+    return np.stack([-c, 2 * s, s, n * s, 2 * n * c, n * c], axis=-1)
+
+
+def test_sampled_meets_its_nodes_and_its_stated_error():
+    """Position to h^4/384 and velocity to h^3/(72 sqrt 3) of the fourth derivative, orders 4 and 3."""
+    orbit = cf.Orbit(N)
+    errors = []
+    for count in (11, 21, 41, 81):
+        times = np.linspace(0.0, 2000.0, count)
+        nodes = amplitude_motion(N, times)
+        path = orbit.sampled(times, nodes)
+        np.testing.assert_allclose(path.state(times), nodes, rtol=0, atol=1e-13)
+        t = np.linspace(0.0, 2000.0, 4001)
+        gap = np.abs(path.state(t) - amplitude_motion(N, t))
+        h = times[1]
+        # along the track the amplitude is 2 m, so is the fourth derivative in n^4
+        bound = 2 * N**4 * np.array([h**4 / 384, h**3 / (72 * np.sqrt(3))])
+        found = np.array([gap[:, :3].max(), gap[:, 3:].max()])
+        assert (found <= bound * (1 + 1e-9) + [1e-14, 1e-17]).all()
+        assert (found >= 0.5 * bound).all()  # the bound is sharp
+        errors.append(found)
+    orders = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    np.testing.assert_allclose(orders, [[4, 3]] * 3, atol=0.1)
+
+
+def test_arguments_broadcast():
+    orbit = cf.Orbit(N)
+    begins, finals = np.stack([INITIAL, FINAL, 2 * FINAL]), np.stack([FINAL, INITIAL])
+    costs = orbit.transfer(begins[:, None], finals, 800.0)
+    assert costs.shape == (3, 2)
+    assert costs.energy.shape == costs.delta_v.shape == costs.peak_thrust.shape == (3, 2)
+    assert costs.energy[2, 1] == orbit.transfer(begins[2], finals[1], 800.0).energy
+    assert costs.state([1.0, 2.0, 3.0, 4.0]).shape == (3, 2, 4, 6)
+    assert orbit.coast(INITIAL, [10.0, 20.0], start=[[1.0], [2.0], [3.0]]).end.shape == (3, 2)
+    assert orbit.burn(INITIAL, np.zeros((4, 3)), 10.0).shape == (4,)
+    assert orbit.two_impulse(begins, FINAL, 10.0).shape == (3,)
+    assert orbit.sampled([0.0, 1.0], np.zeros((5, 2, 6))).shape == (5,)
+    assert orbit.coast(np.zeros((0, 6)), 10.0).shape == (0,)
+
+
+states = st.lists(st.floats(-1, 1), min_size=6, max_size=6).map(
+    lambda s: np.array(s) * np.repeat([100.0, 0.1], 3)
+)
+durations = st.floats(10.0, 15000.0)
+
+
+@settings(deadline=None, max_examples=60)
+@given(states, states, durations, st.floats(-1e6, 1e6), st.sampled_from([0.0, N]))
+def test_time_shift_changes_nothing(initial, final, duration, shift, n):
+    orbit = cf.Orbit(n)
+    here = orbit.transfer(initial, final, duration)
+    there = orbit.transfer(initial, final, duration, start=shift)
+    t = np.linspace(0, duration, 5)
+    # the shifted time is rounded to 1e-10 s, and speeds stay below a few m/s here
+    size = np.abs(here.state(t)).max(axis=0)
+    np.testing.assert_allclose(
+        there.state(np.clip(t + shift, there.start, there.end)),
+        here.state(t),
+        rtol=0,
+        atol=1e-9 * size.max() + 1e-9,
+    )
+
+
+@settings(deadline=None, max_examples=60)
+@given(states, states, durations, st.sampled_from([0.0, N]))
+def test_reversed_frame_flies_the_path_backwards(initial, final, duration, n):
+    """(x, y, z, t) -> (x, -y, z, -t) leaves theory (1) as it is, and so energy and path."""
+    mirror = np.array([1, -1, 1, -1, 1, -1.0])
+    orbit = cf.Orbit(n)
+    path = orbit.transfer(initial, final, duration)
+    back = orbit.transfer(final * mirror, initial * mirror, duration)
+    assert back.energy == pytest.approx(path.energy, rel=1e-8, abs=1e-18)
+    t = np.linspace(0, duration, 7)
+    size = max(np.abs(path.position(t)).max(), 1.0)
+    np.testing.assert_allclose(
+        back.position(duration - t) * mirror[:3], path.position(t), rtol=0, atol=1e-8 * size
+    )
+
+
+@settings(deadline=None, max_examples=60)
+@given(states, states, states, st.floats(0.1, 0.9), durations, st.sampled_from([0.0, N]))
+def test_energy_is_never_below_the_optimum(initial, final, middle, part, duration, n):
+    """Any other path with the same ends costs more: here optimal ones through a point beside."""
+    orbit = cf.Orbit(n)
+    best = orbit.transfer(initial, final, duration)
+    first = orbit.transfer(initial, middle, part * duration)
+    second = orbit.transfer(middle, final, duration - part * duration, start=part * duration)
+    assert cf.join([first, second]).energy >= best.energy * (1 - 1e-9)
+    through = best.state(part * duration)  # and through its own point it costs the same
+    first = orbit.transfer(initial, through, part * duration)
+    second = orbit.transfer(through, final, duration - part * duration, start=part * duration)
+    assert first.energy + second.energy == pytest.approx(best.energy, rel=1e-6, abs=1e-12)
+
+
+def test_flight_of_the_tests_meets_the_reference():
+    """The integrator that judges the conflicts is itself right, over ten orbits."""
+    duration = 20 * np.pi / N
+    flight = Flight(N, INITIAL[None]).transfer(FINAL[None], duration)
+    state, _, _ = Reference(N).transfer(INITIAL, FINAL, duration)
+    grid = np.array(flight.grid)
+    places = flight.on(grid)[0, :, 0]
+    for k in (20, 60, 100):
+        np.testing.assert_allclose(
+            places[k], [float(c) for c in state(grid[k])[:3]], rtol=0, atol=1e-9
+        )  # of 1e3 m
+
+
+BAD = {
+    "state shape": (lambda o: o.coast([1, 2, 3], 10.0), "state: expected shape"),
+    "state nan": (lambda o: o.coast([np.nan] * 6, 10.0), "state: every number must be finite"),
+    "duration zero": (lambda o: o.coast(INITIAL, 0.0), "duration: must be positive"),
+    "duration negative": (lambda o: o.transfer(INITIAL, FINAL, -5.0), "duration: must be positive"),
+    "duration inf": (lambda o: o.coast(INITIAL, np.inf), "duration: every number must be finite"),
+    "duration lost": (lambda o: o.coast(INITIAL, 1e-3, start=1e15), "duration: 0.001 s vanishes"),
+    "start nan": (lambda o: o.coast(INITIAL, 1.0, start=np.nan), "start: every number must be finite"),
+    "final shape": (lambda o: o.transfer(INITIAL, [1, 2], 1.0), "final: expected shape"),
+    "final inf": (lambda o: o.two_impulse(INITIAL, [np.inf] * 6, 1.0), "final: every number"),
+    "initial nan": (lambda o: o.transfer([np.nan] * 6, FINAL, 1.0), "initial: every number"),
+    "acceleration shape": (lambda o: o.burn(INITIAL, [1, 2], 1.0), "acceleration: expected shape"),
+    "acceleration nan": (lambda o: o.burn(INITIAL, [0, 0, np.nan], 1.0), "acceleration: every"),
+    "one sample": (lambda o: o.sampled([0.0], [INITIAL]), "states: expected shape"),
+    "samples short": (lambda o: o.sampled([0.0, 1, 2], [INITIAL] * 2), "states: expected shape"),
+    "times back": (lambda o: o.sampled([1.0, 0.0], [INITIAL] * 2), "times: must increase"),
+    "times twice": (lambda o: o.sampled([1.0, 1.0], [INITIAL] * 2), "times: must increase"),
+    "times nan": (lambda o: o.sampled([0.0, np.nan], [INITIAL] * 2), "times: every number"),
+    "samples nan": (lambda o: o.sampled([0.0, 1.0], [INITIAL * np.nan] * 2), "states: every number"),
+    "transition nan": (lambda o: o.transition(np.nan), "duration: every number must be finite"),
+    "mean motion": (lambda o: cf.Orbit(-1e-3), "mean_motion: must be"),
+    "mean motion nan": (lambda o: cf.Orbit(np.nan), "mean_motion: must be"),
+    "altitude": (lambda o: cf.Orbit.circular(-7e6), "altitude"),
+    "mu": (lambda o: cf.Orbit.circular(5e5, mu=-1.0), "mu: must be positive"),
+    "period": (lambda o: cf.Orbit.from_period(0.0), "period: must be positive"),
+    "axis": (lambda o: cf.Orbit.from_semi_major_axis(-1.0), "semi_major_axis: must be positive"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named(case):
+    call, message = BAD[case]
+    with pytest.raises(ValueError, match=message):
+        call(cf.Orbit(N))
+
+
+@pytest.mark.parametrize("n", [0.0, N])
+def test_sp11_gradients_are_aligned_at_every_time(n):
+    """SP11 says that the gradients of the two legs are aligned at T/2: they are at every time.
+
+    On an optimal path, dJ/d(final) of the leg before and dJ/d(initial) of the leg after are equal
+    and opposite wherever it is cut; so which leg's direction is taken changes nothing.
+    """
+    orbit, duration = cf.Orbit(n), 4000.0
+    path = orbit.transfer(INITIAL, FINAL, duration)
+    for part in (0.1, 0.3, 0.5, 0.8):
+        middle = path.state(part * duration)
+        before = orbit.transfer(INITIAL, middle, part * duration)
+        after = orbit.transfer(middle, FINAL, (1 - part) * duration)
+        arriving, leaving = cf.end_gradients(before)[1], cf.end_gradients(after)[0]
+        np.testing.assert_allclose(arriving, -leaving, rtol=0, atol=1e-8 * np.abs(arriving).max())
+        # moving the point along them changes the sum of both in second order only
+        side = np.array([1.0, -2.0, 0.5, 1e-3, 2e-3, -1e-3])
+        costs = [
+            orbit.transfer(INITIAL, middle + e * side, part * duration).energy
+            + orbit.transfer(middle + e * side, FINAL, (1 - part) * duration).energy
+            for e in (-1.0, 0.0, 1.0)
+        ]
+        bend = costs[0] - 2 * costs[1] + costs[2]
+        assert bend > 0
+        assert abs(costs[2] - costs[0]) < 1e-6 * bend + 1e-9 * path.energy
+
+
+@pytest.mark.parametrize("n", [0.0, N])
+def test_end_gradients_are_the_slopes_of_the_energy(n):
+    """Energy is quadratic in the end states, so central differences are exact but for rounding."""
+    orbit, duration = cf.Orbit(n), 4000.0
+    slopes = cf.end_gradients(orbit.transfer(INITIAL, FINAL, duration))
+    for k, step in enumerate([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]):
+        move = np.zeros(6)
+        move[k] = step
+        first = [orbit.transfer(INITIAL + s * move, FINAL, duration).energy for s in (1, -1)]
+        last = [orbit.transfer(INITIAL, FINAL + s * move, duration).energy for s in (1, -1)]
+        assert (first[0] - first[1]) / (2 * step) == pytest.approx(slopes[0][k], rel=1e-6, abs=1e-15)
+        assert (last[0] - last[1]) / (2 * step) == pytest.approx(slopes[1][k], rel=1e-6, abs=1e-15)

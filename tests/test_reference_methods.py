@@ -1,0 +1,159 @@
+"""The methods that closeform is measured against do what they say: else the benchmark means nothing."""
+
+import sys
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from cases import MEAN_MOTION, PERIOD, ZONE, cluster, passages
+from peers import convex, mixed_integer, sampling, zero_crossings
+from peers.motion import held, natural, position, state, states_of, transfer
+
+ORBIT = cf.Orbit(MEAN_MOTION)
+ZONES = {False: cf.Ellipsoid(ZONE), True: cf.Box(ZONE)}
+CROSSING = 2e-6  # s: SP11's crossings are bracketed to 1e-9 rad of n t, 1 µs here
+
+
+def flown(initial, thrust, duration):
+    """State after thrusts held one after another, by numerical integration of Hill's equations."""
+
+    def rate(_, s, u):
+        n = MEAN_MOTION
+        gravity = [3 * n * n * s[0] + 2 * n * s[4], -2 * n * s[3], -n * n * s[2]]
+        return np.concatenate([s[3:], np.array(gravity) + u])
+
+    reached, step = np.asarray(initial), duration / len(thrust)
+    for u in thrust:
+        reached = solve_ivp(rate, (0, step), reached, args=(u,), rtol=1e-11, atol=1e-11).y[:, -1]
+    return reached
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    """Twelve coasting craft, many in conflict, and as many on transfers among the same places."""
+    states = cluster(12, 60.0, seed=7)
+    finals = cluster(12, 60.0, seed=8)
+    coasting = (natural(states, MEAN_MOTION), ORBIT.coast(states, PERIOD))
+    thrusting = (transfer(states, finals, PERIOD, MEAN_MOTION), ORBIT.transfer(states, finals, PERIOD))
+    return {"coasting": coasting, "thrusting": thrusting}
+
+
+def test_motion_of_the_peers_is_closeforms(crowd):
+    for coefficients, paths in crowd.values():
+        for t in (0.0, 0.37 * PERIOD, PERIOD):
+            # 1 µm of some 100 m, 1 nm/s of some 0.1 m/s
+            np.testing.assert_allclose(
+                state(coefficients, t, MEAN_MOTION)[..., :3], paths.position(t), atol=1e-6
+            )
+            np.testing.assert_allclose(
+                state(coefficients, t, MEAN_MOTION)[..., 3:], paths.velocity(t), atol=1e-9
+            )
+
+
+@pytest.mark.parametrize("box", [False, True])
+def test_zero_crossings_agree_with_the_march_on_coasting_craft(crowd, box):
+    coefficients, paths = crowd["coasting"]
+    rows = zero_crossings.conflicts(coefficients, PERIOD, MEAN_MOTION, ZONE, box=box)
+    certain = cf.screen(paths, ZONES[box])
+    assert len(certain) > 10
+    np.testing.assert_array_equal(rows[:, :2], certain.pairs)
+    np.testing.assert_allclose(rows[:, 2], certain.start, atol=CROSSING)
+    np.testing.assert_allclose(rows[:, 3], certain.end, atol=CROSSING)
+
+
+@pytest.mark.parametrize("box", [False, True])
+def test_zero_crossings_on_thrusting_craft_find_nothing_false_and_miss_little(crowd, box):
+    coefficients, paths = crowd["thrusting"]
+    rows = zero_crossings.conflicts(coefficients, PERIOD, MEAN_MOTION, ZONE, box=box)
+    certain = cf.screen(paths, ZONES[box])
+    for i, j, start, end in rows:
+        assert ((certain.pairs == (i, j)).all(axis=1) & (abs(certain.start - start) < CROSSING)).any()
+        assert ((certain.pairs == (i, j)).all(axis=1) & (abs(certain.end - end) < CROSSING)).any()
+    assert 0.9 * len(certain) < len(rows) <= len(certain)
+
+
+def test_a_drifting_craft_slips_through_between_two_seeds():
+    """Drift moves the peak away from the seed beside it: it rises to -39.5 m, into the zone, unseen."""
+    # y = l - 6 tau + 16 sin tau [m] peaks 7.7 m above l at tau = 1.19, but has 6.6 m at the seed pi/2
+    chief, other = np.zeros(6), states_of(np.array([8.0, 0.0, 2.0, -47.2, 0.0, 0.0]), MEAN_MOTION)
+    paths = natural(np.stack([chief, other]), MEAN_MOTION)
+    assert len(zero_crossings.conflicts(paths, PERIOD, MEAN_MOTION, ZONE, box=True)) == 0
+    (conflict,) = cf.find_conflicts(ORBIT.coast(chief, PERIOD), ORBIT.coast(other, PERIOD), ZONES[True])
+    peak = -47.2 - 6 * np.arccos(0.375) + 16 * np.sin(np.arccos(0.375))
+    assert conflict.ratio == pytest.approx(-peak / 40, abs=1e-9)
+
+
+def test_timelines_overlap_in_the_box_conflicts(crowd):
+    coefficients, _ = crowd["coasting"]
+    for i, j in combinations(range(4), 2):
+        relative = coefficients[j] - coefficients[i]
+        lines = zero_crossings.timelines(relative, PERIOD, MEAN_MOTION, ZONE)
+        for axis, spells in enumerate(lines):
+            inner = spells[(spells > 0) & (spells < PERIOD)]
+            reached = np.abs(position(relative, inner, MEAN_MOTION)[:, axis])
+            np.testing.assert_allclose(reached, ZONE[axis], atol=1e-6)  # 1 µs at 0.1 m/s
+        instants = np.linspace(0, PERIOD, 3000)
+        within = np.all([[((s[:, 0] <= t) & (t <= s[:, 1])).any() for t in instants] for s in lines], axis=0)
+        inside = ZONES[True].norm(position(relative, instants, MEAN_MOTION)) <= 1
+        np.testing.assert_array_equal(within, inside)
+
+
+@pytest.mark.parametrize("box", [False, True])
+def test_samplers_agree_with_each_other_and_the_march(crowd, box):
+    coefficients, paths = crowd["coasting"]
+    rows = sampling.search("vector", coefficients, PERIOD, MEAN_MOTION, ZONE, box=box, thrust=False)
+    np.testing.assert_array_equal(
+        rows, sampling.search_numpy(coefficients, PERIOD, MEAN_MOTION, ZONE, box=box)
+    )
+    certain = cf.screen(paths, ZONES[box])
+    np.testing.assert_array_equal(rows[:, :2], certain.pairs)
+    assert (np.abs(rows[:, 2] - certain.start) <= 1).all()  # the first sample inside, at most 1 s late
+    assert (np.abs(rows[:, 3] - certain.end) <= 1).all()
+
+
+def test_convex_program_reaches_its_end_clear_and_no_cheaper_than_exact():
+    (passage,) = passages(1, seed=6)
+    place = lambda t: position(passage.obstacle_path, t, MEAN_MOTION)  # noqa: E731
+    shape = np.diag(1 / ZONE**2)
+    found = convex.solve(passage.initial, passage.final, passage.duration, MEAN_MOTION, [place], shape)
+    reached = flown(passage.initial, found.thrust, passage.duration)
+    # Clarabel's 1e-8 of its unit of 100 m leaves micrometres; 1 mm and 1 µm/s are far inside that
+    np.testing.assert_allclose(reached[:3], passage.final[:3], atol=1e-3)
+    np.testing.assert_allclose(reached[3:], passage.final[3:], atol=1e-6)
+    step = passage.duration / convex.NODES
+    assert found.energy == pytest.approx(0.5 * step * np.sum(found.thrust**2), rel=1e-12)
+    assert found.node_ratio == pytest.approx(1.0, abs=1e-5)
+    burns, at = [], passage.initial
+    for k, push in enumerate(found.thrust):
+        burns.append(ORBIT.burn(at, push, step, start=k * step))
+        at = burns[-1].state(burns[-1].end)
+    path = ORBIT.transfer(passage.initial, passage.final, passage.duration)
+    obstacle = ORBIT.coast(passage.obstacle, passage.duration)
+    approach = cf.closest_approach(cf.join(burns), obstacle, ZONES[False])
+    assert approach.ratio == pytest.approx(found.ratio, abs=1e-7)
+    assert 1 <= approach.ratio < 1 + 1e-5
+    exact = cf.avoid(path, obstacle, ZONES[False])
+    # thrust held between 200 nodes costs a little more than the continuous optimum, never less
+    assert exact.energy <= found.energy <= 1.001 * exact.energy
+
+
+def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
+    (passage,) = passages(1, seed=6)
+    place = lambda t: position(passage.obstacle_path, t, MEAN_MOTION)  # noqa: E731
+    found = mixed_integer.solve(passage.initial, passage.final, passage.duration, MEAN_MOTION, [place], ZONE)
+    reached = flown(passage.initial, found.thrust, passage.duration)
+    np.testing.assert_allclose(reached[:3], passage.final[:3], atol=1e-3)
+    np.testing.assert_allclose(reached[3:], passage.final[3:], atol=1e-6)
+    phi, gamma = held(MEAN_MOTION, passage.duration / mixed_integer.STEPS)
+    at, nodes = passage.initial, np.linspace(0, passage.duration, mixed_integer.STEPS + 1)
+    for t, u in zip(nodes[1:], found.thrust, strict=True):
+        at = phi @ at + gamma @ u
+        assert ZONES[True].norm(at[:3] - place(np.array([t]))[0]) > 1 - 1e-5  # HiGHS's feasibility
+    assert found.optimal
+    assert found.fuel >= found.delta_v * (1 - 1e-12)  # the sum over axes is never below the length

@@ -1,0 +1,244 @@
+"""Scenario files: units, starts, zones, and the three format samples."""
+
+import re
+from itertools import permutations
+from pathlib import Path
+
+import astropy.units
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bad_input import GOOD
+from closeform.scenario import Craft, KeepOut, Move, ScenarioError, load, parse
+from closeform.scenario.craft import OrbitTable, ProjectedCircular, SearchTable, SensorTable, Start
+from closeform.scenario.quantity import (
+    ANGLE,
+    DURATION,
+    GRAVITY,
+    KINDS,
+    LENGTH,
+    SHARE,
+    Duration,
+    Kind,
+    Reader,
+    unit_of,
+)
+from closeform.scenario.stages import STAGES
+from closeform.scenario.study import Draw, Study, readers
+from closeform.scenario.zoning import larger, reach
+from closeform.zones import Box, Ellipsoid, Sphere, Zone
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+# An independent library's view of every unit that a message offers.
+ASTROPY = {
+    "turn": 2 * np.pi * astropy.units.rad,
+    "%": 0.01 * astropy.units.one,
+    "ppm": 1e-6 * astropy.units.one,
+}
+
+
+@pytest.mark.parametrize(("kind", "unit"), [(kind, unit) for kind in KINDS for unit in kind.units])
+def test_units_agree_with_astropy(kind: Kind, unit: str) -> None:
+    theirs = ASTROPY[unit] if unit in ASTROPY else astropy.units.Quantity(1.0, unit.replace("^", "**"))
+    metre, second, kilogram, radian = unit_of(unit)[1]
+    si = f"m({metre}) s({second}) kg({kilogram}) rad({radian})"
+    assert Reader(kind)(f"3 {unit}") == pytest.approx(3 * theirs.to_value(si), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("reader", "text", "value"),
+    [
+        (Reader(LENGTH), "500 km", 500e3),
+        (Reader(LENGTH, 3), "1 -2 3e1 cm", (0.01, -0.02, 0.3)),
+        (Reader(LENGTH), "  7.5\tm ", 7.5),
+        (Reader(GRAVITY), "398600.4418 km^3/s^2", 3.986004418e14),
+        (Reader(ANGLE), "1 turn", 2 * np.pi),
+        (Reader(SHARE), "10 %", 0.1),
+        (Reader(DURATION), "0.5 orbits", Duration(orbits=0.5)),
+        (Reader(DURATION), "1 orbit", Duration(orbits=1.0)),
+        (Reader(DURATION), "90 min", Duration(seconds=5400.0)),
+    ],
+)
+def test_reading(reader: Reader, text: str, value: object) -> None:
+    assert reader(text) == (pytest.approx(value, rel=1e-15) if not isinstance(value, Duration) else value)
+
+
+@given(st.floats(-1e20, 1e20), st.sampled_from(LENGTH.units))
+def test_numbers_come_through(number: float, unit: str) -> None:
+    scaled = number * unit_of(unit)[0]
+    if abs(scaled) >= 1e-30 or scaled == 0.0:
+        assert Reader(LENGTH)(f"{number!r} {unit}") == scaled
+
+
+def test_duration_on_an_orbit() -> None:
+    assert Duration(orbits=0.5).on(2 * np.pi / 6000.0) == pytest.approx(3000.0, rel=1e-15)
+    assert Duration(seconds=12.0).on(0.0) == 12.0
+
+
+def test_one_value_is_for_all_and_a_list_gives_one_each() -> None:
+    scenario = parse(GOOD.replace('mass = "150 kg"', 'mass = ["150 kg", "200 kg", "250 kg"]'))
+    assert scenario.names == ("F1", "F2", "F3")
+    assert [craft.mass for craft in scenario.craft] == [150.0, 200.0, 250.0]
+    assert [craft.velocity for craft in scenario.craft] == [(0.0, 0.0, 0.0)] * 3
+    assert [craft.position for craft in scenario.craft] == [
+        (0.0, 0.0, 0.0),
+        (0.0, 100.0, 0.0),
+        (0.0, 200.0, 0.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "mean_motion"),
+    [
+        # Kepler's third law with WGS 84 constants, worked by hand
+        ('altitude = "500 km"', np.sqrt(3.986004418e14 / 6878137.0**3)),
+        (
+            'altitude = "100 km"\nmu = "4902.8 km^3/s^2"\nradius = "1737.4 km"',
+            np.sqrt(4.9028e12 / 1837400.0**3),
+        ),
+        ('period = "1.5 h"', 2 * np.pi / 5400.0),
+        ('semi_major_axis = "7000 km"', np.sqrt(3.986004418e14 / 7e6**3)),
+        ('mean_motion = "0.06 deg/s"', np.radians(0.06)),
+    ],
+)
+def test_orbits(text: str, mean_motion: float) -> None:
+    scenario = parse(GOOD.replace('altitude = "500 km"', text))
+    assert scenario.orbit.build().mean_motion == pytest.approx(mean_motion, rel=1e-14)
+
+
+def test_deep_space() -> None:
+    text = GOOD.replace('altitude = "500 km"', "deep_space = true").replace("0.1 orbits", "30 min")
+    assert parse(text).orbit.build().mean_motion == 0.0
+
+
+def test_palmer_start() -> None:
+    """A craft on theory (5): x = 2d - E cos, y = l + 2E sin, z = H cos at nt = 0."""
+    start = 'start = { palmer = "30 40 5 7 11 13 m" }'
+    text = GOOD.replace('name = ["F1", "F2", "F3"]', 'name = "F3"').replace('velocity = "0 0 0 m/s"', "")
+    scenario = parse(
+        text.replace('position = ["0 0 0 m", "0 100 0 m", "0 200 0 m"]', start).split("[[stage]]\nname")[0]
+    )
+    orbit = scenario.orbit.build()
+    n = orbit.mean_motion
+    expected = [10 - 30, 7 + 80, 11, 40 * n, (60 - 15) * n, 13 * n]
+    np.testing.assert_allclose(scenario.craft[0].state(orbit), expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("text", "zone"),
+    [
+        ('{ sphere = "20 m" }', Sphere(20.0)),
+        ('{ box = "10 20 30 m" }', Box([10.0, 20.0, 30.0])),
+        ('{ ellipsoid = "10 20 30 m" }', Ellipsoid([10.0, 20.0, 30.0])),
+        (
+            '{ ellipsoid = "10 20 30 m", axes = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] }',
+            Ellipsoid([20.0, 10.0, 30.0]),
+        ),
+        (
+            '{ covariance = "25 3 100 1 2 49 m^2", sigmas = 3 }',
+            Ellipsoid.from_covariance([[25.0, 3.0, 1.0], [3.0, 100.0, 2.0], [1.0, 2.0, 49.0]], 3.0),
+        ),
+    ],
+)
+def test_zones(text: str, zone: Zone) -> None:
+    """The zone of the file has the norm of the zone of the API, in every direction."""
+    keep_out = parse(GOOD.replace('{ sphere = "20 m" }', text)).craft[0].keep_out
+    assert keep_out is not None
+    points = np.random.default_rng(1).normal(scale=30.0, size=(100, 3))
+    np.testing.assert_allclose(keep_out.zone().norm(points), zone.norm(points), rtol=1e-12)
+
+
+sizes = st.tuples(*[st.floats(1.0, 100.0)] * 3)
+
+
+@given(
+    st.sampled_from([Box, Ellipsoid]),
+    sizes,
+    st.sampled_from([Box, Ellipsoid]),
+    sizes,
+    st.integers(0, 2**32 - 1),
+)
+def test_reach_is_the_greatest_norm(
+    outer: type[Zone], wide: tuple[float, ...], inner: type[Zone], small: tuple[float, ...], seed: int
+) -> None:
+    """No sampled point of the inner zone lies further out, and some lies nearly as far."""
+    random = np.random.default_rng(seed)
+    turns = [np.linalg.qr(random.normal(size=(3, 3)))[0] for _ in range(2)]
+    big, little = outer(wide, turns[0]), inner(small, turns[1])
+    directions = random.normal(size=(20_000, 3))
+    if inner is Box:  # the corners are the furthest points
+        directions[:8] = (
+            np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T @ np.linalg.inv(little.matrix).T
+        )
+    surface = directions / little.norm(directions)[:, None]
+    found = big.norm(surface).max()
+    # 20 000 random directions come within about 1 / sqrt(20 000) rad of the furthest point; at
+    # an aspect ratio of 100 the norm near it still falls by less than a quarter.
+    assert 0.75 * reach(little, big) <= found <= reach(little, big) * (1 + 1e-12)
+
+
+def test_the_larger_zone_holds_for_a_pair() -> None:
+    text = GOOD.replace(
+        'keep_out = { sphere = "20 m" }',
+        'keep_out = [{ sphere = "20 m" }, { ellipsoid = "30 45 30 m" }, { sphere = "50 m" }]',
+    )
+    scenario = parse(text)
+    held = {tuple(pair): zone.extents.tolist() for zone, pairs in scenario.zones for pair in pairs.tolist()}
+    assert held == {(0, 1): [30, 45, 30], (0, 2): [50, 50, 50], (1, 2): [50, 50, 50]}
+    assert [zone.extents[1] for zone in scenario.zones_around("F2")] == pytest.approx([45.0, 50.0])
+
+
+def test_larger_does_not_depend_on_order() -> None:
+    zones = [Sphere(10.0), Box([12.0, 12.0, 30.0]), Ellipsoid([40.0, 40.0, 60.0])]
+    assert all(larger(*order) is zones[2] for order in permutations(zones))
+    assert larger(Box([1.0, 9.0, 1.0]), Box([9.0, 1.0, 1.0])) is None
+
+
+@pytest.mark.parametrize("name", ["f6_scatter", "tpf", "robustness", "cluster"])
+def test_samples_are_accepted(name: str) -> None:
+    assert load(EXAMPLES / f"{name}.toml").title
+
+
+def test_sample_values() -> None:
+    tpf = load(EXAMPLES / "tpf.toml")
+    assert [craft.group for craft in tpf.craft] == ["A", "B", "A", "B", "A"]
+    assert tpf.craft[1].velocity == pytest.approx((0.03, -0.02, 0.01))
+    assert tpf.search is not None
+    assert tpf.search.in_plane_turn == pytest.approx(2 * np.pi)
+    study = load(EXAMPLES / "robustness.toml").study
+    assert study is not None
+    assert (study.cases, study.seed) == (150_000, 2004)
+    assert set(study.vary) <= set(readers())
+    assert load(EXAMPLES / "f6_scatter.toml").stages[3].durations["within"] == Duration(orbits=1.0)
+
+
+def test_moves_meanwhile() -> None:
+    fellow = 'meanwhile = [{ craft = "F1", to = { position = "0 -50 0 m", velocity = "0 0 0 m/s" } }]'
+    stage = parse(GOOD + fellow).stages[1]
+    assert isinstance(stage, Move)
+    assert stage.craft_named == {"craft": ("F3",), "meanwhile[1].craft": ("F1",)}
+
+
+def test_errors_come_with_the_file_that_was_named(tmp_path: Path) -> None:
+    file = tmp_path / "broken.toml"
+    file.write_text(GOOD.replace("closeform = 1", ""))
+    with pytest.raises(ScenarioError, match="closeform") as raised:
+        load(file)
+    assert raised.value.lines == (f"{file}: closeform: must say the file's format; write closeform = 1",)
+
+
+def test_every_key_is_documented() -> None:
+    """Each key stands in a table row of docs/scenario.md, and each row's key is a key."""
+    page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
+    documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
+    tables = [OrbitTable, Craft, Start, ProjectedCircular, KeepOut, SensorTable, SearchTable, Study, Draw]
+    keys = {key for table in (*tables, *STAGES.values()) for key in table.examples()}
+    assert documented == keys | {"closeform", "title"}
+
+
+def test_documented_example_is_a_scenario() -> None:
+    page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
+    assert parse(page.split("```toml\n")[1].split("```")[0]).names == ("A", "B")
