@@ -288,7 +288,10 @@ class Relative:
             left = np.concatenate([np.full((len(s), 1), np.inf), sign * s[:, :-1]], axis=1)
             right = np.concatenate([sign * s[:, 1:], np.full((len(s), 1), np.inf)], axis=1)
             pair, k = np.nonzero((sign * s <= left) & (sign * s < right))
-            low, high = times[np.maximum(k - 1, 0)], times[np.minimum(k + 1, len(times) - 1)]
+            # both sides of the sample: at a joint or a corner of the box each may have its own
+            pair, k, middle = np.tile(pair, 2), np.tile(k, 2), times[k]
+            low = np.concatenate([times[np.maximum(k[: len(middle)] - 1, 0)], middle])
+            high = np.concatenate([middle, times[np.minimum(k[: len(middle)] + 1, len(times) - 1)]])
             best, best_time = sign * s[pair, k], times[k].copy()
             for _ in range(52):
                 middle = 0.5 * (low + high)

@@ -1,5 +1,7 @@
 """Certified extrema of a norm along one window of an arc (see `march`)."""
 
+from math import sqrt
+
 from closeform.compiled import kernel
 from closeform.hill import oscillation
 from closeform.march import (
@@ -47,23 +49,24 @@ def turn(box, q, order, n, t, stop, sign):
         step = min(1.5 * step, longest)
     else:
         return stop
+    fine = 4e-16 if box else 1e-12  # a smooth extremum is flat
     for k in range(200):
         width = after - before
-        if width <= 4e-16 * (abs(after) + width):
+        if width <= fine * (abs(after) + width):
             break
-        # regula falsi, and every third time the middle: rates jump where a box has its kinks
+        # regula falsi (Illinois), at times the middle: rates jump where a box has its kinks
         middle = before + 0.5 * width
-        if k % 3 and high - low > 0.0:
+        if k % 4 != 3 and high - low > 0.0:
             guess = before + width * high / (high - low)
             if before < guess < after:
                 middle = guess
         here = sign * slope(box, q, order, n, middle)
         if here > 0.0:
-            before = middle
-            high = here
+            before, high = middle, here
+            low *= 0.5
         else:
-            after = middle
-            low = here
+            after, low = middle, here
+            high *= 0.5
             if here == 0.0:
                 break
     return after
@@ -88,12 +91,31 @@ def descend(box, q, order, n, t, stop, s, sign):
 
 
 @kernel()
+def single_dip(q, order, n, stop, a):
+    """Whether |q|^2 is convex over [0, stop]: a pass too fast to bend back.
+
+    Its second derivative is at least 2 (speed^2 - a |q|); both are bounded from the middle.
+    """
+    half = 0.5 * stop
+    x, y, z, vx, vy, vz = along(q, order, n, half)
+    speed = sqrt(vx * vx + vy * vy + vz * vz)
+    farthest = sqrt(x * x + y * y + z * z) + (speed + a * half) * half
+    slowest = speed - a * half
+    return slowest > 0.0 and slowest * slowest > a * farthest * (1.0 + 1e-9)
+
+
+@kernel()
 def lowest(box, q, order, n, t, stop, patience, best, best_time):
     """Least norm over [t, stop] of the window's own time, if below `best`.
 
     Returns it, its time, and the time reached: short of `stop` where the march stalls.
     """
     ax, ay, az, a, _ = bounds(q, order, n, stop)
+    if not box and t == 0.0 and single_dip(q, order, n, stop, a):
+        when = turn(box, q, order, n, 0.0, stop, -1.0) if slope(box, q, order, n, 0.0) < 0.0 else 0.0
+        x, y, z, _, _, _ = along(q, order, n, when)
+        s = norm(box, x, y, z)
+        return min(s, best), when if s < best else best_time, stop
     if not box and patience == LESS_PATIENCE:
         aim = best * (1.0 - PRECISION)
         if t == 0.0 and norm(box, q[0, 0], q[0, 1], q[0, 2]) > aim > 0.0:

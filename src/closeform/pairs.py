@@ -76,20 +76,68 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, box, matrix, q):
 
 
 @kernel()
-def stays_apart(q, n, h):
-    """Whether natural motion keeps two craft apart along some axis of the zone over [0, h].
+def apart_along(q, n, h, wx, wy, wz, reach):
+    """Whether natural motion stays beyond +-reach along the direction w all over [0, h].
 
-    Along an axis it is centre + drift t + an oscillation: SP11's radial test and its last time
-    of contact (SP11 eq. 15, theory 6) for any zone, and the first time of contact too.
+    Along any direction it is centre + drift t + an oscillation.
     """
     square = 1.0 / (n * n)
+    place = wx * q[0, 0] + wy * q[0, 1] + wz * q[0, 2]
+    speed = wx * q[1, 0] + wy * q[1, 1] + wz * q[1, 2]
+    cosine = (wx * q[2, 0] + wy * q[2, 1] + wz * q[2, 2]) * square
+    sine = (wx * q[3, 0] + wy * q[3, 1] + wz * q[3, 2]) * square
+    first = place + cosine
+    last = first + (speed + sine) * h
+    least = min(first, last) if first > 0.0 else -max(first, last)
+    clear = least - reach * (1.0 + 1e-9)
+    return clear > 0.0 and clear * clear > (cosine * cosine + sine * sine * square) * (1.0 + 1e-9)
+
+
+@kernel()
+def ring_clearance(q, n, h):
+    """A lower bound of the distance from the origin over [0, h] of natural motion.
+
+    The motion is a drifting ellipse c + a cos nt + b sin nt.  Its squared distance is a
+    trigonometric polynomial: the mean less the amplitudes of its two harmonics; the drift
+    from mid-time on takes at most half of what it covers.
+    """
+    square = 1.0 / (n * n)
+    cc, ca, cb, aa, bb, ab, dd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for axis in range(3):
-        first = q[0, axis] + q[2, axis] * square
-        last = first + (q[1, axis] + q[3, axis] * square) * h
-        clear = 1.0 + 1e-9 + sqrt(q[2, axis] ** 2 + q[3, axis] ** 2 * square) * square * (1.0 + 1e-12)
-        if (first > clear and last > clear) or (first < -clear and last < -clear):
-            return True
-    return False
+        a = -q[2, axis] * square
+        b = -q[3, axis] * square / n
+        d = 0.5 * (q[1, axis] + q[3, axis] * square) * h
+        c = q[0, axis] - a + d
+        cc, dd, ca, cb = cc + c * c, dd + d * d, ca + c * a, cb + c * b
+        aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
+    mean = cc + 0.5 * (aa + bb)
+    first = 2.0 * sqrt(ca * ca + cb * cb)
+    second = sqrt(0.25 * (aa - bb) * (aa - bb) + ab * ab)
+    least = mean * (1.0 - 1e-13) - first - second  # less what rounding can have taken
+    return sqrt(least) - sqrt(dd) if least > 0.0 else -1.0
+
+
+@kernel()
+def stays_apart(box, q, n, h):
+    """Whether natural motion keeps two craft apart all over [0, h], by bounds in closed form.
+
+    As a drifting ellipse; along each of the zone's axes (SP11's radial test and last time of
+    contact, SP11 eq. 15, theory 6, for any zone); and across the plane of the ellipse.
+    """
+    if n * h < 1e-3:  # centre and oscillation cancel, and nothing is gained
+        return False
+    if ring_clearance(q, n, h) > (1.7320509 if box else 1.0) * (1.0 + 1e-9):
+        return True
+    wx = q[2, 1] * q[3, 2] - q[2, 2] * q[3, 1]
+    wy = q[2, 2] * q[3, 0] - q[2, 0] * q[3, 2]
+    wz = q[2, 0] * q[3, 1] - q[2, 1] * q[3, 0]
+    reach = abs(wx) + abs(wy) + abs(wz) if box else sqrt(wx * wx + wy * wy + wz * wz)
+    return (
+        apart_along(q, n, h, wx, wy, wz, reach)
+        or apart_along(q, n, h, 1.0, 0.0, 0.0, 1.0)
+        or apart_along(q, n, h, 0.0, 1.0, 0.0, 1.0)
+        or apart_along(q, n, h, 0.0, 0.0, 1.0, 1.0)
+    )
 
 
 @kernel()
@@ -111,7 +159,7 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows,
         while j + 1 < j_end and others[j, END] <= t:
             j += 1
         order, n, stop = window(arcs, i, others, j, t, end, matrix, q)
-        if order == 4 and n > 0.0 and not inside and stop == end and stays_apart(q, n, stop - t):
+        if order == 4 and n > 0.0 and not inside and stop == end and stays_apart(box, q, n, stop - t):
             return count
         local = 0.0
         while True:
