@@ -28,7 +28,7 @@ for = "5 min"
 
 [[stage]]
 name = "pass"
-do = "move"
+do = "avoid"
 craft = "F3"
 to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }
 within = "0.1 orbits"
@@ -74,7 +74,7 @@ ALTITUDE = 'altitude = "500 km"'
 FOR = 'for = "5 min"'
 TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
 COAST = 'do = "coast"\nfor = "5 min"'
-MOVE = f'name = "pass"\ndo = "move"\ncraft = "F3"\n{TO}\nwithin = "0.1 orbits"'
+MOVE = f'name = "pass"\ndo = "avoid"\ncraft = "F3"\n{TO}\nwithin = "0.1 orbits"'
 
 SCENARIOS = (
     # the file
@@ -341,11 +341,11 @@ SCENARIOS = (
     # stages
     Bad(
         "an unknown verb",
-        'do = "move"',
-        'do = "mvoe"',
-        'stage[2].do: "mvoe" is not known here; did you mean move?',
+        'do = "avoid"',
+        'do = "aviod"',
+        'stage[2].do: "aviod" is not known here; did you mean avoid?',
     ),
-    Bad("no verb", 'do = "move"\n', "", 'stage[2].do: missing; add for example do = "coast"'),
+    Bad("no verb", 'do = "avoid"\n', "", 'stage[2].do: missing; add for example do = "coast"'),
     Bad(
         "a craft that is not there",
         'craft = "F3"',
@@ -430,7 +430,7 @@ SCENARIOS = (
         "a verb that is not built",
         COAST,
         'do = "scatter"\nfactor = 3.0\nwithin = "0.25 orbits"',
-        'stage[1].do: "scatter" is not built yet; this version runs coast, move',
+        'stage[1].do: "scatter" is not built yet; this version runs coast, avoid',
     ),
     Bad(
         "a start that is not built",

@@ -259,7 +259,7 @@ def test_a_goal_inside_a_zone_stops_the_mission(tmp_path, capsys) -> None:
     assert summary["stages"][1]["change"]["ok"] is False
     assert summary["stages"][1]["change"]["around"] is None
     assert summary["stages"][1]["change"]["status"] == "end inside a zone"
-    assert "stopped in stage 2 (move)" in capsys.readouterr().out
+    assert "stopped in stage 2 (avoid)" in capsys.readouterr().out
 
 
 def test_both_methods_and_a_fellow_that_does_not_give_way(tmp_path, capsys) -> None:
@@ -282,7 +282,7 @@ def test_thrust_and_budget_are_watched(tmp_path, capsys) -> None:
     text = GOOD.replace('"1.5 N"', '"1 uN"').replace("keep_out", 'delta_v_budget = "1 mm/s"\nkeep_out')
     status, summary = run(tmp_path, text)
     assert status == 0
-    (leg,) = [stage for stage in summary["stages"] if stage["do"] == "move"]
+    (leg,) = [stage for stage in summary["stages"] if stage["do"] == "avoid"]
     force = 150.0 * leg["change"]["around"]["peak_thrust_m_s2"]
     assert summary["warnings"] == [
         f"F3 needs {leg['change']['around']['delta_v_m_s']:.4g} m/s, its delta_v_budget is 0.001 m/s",
@@ -293,7 +293,7 @@ def test_thrust_and_budget_are_watched(tmp_path, capsys) -> None:
 
 def test_check(tmp_path, capsys) -> None:
     assert main(["check", str(CLUSTER)]) == 0
-    assert "valid: 8 craft; stages: coast, move, coast" in capsys.readouterr().out
+    assert "valid: 8 craft; stages: coast, avoid, coast" in capsys.readouterr().out
     assert main(["check", str(CLUSTER.with_name("f6_scatter.toml"))]) == 0
     assert '"scatter" is not built yet' in capsys.readouterr().out
 

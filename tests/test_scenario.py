@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bad_input import GOOD
-from closeform.scenario import Craft, KeepOut, Move, ScenarioError, load, parse
+from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
 from closeform.scenario.craft import OrbitTable, ProjectedCircular, SearchTable, SensorTable, Start
 from closeform.scenario.quantity import (
     ANGLE,
@@ -218,7 +218,7 @@ def test_sample_values() -> None:
 def test_moves_meanwhile() -> None:
     fellow = 'meanwhile = [{ craft = "F1", to = { position = "0 -50 0 m", velocity = "0 0 0 m/s" } }]'
     stage = parse(GOOD + fellow).stages[1]
-    assert isinstance(stage, Move)
+    assert isinstance(stage, Avoid)
     assert stage.craft_named == {"craft": ("F3",), "meanwhile[1].craft": ("F1",)}
 
 

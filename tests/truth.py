@@ -236,6 +236,9 @@ class Relative:
         start, end = max(flight.grid[0], other.grid[0]), min(flight.grid[-1], other.grid[-1])
         grid = np.unique(np.concatenate([flight.grid, other.grid, [start, end]]))
         grid = grid[(grid >= start) & (grid <= end)]
+        # joints of both that differ by rounding are one
+        grid = grid[np.append(True, np.diff(grid) > 1e-11 * (end - start) + 1e-15 * abs(end))]
+        grid[-1] = end
         both = flight.on(grid), other.on(grid)
         # angles of many turns and drifts over long times round more; a fit over them more still
         sizes = [np.abs(one).sum(axis=2).max(axis=(1, 2)) for one in both]

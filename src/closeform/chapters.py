@@ -55,7 +55,7 @@ def chapters(mission: Mission) -> tuple[Chapter, ...]:
 def chapter(leg: Leg) -> Chapter:
     """A stage: conflicts before, the change made, conflicts after."""
     named = f' "{leg.name}"' if leg.name else ""
-    who = f" {leg.change.craft}" if leg.change is not None else ""
+    who = f", {leg.change.craft} moves" if leg.change is not None else ""
     title = f"Stage {leg.number}{named}: {leg.verb}{who}, {leg.start:.1f} s to {leg.end:.1f} s"
     if leg.change is None:
         lines, sheets = encounters("Conflicts", leg.after)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numba
 from numba.core import config
+from numba.core.types import unliteral
 from platformdirs import user_cache_path
 
 
@@ -54,17 +55,31 @@ def own_cache() -> Iterator[None]:
         config.CACHE_DIR = others
 
 
+def _by_type(part: Any) -> Any:
+    """Keep numba from compiling a part anew for every literal that it is called with."""
+    template = part.get_call_template
+
+    def by_type(args: Any, kws: Any) -> Any:
+        return template([unliteral(a) for a in args], {k: unliteral(a) for k, a in kws.items()})
+
+    part.get_call_template = by_type
+    return part
+
+
 def kernel(signature: Any = None) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function of floats and arrays.
 
     With a `signature` it is an entry point: compiled at import, once for a version of the
-    sources, then loaded from the cache. Without, it is a part that entry points inline.
+    sources, then loaded from the cache. Without, it is a part that entry points inline, and
+    that only they can call: it has no wrapper for Python, which saves time to compile.
     Every kernel releases the GIL; none is parallel inside (chunks in a thread pool are as
     fast and cannot abort); none uses fastmath (the certificates need IEEE arithmetic).
     """
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    if signature is None or config.DISABLE_JIT:
-        return numba.njit(no_cpython_wrapper=True, **options)
+    if config.DISABLE_JIT:
+        return numba.njit(**options)
+    if signature is None:
+        return lambda function: _by_type(numba.njit(no_cpython_wrapper=True, **options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
         announce()

@@ -15,7 +15,7 @@ from closeform.avoidance import Avoidance, avoid
 from closeform.flight import Flight, watch
 from closeform.orbit import Orbit
 from closeform.path import Path, stack
-from closeform.scenario import Coast, Move, Scenario, ScenarioError, StageTable, Target
+from closeform.scenario import Avoid, Coast, Scenario, ScenarioError, StageTable, Target
 from closeform.zones import Floats, Zone
 
 
@@ -135,12 +135,12 @@ def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
         coasts = [sky.orbit.coast(state, end - sky.time, sky.time) for state in sky.states]
         flight = sky.flight(coasts)
         return Leg(number, name, verb, sky.time, end, flight, flight)
-    if isinstance(stage, Move):
+    if isinstance(stage, Avoid):
         return moved(sky, number, stage)
     raise TypeError(f"stage {number}: {verb} is not built")
 
 
-def moved(sky: Sky, number: int, stage: Move) -> Leg:
+def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
     """One craft moves; the others coast or fly their own transfers and do not give way."""
     names = sky.scenario.names
     duration = stage.within.on(sky.orbit.mean_motion)

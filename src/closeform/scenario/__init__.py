@@ -4,13 +4,13 @@ from closeform.scenario.craft import Craft, KeepOut, Target
 from closeform.scenario.errors import ScenarioError
 from closeform.scenario.load import load, parse
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import Coast, Move, StageTable
+from closeform.scenario.stages import Avoid, Coast, StageTable
 
 __all__ = [
+    "Avoid",
     "Coast",
     "Craft",
     "KeepOut",
-    "Move",
     "Scenario",
     "ScenarioError",
     "StageTable",

@@ -53,8 +53,8 @@ def stages(scenario: Scenario) -> Iterator[str]:
         earlier += [stage.name] if stage.name else []
         if stage.keeps_out and any(craft.keep_out is None for craft in scenario.craft):
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
-        if stage.verb == "move" and len(scenario.craft) < 2:
-            yield f"stage[{number}].do: move needs others to avoid; add a craft or coast"
+        if stage.verb == "avoid" and len(scenario.craft) < 2:
+            yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
         if stage.searches:
             yield from searching(scenario)
 

@@ -59,11 +59,11 @@ class Fellow(Table):
     to: Target = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
 
 
-class Move(StageTable):
+class Avoid(StageTable):
     """One craft moves among the others, around their zones, at least energy."""
 
     built = True
-    do: Literal["move"] = Field(examples=['"move"'])
+    do: Literal["avoid"] = Field(examples=['"avoid"'])
     craft: Name = Field(examples=['"F3"'])
     to: Target | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
@@ -156,7 +156,7 @@ class Gather(StageTable):
 
 STAGES: dict[str, type[StageTable]] = {
     "coast": Coast,
-    "move": Move,
+    "avoid": Avoid,
     "scatter": Scatter,
     "regather": Regather,
     "reconfigure": Reconfigure,
