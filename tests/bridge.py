@@ -64,8 +64,8 @@ def bridge(n, duration, times, others):
     right = flow(1 - b) @ gramian(b)
     free = np.where(
         (a[:, None] <= b)[..., None, None],
-        gramian(a)[:, None] @ np.swapaxes(flow(b - a[:, None]), -1, -2),
-        flow(a[:, None] - b) @ gramian(b),
+        (gramian(a) @ np.swapaxes(flow(-a), -1, -2))[:, None] @ np.swapaxes(flow(b), -1, -2),
+        flow(a)[:, None] @ (flow(-b) @ gramian(b)),
     )
     return (free - left[:, None] @ whole @ right)[..., :3, :3] * duration**3
 

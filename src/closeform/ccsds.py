@@ -37,7 +37,7 @@ SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
 
 @dataclass(frozen=True, eq=False)
 class Ephemeris:
-    """States of one object over time, as in one segment of an OEM.
+    """States of the object `name` (`object_id`) over time, as in one segment of an OEM.
 
     times: (T,) seconds since `epoch`, rising, T >= 2; states: (T, 6) in m and m/s in `frame`
     about `center`.  `epoch` is the ISO time of the first state in `time_system`.  Raises
@@ -67,7 +67,7 @@ class Ephemeris:
 
 @dataclass(frozen=True, eq=False)
 class CommonFrame:
-    """Ephemerides in the Hill frame of the first: what `common_frame` returns.
+    """Ephemerides of N objects, by `names`, in the Hill frame of the first: from `common_frame`.
 
     times: (T,) seconds since `epoch` in `time_system`; states: (N, T, 6) in m and m/s, zero for the
     first object; `mean_motion` [rad/s] and `radius` [m] of the circle that the chief's orbit is
@@ -84,7 +84,7 @@ class CommonFrame:
 
 
 def read_oem(file: str | PathLike[str]) -> Ephemeris:
-    """The ephemeris in an OEM, in key-value or XML form, with one segment.
+    """The ephemeris in an OEM `file`, in key-value or XML form, with one segment: m and m/s.
 
     States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME are left out, as are accelerations
     and covariances.  Raises ValueError in one line, with file and line, for a file that is absent,
@@ -112,9 +112,9 @@ def write_oem(
     originator: str = "CLOSEFORM",
     comments: Sequence[str] = (),
 ) -> None:
-    """Write an ephemeris as an OEM in key-value form, to the micrometre and nanometre per second.
+    """Write `ephemeris` as an OEM in key-value form, to 1e-6 m and 1e-9 m/s.
 
-    `comments` go below the header's keywords.  An existing file is replaced.  Raises ImportError
+    `originator` and `comments` go into the header.  An existing `file` is replaced.  Raises ImportError
     where the extra is not installed.
     """
     time = _imported("astropy.time")
@@ -148,7 +148,7 @@ def write_oem(
 def common_frame(
     ephemerides: Sequence[Ephemeris], along_track: AlongTrack = "arc", mu: float = EARTH_MU
 ) -> CommonFrame:
-    """The motion of all objects in the Hill frame of the first, at the epochs that all share.
+    """The motion of `ephemerides` in the Hill frame of the first, at the epochs that all share.
 
     along_track: as in `relative_from_inertial`; with "arc", arcs are measured on the circle of
     `radius`.  That is the mean over the common epochs of the chief's osculating semi-major axis,

@@ -47,7 +47,7 @@ def _same_orbit(path: Path, other: Path) -> None:
 
 
 def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
-    """Every stay of `path` inside the `zone` around `other`, in order of time.
+    """Every stay [s] of `path` inside the `zone` around `other`, in order of time.
 
     Certified: between two stays the norm of the relative position is above 1, with no time
     step and however short a stay is, up to rounding: of positions, about 1e-15 of the largest
@@ -90,10 +90,10 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
 
 
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
-    """Least norm of the relative position over the common time; batch shapes broadcast.
+    """Least norm of `path` relative to `other` in the `zone`, over their common time.
 
     The ratio is certain to 1e-9 of itself: nothing closer happens between any two instants.
-    Raises ValueError for paths in different orbits or shapes that do not broadcast.
+    Batch shapes broadcast.  Raises ValueError for paths in different orbits or shapes that do not broadcast.
     """
     _same_orbit(path, other)
     shape = broadcast(path=path.shape, other=other.shape)
@@ -126,9 +126,9 @@ def _drifted(path: Path, craft: Any, time: Floats) -> Any:
 
 
 def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
-    """Latest time [s] at which two coasting craft can be in conflict, however long they coast.
+    """Latest time [s] at which coasting `path` can be within the `zone` around coasting `other`.
 
-    SP11 eq. 15 as theory (6): drift carries them apart for good once 3 n |d| t exceeds
+    However long they coast.  SP11 eq. 15 as theory (6): drift carries them apart for good once 3 n |d| t exceeds
     |l| + 2E + the zone's along-track extent.  inf where their mean motions agree (d = 0) and
     nothing carries them apart; -inf where they never come close radially (|2d| - E above the
     radial extent).  Shapes broadcast; times count from the later start.
@@ -151,7 +151,7 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     e1, e2, d, along_track = 3 * x + 2 * vy / n, vx / n, 2 * x + vy / n, y - 2 * vx / n  # theory (2)
     swing = np.hypot(e1, e2)
     radial, transverse, _ = zone.extents
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         last = start + (np.abs(along_track) + 2 * swing + transverse) / (3 * n * np.abs(d))
     last = np.where(np.abs(2 * d) - swing > radial, -inf, last)
     return last.reshape(shape) if shape else float(last[0])

@@ -68,9 +68,9 @@ def arc_energy(arc, n):
 
 
 # Kronrod's 15 points and weights and the 7 Gauss weights among them (QUADPACK, positive half).
-NODES = (0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993945)
+NODES: tuple[float, ...] = (0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993945)
 NODES += (0.5860872354676911, 0.4058451513773972, 0.2077849550078985, 0.0)
-KRONROD = (0.0229353220105292, 0.0630920926299786, 0.1047900103222502, 0.1406532597159259)
+KRONROD: tuple[float, ...] = (0.0229353220105292, 0.0630920926299786, 0.1047900103222502, 0.1406532597159259)
 KRONROD += (0.1690047266392679, 0.1903505780647854, 0.2044329400752989, 0.2094821410847278)
 GAUSS = (0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.3818300505051189, 0.0, 0.4179591836734694)
 
@@ -125,14 +125,14 @@ def arc_peak(arc, n, q):
         ax, ay, az = acceleration(order_n, ux, uz, wx, wy)
         ux, uy, uz, wx, wy, wz = wx, wy, wz, ax, ay, az
     if order_n != n:
-        x, y, z, vx, vy, vz = state_at(arc, arc[START])
+        x, _, z, vx, vy, vz = state_at(arc, arc[START])
         ux, uy, uz, wx, wy, wz = steering_at(arc, arc[START])
         for k in range(4):
             ax, ay, az = acceleration(n, x, z, vx, vy)
             q[k, 0] -= ax
             q[k, 1] -= ay
             q[k, 2] -= az
-            x, y, z, vx, vy, vz = vx, vy, vz, ux, uy, uz
+            x, _, z, vx, vy, vz = vx, vy, vz, ux, uy, uz
             ux, uy, uz, wx, wy, wz = wx, wy, wz, 0.0, 0.0, 0.0
     if pushes(arc):
         q[0, 0] += arc[CONSTANT]

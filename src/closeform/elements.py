@@ -61,12 +61,15 @@ def mean_motion_from_altitude(altitude: ArrayLike, mu: float = EARTH_MU, radius:
 
 
 def mean_motion_from_period(period: ArrayLike) -> Any:
-    """Mean motion [rad/s] of an orbit of `period` [s], which must be positive and finite."""
+    """Mean motion [rad/s] of an orbit of `period` [s].  Raises ValueError unless that is positive."""
     return 2.0 * np.pi / checked("period", period, positive=True)
 
 
 def semi_major_axis_from_mean_motion(mean_motion: ArrayLike, mu: float = EARTH_MU) -> Any:
-    """Semi-major axis [m] of an orbit of `mean_motion` [rad/s]; both must be positive."""
+    """Semi-major axis [m] of an orbit of `mean_motion` [rad/s] about a body of `mu` [m^3/s^2].
+
+    Raises ValueError unless both are positive and finite.
+    """
     n = checked("mean_motion", mean_motion, positive=True)
     return np.cbrt(checked("mu", mu, positive=True) / (n * n))
 
@@ -74,12 +77,15 @@ def semi_major_axis_from_mean_motion(mean_motion: ArrayLike, mu: float = EARTH_M
 def altitude_from_mean_motion(
     mean_motion: ArrayLike, mu: float = EARTH_MU, radius: float = EARTH_RADIUS
 ) -> Any:
-    """Altitude [m] of the circular orbit of `mean_motion` [rad/s] above a body of `radius` [m]."""
+    """Altitude [m] of the circular orbit of `mean_motion` [rad/s] above a body of `radius` [m].
+
+    Raises ValueError unless the mean motion, `mu` [m^3/s^2] and the radius are positive and finite.
+    """
     return semi_major_axis_from_mean_motion(mean_motion, mu) - checked("radius", radius, positive=True)
 
 
 def period_from_mean_motion(mean_motion: ArrayLike) -> Any:
-    """Period [s] of an orbit of `mean_motion` [rad/s], which must be positive and finite."""
+    """Period [s] of an orbit of `mean_motion` [rad/s].  Raises ValueError unless that is positive."""
     return 2.0 * np.pi / checked("mean_motion", mean_motion, positive=True)
 
 
@@ -101,7 +107,8 @@ def palmer_from_state(state: ArrayLike, mean_motion: ArrayLike) -> Floats:
 def state_from_palmer(palmer: ArrayLike, mean_motion: ArrayLike) -> Floats:
     """State (..., 6) in m and m/s in the Hill frame: the inverse of `palmer_from_state`.
 
-    palmer: [e1, e2, d, l, h1, h2] (..., 6) in m.  Raises ValueError unless n > 0.  # theory (3)
+    palmer: [e1, e2, d, l, h1, h2] (..., 6) in m; `mean_motion` [rad/s].  Raises ValueError unless
+    that is above zero.                                                            # theory (3)
     """
     n = checked("mean_motion", mean_motion, positive=True)
     e1, e2, d, l, h1, h2 = np.moveaxis(checked("palmer", palmer, last=6), -1, 0)  # noqa: E741
@@ -114,7 +121,7 @@ def elements_from_inertial(state: ArrayLike, mu: float = EARTH_MU) -> Floats:
 
     state: (..., 6) inertial, m and m/s, on an ellipse.  u = M + w is the mean argument of
     latitude, (ex, ey) = e (cos w, sin w), O the right ascension of the ascending node.  They stay
-    regular at e = 0; at i = 0 or pi the node is arbitrary, and u with it.  Raises ValueError for
+    regular at e = 0; at i = 0 or pi the node is arbitrary, and u with it.  `mu` [m^3/s^2].  Raises ValueError for
     an open orbit (e >= 1) and for motion along a straight line.
     """
     inertial = checked("state", state, last=6)
@@ -147,7 +154,8 @@ def elements_from_inertial(state: ArrayLike, mu: float = EARTH_MU) -> Floats:
 def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
     """Inertial state (..., 6) in m and m/s: the inverse of `elements_from_inertial`.
 
-    elements: [a, u, ex, ey, i, O] (..., 6).  Raises ValueError unless a > 0 and e < 1.
+    elements: [a, u, ex, ey, i, O] (..., 6); `mu` [m^3/s^2].  Raises ValueError unless a > 0 and
+    e < 1.
     """
     a, u, ex, ey, inclination, node = _ellipse("elements", elements)
     mu = checked("mu", mu, positive=True)
@@ -209,6 +217,7 @@ def roe_from_state(
     argument of latitude at that time is `latitude` [rad].  The error falls with the square of the
     separation and is of the order of the eccentricity times it for a chief that is not on a
     circle.  Linear, and regular at any inclination.     (D'Amico 2010; Palmer's coordinates turned)
+    Raises ValueError for wrong shapes and unless the semi-major axis and `mu` [m^3/s^2] are positive.
     """
     a = checked("semi_major_axis", semi_major_axis, positive=True)
     palmer = palmer_from_state(state, mean_motion_from_semi_major_axis(a, mu))
@@ -224,7 +233,7 @@ def state_from_roe(
     """State (..., 6) in m and m/s in the Hill frame: the inverse of `roe_from_state`.
 
     roe: [da, dl, dex, dey, dix, diy] (..., 6); `semi_major_axis` [m] and `latitude` [rad] of the
-    chief, on a circular orbit.
+    chief, on a circular orbit about a body of `mu` [m^3/s^2].  Raises as `roe_from_state`.
     """
     a = checked("semi_major_axis", semi_major_axis, positive=True)
     da, dl, dex, dey, dix, diy = np.moveaxis(checked("roe", roe, last=6), -1, 0)

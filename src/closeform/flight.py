@@ -66,13 +66,14 @@ def watch(paths: Path, names: Sequence[str], zones: Sequence[tuple[Zone, Any]]) 
             if (one, other) in holds:
                 encounters.append((one, other, Conflict(*map(float, row))))
         close = closest_approach(paths[pairs[:, 0]], paths[pairs[:, 1]], zone)
-        for (one, other), *row in zip(pairs.tolist(), close.time, close.ratio, close.distance, strict=True):
-            nearest.append((one, other, Approach(*map(float, row)), zone))
+        values = zip(close.time, close.ratio, close.distance, strict=True)
+        for (one, other), value in zip(pairs.tolist(), values, strict=True):
+            nearest.append((one, other, Approach(*map(float, value)), zone))
     return Flight(
         paths,
         tuple(names),
         tuple(Encounter(names[i], names[j], met) for i, j, met in sorted(encounters, key=in_order)),
-        tuple(Nearest(names[i], names[j], *near) for i, j, *near in sorted(nearest, key=in_order)),
+        tuple(Nearest(names[i], names[j], near, zone) for i, j, near, zone in sorted(nearest, key=in_order)),
     )
 
 

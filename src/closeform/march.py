@@ -125,6 +125,8 @@ def bound(q, order, n, h, axis):
         if n == 0.0:
             a = max(b, abs(q[2, axis] + q[3, axis] * h))
             return a, abs(q[1, axis]) + a * h
+        if n * h < 0.1:
+            return b + c * h, abs(q[1, axis]) + (b + c * h) * h
         swing = sqrt(b * b + c * c / (n * n))
         mean = abs(q[1, axis] + q[3, axis] / (n * n))
         a = min(swing, b + c * h)

@@ -23,7 +23,7 @@ from closeform.zones import Floats, numbers
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
-def steer(n, arcs, finals):
+def steer(n: float, arcs: Floats, finals: Floats) -> None:
     """Set the optimal thrust of each arc so that it ends in its final state.        # theory (7, 8)"""
     matrix = np.empty((6, 6))
     work = np.empty((6, 6))
@@ -48,7 +48,7 @@ def steer(n, arcs, finals):
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
-def aim(n, arcs, finals):
+def aim(n: float, arcs: Floats, finals: Floats) -> None:
     """Set the start velocity of each arc so that it drifts to its final position."""
     matrix = np.empty((3, 3))
     rhs = np.empty(3)
@@ -68,7 +68,7 @@ def aim(n, arcs, finals):
 
 
 @kernel(void(float64, float64[::1], float64[:, :, ::1]))
-def transitions(n, times, out):
+def transitions(n: float, times: Floats, out: Floats) -> None:
     for p in range(len(times)):
         for k in range(6):
             column = drift(
@@ -118,17 +118,23 @@ class Orbit:
 
     @classmethod
     def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
-        """Orbit at `altitude` [m] above a body of `mu` [m^3/s^2] and `radius` [m]."""
+        """Orbit at `altitude` [m] above a body of `mu` [m^3/s^2] and `radius` [m].
+
+        Raises ValueError unless altitude + radius and mu are positive.
+        """
         return cls(float(mean_motion_from_altitude(altitude, mu, radius)))
 
     @classmethod
     def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
-        """Orbit of `semi_major_axis` [m] around a body of `mu` [m^3/s^2]."""
+        """Orbit of `semi_major_axis` [m] around a body of `mu` [m^3/s^2].
+
+        Raises ValueError unless both are positive.
+        """
         return cls(float(mean_motion_from_semi_major_axis(semi_major_axis, mu)))
 
     @classmethod
     def from_period(cls, period: float) -> Self:
-        """Orbit of `period` [s]."""
+        """Orbit of `period` [s].  Raises ValueError unless it is positive."""
         return cls(float(mean_motion_from_period(period)))
 
     @property
@@ -137,16 +143,20 @@ class Orbit:
         return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
 
     def transition(self, duration: ArrayLike) -> Floats:
-        """State transition matrix of natural motion over `duration` [s]: (..., 6, 6)."""
+        """State transition matrix of natural motion over `duration` [s], of any sign: (..., 6, 6).
+
+        Raises ValueError for numbers that are not finite.
+        """
         times = _checked("duration", duration)
         out = np.empty((times.size, 6, 6))
         transitions(self.mean_motion, np.ravel(times), out)
         return out.reshape(times.shape + (6, 6))
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
-        """Natural motion from `state` (..., 6) for `duration` [s]; all arguments broadcast.
+        """Natural motion from `state` (..., 6) at time `start` [s] for `duration` [s].
 
-        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
+        All arguments broadcast.  Raises ValueError for a duration that is not positive, wrong
+        shapes or non-finite numbers.
         """
         return self._path(self._arcs(duration, start, state=state))
 
@@ -155,8 +165,8 @@ class Orbit:
     ) -> Path:
         """Energy-optimal path from `initial` to `final` (..., 6) in `duration` [s].   # theory 2
 
-        Least half-integral of |thrust|^2; all arguments broadcast, so that `transfer(a[:, None],
-        b, T).energy` is the matrix of costs from every a to every b.  Raises ValueError for a
+        Least half-integral of |thrust|^2, from time `start` [s] on; all arguments broadcast, so
+        that `transfer(a[:, None], b, T).energy` is the matrix of costs from every a to every b.  Raises ValueError for a
         duration that is not positive, wrong shapes or non-finite numbers.
         """
         arcs, finals = self._between(initial, final, duration, start)
@@ -168,7 +178,7 @@ class Orbit:
     ) -> Path:
         """Drift from `initial` to `final` (..., 6) in `duration` [s] between two impulses.
 
-        All arguments broadcast.  Raises ValueError for a duration that is not positive or, for
+        The first is at time `start` [s].  All arguments broadcast.  Raises ValueError for a duration that is not positive or, for
         n > 0, at a singular one (a multiple of half an orbit), wrong shapes or non-finite numbers.
         """
         arcs, finals = self._between(initial, final, duration, start)
@@ -193,7 +203,7 @@ class Orbit:
     ) -> Path:
         """Constant thrust `acceleration` (..., 3) [m/s^2], fixed in the rotating frame, from `state`.
 
-        All arguments broadcast.  Raises ValueError for a duration that is not positive, wrong
+        It begins at time `start` [s] and lasts for `duration` [s].  All arguments broadcast.  Raises ValueError for a duration that is not positive, wrong
         shapes or non-finite numbers.
         """
         push = _checked("acceleration", acceleration, 3)

@@ -20,7 +20,7 @@ FORGIVEN = 1e-9  # of the path's length, outside of it; of its scale, between jo
 
 
 @kernel(void(float64[:, ::1], int64[::1], float64, float64[:, ::1], float64[:, :, ::1]))
-def evaluate(arcs, offsets, n, times, out):
+def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -> None:
     """States, or thrusts where `out` has three columns; `times` has a row for all or one for each."""
     for p in range(len(offsets) - 1):
         for k in range(times.shape[1]):
@@ -68,17 +68,18 @@ class Path:
         return self._evaluate(time, 6)
 
     def position(self, time: ArrayLike) -> Floats:
-        """Positions [m] at `time` [s]: shape of the path + shape of `time` + (3,)."""
+        """Positions [m] at `time` [s]: shape of the path + shape of `time` + (3,).  Raises as `state`."""
         return self.state(time)[..., :3]
 
     def velocity(self, time: ArrayLike) -> Floats:
-        """Velocities [m/s] at `time` [s]: shape of the path + shape of `time` + (3,)."""
+        """Velocities [m/s] at `time` [s]: shape of the path + shape of `time` + (3,).  Raises as `state`."""
         return self.state(time)[..., 3:]
 
     def thrust(self, time: ArrayLike) -> Floats:
         """Thrust accelerations [m/s^2] at `time` [s]: shape of the path + shape of `time` + (3,).
 
-        Impulses are not in it.  For a sampled path: the thrust that its motion asks for.
+        Impulses are not in it.  For a sampled path: the thrust that its motion asks for.  Raises
+        as `state`.
         """
         return self._evaluate(time, 3)
 
@@ -129,7 +130,10 @@ class Path:
         return f"<Path shape={self.shape}, {arcs} arc{'s' * (arcs != 1)}{span}>"
 
     def broadcast_to(self, shape: tuple[int, ...]) -> "Path":
-        """The same paths repeated to a larger batch `shape`, as `numpy.broadcast_to` would."""
+        """The same paths repeated to a larger batch `shape`, as `numpy.broadcast_to` would.
+
+        Raises ValueError for a shape that the path's does not broadcast to.
+        """
         index = np.broadcast_to(np.arange(len(self.offsets) - 1).reshape(self.shape), shape)
         return self._gathered(index.ravel(), shape)
 
@@ -190,7 +194,7 @@ def _single(paths: Any, verb: str) -> list[Path]:
 
 
 def join(paths: Any) -> Path:
-    """One path out of several that follow each other in time, all of one batch shape.
+    """One path out of `paths` that follow each other in time, all of one batch shape.
 
     A velocity jump between two becomes an impulse; a position jump is an error.  Jumps below
     1e-9 of the larger of |r| and |v| T are rounding.  Raises ValueError for a gap in time, a
@@ -237,7 +241,7 @@ def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
 
 
 def stack(paths: Any) -> Path:
-    """One batch of shape (N,) out of N paths of single craft; they may have different times.
+    """One batch of shape (N,) out of N `paths` of single craft; they may have different times.
 
     Raises ValueError for a path that is a batch already, or for different orbits.
     """

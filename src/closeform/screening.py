@@ -82,7 +82,7 @@ def _search(paths: Path, zone: Zone, first: Any, second: Any) -> tuple[Any, Floa
 
 
 def screen(paths: Path | Sequence[Path], zone: Zone) -> Screening:
-    """Every conflict among all pairs of `paths`, a Path of shape (N,) or a sequence of N paths.
+    """Every stay in the `zone` among all pairs of `paths`: a Path of shape (N,) or N paths.
 
     The search of `find_conflicts`, certified as there, on all cores; pairs that natural motion
     keeps apart along an axis are excluded in closed form.  Time and memory for N = 1 000

@@ -49,7 +49,7 @@ class Zone:
         object.__setattr__(self, "matrix", np.array(self.matrix, dtype=float, order="C"))
 
     def norm(self, position: ArrayLike) -> Any:
-        """Norm of positions (..., 3) in m: shape (...), <= 1 inside."""
+        """Norm of `position` (..., 3) in m: shape (...), <= 1 inside.  Raises ValueError for other shapes."""
         where = numbers("position", position)
         if where.shape[-1:] != (3,):
             raise ValueError(f"position: expected shape (..., 3), got {where.shape}")
@@ -57,7 +57,7 @@ class Zone:
         return inside.max(axis=-1) if self.box else np.sqrt((inside * inside).sum(axis=-1))
 
     def enlarged(self, factor: float) -> "Zone":
-        """The same shape, `factor` times as large."""
+        """The same shape, `factor` times as large.  Raises ValueError unless that is positive."""
         if not (np.isfinite(factor) and factor > 0):
             raise ValueError(f"factor: must be positive and finite, got {factor}")
         return Zone(self.matrix / factor, self.box)
@@ -69,7 +69,8 @@ class Zone:
         For an ellipsoid the roots of the diagonal of P^-1.                     # theory 3
         """
         half_axes = np.linalg.inv(self.matrix)
-        return np.abs(half_axes).sum(axis=1) if self.box else np.sqrt((half_axes**2).sum(axis=1))
+        widths: Floats = np.abs(half_axes).sum(axis=1) if self.box else np.sqrt((half_axes**2).sum(axis=1))
+        return widths
 
 
 class Box(Zone):

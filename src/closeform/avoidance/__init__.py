@@ -37,8 +37,11 @@ def avoid(
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
     if method not in ("exact", "sauter-palmer"):
         raise ValueError(f"method: 'exact' or 'sauter-palmer', not {method!r}")
-    known = Obstacles.of(obstacles, zone)
-    for obstacle in [obstacles] if isinstance(obstacles, Path) else obstacles:
+    others = [obstacles] if isinstance(obstacles, Path) else list(obstacles or ())
+    if not others or not all(isinstance(other, Path) for other in others):
+        raise ValueError("obstacles: give at least one path")
+    known = Obstacles.of(others[0] if isinstance(obstacles, Path) else others, zone)
+    for obstacle in others:
         if obstacle.orbit.mean_motion != path.orbit.mean_motion:
             raise ValueError("obstacles: must be in the orbit of path")
     inside = known.at_end(path)

@@ -8,34 +8,33 @@ over and converges to rounding.
 """
 
 import numpy as np
-from numba import bool_, float64, int64, types
+from numba import float64, int64, types
 
 from closeform.arc import END, START
 from closeform.avoidance.kernel import influences, relative, shape
-from closeform.avoidance.newton import TOUCHING, in_zone, newton, outward, push_back
+from closeform.avoidance.newton import TOUCHING, approach_rate, in_zone, newton, outward, push_back
 from closeform.compiled import kernel
 from closeform.linear import solve
-from closeform.march import rate
 
 ROUNDS = 40  # of the quadratic program with contacts moved
 CLOSE = 0.3  # how little contacts move in a round, in normals and times, before Newton is tried
-MARGIN = 1e-7  # of the duration: contacts keep this far from the ends and from each other
+MARGIN = 1e-7  # of the duration: contacts keep this far from the path's ends and from each other
 SETTLED, UNSETTLED, IDLE = 0, 1, 2
 
 
 @kernel()
-def slide(rows, count, others, first, last, matrix, box, t, start, end, work):
+def slide(rows, count, others, first, last, matrix, power, t, start, end, work, normal):
     """The time near t, within [start, end], at which the norm is locally least."""
     step = 1e-3 * (end - start)
     relative(rows, count, others, first, last, matrix, t, work)
-    here = rate(box, work[0, 0], work[0, 1], work[0, 2], work[1, 0], work[1, 1], work[1, 2])
+    here = approach_rate(power, work, normal)
     sign = -1.0 if here > 0.0 else 1.0
     a = t
     while True:
         b = min(max(t + sign * step, start), end)
         relative(rows, count, others, first, last, matrix, b, work)
-        there = rate(box, work[0, 0], work[0, 1], work[0, 2], work[1, 0], work[1, 1], work[1, 2])
-        if there * here <= 0.0 or b == start or b == end:
+        there = approach_rate(power, work, normal)
+        if there * here <= 0.0 or b in (start, end):
             break
         a = b
         step *= 2.0
@@ -46,7 +45,7 @@ def slide(rows, count, others, first, last, matrix, box, t, start, end, work):
         if k % 3 and here != there:
             middle = a + (b - a) * here / (here - there)
         relative(rows, count, others, first, last, matrix, middle, work)
-        slope = rate(box, work[0, 0], work[0, 1], work[0, 2], work[1, 0], work[1, 1], work[1, 2])
+        slope = approach_rate(power, work, normal)
         if slope * here > 0.0:
             a, here = middle, slope
         else:
@@ -98,9 +97,9 @@ def press(gram, gaps, count, force, work, rhs):
 
 
 @kernel()
-def touch(base, scene, contacts, aim, blocks, normal_gram, gaps):
+def touch(base, scene, contacts, blocks, normal_gram, gaps):
     """Compliance along the contacts' normals, and how far the base path falls short there."""
-    obstacles, offsets, matrices, _ = scene
+    obstacles, offsets, matrices, _, aims = scene
     which, times, normals, _ = contacts
     motion = np.empty((3, 3))
     block = np.empty((3, 3))
@@ -108,7 +107,7 @@ def touch(base, scene, contacts, aim, blocks, normal_gram, gaps):
     for k in range(len(which)):
         o = which[k]
         relative(alone, 1, obstacles, offsets[o], offsets[o + 1], matrices[o], times[k], motion)
-        gaps[k] = aim
+        gaps[k] = aims[o]
         for i in range(3):
             gaps[k] -= normals[k, i] * motion[0, i]
         for m in range(len(which)):
@@ -120,9 +119,9 @@ def touch(base, scene, contacts, aim, blocks, normal_gram, gaps):
 
 
 @kernel()
-def slide_all(base, rows, arcs, scene, contacts, slid, turned):
+def slide_all(base, rows, arcs, scene, contacts, windows, slid, turned):
     """Where each contact slides to on a shaped path: how far they move, -1 where one is idle."""
-    obstacles, offsets, matrices, boxes = scene
+    obstacles, offsets, matrices, powers, _ = scene
     which, times, normals, force = contacts
     motion = np.empty((3, 3))
     margin = MARGIN * (base[END] - base[START])
@@ -132,9 +131,20 @@ def slide_all(base, rows, arcs, scene, contacts, slid, turned):
             return -1.0
         o = which[k]
         a, b = offsets[o], offsets[o + 1]
-        start = max(base[START], obstacles[a, START]) + margin
-        end = min(base[END], obstacles[b - 1, END]) - margin
-        slid[k] = slide(rows, arcs, obstacles, a, b, matrices[o], boxes[o], times[k], start, end, motion)
+        slid[k] = slide(
+            rows,
+            arcs,
+            obstacles,
+            a,
+            b,
+            matrices[o],
+            powers[o],
+            times[k],
+            windows[k, 0],
+            windows[k, 1],
+            motion,
+            turned[k],
+        )
         for m in range(k):
             if which[m] == o and abs(slid[m] - slid[k]) < margin:
                 force[k] = 0.0  # two contacts have slid into one
@@ -143,7 +153,7 @@ def slide_all(base, rows, arcs, scene, contacts, slid, turned):
         relative(rows, arcs, obstacles, a, b, matrices[o], slid[k], motion)
         for i in range(3):
             turned[k, i] = normals[k, i]
-        outward(boxes[o], motion[0, 0], motion[0, 1], motion[0, 2], turned[k])
+        outward(powers[o], motion, turned[k])
         for i in range(3):
             moved = max(moved, abs(normals[k, i] - turned[k, i]))
     return moved
@@ -161,25 +171,26 @@ def place(contacts, times, normals):
 @kernel()
 def part_way(rows, arcs, scene, contacts, old_times, slid, step):
     """Move contacts by a fraction of their slide, with the normals that hold there."""
-    obstacles, offsets, matrices, boxes = scene
+    obstacles, offsets, matrices, powers, _ = scene
     which, times, normals, _ = contacts
     motion = np.empty((3, 3))
     for k in range(len(which)):
         times[k] = old_times[k] + step * (slid[k] - old_times[k])
         o = which[k]
         relative(rows, arcs, obstacles, offsets[o], offsets[o + 1], matrices[o], times[k], motion)
-        outward(boxes[o], motion[0, 0], motion[0, 1], motion[0, 2], normals[k])
+        outward(powers[o], motion, normals[k])
 
 
-SCENE = types.Tuple((float64[:, ::1], int64[::1], float64[:, :, ::1], bool_[::1]))
+SCENE = types.Tuple((float64[:, ::1], int64[::1], float64[:, :, ::1], float64[::1], float64[::1]))
 CONTACTS = types.Tuple((int64[::1], float64[::1], float64[:, ::1], float64[::1]))
 
 
-@kernel(int64(float64[::1], float64[:, ::1], SCENE, float64, CONTACTS, float64[:, ::1], float64[:, ::1]))
-def relax(base, inverse, scene, aim, contacts, rows, gram):
-    """Slide contacts to the least-energy path that touches the zones, scaled by `aim`, at them.
+@kernel(int64(float64[::1], float64[:, ::1], SCENE, CONTACTS, float64[:, ::1], float64[:, ::1]))
+def relax(base, inverse, scene, contacts, rows, gram):
+    """Slide contacts to the least-energy path that touches the zones at them.
 
-    `scene`: the obstacles' arcs, offsets, zone matrices and whether they are boxes.  `contacts`:
+    `scene`: the obstacles' arcs and offsets; their zones' matrices, powers (of the norm) and
+    aims (the norm to keep).  `contacts`:
     obstacle, time, normal (count, 3) in zone coordinates, force; all but the first are moved.
     Fills `rows` (count + 1 arcs) and `gram` (3 count, 3 count), the kernel between the contacts
     in zone coordinates.  SETTLED: the conditions of optimality hold to rounding.  UNSETTLED: the
@@ -195,16 +206,22 @@ def relax(base, inverse, scene, aim, contacts, rows, gram):
     system = np.empty((count, count))
     gaps, rhs, pushes = np.empty(count), np.empty(count), np.empty((count, 3))
     old_times, slid, turned = np.empty(count), np.empty(count), np.empty((count, 3))
+    windows = np.empty((count, 2))
+    margin = MARGIN * (base[END] - base[START])
+    for k in range(count):
+        a, b = scene[1][which[k]], scene[1][which[k] + 1]
+        windows[k, 0] = max(base[START] + margin, scene[0][a, START])
+        windows[k, 1] = min(base[END] - margin, scene[0][b - 1, END])
     status = UNSETTLED
     moved, step = np.inf, 1.0
     for _ in range(ROUNDS):
         influences(base, inverse, times, count, pulls, blocks, rates)
-        touch(base, scene, contacts, aim, blocks, normal_gram, gaps)
+        touch(base, scene, contacts, blocks, normal_gram, gaps)
         press(normal_gram, gaps, count, force, system, rhs)
         push_back(contacts, matrices, pushes)
         arcs = shape(base, pulls, times, pushes, count, rows)
         before = moved
-        moved = slide_all(base, rows, arcs, scene, contacts, slid, turned)
+        moved = slide_all(base, rows, arcs, scene, contacts, windows, slid, turned)
         if moved < 0.0:
             return IDLE
         if moved < TOUCHING:
@@ -214,7 +231,7 @@ def relax(base, inverse, scene, aim, contacts, rows, gram):
             old_times[k] = times[k]
         place(contacts, slid, turned)
         if moved < CLOSE:
-            if newton(base, inverse, scene, aim, contacts, rows, pulls, blocks, rates):
+            if newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
                 status = SETTLED
                 break
             place(contacts, slid, turned)

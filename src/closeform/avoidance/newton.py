@@ -4,7 +4,7 @@ Unknown for each contact: its point p in zone coordinates, its force and its tim
 p lies on the path, the norm of p is the aimed one, and the path has no speed along the normal.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -12,25 +12,74 @@ from closeform.arc import END, START
 from closeform.avoidance.kernel import influences, relative, shape
 from closeform.compiled import kernel
 from closeform.linear import solve
-from closeform.march import norm
+from closeform.march import rate
 
 ROUNDS = 12
+ON_EDGE = 1e-7  # how nearly two faces are met at once
 TOUCHING, STEADY = 1e-11, 1e-8  # errors left in the norm, and in its rate times the duration
 
 
 @kernel()
-def outward(box, x, y, z, normal):
-    """Unit normal of the zone scaled to pass through a point; a box keeps to one face."""
-    s = norm(box, x, y, z)
+def p_norm(power, x, y, z):
+    """The norm of a zone: power 2 for an ellipsoid, inf for a box, between for a rounded box."""
+    if power == 2.0:
+        return sqrt(x * x + y * y + z * z)
+    largest = max(abs(x), abs(y), abs(z))
+    if power == inf or largest == 0.0:
+        return largest
+    total = (abs(x) / largest) ** power + (abs(y) / largest) ** power + (abs(z) / largest) ** power
+    return largest * total ** (1.0 / power)
+
+
+@kernel()
+def outward(power, motion, normal):
+    """Gradient of the zone's norm at a relative motion (position, velocity rows).
+
+    A box is touched on a face; or on an edge, where the path leaves one face's side as it
+    reaches the other's: there the two faces are mixed such that the motion has no speed along
+    the normal.
+    """
+    s = p_norm(power, motion[0, 0], motion[0, 1], motion[0, 2])
     if s == 0.0:
         return
-    if box:
-        face = 0 if abs(x) == s else (1 if abs(y) == s else 2)
-        side = x if face == 0 else (y if face == 1 else z)
-        normal[:] = 0.0
-        normal[face] = 1.0 if side > 0.0 else -1.0
-    else:
-        normal[0], normal[1], normal[2] = x / s, y / s, z / s
+    if power < inf:
+        for i in range(3):
+            slope = (abs(motion[0, i]) / s) ** (power - 1.0)
+            normal[i] = slope if motion[0, i] > 0.0 else -slope
+        return
+    first, second = -1, -1
+    for i in range(3):
+        if abs(motion[0, i]) >= s * (1.0 - ON_EDGE):
+            if first < 0 or abs(motion[0, i]) > abs(motion[0, first]):
+                first, second = i, first
+            elif second < 0 or abs(motion[0, i]) > abs(motion[0, second]):
+                second = i
+    for i in range(3):
+        normal[i] = 0.0
+    side = 1.0 if motion[0, first] > 0.0 else -1.0
+    normal[first] = side
+    if second >= 0:
+        other = 1.0 if motion[0, second] > 0.0 else -1.0
+        leaving, reaching = side * motion[1, first], other * motion[1, second]
+        if leaving * reaching < 0.0:
+            total = abs(leaving) + abs(reaching)
+            normal[first] = side * abs(reaching) / total
+            normal[second] = other * abs(leaving) / total
+
+
+@kernel()
+def approach_rate(power, motion, normal):
+    """Rate of the zone's norm along a relative motion; spoils `normal`."""
+    if power == inf:
+        return rate(True, motion[0, 0], motion[0, 1], motion[0, 2], motion[1, 0], motion[1, 1], motion[1, 2])
+    outward(power, motion, normal)
+    return normal[0] * motion[1, 0] + normal[1] * motion[1, 1] + normal[2] * motion[1, 2]
+
+
+@kernel()
+def on_edge(normals, k):
+    """Whether a box's normal mixes faces."""
+    return max(abs(normals[k, 0]), abs(normals[k, 1]), abs(normals[k, 2])) < 1.0
 
 
 @kernel()
@@ -57,25 +106,27 @@ def push_back(contacts, matrices, pushes):
 
 
 @kernel()
-def bend(normals, k, i, j, size):
-    """How the unit normal at a point of an ellipsoid turns with the point."""
-    return ((1.0 if i == j else 0.0) - normals[k, i] * normals[k, j]) / size
+def bend(power, points, normals, k, i, j):
+    """How the gradient of the norm at point k turns with the point; nothing on a box's face."""
+    if power == inf:
+        return 0.0
+    s = p_norm(power, points[k, 0], points[k, 1], points[k, 2])
+    own = (abs(points[k, i]) / s) ** (power - 2.0) if i == j else 0.0
+    return (power - 1.0) * (own - normals[k, i] * normals[k, j]) / s
 
 
 @kernel()
-def own_terms(jacobian, rhs, k, normals, points, motion, aim, curved, duration):
+def own_terms(jacobian, rhs, k, power, normals, points, motion, aim, duration):
     """Residuals of contact k and what depends on it alone; returns the greatest residual."""
     row = 5 * k
-    size = sqrt(points[k, 0] ** 2 + points[k, 1] ** 2 + points[k, 2] ** 2)
     reach, speed, push, error = 0.0, 0.0, 0.0, 0.0
     for i in range(3):
         rhs[row + i] = motion[0, i] - points[k, i]
         jacobian[row + i, row + i] += 1.0
         jacobian[row + i, row + 4] -= motion[1, i]
         jacobian[row + 3, row + i] += normals[k, i]
-        if curved:
-            for a in range(3):
-                jacobian[row + 4, row + a] += bend(normals, k, a, i, size) * motion[1, i]
+        for a in range(3):
+            jacobian[row + 4, row + a] += bend(power, points, normals, k, a, i) * motion[1, i]
         reach += normals[k, i] * points[k, i]
         speed += normals[k, i] * motion[1, i]
         push += normals[k, i] * motion[2, i]
@@ -87,7 +138,7 @@ def own_terms(jacobian, rhs, k, normals, points, motion, aim, curved, duration):
 
 
 @kernel()
-def cross_terms(jacobian, k, m, normals, points, force, left, right, block, rates, curved):
+def cross_terms(jacobian, k, m, power, normals, points, force, left, right, block, rates):
     """How the residuals of contact k change with contact m's point, force and time."""
     row, column = 5 * k, 5 * m
     place, speed, place_rate, speed_rate = (
@@ -100,30 +151,33 @@ def cross_terms(jacobian, k, m, normals, points, force, left, right, block, rate
     in_zone(block, left, right, 3, speed)
     in_zone(rates, left, right, 0, place_rate)
     in_zone(rates, left, right, 3, speed_rate)
-    size = sqrt(points[m, 0] ** 2 + points[m, 1] ** 2 + points[m, 2] ** 2)
     for i in range(3):
         for j in range(3):
             jacobian[row + i, column + 3] -= place[i, j] * normals[m, j]
             jacobian[row + i, column + 4] -= place_rate[i, j] * normals[m, j] * force[m]
             jacobian[row + 4, column + 3] += normals[k, i] * speed[i, j] * normals[m, j]
             jacobian[row + 4, column + 4] += normals[k, i] * speed_rate[i, j] * normals[m, j] * force[m]
-            if curved:
-                for a in range(3):
-                    turn = bend(normals, m, a, j, size) * force[m]
-                    jacobian[row + i, column + a] -= place[i, j] * turn
-                    jacobian[row + 4, column + a] += normals[k, i] * speed[i, j] * turn
+            for a in range(3):
+                turn = bend(power, points, normals, m, a, j) * force[m]
+                jacobian[row + i, column + a] -= place[i, j] * turn
+                jacobian[row + 4, column + a] += normals[k, i] * speed[i, j] * turn
 
 
 @kernel()
-def newton(base, inverse, scene, aim, contacts, rows, pulls, blocks, rates):
+def newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
     """Polish contacts, all of them pressed: whether they come to meet the conditions of optimality."""
-    obstacles, offsets, matrices, boxes = scene
+    obstacles, offsets, matrices, norm_powers, aims = scene
     which, times, normals, force = contacts
     count = len(which)
     size = 5 * count
     jacobian = np.empty((size, size))
     rhs = np.empty(size)
     points, pushes, motion = np.empty((count, 3)), np.empty((count, 3)), np.empty((3, 3))
+    pinned = np.empty(count, dtype=np.bool_)  # at an end of the time that an obstacle is there
+    for k in range(count):
+        if norm_powers[which[k]] == inf and on_edge(normals, k):
+            return False
+        pinned[k] = times[k] <= windows[k, 0] or times[k] >= windows[k, 1]
     for trial in range(ROUNDS):
         influences(base, inverse, times, count, pulls, blocks, rates)
         push_back(contacts, matrices, pushes)
@@ -134,13 +188,13 @@ def newton(base, inverse, scene, aim, contacts, rows, pulls, blocks, rates):
             o = which[k]
             relative(rows, arcs, obstacles, offsets[o], offsets[o + 1], matrices[o], times[k], motion)
             if trial == 0:
-                s = 0.0
+                s = p_norm(norm_powers[o], motion[0, 0], motion[0, 1], motion[0, 2])
                 for i in range(3):
-                    s += normals[k, i] * motion[0, i]
-                for i in range(3):
-                    points[k, i] = motion[0, i] if boxes[o] else normals[k, i] * s
+                    points[k, i] = motion[0, i] * (aims[o] / s)
             duration = base[END] - base[START]
-            own = own_terms(jacobian, rhs, k, normals, points, motion, aim, not boxes[o], duration)
+            if pinned[k]:
+                duration = 0.0
+            own = own_terms(jacobian, rhs, k, norm_powers[o], normals, points, motion, aims[o], duration)
             error = max(error, own)
             for m in range(count):
                 p = which[m]
@@ -148,6 +202,7 @@ def newton(base, inverse, scene, aim, contacts, rows, pulls, blocks, rates):
                     jacobian,
                     k,
                     m,
+                    norm_powers[p],
                     normals,
                     points,
                     force,
@@ -155,8 +210,11 @@ def newton(base, inverse, scene, aim, contacts, rows, pulls, blocks, rates):
                     matrices[p],
                     blocks[k, m],
                     rates[k, m],
-                    not boxes[p],
                 )
+            if pinned[k]:  # the time is given, whatever the speed along the normal
+                for column in range(size):
+                    jacobian[5 * k + 4, column] = 1.0 if column == 5 * k + 4 else 0.0
+                rhs[5 * k + 4] = 0.0
         if error < TOUCHING:
             return True
         if not error < 10.0:
@@ -167,8 +225,10 @@ def newton(base, inverse, scene, aim, contacts, rows, pulls, blocks, rates):
                 points[k, i] += rhs[5 * k + i]
             force[k] += rhs[5 * k + 3]
             times[k] += rhs[5 * k + 4]
-            if not (base[START] < times[k] < base[END] and force[k] > 0.0):
+            if not (windows[k, 0] <= times[k] <= windows[k, 1] and force[k] > 0.0):
                 return False
-            if not boxes[which[k]]:
-                outward(False, points[k, 0], points[k, 1], points[k, 2], normals[k])
+            if norm_powers[which[k]] < inf:
+                for i in range(3):
+                    motion[0, i] = points[k, i]
+                outward(norm_powers[which[k]], motion, normals[k])
     return False

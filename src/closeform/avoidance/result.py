@@ -53,6 +53,7 @@ class Avoidance:
     between its end states (nan where not ok).  `contacts` are in order of time.  `proven`:
     the energy is proven the global optimum (for the zone enlarged by 1e-9); otherwise it is
     the best of the `tried` ways, and `exhausted` tells whether those were all the sides.
+    `status` says how it ended, and `reason` why there is no path.
     """
 
     path: Path | None
@@ -90,6 +91,12 @@ class Obstacles:
     @classmethod
     def of(cls, paths: Path | Sequence[Path], zone: Zone | Sequence[Zone]) -> "Obstacles":
         """Raises ValueError for a batch that is not of shape (M,) or zones that do not match it."""
+        if not isinstance(zone, Zone) and not (
+            isinstance(zone, Sequence) and all(isinstance(one, Zone) for one in zone)
+        ):
+            raise ValueError(
+                f"zone: expected a Box, Ellipsoid or Sphere, or one for each obstacle, got {zone!r}"
+            )
         if isinstance(paths, Path):
             batch = paths if paths.shape else stack([paths])
         else:

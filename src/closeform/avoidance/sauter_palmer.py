@@ -111,7 +111,8 @@ def deviated(path: Path, obstacles: Obstacles) -> Avoidance:
     if orbit.mean_motion == 0.0:
         raise ValueError("method: 'sauter-palmer' needs an orbit, in deep space use 'exact'")
     optimum = orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start, path.start)
-    legs, contacts = optimum, []
+    legs = optimum
+    contacts: list[Contact] = []
     while True:
         deepest = obstacles.deepest(legs.arcs)
         if deepest is None:

@@ -17,12 +17,13 @@ from closeform.path import Path
 from closeform.zones import Floats
 
 NODES = 96  # partial plans examined before the search settles for the best it has
+ROUNDED = (8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, np.inf)  # powers of the norms that stand in for a box
 CONTACTS = 16  # of one path
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
 
 
 @kernel(void(float64[::1], float64[:, ::1]))
-def prepare(base, inverse):
+def prepare(base: Floats, inverse: Floats) -> None:
     invert_response(base[MEAN_MOTION], base[END] - base[START], inverse, np.empty((6, 6)), np.empty(6))
 
 
@@ -40,7 +41,18 @@ def prepare(base, inverse):
         float64[:, ::1],
     )
 )
-def view(base, inverse, rows, others, first, last, matrix, t, motion, gram):
+def view(
+    base: Floats,
+    inverse: Floats,
+    rows: Floats,
+    others: Floats,
+    first: int,
+    last: int,
+    matrix: Floats,
+    t: float,
+    motion: Floats,
+    gram: Floats,
+) -> None:
     """Relative motion (3, 3) at time t in zone coordinates, and the kernel K(t, t) there."""
     relative(rows, len(rows), others, first, last, matrix, t, motion)
     times = np.array([t])
@@ -68,19 +80,37 @@ class Plan:
     energy: float  # beyond the unconstrained optimum
     settled: bool
 
+    def joined(self, obstacle: int, time: float, normal: Floats) -> tuple[Any, Floats, Floats]:
+        """The contacts with one more."""
+        more = np.append(self.which, obstacle), np.append(self.times, time)
+        return *more, np.vstack([self.normals, normal])
+
+    def same(self, other: "Plan") -> bool:
+        """Whether two plans touch the same obstacles at the same times and on the same sides."""
+        return (
+            len(self.which) == len(other.which)
+            and abs(self.energy - other.energy) <= 1e-7 * self.energy
+            and bool((self.which == other.which).all())
+            and np.allclose(self.times, other.times, rtol=1e-6)
+            and np.allclose(self.normals, other.normals, atol=1e-4)
+        )
+
 
 class Shaping:
     """One search: a base arc, obstacles, and the tree of sides on which to pass them."""
 
-    def __init__(self, base: Floats, obstacles: Obstacles, aim: float) -> None:
+    def __init__(self, base: Floats, obstacles: Obstacles, margin: float) -> None:
         self.base = base
         self.obstacles = obstacles
-        self.aim = aim
+        self.margin = margin
         self.inverse = np.empty((6, 6))
         prepare(base, self.inverse)
 
-    def relaxed(self, which: Any, times: Floats, normals: Floats) -> Plan | None:
-        """The plan that the given contacts slide to; None where their forces vanish."""
+    def relaxed(self, which: Any, times: Floats, normals: Floats, power: float = ROUNDED[0]) -> Plan | None:
+        """The plan that the given contacts slide to; None where their forces vanish.
+
+        Boxes are rounded to balls of a `power` norm, enlarged so that they hold the edges.
+        """
         while len(which):
             count = len(which)
             force, rows, gram = (
@@ -90,20 +120,42 @@ class Shaping:
             )
             o = self.obstacles
             times, normals = times.copy(), normals.copy()
-            scene = (o.arcs, o.offsets, o.matrices, o.boxes)
+            powers = np.where(o.boxes, power, 2.0)
+            aims = self.margin * np.where(o.boxes, 2.0 ** (1.0 / power), 1.0)
+            scene = (o.arcs, o.offsets, o.matrices, powers, aims)
             contacts = (which, times, normals, force)
-            status = relax(self.base, self.inverse, scene, self.aim, contacts, rows, gram)
+            status = relax(self.base, self.inverse, scene, contacts, rows, gram)
             if status != IDLE:
                 push = (normals * force[:, None]).ravel()
                 keep = rows[: 1 + len(np.unique(times))]
-                return Plan(
-                    which, times, normals, force, keep, gram, 0.5 * push @ gram @ push, status == SETTLED
-                )
+                energy = float(0.5 * push @ gram @ push)
+                return Plan(which, times, normals, force, keep, gram, energy, status == SETTLED)
             pressed = force > 0.0
             if pressed.all():
                 return None
             which, times, normals = which[pressed], times[pressed], normals[pressed]
         return None
+
+    def sharpened(self, plan: Plan) -> Plan:
+        """A clear plan with its boxes sharpened, ever closer to their edges while it stays clear."""
+        if not self.obstacles.boxes[plan.which].any():
+            return plan
+        last = plan
+        for power in ROUNDED[1:]:
+            following = self.relaxed(last.which, last.times, last.normals, power)
+            for _ in range(3):  # a sharper edge may want another contact
+                deepest = self.obstacles.deepest(following.rows) if following else None
+                if following is None or deepest is None:
+                    break
+                normal = self.sides(following.rows, *deepest)[0][1]
+                following = self.relaxed(*following.joined(*deepest, normal), power)
+            if following is None or deepest is not None:
+                continue
+            if following.energy < plan.energy:
+                plan = following
+            if following.settled:
+                last = following
+        return plan
 
     def proven(self, plan: Plan) -> bool:
         """Whether no path that is clear at the times of a plan's contacts can cost less.
@@ -116,11 +168,12 @@ class Shaping:
         if not plan.settled:
             return False
         if not self.obstacles.boxes[plan.which].any():
-            weight = np.repeat(np.sqrt(plan.force / self.aim), 3)
+            weight = np.repeat(np.sqrt(plan.force / self.margin), 3)
             return bool(np.linalg.eigvalsh(weight[:, None] * plan.gram * weight)[-1] <= 1.0 + PROVEN)
         if len(plan.which) > 1:
             return False
-        least = self.sides(self.base[None], int(plan.which[0]), float(plan.times[0]))[0][0]
+        sides = self.sides(self.base[None], int(plan.which[0]), float(plan.times[0]))
+        least = min(cost for cost, normal in sides if np.count_nonzero(normal) == 1)
         return bool(plan.energy <= least * (1.0 + PROVEN))
 
     def sides(self, rows: Floats, obstacle: int, time: float) -> list[tuple[float, Floats]]:
@@ -129,7 +182,7 @@ class Shaping:
         motion, gram = np.empty((3, 3)), np.empty((3, 3))
         first, last = int(o.offsets[obstacle]), int(o.offsets[obstacle + 1])
         view(self.base, self.inverse, rows, o.arcs, first, last, o.matrices[obstacle], time, motion, gram)
-        return ways_out(bool(o.boxes[obstacle]), self.aim, motion[0], motion[1], gram)
+        return ways_out(bool(o.boxes[obstacle]), self.margin, motion[0], motion[1], gram)
 
     def search(self) -> tuple[Plan | None, bool, int]:
         """Best clear plan, whether every side was searched, and how many plans were examined.
@@ -141,8 +194,9 @@ class Shaping:
             np.empty(0, int), np.empty(0), empty, np.empty(0), self.base[None], np.empty((0, 0)), 0.0, True
         )
         queue: list[tuple[float, int, Plan, int, float, Floats]] = []
-        seen: list[tuple[float, Floats]] = []
+        seen: list[Plan] = []
         best: Plan | None = None
+        bar = np.inf  # partial plans only get dearer; those with rounded boxes get cheaper at the end
         examined = order = 0
 
         def branch(plan: Plan, obstacle: int, time: float) -> None:
@@ -158,23 +212,18 @@ class Shaping:
         while queue and examined < NODES:
             _, _, parent, obstacle, time, normal = heapq.heappop(queue)
             examined += 1
-            plan = self.relaxed(
-                np.append(parent.which, obstacle),
-                np.append(parent.times, time),
-                np.vstack([parent.normals, normal]),
-            )
-            if plan is None or (best is not None and plan.energy >= best.energy * (1.0 - 1e-12)):
+            plan = self.relaxed(*parent.joined(obstacle, time, normal))
+            if plan is None or plan.energy >= bar:
                 continue
-            if any(
-                abs(plan.energy - e) <= 1e-9 * e and np.allclose(plan.times, t)
-                for e, t in seen
-                if len(t) == len(plan.times)
-            ):
+            if any(plan.same(other) for other in seen):
                 continue
-            seen.append((plan.energy, plan.times))
+            seen.append(plan)
             deepest = self.obstacles.deepest(plan.rows)
             if deepest is None:
-                best = plan
+                bar = min(bar, plan.energy * (1.0 - 1e-12))
+                plan = self.sharpened(plan)
+                if best is None or plan.energy < best.energy:
+                    best = plan
                 if self.proven(plan):
                     break
             elif len(plan.which) < CONTACTS:
@@ -187,8 +236,8 @@ def shaped(path: Path, obstacles: Obstacles) -> Avoidance:
     orbit = path.orbit
     optimum = orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start, path.start)
     tried = 0
-    for aim in PLANNED:
-        search = Shaping(optimum.arcs[0], obstacles, aim)
+    for margin in PLANNED:
+        search = Shaping(optimum.arcs[0], obstacles, margin)
         plan, exhausted, examined = search.search()
         tried += examined
         if plan is not None:
@@ -196,7 +245,7 @@ def shaped(path: Path, obstacles: Obstacles) -> Avoidance:
     else:
         return refused(Status.NOT_FOUND, f"no clear path among {tried} ways tried; allow more time", tried)
     result = Path(orbit, np.ascontiguousarray(plan.rows), np.array([0, len(plan.rows)]), ())
-    proven = aim == PLANNED[0] and (not len(plan.which) or search.proven(plan))
+    proven = margin == PLANNED[0] and (not len(plan.which) or search.proven(plan))
     ways = "proven the global optimum" if proven else f"the best of {tried} ways tried"
     return Avoidance(
         path=result,

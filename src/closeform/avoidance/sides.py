@@ -5,26 +5,30 @@ import numpy as np
 from closeform.zones import Floats
 
 
+FACES = np.concatenate([np.eye(3), -np.eye(3)])
+EDGES = np.array([[a, b, 0.0] for a in (1, -1) for b in (1, -1)])
+BOX_NORMALS = np.concatenate([FACES, *(np.roll(EDGES, k, axis=1) / 2.0 for k in range(3))])
+
+
 def ways_out(
     box: bool, aim: float, position: Floats, velocity: Floats, compliance: Floats
 ) -> list[tuple[float, Floats]]:
-    """Ways out of a zone: (rough cost, outward normal), cheapest first, all in zone coordinates.
+    """Ways out of a zone: (rough cost, gradient of the norm), cheapest first, all in zone coordinates.
 
-    A box has six faces.  An ellipsoid is left along the softest axes across the motion, and
+    A box has six faces and twelve edges.  An ellipsoid is left along the softest axes across the motion, and
     along the motion itself (by being late or early).
     """
-    axes = np.eye(3)
-    if not box:
+    if box:
+        normals = BOX_NORMALS
+    else:
         speed = np.linalg.norm(velocity)
         across = np.eye(3) - np.outer(velocity, velocity) / speed**2 if speed > 0.0 else np.eye(3)
         axes = np.linalg.eigh(across @ compliance @ across)[1].T
-    found = []
-    for axis in (*axes, *(-axes)):
-        normal = axis
-        if not box:  # where the ray from the position along the axis leaves the ball
-            along = axis @ position
-            ahead = np.sqrt(max(aim**2 - position @ position + along**2, 0.0)) - along
-            normal = (position + ahead * axis) / aim
-        cost = 0.5 * (aim - normal @ position) ** 2 / (normal @ compliance @ normal)
-        found.append((float(cost), normal))
+        rays = np.concatenate([axes, -axes])  # from the position, until they leave the ball
+        along = rays @ position
+        ahead = np.sqrt(np.maximum(aim**2 - position @ position + along**2, 0.0)) - along
+        normals = (position + ahead[:, None] * rays) / aim
+    give = np.einsum("ki,ij,kj->k", normals, compliance, normals)
+    costs = 0.5 * np.maximum(aim - normals @ position, 0.0) ** 2 / give
+    found = [(float(cost), normal) for cost, normal in zip(costs, normals, strict=True)]
     return sorted(found, key=lambda way: way[0])

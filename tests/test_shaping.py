@@ -1,0 +1,211 @@
+"""The mathematics under `avoid`: the kernel, the cost of a deviation and of moving an end; SP11's claims."""
+
+import mpmath as mp
+import numba
+import numpy as np
+import pytest
+
+import closeform as cf
+from bridge import bridge
+from closeform.avoidance import kernel
+from closeform.avoidance.shaping import prepare
+from truth import Reference
+
+N = 1.1e-3
+INITIAL = np.array([120.0, -180.0, 45.0, 0.11, -0.27, 0.06])
+FINAL = np.array([-60.0, 150.0, -20.0, -0.05, 0.13, 0.09])
+FRACTIONS = np.array([0.03, 0.3, 0.5, 0.61, 0.97])
+
+
+@numba.njit
+def influenced(base, inverse, times, blocks, rates):  # parts of kernels have no entry from Python
+    kernel.influences(base, inverse, times, len(times), np.empty((len(times), 6, 3)), blocks, rates)
+
+
+def compliance(n, duration, fractions=FRACTIONS):
+    """States (A, B, 6, 3) that a unit force at time B deflects at time A, and their rates with B's time."""
+    base = cf.Orbit(n).transfer(INITIAL, FINAL, duration).arcs[0]
+    inverse = np.empty((6, 6))
+    prepare(base, inverse)
+    blocks, rates = np.empty((2, len(fractions), len(fractions), 6, 3))
+    influenced(base, inverse, fractions * duration, blocks, rates)
+    return blocks, rates
+
+
+def theory_kernel(reference, t, s, duration):
+    """K(t, s) in 200 digits from Palmer's Gramians.  # theory (12)"""
+    if t > s:
+        return theory_kernel(reference, s, t, duration).T
+    n = reference.n
+    t, s, end = n * mp.mpf(t), n * mp.mpf(s), n * mp.mpf(duration)
+    gramian, flow = reference.gramian, reference.flow
+    back = gramian(end) ** -1 * flow(end - s) * gramian(s)
+    block = gramian(t) * flow(s - t).T - gramian(t) * flow(end - t).T * back
+    units = mp.eye(6)
+    position = mp.matrix([reference.cartesian(units[:, k])[:3] for k in range(6)]).T
+    return position * block * position.T / n**3
+
+
+@pytest.mark.parametrize("angle", [1e-6, 1e-2, 0.9, 1.0, 2.5, 6.3, 19.0])
+def test_kernel_is_the_theory(angle):
+    """To 1e-9 of its greatest entry, from deep space's limit to three orbits."""
+    duration = angle / N
+    times = FRACTIONS * duration
+    got, rates = compliance(N, duration)
+    reference = Reference(N)
+    with mp.workdps(80):
+        exact = [[theory_kernel(reference, t, s, duration).tolist() for s in times] for t in times]
+        step = mp.mpf(10) ** -20 * duration
+        later = [theory_kernel(reference, times[1], times[3] + sign * step, duration) for sign in (1, -1)]
+        rate = np.array(((later[0] - later[1]) / (2 * step)).tolist()).astype(float)
+    exact = np.array(exact).astype(float)
+    largest = np.abs(exact).max()
+    np.testing.assert_allclose(got[:, :, :3], exact, atol=1e-9 * largest, rtol=0)
+    np.testing.assert_allclose(rates[1, 3, :3], rate, atol=1e-8 * largest / duration, rtol=0)
+    np.testing.assert_allclose(bridge(N, duration, times, times), exact, atol=1e-8 * largest, rtol=0)
+
+
+@pytest.mark.parametrize("n", [0.0, 1e-12])
+def test_kernel_of_deep_space(n):
+    """t^2 (T-s)^2 (3Ts - Tt - 2ts) / (6 T^3) for t <= s, along each axis; n T = 6e-10 is no different."""
+    duration = 600.0
+    times = FRACTIONS * duration
+    t, s = np.meshgrid(times, times, indexing="ij")
+    t, s = np.minimum(t, s), np.maximum(t, s)
+    exact = t**2 * (duration - s) ** 2 * (3 * duration * s - duration * t - 2 * t * s) / (6 * duration**3)
+    got, _ = compliance(n, duration)
+    wanted = exact[..., None, None] * np.eye(3)
+    np.testing.assert_allclose(got[:, :, :3], wanted, rtol=1e-9, atol=1e-9 * exact.max())
+    np.testing.assert_allclose(bridge(n, duration, times, times), got[:, :, :3], atol=1e-9 * exact.max())
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-4, 0.5, 6.3, 19.0])
+def test_kernel_is_symmetric_and_positive(angle):
+    n, duration = (N, angle / N) if angle else (0.0, 600.0)
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        fractions = np.linspace(0.1, 0.8, 4) + rng.uniform(0, 0.1, 4)
+        gram = compliance(n, duration, fractions)[0][:, :, :3].transpose(0, 2, 1, 3).reshape(12, 12)
+        size = np.abs(gram).max()
+        np.testing.assert_allclose(gram, gram.T, atol=1e-11 * size, rtol=0)
+        assert np.linalg.eigvalsh(0.5 * (gram + gram.T))[0] > 0
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-3, 0.8, 6.0, 19.0])
+def test_end_gradients_are_those_of_the_energy(angle):
+    """The energy is a quadratic form of the end states: central differences of any size are exact."""
+    orbit, duration = (cf.Orbit(N), angle / N) if angle else (cf.Orbit(0.0), 900.0)
+    ends = np.array([INITIAL, FINAL])
+    steps = np.diag(np.repeat([100.0, 100.0 / duration], 3))
+    initial, final = cf.end_gradients(orbit.transfer(*ends, duration, start=50.0))
+    for gradient, plus, minus in (
+        (initial, (ends[0] + steps, ends[1]), (ends[0] - steps, ends[1])),
+        (final, (ends[0], ends[1] + steps), (ends[0], ends[1] - steps)),
+    ):
+        rise = orbit.transfer(*plus, duration).energy - orbit.transfer(*minus, duration).energy
+        got = 2 * np.diag(steps) * gradient
+        np.testing.assert_allclose(got, rise, rtol=1e-8, atol=1e-8 * np.abs(rise).max())
+
+
+def test_end_gradients_are_the_papers():
+    """SP11 eqs. 20-21 in Palmer's coordinates: n^3 mu at the end, -n^3 Phi' mu at the start."""
+    duration = 2000.0
+    reference = Reference(N)
+    tau = reference.n * duration
+    gap = reference.palmer(FINAL) - reference.flow(tau) * reference.palmer(INITIAL)
+    mu = mp.lu_solve(reference.gramian(tau), gap)
+    start = -(reference.n**3) * (reference.flow(tau).T * mu)
+    coordinates = np.array([[float(v) for v in reference.cartesian(mp.eye(6)[:, k])] for k in range(6)])
+    initial, final = cf.end_gradients(cf.Orbit(N).transfer(INITIAL, FINAL, duration))
+    np.testing.assert_allclose(coordinates @ final, [float(v) for v in reference.n**3 * mu], rtol=1e-10)
+    np.testing.assert_allclose(coordinates @ initial, [float(v) for v in start], rtol=1e-10)
+
+
+def test_end_gradients_of_a_batch():
+    orbit = cf.Orbit(N)
+    batch = orbit.transfer(INITIAL + np.zeros((2, 1, 6)), FINAL * np.arange(3)[:, None], 2000.0)
+    initial, final = cf.end_gradients(batch)
+    assert initial.shape == final.shape == (2, 3, 6)
+    for got, alone in zip((initial, final), cf.end_gradients(batch[1, 2]), strict=True):
+        np.testing.assert_array_equal(got[1, 2], alone)
+
+
+def test_end_gradients_of_a_shaped_path():
+    """Moving an end of an avoidance, the contact sliding along: central differences to third order."""
+    orbit, duration, zone = cf.Orbit(N), 2000.0, cf.Ellipsoid([30.0, 50.0, 40.0])
+    met = orbit.transfer(INITIAL, FINAL, duration).state(1100.0) + [4, -7, 9, 0.01, 0.03, 0]
+    obstacle = orbit.coast(orbit.transition(-1100.0) @ met, duration)
+
+    def shaped(initial, final):
+        return cf.avoid(orbit.transfer(initial, final, duration), obstacle, zone)
+
+    initial, final = cf.end_gradients(shaped(INITIAL, FINAL).path)
+    for k in range(6):
+        step = np.zeros(6)
+        step[k] = 0.01 if k < 3 else 1e-5
+        rise = shaped(INITIAL + step, FINAL).energy - shaped(INITIAL - step, FINAL).energy
+        assert rise == pytest.approx(2 * step[k] * initial[k], rel=1e-5, abs=1e-13)
+        rise = shaped(INITIAL, FINAL + step).energy - shaped(INITIAL, FINAL - step).energy
+        assert rise == pytest.approx(2 * step[k] * final[k], rel=1e-5, abs=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["burn", "two_impulse", "sampled"])
+def test_end_gradients_refuse_what_is_not_optimal(kind):
+    orbit = cf.Orbit(N)
+    path = {
+        "burn": lambda: orbit.burn(INITIAL, [1e-5, 0, 0], 500.0),
+        "two_impulse": lambda: orbit.two_impulse(INITIAL, FINAL, 500.0),
+        "sampled": lambda: orbit.sampled([0.0, 300.0], [INITIAL, FINAL]),
+    }[kind]()
+    with pytest.raises(ValueError, match="path: the gradients are those of an energy-optimal path"):
+        cf.end_gradients(path)
+
+
+@pytest.mark.parametrize("fraction", [0.07, 0.25, 0.5, 0.8, 0.99])
+def test_the_legs_gradients_are_opposite_at_every_time(fraction):
+    """SP11 calls them aligned at T/2.  They are at T/2, and everywhere else on an optimal path."""
+    orbit, duration = cf.Orbit(N), 5000.0
+    whole = orbit.transfer(INITIAL, FINAL, duration)
+    time = fraction * duration
+    before = orbit.transfer(INITIAL, whole.state(time), time)
+    after = orbit.transfer(whole.state(time), FINAL, duration - time, start=time)
+    ending, beginning = cf.end_gradients(before)[1], cf.end_gradients(after)[0]
+    np.testing.assert_allclose(ending, -beginning, rtol=1e-8, atol=1e-8 * np.abs(ending[:3]).max())
+    # and away from the path they are not
+    aside = whole.state(time) + [30.0, 0, 0, 0, 0, 0]
+    ending = cf.end_gradients(orbit.transfer(INITIAL, aside, time))[1]
+    beginning = cf.end_gradients(orbit.transfer(aside, FINAL, duration - time))[0]
+    assert np.linalg.norm(ending + beginning) > 0.01 * np.linalg.norm(ending)
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.5, 0.83])
+def test_cost_of_a_deviation(fraction):
+    """J0 + n^3 delta' M delta / 2 with M of theory (11), from 200-digit Gramians."""
+    orbit, duration = cf.Orbit(N), 4000.0
+    whole = orbit.transfer(INITIAL, FINAL, duration)
+    time = fraction * duration
+    reference = Reference(N)
+    first, second = reference.n * time, reference.n * (duration - time)
+    flow = reference.flow(second)
+    matrix = reference.gramian(first) ** -1 + flow.T * reference.gramian(second) ** -1 * flow
+    for deviation in np.random.default_rng(2).normal(size=(5, 6)) * np.repeat([30.0, 0.03], 3):
+        via = whole.state(time) + deviation
+        cost = orbit.transfer(INITIAL, via, time).energy + orbit.transfer(via, FINAL, duration - time).energy
+        delta = reference.palmer(deviation)
+        extra = float(reference.n**3 * (delta.T * matrix * delta)[0] / 2)
+        assert cost - whole.energy == pytest.approx(extra, rel=1e-9, abs=1e-12 * cost)
+
+
+def test_the_papers_path_is_not_globally_optimal():
+    """SP11 claims global optimality.  One deviation, across the gradients in each plane, costs far more."""
+    orbit, duration, zone = cf.Orbit(N), 5000.0, cf.Ellipsoid([20.0, 40.0, 20.0])
+    path = orbit.transfer([0, -200, 0, 0, 0, 0], [60, 200, 40, 0, -0.13, 0], duration)
+    met = path.state(2300.0) + [5, 3, -4, 0.01, 0, 0.02]
+    obstacle = orbit.coast(orbit.transition(-2300.0) @ met, duration)
+    exact, paper = (cf.avoid(path, obstacle, zone, method=method) for method in ("exact", "sauter-palmer"))
+    assert exact.ok and paper.ok and exact.proven
+    for found in (exact, paper):
+        np.testing.assert_allclose(found.path.state(duration), path.state(duration), atol=1e-6)
+        assert cf.closest_approach(found.path, obstacle, zone).ratio >= 1
+    print(exact.extra_energy, paper.extra_energy)
+    assert paper.extra_energy > 1.3 * exact.extra_energy

@@ -1,0 +1,111 @@
+"""The surface: what users see of the package is documented, shown in the docs, and quick to load."""
+
+import ast
+import importlib
+import inspect
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import closeform as cf
+
+PACKAGE = Path(cf.__file__).parent
+PAGES = (Path(__file__).parents[1] / "docs").glob("*.md")
+# Made by functions, never by a user: nothing to raise.
+RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
+DIMENSIONLESS = {"plots.ratios", "plots.thrust", "plots.two_ways", "plots.distances", "plots.before_after"}
+UNIT_OR_SHAPE = re.compile(r"\[(m|s|rad)\b[^]]*\]|\bin m\b|\bm and m/s\b|\((\.\.\.|[NMT],|\d,)[^)]*\)")
+
+
+def methods(owner: type) -> Iterator[tuple[str, Any]]:
+    """Public methods that a class defines itself."""
+    for name, member in vars(owner).items():
+        function = getattr(member, "__func__", member)  # of a class method
+        if not name.startswith("_") and inspect.isfunction(function):
+            yield name, function
+
+
+def callables() -> dict[str, Any]:
+    """Every public function, class and method by its full name."""
+    public = {name: getattr(cf, name) for name in cf._HOMES}
+    public |= {f"plots.{name}": getattr(cf.plots, name) for name in cf.plots.__all__}
+    found = {name: value for name, value in public.items() if callable(value)}
+    for name, value in public.items():
+        if inspect.isclass(value):
+            found |= {f"{name}.{method}": function for method, function in methods(value)}
+    return found
+
+
+CALLABLES = callables()
+
+
+def arguments(function: Any) -> list[str]:
+    return [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
+
+
+def test_the_whole_surface_is_seen() -> None:
+    assert {"avoid", "Orbit.circular", "Path.state", "Zone.norm", "plots.distances"} <= set(CALLABLES)
+
+
+@pytest.mark.parametrize("name", CALLABLES)
+def test_docstring(name: str) -> None:
+    """Each argument, a unit or shape, and what is raised."""
+    function, text = CALLABLES[name], CALLABLES[name].__doc__ or ""
+    assert text.strip()
+    if not arguments(function):
+        return
+    assert [one for one in arguments(function) if not re.search(rf"\b{one}\b", text)] == []
+    assert UNIT_OR_SHAPE.search(text) or name in DIMENSIONLESS
+    assert re.search(r"\b[Rr]aises\b", text) or name in RESULTS
+
+
+def properties() -> list[tuple[str, property]]:
+    owners = [name for name in cf._HOMES if inspect.isclass(getattr(cf, name))]
+    members = [(f"{owner}.{name}", m) for owner in owners for name, m in vars(getattr(cf, owner)).items()]
+    return [(name, member) for name, member in members if isinstance(member, property)]
+
+
+@pytest.mark.parametrize(("name", "value"), properties())
+def test_property_has_a_docstring(name: str, value: property) -> None:
+    assert (value.__doc__ or "").strip()
+
+
+def shown() -> set[str]:
+    """What the Python blocks of the docs use of the package: cf.NAME, cf.plots.NAME, .method."""
+    blocks = [b for page in PAGES for b in re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)]
+    tree = ast.parse("\n".join(blocks))
+    return {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+
+
+def test_every_public_name_is_shown_in_the_docs() -> None:
+    names = {*cf._HOMES, *(name.rpartition(".")[2] for name in [*CALLABLES, *dict(properties())])}
+    assert names - shown() == set()
+
+
+def test_stub_says_what_the_package_says() -> None:
+    """`__init__.pyi`, which editors and type checkers read, has the names of `__init__.py`."""
+    stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    stated = {(alias.asname, node.module) for node in imports for alias in node.names}
+    homes = {(name, f"closeform.{module}") for name, module in cf._HOMES.items()}
+    assert stated == homes | {("plots", "closeform")}
+
+
+def test_names_are_where_they_are_said_to_be() -> None:
+    for name, module in cf._HOMES.items():
+        assert getattr(cf, name) is getattr(importlib.import_module(f"closeform.{module}"), name)
+    assert {*cf._HOMES, "plots"} <= set(dir(cf))
+    with pytest.raises(AttributeError, match="has no attribute 'colide'"):
+        _ = cf.colide
+
+
+def test_import_loads_nothing_heavy() -> None:
+    heavy = ("numpy", "numba", "scipy", "matplotlib", "pydantic", "astropy", "pandas", "pyarrow")
+    code = f"import sys, closeform; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
