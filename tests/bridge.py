@@ -12,8 +12,9 @@ from scipy.linalg import expm
 from scipy.optimize import minimize, minimize_scalar
 
 NODES, SAMPLES = 11, 120  # of the first pass
-FINER = 24  # samples to each side of every low point of the first pass
-SIDES = np.concatenate([np.eye(3), -np.eye(3), *(np.array([[a, b, c]]) for a in (1, -1) for b in (1, -1) for c in (1, -1))])
+KEPT, FINER = 3, 6  # optima of the first pass that are refined, and samples for one near the zones
+CORNERS = np.stack(np.meshgrid([1, -1], [1, -1], [1, -1]), axis=-1).reshape(8, 3)
+SIDES = np.concatenate([np.eye(3), -np.eye(3), CORNERS])
 
 
 @dataclass
@@ -91,20 +92,27 @@ def settle(hindrances, gaps, spans, weights):
 
     def slopes(w):
         parts = zip(hindrances, moved(w), spans, strict=True)
-        return np.concatenate([unit * np.einsum("tk,tkm->tm", h.outward(gap), span) for h, gap, span in parts])
+        return np.concatenate(
+            [unit * np.einsum("tk,tkm->tm", h.outward(gap), span) for h, gap, span in parts]
+        )
 
     limits = {"type": "ineq", "fun": room, "jac": slopes}
     options = {"maxiter": 150, "ftol": 1e-12}
     found = minimize(
-        lambda w: 0.5 * w @ w, weights / unit, jac=lambda w: w, constraints=[limits], options=options, method="SLSQP"
+        lambda w: 0.5 * w @ w,
+        weights / unit,
+        jac=lambda w: w,
+        constraints=[limits],
+        options=options,
+        method="SLSQP",
     )
     return (found.fun * unit**2, found.x * unit) if room(found.x).min() > -1e-7 else None
 
 
-def cheapest(n, duration, hindrances):
-    """Extra energies [m^2/s^3] of the local optima found, least first."""
+def cheapest(n, duration, hindrances, edges=()):
+    """Extra energies [m^2/s^3] of the local optima found, least first; `edges`: more times to look at."""
     nodes = np.linspace(0, duration, NODES + 2)[1:-1]
-    times = np.linspace(0, duration, SAMPLES + 2)[1:-1]
+    times = np.union1d(np.linspace(0, duration, SAMPLES + 2)[1:-1], edges)
     span = spanned(n, duration, nodes, times)
     gaps = [h.gap(times) for h in hindrances]
     found = []
@@ -118,19 +126,23 @@ def cheapest(n, duration, hindrances):
             coarse = settle(hindrances, gaps, [span] * len(gaps), weights)
             if coarse and not any(abs(coarse[0] - energy) < 1e-6 * energy for energy, _ in found):
                 found.append(coarse)
-    return sorted(refined(n, duration, hindrances, times, nodes, span @ w) for _, w in sorted(found, key=lambda f: f[0])[:3])
+    best = sorted(found, key=lambda one: one[0])[:KEPT]
+    return sorted(refined(n, duration, hindrances, times, nodes, span @ weights) for _, weights in best)
 
 
 def refined(n, duration, hindrances, times, nodes, deviation):
-    """The same optimum with nodes and samples where it comes close; inf if it is lost."""
-    lows, step = [], times[1] - times[0]
+    """The same optimum with nodes where it comes close and samples near the zones; inf if it is lost."""
+    lows, near = [], np.zeros(len(times), dtype=bool)
     for h in hindrances:
         norms = h.norms(h.gap(times) + deviation)
-        low = np.flatnonzero((norms[1:-1] <= norms[:-2]) & (norms[1:-1] <= norms[2:]) & (norms[1:-1] < 1.2)) + 1
+        near |= (norms < 1.5) | (h.norms(h.gap(times)) < 1.5)
+        low = (
+            np.flatnonzero((norms[1:-1] <= norms[:-2]) & (norms[1:-1] <= norms[2:]) & (norms[1:-1] < 1.2)) + 1
+        )
         lows += list(times[low])
-    close = (np.array(lows)[:, None] + step * np.linspace(-2, 2, 2 * FINER + 1)).ravel()
-    finer = np.unique(np.clip(np.concatenate([times, close]), times[0], times[-1]))
-    nodes = np.sort([*nodes, *lows])
+    steps = np.linspace(times[:-1], times[1:], FINER + 1, axis=1)[near[:-1] | near[1:]]
+    finer = np.union1d(times, steps)
+    nodes = np.union1d(nodes, lows)
     nodes = nodes[np.concatenate([[True], np.diff(nodes) > 0.02 * duration])]
     span = spanned(n, duration, nodes, finer)
     gaps = [h.gap(finer) for h in hindrances]
@@ -147,6 +159,11 @@ def least(norm, start, end, samples=4001):
     lowest = min(norms[0], norms[-1])
     for k in np.flatnonzero((norms[1:-1] <= norms[:-2]) & (norms[1:-1] <= norms[2:])) + 1:
         bounds = times[k - 1], times[k + 1]
-        one = minimize_scalar(lambda t: norm(np.array([t]))[0], bounds=bounds, method="bounded", options={"xatol": 1e-9 * (end - start)})
+        one = minimize_scalar(
+            lambda t: norm(np.array([t]))[0],
+            bounds=bounds,
+            method="bounded",
+            options={"xatol": 1e-9 * (end - start)},
+        )
         lowest = min(lowest, norms[k], one.fun)
     return float(lowest)

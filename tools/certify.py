@@ -35,14 +35,17 @@ def judge(batch, tally, seconds):
     found, near = [], []
     for path, other, zone in zip(batch.path, batch.other, batch.zones, strict=True):
         found.append([(c.start, c.end, c.time, c.ratio) for c in cf.find_conflicts(path, other, zone)])
-        near.append(cf.closest_approach(path, other, zone).ratio)
+        near.append(cf.closest_approach(path, other, zone))
     ended = time.perf_counter()
     words = faults(batch.relative, extrema, found)
     _, sampled, (who, _, norms, _) = extrema
-    for pair, ratio in enumerate(near):
+    attained = batch.relative.at(np.arange(len(near)), np.array([approach.time for approach in near]))[0]
+    for pair, approach in enumerate(near):
+        # never above what sampling finds, and attained: sampling may miss the least itself
         least = min(sampled[pair].min(), norms[who == pair].min(initial=np.inf))
-        if abs(ratio - least) > 1e-9 * least + 1e-12 + batch.relative.rounding[pair]:
-            words[pair].append(f"approach: {ratio!r}, sampled {least!r}")
+        slack = 1e-9 * least + 1e-12 + batch.relative.rounding[pair]
+        if approach.ratio > least + slack or abs(approach.ratio - attained[pair]) > slack:
+            words[pair].append(f"approach: {approach.ratio!r}, sampled {least!r}, there {attained[pair]!r}")
     tally["pairs"] += len(found)
     tally["in conflict"] += sum(map(bool, found))
     tally["stays"] += sum(map(len, found))

@@ -233,6 +233,10 @@ def view(directory: Path, /) -> int:
 
 def read(file: Path) -> "Scenario | None":
     """The scenario, or None after saying everything that is wrong with it."""
+    from closeform.compiled import compile_ahead
+
+    if file.is_file():
+        compile_ahead()
     from closeform.scenario import ScenarioError, load
 
     try:

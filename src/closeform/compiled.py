@@ -2,11 +2,13 @@
 
 import hashlib
 import os
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,7 @@ from platformdirs import user_cache_path
 
 @cache
 def cache_folder() -> Path:
-    """Folder of the compiled kernels: the user's cache, under a hash of every source file.
+    """Folder of the compiled kernels: the user's cache, under a hash of all their sources.
 
     numba notices an edited kernel, but not an edited kernel that it inlined from another
     file; a folder per state of the sources does. Where the user's cache cannot be written
@@ -26,7 +28,9 @@ def cache_folder() -> Path:
     """
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(source.read_bytes())
+        text = source.read_bytes()
+        if b"kernel" in text:
+            digest.update(text)
     folder = user_cache_path("closeform") / digest.hexdigest()[:16]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -41,7 +45,20 @@ def cache_folder() -> Path:
 def announce() -> None:
     """Say once, on standard error, that the first compilation is under way."""
     if not any(cache_folder().rglob("*.nbi")):
-        print("closeform: compiling its kernels, once for this version", file=sys.stderr)
+        print("closeform: compiling its kernels, once for this version (some ten seconds)", file=sys.stderr)
+
+
+def compile_ahead() -> None:
+    """Compile every kernel now where none is cached, in two processes side by side."""
+    folder = cache_folder()
+    if any(folder.rglob("*.nbi")) or user_cache_path("closeform") not in folder.parents:
+        return
+    announce()
+    other = subprocess.Popen(
+        [sys.executable, "-c", "import closeform.avoidance.contacts"], stderr=subprocess.DEVNULL
+    )
+    import_module("closeform.conflicts")
+    other.wait()
 
 
 @contextmanager

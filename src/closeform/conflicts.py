@@ -51,13 +51,12 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
 
     Certified: between two stays the norm of the relative position is above 1, with no time
     step and however short a stay is, up to rounding: of positions, about 1e-15 of the largest
-    relative coordinate met; of time, one unit in its last place.  A norm of
-    up to 1 + 8e-14 is a conflict, one above 1 + 4e-13 is none.  At every start and end inside
-    the common time |norm - 1| <= 1e-12 (so times are good to 1e-6 s wherever the norm changes
-    faster than 1e-6 per second) where rounding allows: coordinates of some tens of zones, times
-    whose last place is small against zone / speed.  The least
-    ratio is certain to 1e-9.  A conflict that is on at the edge of the common time starts or
-    ends there; without a common time there is none.
+    relative coordinate met; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
+    a conflict, one above 1 + 4e-13 is none.  At every start and end inside the common time
+    |norm - 1| <= 1e-12 where rounding allows (coordinates of some tens of zones, times whose
+    last place is small against zone / speed), so times are good to 1e-6 s wherever the norm
+    changes faster than 1e-6 per second.  The least ratio is certain to 1e-9.  A conflict that is
+    on at the edge of the common time starts or ends there; without a common time there is none.
 
     Both paths are of one craft.  Raises ValueError for batches (use `screen`) or for paths in
     different orbits.  Theory 3; the problem is that of SP11 section 3.
@@ -128,10 +127,10 @@ def _drifted(path: Path, craft: Any, time: Floats) -> Any:
 def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     """Latest time [s] at which coasting `path` can be within the `zone` around coasting `other`.
 
-    However long they coast.  SP11 eq. 15 as theory (6): drift carries them apart for good once 3 n |d| t exceeds
-    |l| + 2E + the zone's along-track extent.  inf where their mean motions agree (d = 0) and
-    nothing carries them apart; -inf where they never come close radially (|2d| - E above the
-    radial extent).  Shapes broadcast; times count from the later start.
+    However long they coast.  SP11 eq. 15 as theory (6): drift carries them apart for good once
+    3 n |d| t exceeds |l| + 2E + the zone's along-track extent.  inf where their mean motions
+    agree (d = 0) and nothing carries them apart; -inf where they never come close radially
+    (|2d| - E above the zone's radial extent).  Shapes broadcast; times count from the later start.
 
     Raises ValueError in deep space, for paths that thrust, or in different orbits.
     """

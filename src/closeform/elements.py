@@ -121,8 +121,8 @@ def elements_from_inertial(state: ArrayLike, mu: float = EARTH_MU) -> Floats:
 
     state: (..., 6) inertial, m and m/s, on an ellipse.  u = M + w is the mean argument of
     latitude, (ex, ey) = e (cos w, sin w), O the right ascension of the ascending node.  They stay
-    regular at e = 0; at i = 0 or pi the node is arbitrary, and u with it.  `mu` [m^3/s^2].  Raises ValueError for
-    an open orbit (e >= 1) and for motion along a straight line.
+    regular at e = 0; at i = 0 or pi the node is arbitrary, and u with it.  `mu` [m^3/s^2].
+    Raises ValueError for an open orbit (e >= 1) and for motion along a straight line.
     """
     inertial = checked("state", state, last=6)
     mu = checked("mu", mu, positive=True)

@@ -166,8 +166,8 @@ class Orbit:
         """Energy-optimal path from `initial` to `final` (..., 6) in `duration` [s].   # theory 2
 
         Least half-integral of |thrust|^2, from time `start` [s] on; all arguments broadcast, so
-        that `transfer(a[:, None], b, T).energy` is the matrix of costs from every a to every b.  Raises ValueError for a
-        duration that is not positive, wrong shapes or non-finite numbers.
+        that `transfer(a[:, None], b, T).energy` is the matrix of costs from every a to every b.
+        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
         """
         arcs, finals = self._between(initial, final, duration, start)
         steer(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
@@ -178,8 +178,9 @@ class Orbit:
     ) -> Path:
         """Drift from `initial` to `final` (..., 6) in `duration` [s] between two impulses.
 
-        The first is at time `start` [s].  All arguments broadcast.  Raises ValueError for a duration that is not positive or, for
-        n > 0, at a singular one (a multiple of half an orbit), wrong shapes or non-finite numbers.
+        The first is at time `start` [s].  All arguments broadcast.  Raises ValueError for a
+        duration that is not positive or, for n > 0, singular (a multiple of half an orbit), wrong
+        shapes or non-finite numbers.
         """
         arcs, finals = self._between(initial, final, duration, start)
         rows = arcs.reshape(-1, WIDTH)
@@ -203,8 +204,8 @@ class Orbit:
     ) -> Path:
         """Constant thrust `acceleration` (..., 3) [m/s^2], fixed in the rotating frame, from `state`.
 
-        It begins at time `start` [s] and lasts for `duration` [s].  All arguments broadcast.  Raises ValueError for a duration that is not positive, wrong
-        shapes or non-finite numbers.
+        It begins at time `start` [s] and lasts for `duration` [s].  All arguments broadcast.
+        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
         """
         push = _checked("acceleration", acceleration, 3)
         arcs = self._arcs(duration, start, state=state, like=push.shape[:-1])

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from closeform.arc import CONSTANT, IMPULSE, MEAN_MOTION, THRUST
+from closeform.avoidance.detour import cost_of_moving
 from closeform.avoidance.result import PLANNED, Avoidance, Contact, Obstacles, Status, refused
 from closeform.avoidance.sides import ways_out
-from closeform.elements import palmer_from_state, state_from_palmer
+from closeform.elements import state_from_palmer
 from closeform.path import Path, join
 from closeform.zones import Floats
 
@@ -63,17 +64,6 @@ def _across(leg: Path, time: float) -> Floats:
     return state_from_palmer(deviations, n)
 
 
-def _stiffness(leg: Path, time: float, deviations: Floats) -> Floats:
-    """Second-order cost of passing through combinations of deviations (theory 11): (3, 3)."""
-    sums = deviations[:, None] + deviations[None, :]
-    rest = np.zeros(6)
-    before = leg.orbit.transfer(rest, sums, time - leg.start).energy
-    after = leg.orbit.transfer(sums, rest, leg.end - time).energy
-    total = before + after
-    single = 0.25 * np.diag(total)  # a deviation added to itself counts four times
-    return np.asarray(total - single[:, None] - single[None, :])
-
-
 def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
     middle = leg.state(time) + deviation
     before = leg.orbit.transfer(leg.state(leg.start), middle, time - leg.start, leg.start)
@@ -83,7 +73,7 @@ def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
 def _deviation(leg: Path, obstacle: int, time: float, obstacles: Obstacles) -> tuple[Path, Contact] | None:
     """The cheapest pair of legs through one deviation point that clears one obstacle."""
     deviations = _across(leg, time)
-    flexibility = np.linalg.inv(_stiffness(leg, time, deviations))
+    flexibility = np.linalg.inv(deviations @ cost_of_moving(leg, time) @ deviations.T)
     matrix = obstacles.matrices[obstacle]
     reach = matrix @ deviations[:, :3].T
     gap = matrix @ (leg.state(time) - obstacles.state(leg.orbit, obstacle, time)).reshape(2, 3).T

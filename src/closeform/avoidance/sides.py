@@ -4,7 +4,6 @@ import numpy as np
 
 from closeform.zones import Floats
 
-
 FACES = np.concatenate([np.eye(3), -np.eye(3)])
 EDGES = np.array([[a, b, 0.0] for a in (1, -1) for b in (1, -1)])
 BOX_NORMALS = np.concatenate([FACES, *(np.roll(EDGES, k, axis=1) / 2.0 for k in range(3))])

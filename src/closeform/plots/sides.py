@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from closeform.avoidance.detour import ways_around
 from closeform.conflicts import closest_approach, find_conflicts
 from closeform.path import Path
-from closeform.plots.detour import ways_around
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,

@@ -9,9 +9,10 @@ import numpy as np
 
 from closeform.conflicts import closest_approach
 from closeform.path import Path, join
-from closeform.plots.scene import CIRCLE
 from closeform.zones import Floats, Zone
 
+AROUND = np.linspace(0.0, 2.0 * np.pi, 241)
+CIRCLE = np.stack([np.cos(AROUND), np.sin(AROUND)], axis=-1)
 CLEAR = 1 + 1e-9  # the ratio aimed at
 REACH = 4.0  # zones, beyond which a deviation point is not sought
 

@@ -1,0 +1,92 @@
+"""Every page of the docs, and README, runs as it stands."""
+
+import re
+import runpy
+import shlex
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+from closeform.cli import main
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page: Path, language: str) -> list[tuple[int, str]]:
+    """The blocks of one language, each with the number of its first line."""
+    text = page.read_text(encoding="utf-8")
+    found = [match for match in BLOCK.finditer(text) if match[1] == language]
+    return [(text.count("\n", 0, match.start(2)), match[2]) for match in found]
+
+
+def named(pages: list[Path]) -> dict[str, Path]:
+    return {page.relative_to(ROOT).as_posix(): page for page in pages}
+
+
+SCRIPTS = named([page for page in PAGES if blocks(page, "python")])
+# errors.md is run row by row in test_errors.py
+SESSIONS = named([page for page in PAGES if blocks(page, "console") and page.name != "errors.md"])
+
+
+@pytest.fixture(autouse=True)
+def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A working directory that holds the examples, as a clone does, and takes what is written."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_python_blocks_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """From top to bottom as one script; `# -> text` after a print says what it prints."""
+    script = ""
+    for line, block in blocks(SCRIPTS[name], "python"):
+        script += "\n" * (line - script.count("\n")) + block  # errors point at the line of the page
+    with matplotlib.rc_context():
+        exec(compile(script, str(SCRIPTS[name]), "exec"), {"__name__": "__main__"})
+    printed = capsys.readouterr().out.splitlines()
+    assert re.findall(r"# -> (.*)$", script, re.MULTILINE) == printed
+
+
+@pytest.mark.parametrize("name", SESSIONS)
+def test_console_blocks_show_what_is_printed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`$ closeform ...` and what follows; a line of `...` stands for lines left out."""
+    for _, block in blocks(SESSIONS[name], "console"):
+        command, *lines = block.splitlines()
+        program, *arguments = shlex.split(command.removeprefix("$ "))
+        assert program == "closeform"
+        main(arguments)
+        printed = capsys.readouterr()
+        heard = [line.rstrip() for line in (printed.out + printed.err).splitlines()]
+        place = 0
+        for line in lines:
+            if line != "...":
+                assert line in heard[place:], f"{command} does not print: {line}"
+                place = heard.index(line, place) + 1
+
+
+def test_readme_has_the_figures_of_the_benchmarks() -> None:
+    tool = runpy.run_path(str(ROOT / "tools" / "readme_figures.py"))
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert tool["figures"]().count("\n| ") > 5
+    assert readme == tool["renewed"](readme), "run tools/readme_figures.py"
+
+
+def links() -> list[tuple[str, str]]:
+    found = []
+    for name, page in named(PAGES).items():
+        text = BLOCK.sub("", page.read_text(encoding="utf-8"))
+        found += [(name, target) for target in re.findall(r"\]\(([^)\s]+)\)", text)]
+    return [(name, target) for name, target in found if "://" not in target]
+
+
+@pytest.mark.parametrize(("name", "target"), links())
+def test_link_leads_somewhere(name: str, target: str) -> None:
+    file, _, heading = target.partition("#")
+    page = (ROOT / name).parent / file if file else ROOT / name
+    assert page.exists()
+    if heading:
+        headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+        assert heading in [re.sub(r"[^\w\- ]", "", text).lower().replace(" ", "-") for text in headings]
