@@ -15,7 +15,7 @@ import pytest
 import closeform as cf
 
 PACKAGE = Path(cf.__file__).parent
-PAGES = (Path(__file__).parents[1] / "docs").glob("*.md")
+PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 # Take and give objects that carry their own units.
@@ -78,8 +78,8 @@ def test_property_has_a_docstring(name: str, value: property) -> None:
 
 def shown() -> set[str]:
     """What the Python blocks of the docs use of the package: cf.NAME, cf.plots.NAME, .method."""
-    blocks = [b for page in PAGES for b in re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)]
-    tree = ast.parse("\n".join(blocks))
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    tree = ast.parse("\n".join(re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)))
     return {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
 
 

@@ -13,11 +13,15 @@ from closeform.avoidance.kernel import influences, invert_response, relative
 from closeform.avoidance.result import PLANNED, Avoidance, Contact, Obstacles, Status, refused
 from closeform.avoidance.sides import ways_out
 from closeform.compiled import kernel
+from closeform.effort import ENERGY, totals
 from closeform.path import Path
 from closeform.zones import Floats
 
 NODES = 96  # partial plans examined before the search settles for the best it has
-ROUNDED = (8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, np.inf)  # powers of the norms that stand in for a box
+SHARPER = tuple(2.0 * 1.5**k for k in range(21))  # powers of the norms that stand in for a box
+STRIDES = (1, 2, 3, 7)  # through them: each may end on another side of an edge
+SPREAD = 3.0  # of the energies of blunt plans, within which a dearer one may end up the cheaper
+BLUNT = (8.0, 27.0, 8.0)  # the first of them, for each of PLANNED
 CONTACTS = 16  # of one path
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
 
@@ -96,17 +100,24 @@ class Plan:
         )
 
 
+def _energy(rows: Floats) -> float:
+    total = np.empty(1)
+    totals(np.ascontiguousarray(rows), np.array([0, len(rows)]), rows[0, MEAN_MOTION], ENERGY, total)
+    return float(total[0])
+
+
 class Shaping:
     """One search: a base arc, obstacles, and the tree of sides on which to pass them."""
 
-    def __init__(self, base: Floats, obstacles: Obstacles, margin: float) -> None:
+    def __init__(self, base: Floats, obstacles: Obstacles, margin: float, blunt: float) -> None:
         self.base = base
         self.obstacles = obstacles
         self.margin = margin
+        self.blunt = blunt  # power of the norm that stands in for a box at first
         self.inverse = np.empty((6, 6))
         prepare(base, self.inverse)
 
-    def relaxed(self, which: Any, times: Floats, normals: Floats, power: float = ROUNDED[0]) -> Plan | None:
+    def relaxed(self, which: Any, times: Floats, normals: Floats, power: float) -> Plan | None:
         """The plan that the given contacts slide to; None where their forces vanish.
 
         Boxes are rounded to balls of a `power` norm, enlarged so that they hold the edges.
@@ -126,9 +137,12 @@ class Shaping:
             contacts = (which, times, normals, force)
             status = relax(self.base, self.inverse, scene, contacts, rows, gram)
             if status != IDLE:
-                push = (normals * force[:, None]).ravel()
                 keep = rows[: 1 + len(np.unique(times))]
-                energy = float(0.5 * push @ gram @ push)
+                if status == SETTLED:
+                    push = (normals * force[:, None]).ravel()
+                    energy = float(0.5 * push @ gram @ push)
+                else:  # the contacts have moved on from those that shaped the path
+                    energy = _energy(keep) - _energy(self.base[None])
                 return Plan(which, times, normals, force, keep, gram, energy, status == SETTLED)
             pressed = force > 0.0
             if pressed.all():
@@ -140,8 +154,12 @@ class Shaping:
         """A clear plan with its boxes sharpened, ever closer to their edges while it stays clear."""
         if not self.obstacles.boxes[plan.which].any():
             return plan
+        ends = [self._sharpened(plan, [p for p in SHARPER[::stride] if p > self.blunt]) for stride in STRIDES]
+        return min(ends, key=lambda end: end.energy)
+
+    def _sharpened(self, plan: Plan, powers: list[float]) -> Plan:
         last = plan
-        for power in ROUNDED[1:]:
+        for power in (*powers, np.inf):
             following = self.relaxed(last.which, last.times, last.normals, power)
             for _ in range(3):  # a sharper edge may want another contact
                 deepest = self.obstacles.deepest(following.rows) if following else None
@@ -212,7 +230,7 @@ class Shaping:
         while queue and examined < NODES:
             _, _, parent, obstacle, time, normal = heapq.heappop(queue)
             examined += 1
-            plan = self.relaxed(*parent.joined(obstacle, time, normal))
+            plan = self.relaxed(*parent.joined(obstacle, time, normal), self.blunt)
             if plan is None or plan.energy >= bar:
                 continue
             if any(plan.same(other) for other in seen):
@@ -220,7 +238,8 @@ class Shaping:
             seen.append(plan)
             deepest = self.obstacles.deepest(plan.rows)
             if deepest is None:
-                bar = min(bar, plan.energy * (1.0 - 1e-12))
+                rounded = self.obstacles.boxes.any()
+                bar = min(bar, plan.energy * (SPREAD if rounded else 1.0 - 1e-12))
                 plan = self.sharpened(plan)
                 if best is None or plan.energy < best.energy:
                     best = plan
@@ -235,17 +254,20 @@ def shaped(path: Path, obstacles: Obstacles) -> Avoidance:
     """`avoid` by method "exact"."""
     orbit = path.orbit
     optimum = orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start, path.start)
-    tried = 0
-    for margin in PLANNED:
-        search = Shaping(optimum.arcs[0], obstacles, margin)
-        plan, exhausted, examined = search.search()
-        tried += examined
-        if plan is not None:
-            break
+    search = Shaping(optimum.arcs[0], obstacles, PLANNED[0], BLUNT[0])
+    plan, exhausted, tried = search.search()
+    if plan is None:
+        for margin, blunt in zip(PLANNED[1:], BLUNT[1:], strict=True):
+            other, _, examined = Shaping(optimum.arcs[0], obstacles, margin, blunt).search()
+            tried += examined
+            if other is not None and (plan is None or other.energy < plan.energy):
+                plan = other
+        proven = exhausted = False
     else:
+        proven = not len(plan.which) or search.proven(plan)
+    if plan is None:
         return refused(Status.NOT_FOUND, f"no clear path among {tried} ways tried; allow more time", tried)
     result = Path(orbit, np.ascontiguousarray(plan.rows), np.array([0, len(plan.rows)]), ())
-    proven = margin == PLANNED[0] and (not len(plan.which) or search.proven(plan))
     ways = "proven the global optimum" if proven else f"the best of {tried} ways tried"
     return Avoidance(
         path=result,

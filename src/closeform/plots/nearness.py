@@ -64,8 +64,9 @@ def ratios(
     """The norm of a craft's position relative to its obstacles, before and after; below 1 is a conflict.
 
     `before` and `after` are of one craft, the same path where nothing changed; `obstacles` is a
-    Path of any shape or a sequence of paths, each with the `zone`; `names` are theirs.  Thin lines are the norms to
-    each obstacle on the path after, thick lines the least of all; a dot marks the exact least ratio.
+    Path of any shape or a sequence of paths, each with the `zone`; `names` are theirs.  Thin lines
+    are the norms to each obstacle on the path after, thick lines the least of all; a dot marks the
+    exact least ratio.
 
     Raises ValueError for batches, no obstacles, or an obstacle that shares no time with a path.
     """
