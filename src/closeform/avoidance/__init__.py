@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Literal
 
+import closeform.avoidance.contacts  # noqa: F401  first, for `compiled.compile_ahead`
 from closeform.avoidance.result import Avoidance, Contact, Obstacles, Status, refused
 from closeform.avoidance.sauter_palmer import deviated, end_gradients
 from closeform.avoidance.shaping import shaped

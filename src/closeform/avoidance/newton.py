@@ -106,17 +106,22 @@ def push_back(contacts, matrices, pushes):
 
 
 @kernel()
-def bend(power, points, normals, k, i, j):
-    """How the gradient of the norm at point k turns with the point; nothing on a box's face."""
+def bend(power, points, normals, k, out):
+    """Fill `out` (3, 3): how the gradient of the norm at point k turns with the point."""
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = 0.0  # and stays so on a box's face
     if power == inf:
-        return 0.0
+        return
     s = p_norm(power, points[k, 0], points[k, 1], points[k, 2])
-    own = (abs(points[k, i]) / s) ** (power - 2.0) if i == j else 0.0
-    return (power - 1.0) * (own - normals[k, i] * normals[k, j]) / s
+    for i in range(3):
+        out[i, i] = (power - 1.0) / s * (abs(points[k, i]) / s) ** (power - 2.0)
+        for j in range(3):
+            out[i, j] -= (power - 1.0) / s * normals[k, i] * normals[k, j]
 
 
 @kernel()
-def own_terms(jacobian, rhs, k, power, normals, points, motion, aim, duration):
+def own_terms(jacobian, rhs, k, normals, points, bends, motion, aim, duration):
     """Residuals of contact k and what depends on it alone; returns the greatest residual."""
     row = 5 * k
     reach, speed, push, error = 0.0, 0.0, 0.0, 0.0
@@ -126,7 +131,7 @@ def own_terms(jacobian, rhs, k, power, normals, points, motion, aim, duration):
         jacobian[row + i, row + 4] -= motion[1, i]
         jacobian[row + 3, row + i] += normals[k, i]
         for a in range(3):
-            jacobian[row + 4, row + a] += bend(power, points, normals, k, a, i) * motion[1, i]
+            jacobian[row + 4, row + a] += bends[k, a, i] * motion[1, i]
         reach += normals[k, i] * points[k, i]
         speed += normals[k, i] * motion[1, i]
         push += normals[k, i] * motion[2, i]
@@ -138,7 +143,7 @@ def own_terms(jacobian, rhs, k, power, normals, points, motion, aim, duration):
 
 
 @kernel()
-def cross_terms(jacobian, k, m, power, normals, points, force, left, right, block, rates):
+def cross_terms(jacobian, k, m, normals, bends, force, left, right, block, rates):
     """How the residuals of contact k change with contact m's point, force and time."""
     row, column = 5 * k, 5 * m
     place, speed, place_rate, speed_rate = (
@@ -158,7 +163,7 @@ def cross_terms(jacobian, k, m, power, normals, points, force, left, right, bloc
             jacobian[row + 4, column + 3] += normals[k, i] * speed[i, j] * normals[m, j]
             jacobian[row + 4, column + 4] += normals[k, i] * speed_rate[i, j] * normals[m, j] * force[m]
             for a in range(3):
-                turn = bend(power, points, normals, m, a, j) * force[m]
+                turn = bends[m, a, j] * force[m]
                 jacobian[row + i, column + a] -= place[i, j] * turn
                 jacobian[row + 4, column + a] += normals[k, i] * speed[i, j] * turn
 
@@ -172,7 +177,8 @@ def newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
     size = 5 * count
     jacobian = np.empty((size, size))
     rhs = np.empty(size)
-    points, pushes, motion = np.empty((count, 3)), np.empty((count, 3)), np.empty((3, 3))
+    points, pushes = np.empty((count, 3)), np.empty((count, 3))
+    motions, bends = np.empty((count, 3, 3)), np.empty((count, 3, 3))
     pinned = np.empty(count, dtype=np.bool_)  # at an end of the time that an obstacle is there
     for k in range(count):
         if norm_powers[which[k]] == inf and on_edge(normals, k):
@@ -186,31 +192,21 @@ def newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
         error = 0.0
         for k in range(count):
             o = which[k]
+            motion = motions[k]
             relative(rows, arcs, obstacles, offsets[o], offsets[o + 1], matrices[o], times[k], motion)
             if trial == 0:
                 s = p_norm(norm_powers[o], motion[0, 0], motion[0, 1], motion[0, 2])
                 for i in range(3):
                     points[k, i] = motion[0, i] * (aims[o] / s)
-            duration = base[END] - base[START]
-            if pinned[k]:
-                duration = 0.0
-            own = own_terms(jacobian, rhs, k, norm_powers[o], normals, points, motion, aims[o], duration)
+            bend(norm_powers[o], points, normals, k, bends[k])
+        for k in range(count):
+            o = which[k]
+            duration = 0.0 if pinned[k] else base[END] - base[START]
+            own = own_terms(jacobian, rhs, k, normals, points, bends, motions[k], aims[o], duration)
             error = max(error, own)
             for m in range(count):
-                p = which[m]
-                cross_terms(
-                    jacobian,
-                    k,
-                    m,
-                    norm_powers[p],
-                    normals,
-                    points,
-                    force,
-                    matrices[o],
-                    matrices[p],
-                    blocks[k, m],
-                    rates[k, m],
-                )
+                left, right = matrices[o], matrices[which[m]]
+                cross_terms(jacobian, k, m, normals, bends, force, left, right, blocks[k, m], rates[k, m])
             if pinned[k]:  # the time is given, whatever the speed along the normal
                 for column in range(size):
                     jacobian[5 * k + 4, column] = 1.0 if column == 5 * k + 4 else 0.0
@@ -229,6 +225,6 @@ def newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
                 return False
             if norm_powers[which[k]] < inf:
                 for i in range(3):
-                    motion[0, i] = points[k, i]
-                outward(norm_powers[which[k]], motion, normals[k])
+                    motions[k, 0, i] = points[k, i]
+                outward(norm_powers[which[k]], motions[k], normals[k])
     return False
