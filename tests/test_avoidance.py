@@ -434,7 +434,7 @@ def refusals():
         ),
         "zones": (lambda: cf.avoid(path, [other, other], [zone]), "^zone: .* 2 obstacles, not 1"),
         "grid": (
-            lambda: cf.avoid(path, batch.broadcast_to((3, 2)), zone),
+            lambda: cf.avoid(path, batch[np.zeros((3, 2), dtype=int)], zone),
             r"^obstacles: .* got shape \(3, 2\)",
         ),
         "deep space": (lambda: cf.avoid(space, rock, zone, method="sauter-palmer"), "^method: .*'exact'"),

@@ -19,7 +19,7 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 # Take and give objects that carry their own units.
-UNITLESS = {"join", "closest_approach", "write_oem", "Path.broadcast_to", "Zone.enlarged"}
+UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged"}
 UNIT_OR_SHAPE = re.compile(r"\[(m|s|rad)\b[^]]*\]|\bin m\b|\bm and m/s\b|\((\.\.\.|[NMT],|\d,)[^)]*\)")
 
 

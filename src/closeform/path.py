@@ -129,14 +129,6 @@ class Path:
         span = f", {np.min(self.start):g} to {np.max(self.end):g} s" if arcs else ""
         return f"<Path shape={self.shape}, {arcs} arc{'s' * (arcs != 1)}{span}>"
 
-    def broadcast_to(self, shape: tuple[int, ...]) -> "Path":
-        """The same paths repeated to a larger batch `shape`, as `numpy.broadcast_to` would.
-
-        Raises ValueError for a shape that the path's does not broadcast to.
-        """
-        index = np.broadcast_to(np.arange(len(self.offsets) - 1).reshape(self.shape), shape)
-        return self._gathered(index.ravel(), shape)
-
     def _gathered(self, index: Any, shape: tuple[int, ...]) -> "Path":
         if not shape:
             first, last = self.offsets[index[0]], self.offsets[index[0] + 1]

@@ -50,7 +50,7 @@ def avoid(
         return refused(Status.END_INSIDE, inside)
     if not known.conflicts(path.arcs):
         optimum = path.orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start)
-        extra = path.energy - optimum.energy
+        extra = max(path.energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
         return Avoidance(
             path, path.energy, extra, path.delta_v, (), Status.CLEAR, "no conflict", exhausted=True
         )
