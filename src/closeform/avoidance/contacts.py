@@ -147,8 +147,16 @@ def slide_all(base, rows, arcs, scene, contacts, windows, slid, turned):
         )
         for m in range(k):
             if which[m] == o and abs(slid[m] - slid[k]) < margin:
-                force[k] = 0.0  # two contacts have slid into one
-                return -1.0
+                if abs(times[m] - times[k]) < margin:
+                    force[k] = 0.0  # two contacts have become one
+                    return -1.0
+                # one would slide into the other: the one that is further off stays
+                if abs(slid[k] - times[k]) > abs(slid[m] - times[m]):
+                    slid[k] = times[k]
+                else:
+                    slid[m] = times[m]
+                    relative(rows, arcs, obstacles, a, b, matrices[o], slid[m], motion)
+                    outward(powers[o], motion, turned[m])
         moved = max(moved, abs(slid[k] - times[k]) / (base[END] - base[START]))
         relative(rows, arcs, obstacles, a, b, matrices[o], slid[k], motion)
         for i in range(3):

@@ -121,6 +121,17 @@ def bend(power, points, normals, k, out):
 
 
 @kernel()
+def closing(normals, bends, motion, k):
+    """Second derivative of the norm in time at contact k."""
+    total = 0.0
+    for i in range(3):
+        total += normals[k, i] * motion[2, i]
+        for j in range(3):
+            total += motion[1, i] * bends[k, i, j] * motion[1, j]
+    return total
+
+
+@kernel()
 def own_terms(jacobian, rhs, k, normals, points, bends, motion, aim, duration):
     """Residuals of contact k and what depends on it alone; returns the greatest residual."""
     row = 5 * k
@@ -212,6 +223,9 @@ def newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
                     jacobian[5 * k + 4, column] = 1.0 if column == 5 * k + 4 else 0.0
                 rhs[5 * k + 4] = 0.0
         if error < TOUCHING:
+            for k in range(count):  # closest, not farthest, in time
+                if not pinned[k] and closing(normals, bends, motions[k], k) < 0.0:
+                    return False
             return True
         if not error < 10.0:
             return False

@@ -23,6 +23,7 @@ STRIDES = (1, 2, 3, 7)  # through them: each may end on another side of an edge
 SPREAD = 3.0  # of the energies of blunt plans, within which a dearer one may end up the cheaper
 BLUNT = (8.0, 27.0, 8.0)  # the first of them, for each of PLANNED
 CONTACTS = 16  # of one path
+TOO_DEAR = 1e8  # times the optimum: no plan to fly
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
 
 
@@ -267,6 +268,11 @@ def shaped(path: Path, obstacles: Obstacles) -> Avoidance:
         proven = not len(plan.which) or search.proven(plan)
     if plan is None:
         return refused(Status.NOT_FOUND, f"no clear path among {tried} ways tried; allow more time", tried)
+    # rest to rest over one zone in a hundredth of the time costs 1e6 of these
+    zone = 1.0 / np.abs(obstacles.matrices).max()
+    if plan.energy > TOO_DEAR * (optimum.energy + 6.0 * zone**2 / (path.end - path.start) ** 3):
+        reason = f"the cheapest of {tried} ways tried costs {plan.energy:.3g} m²/s³ more; allow more time"
+        return refused(Status.NOT_FOUND, reason, tried)
     result = Path(orbit, np.ascontiguousarray(plan.rows), np.array([0, len(plan.rows)]), ())
     ways = "proven the global optimum" if proven else f"the best of {tried} ways tried"
     return Avoidance(
