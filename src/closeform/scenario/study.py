@@ -71,7 +71,7 @@ def draw_error(key: str, draw: Draw) -> str | None:
             reader(value)
     except ValueError as error:
         return str(error)
-    if draw.shell is not None and one(reader)(draw.shell[0]) >= one(reader)(draw.shell[1]):  # type: ignore[operator]
+    if draw.shell is not None and one(reader)(draw.shell[0]) >= one(reader)(draw.shell[1]):  # type: ignore[operator]  # numbers: size 1
         return f"shell {shown(draw.shell)} must grow; write the inner radius first"
     return None
 
