@@ -19,6 +19,10 @@ _NAMES = {
         "inertial_from_elements roe_from_elements elements_from_roe roe_from_state "
         "state_from_roe"
     ),
+    "search": (
+        "Sensor Leg Search Locks lock_times Event EventKind GatherStatus Gathering Gatherings Stay gather "
+        "gather_cases"
+    ),
     "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}

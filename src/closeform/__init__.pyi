@@ -7,6 +7,19 @@ from closeform.avoidance import (
     avoid as avoid,
     end_gradients as end_gradients,
 )
+from closeform.search import Sensor as Sensor
+from closeform.search import Leg as Leg
+from closeform.search import Search as Search
+from closeform.search import Locks as Locks
+from closeform.search import lock_times as lock_times
+from closeform.search import Event as Event
+from closeform.search import EventKind as EventKind
+from closeform.search import GatherStatus as GatherStatus
+from closeform.search import Gathering as Gathering
+from closeform.search import Gatherings as Gatherings
+from closeform.search import Stay as Stay
+from closeform.search import gather as gather
+from closeform.search import gather_cases as gather_cases
 from closeform.ccsds import (
     CommonFrame as CommonFrame,
     Ephemeris as Ephemeris,

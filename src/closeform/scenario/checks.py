@@ -6,9 +6,12 @@ from math import nan
 import numpy as np
 
 from closeform.orbit import Orbit
+from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.study import draw_error, readers
+
+MOST_SAMPLES = 1e7
 
 
 def check(scenario: Scenario) -> list[str]:
@@ -65,8 +68,34 @@ def searching(scenario: Scenario) -> Iterator[str]:
         yield 'sensor: missing; add [sensor] with half_angle = "70 deg"'
     if scenario.search is None:
         yield 'search: missing; add [search] with method = "modified"'
-    if any(craft.group is None for craft in scenario.craft):
+    groups = [craft.group for craft in scenario.craft]
+    if None in groups:
         yield 'craft.group: missing; add for example group = ["A", "B"]'
+    elif len(set(groups)) == 1:
+        empty = "B" if groups[0] == "A" else "A"
+        yield f"craft.group: nobody is in group {empty}, locks are between A and B; put a craft into {empty}"
+    if scenario.sensor is not None and scenario.search is not None:
+        yield from search(scenario, scenario.sensor, scenario.search)
+    if scenario.orbit.deep_space is None:
+        yield "orbit: a search is for deep space, where craft coast along straight lines; write deep_space = true"
+    elif not scenario.scattered:
+        yield from scenario.coincident()
+
+
+def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Iterator[str]:
+    """What the papers refuse, and samples without number."""
+    try:
+        plan = table.build(sensor.build())
+    except ValueError as error:
+        key = str(error).split(":")[0]
+        yield f"{'sensor' if key in SensorTable.model_fields else 'search'}.{error}"
+        return
+    for step in scenario.study.sampled if scenario.study is not None else ():
+        if plan.duration / step > MOST_SAMPLES:
+            yield (
+                f"study.sampled: {step:g} s is too short for a search of {plan.duration:g} s; "
+                f"at most {MOST_SAMPLES:g} samples"
+            )
 
 
 def deep_space(scenario: Scenario) -> Iterator[str]:
@@ -94,6 +123,8 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     except ValueError as error:
         yield f"craft.keep_out: {error}"
         return
+    if scenario.scattered:
+        return  # every case has its own positions
     positions = np.array([[nan] * 3 if craft.unbuilt else craft.state(orbit)[:3] for craft in scenario.craft])
     for zone, pairs in groups:
         ratios = zone.norm(positions[pairs[:, 1]] - positions[pairs[:, 0]])

@@ -1,6 +1,7 @@
 """Where the formation flies and what it is made of: [orbit], [craft], [sensor], [search]."""
 
-from typing import Annotated, Literal, Self
+from math import inf, pi
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -22,6 +23,9 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.table import Angle, Length, Lengths, Name, Position, Table, Vector, Velocity
 from closeform.zones import Box, Ellipsoid, Floats, Sphere, Zone
+
+if TYPE_CHECKING:
+    from closeform.search import Search, Sensor
 
 Six = tuple[float, float, float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -231,9 +235,15 @@ class SensorTable(Table):
 
     @model_validator(mode="after")
     def complete(self) -> Self:
-        if self.half_angle >= np.pi:
+        if self.half_angle >= pi:
             raise ValueError('half_angle must be below 180 deg; write for example "70 deg"')
         return self
+
+    def build(self) -> "Sensor":
+        """The sensor of the core."""
+        from closeform.search import Sensor
+
+        return Sensor(self.half_angle, self.offset, inf if self.range is None else self.range)
 
 
 class SearchTable(Table):
@@ -261,4 +271,19 @@ class SearchTable(Table):
         for key in ("in_plane_turn", "tip_angle"):
             if self.method == "modified" and getattr(self, key) is not None:
                 raise ValueError(f'{key} goes with method = "basic" only; remove {key}')
+        if self.sun_limit >= pi / 2.0:
+            raise ValueError('sun_limit must be below 90 deg; write for example "25 deg"')
         return self
+
+    def build(self, sensor: "Sensor") -> "Search":
+        """The search of the core.
+
+        Raises ValueError, beginning with the key, where the papers refuse: tips beyond the sun
+        limit, a sensor too narrow for the modified search.
+        """
+        from closeform.search import Search
+
+        if self.method == "modified":
+            return Search.modified(sensor, self.slew_rate, self.sun_limit)
+        turn = 3.0 * pi if self.in_plane_turn is None else self.in_plane_turn
+        return Search.basic(sensor, self.slew_rate, self.sun_limit, turn, self.tip_angle)

@@ -3,14 +3,15 @@
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
 
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
+from closeform.scenario.quantity import shown
 from closeform.scenario.stages import STAGES, StageTable
-from closeform.scenario.study import Study
+from closeform.scenario.study import BUILT, Study
 from closeform.scenario.zoning import larger
 from closeform.zones import Zone
 
@@ -97,3 +98,36 @@ class Scenario:
                 if target.unbuilt
             ]
         return tuple(dict.fromkeys(lines))
+
+    def unbuilt_study(self) -> tuple[str, ...]:
+        """What a study would need and this version does not have, one line each."""
+        if self.study is None:
+            return ()
+        lines = []
+        for number, stage in enumerate(self.stages, 1):
+            if not stage.searches:
+                lines.append(f'stage[{number}].do: a study of "{stage.verb}" is not built yet; remove the stage')
+        if sum(stage.searches for stage in self.stages) > 1:
+            lines.append("stage: a study of more than one search is not built yet; keep one lock or gather")
+        lines += [
+            f"study.vary.{shown(key)}: not built yet; remove it, this version varies {', '.join(BUILT)}"
+            for key in self.study.vary
+            if key not in BUILT
+        ]
+        return tuple(lines)
+
+    @property
+    def scattered(self) -> bool:
+        """Whether a study draws the craft's positions, so that their nominal ones need not fit."""
+        return self.study is not None and "craft.position" in self.study.vary
+
+    def coincident(self) -> tuple[str, ...]:
+        """Pairs of craft at one place, one line each; a search refuses them."""
+        orbit = self.orbit.build()
+        places = [None if craft.unbuilt else tuple(craft.state(orbit)[:3]) for craft in self.craft]
+        remedy = "add --case K, or use closeform study" if self.scattered else "move one of them"
+        return tuple(
+            f"craft.position: {one.name} and {other.name} are at one place; {remedy}"
+            for (one, here), (other, there) in combinations(zip(self.craft, places, strict=True), 2)
+            if here is not None and here == there
+        )

@@ -1,16 +1,20 @@
 """[study]: what a Monte Carlo study varies. Each draw adds to the nominal value or replaces it."""
 
+import re
 from functools import cache
 from typing import Annotated, Any, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.quantity import Reader, shown
+from closeform.scenario.quantity import TIME, Reader, shown
 from closeform.scenario.table import Table
 
 Pair = Annotated[tuple[str, str], Field(strict=False)]
 DRAWS = ("uniform", "normal", "ball", "shell", "chance", "choice")
+BUILT = ("craft.position", "craft.velocity")  # keys whose draws this version flies
+ROW = re.compile(r"source|at once|never|(IPS|OPS|mOPS|NFS) [1-9][0-9]*")
+Step = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
 
 
 class Draw(Table):
@@ -28,6 +32,21 @@ class Draw(Table):
     @model_validator(mode="after")
     def complete(self) -> Self:
         return self.one_of(*DRAWS)
+
+    @property
+    def kind(self) -> str:
+        """Which one it is."""
+        return next(name for name in DRAWS if getattr(self, name) is not None)
+
+    def numbers(self, key: str) -> tuple[Any, ...]:
+        """What it says for this key, which is a quantity, in SI units: sizes, or the values of a choice."""
+        reader = readers()[key]
+        if reader is None:
+            raise TypeError(f"{key} is no quantity")
+        if self.choice is not None:
+            return tuple(reader(value) for value in self.choice)
+        given = getattr(self, self.kind)
+        return tuple(one(reader)(size) for size in (given if self.shell is not None else (given,)))
 
 
 @cache
@@ -51,6 +70,22 @@ class Study(Table):
     cases: Annotated[int, Field(ge=1)] = Field(examples=["1000"])
     seed: Annotated[int, Field(ge=0)] = Field(examples=["1"])
     vary: dict[str, Draw] = Field(default_factory=dict, examples=['{ "craft.position" = { ball = "10 m" } }'])
+    sampled: Annotated[tuple[Step, ...], Field(strict=False)] = Field((), examples=['["1 s", "60 s"]'])
+    published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        if min(self.sampled, default=1.0) < 0.01:
+            raise ValueError('sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]')
+        for row, text in self.published.items():
+            if ROW.fullmatch(row) is None:
+                raise ValueError(
+                    f'published has {shown(row)}, which is no row of the printed table; use "source", '
+                    '"at once", "never" or a phase like "IPS 1"'
+                )
+            if not text.isprintable() or len(text) > (80 if row == "source" else 20):
+                raise ValueError(f"published {shown(row)} does not fit; write at most 20 characters, or 80 for source")
+        return self
 
 
 def draw_error(key: str, draw: Draw) -> str | None:

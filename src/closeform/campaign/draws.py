@@ -1,0 +1,73 @@
+"""Draws: the initial states of a study's cases, the same for case K whichever range it is drawn in.
+
+Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the
+key's name; craft c of N in case K takes the block of counter K N + c from it.  So a case depends
+neither on other cases nor on other keys.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from closeform.scenario import Scenario
+from closeform.scenario.study import Draw
+from closeform.zones import Floats
+
+PARTS = {"craft.position": slice(0, 3), "craft.velocity": slice(3, 6)}  # of a state
+WORDS = 4  # random numbers in one block of Philox
+
+
+def drawn(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
+    """States (last - first, N, 6) of the craft in the cases from `first` to `last`, without that one."""
+    orbit = scenario.orbit.build()
+    nominal = np.array([craft.state(orbit) for craft in scenario.craft])
+    states = np.repeat(nominal[None], last - first, axis=0)
+    for key, draw in (scenario.study.vary if scenario.study is not None else {}).items():
+        random = uniform(seed, key, len(nominal), first, last)
+        values = spread(draw, draw.numbers(key), random)
+        part = states[..., PARTS[key]]
+        part[...] = values if draw.choice is not None else part + values
+    return states
+
+
+def uniform(seed: int, key: str, craft: int, first: int, last: int) -> Floats:
+    """Random numbers (last - first, craft, 4) above 0 and below 1."""
+    stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
+    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=first * craft)
+    words = philox.random_raw((last - first) * craft * WORDS).reshape(-1, craft, WORDS)
+    return np.asarray(((words >> np.uint64(11)) + 0.5) * 2.0**-53)
+
+
+def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats) -> Floats:
+    """Vectors (..., 3) of a distribution from random numbers (..., 4)."""
+    if draw.choice is not None:
+        return np.array(numbers)[(random[..., 0] * len(numbers)).astype(int)]
+    if draw.uniform is not None:
+        return np.asarray(numbers[0] * (2.0 * random[..., :3] - 1.0))
+    if draw.normal is not None:
+        return np.asarray(numbers[0] * ndtri(random[..., :3]))
+    inner, outer = numbers if draw.shell is not None else (0.0, numbers[0])
+    radius = np.cbrt(inner**3 + (outer**3 - inner**3) * random[..., 0])
+    height, longitude = 2.0 * random[..., 1] - 1.0, 2.0 * np.pi * random[..., 2]
+    across = np.sqrt(1.0 - height * height)
+    direction = np.stack([across * np.cos(longitude), across * np.sin(longitude), height], axis=-1)
+    return np.asarray(radius[..., None] * direction)
+
+
+def case_of(scenario: Scenario, case: int) -> Scenario:
+    """The scenario with the states that the craft have in one `case` of its study, by the file's seed.
+
+    Raises ValueError for a scenario without a study or a case below 0.
+    """
+    if scenario.study is None:
+        raise ValueError(f"{scenario.file}: has no cases; add a [study] table")
+    if case < 0:
+        raise ValueError(f"case {case}: cases count from 0; give 0 or more")
+    states = drawn(scenario, scenario.study.seed, case, case + 1)[0].tolist()
+    craft = tuple(
+        one.model_copy(update={"start": None, "position": tuple(state[:3]), "velocity": tuple(state[3:])})
+        for one, state in zip(scenario.craft, states, strict=True)
+    )
+    return replace(scenario, title=f"{scenario.title}: case {case}", craft=craft)

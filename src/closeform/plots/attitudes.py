@@ -1,0 +1,202 @@
+"""The turns of a search: the in-plane search in space, and every turn of a round from the side."""
+
+from math import asin, cos, degrees, pi, sin
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from closeform.plots.camera import (
+    GROUP_COLOURS,
+    SUN_COLOUR,
+    Camera,
+    arrow,
+    bare,
+    cone,
+    fill,
+    ring,
+    solid,
+    to_sun,
+    word,
+)
+from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline, page
+from closeform.plots.scene import CIRCLE
+from closeform.search.schedule import START_ATTITUDE, SUN, Leg, Search, rotation
+from closeform.search.theorem import regions_searched
+from closeform.zones import Floats
+
+ABOVE = Camera.around(-1.15, 0.38, -SUN, np.array([1.0, 0.0, 0.0]))  # n_z up, n_x to the right
+ROMAN = {1: "I", 2: "II", 3: "III", 4: "IV"}
+OPPOSITE = {"A": 1.0, "B": -1.0}
+
+
+def angle_text(angle: float, sign: bool = True) -> str:
+    """An angle [rad] in degrees, to a tenth where it has one."""
+    text = f"{degrees(angle):+.1f}".removesuffix(".0") if sign else f"{degrees(angle):.1f}".removesuffix(".0")
+    return text.replace("-", "−") + "°"
+
+
+def in_plane_search(search: Search) -> Figure:
+    """The in-plane search of both groups: S04 figure 3, H03 figure 4.
+
+    Each ball is the sky of one craft.  The sensor's cone is drawn at the start of the turn about
+    the sun line and, as rims, on its way; the spiral is the way of the boresight.  The grey
+    cones are the complementary cones that the turn leaves out, as `search` has them.
+
+    Raises ValueError for a search that does not begin with an in-plane search.
+    """
+    leg = search.legs[0]
+    if leg.phase != "IPS":
+        raise ValueError(f"search: it begins with {leg.phase}, not with an in-plane search")
+    figure = page(5.5)
+    axes = figure.add_subplot()
+    bare(axes)
+    for group, middle in (("A", -1.6), ("B", 1.6)):
+        ball(axes, search, leg, group, np.array([middle, 0.0]))
+    axes.set_xlim(-3.3, 3.5)
+    axes.set_ylim(-1.95, 1.3)
+    share = 100.0 * search.coverage("IPS")
+    headline(
+        figure,
+        f"In-plane search: {angle_text(leg.angle, False)} about the sun line in {leg.end - leg.start:.4g} s "
+        f"sweep {share:.2f} % of the sky",
+    )
+    return figure
+
+
+def ball(axes: Axes, search: Search, leg: Leg, group: str, middle: Floats) -> None:
+    """The sky of one craft, its turns and what they leave out, around a point of the picture."""
+    home = middle @ ABOVE.basis[:2]  # a place in space that is seen there
+    colour, sign = GROUP_COLOURS[group], OPPOSITE[group]
+    half = search.sensor.half_angle
+    sweep = np.linspace(leg.start, leg.end, 361)
+    boresights = sign * leg.attitude_at(sweep)[:, :, 2]
+    axes.fill(*(middle + CIRCLE).T, facecolor=colour, alpha=0.07, edgecolor=colour, linewidth=1.2)
+    rest = pi / 2.0 - half
+    for pole in (-SUN, SUN):
+        if rest > 0.0:
+            rim = ring(pole, rest)
+            cone(axes, ABOVE, home, rim, BEFORE, 0.30, color=BEFORE, linewidth=1.2)
+    for k in range(40, 241, 40):
+        rim = ring(boresights[k], half)
+        hidden(axes, middle, rim, colour, 0.8)
+    start = boresights[0]
+    cone(axes, ABOVE, home, ring(start, half), colour, 0.22, linewidth=1.8, alpha=1.0)
+    fill(axes, middle + solid(ABOVE, 0.24 * ring(SUN, pi / 2.0)), INK, 0.85, zorder=4)
+    arrow(axes, middle + ABOVE(np.array([0 * SUN, 0.55 * SUN])), INK, zorder=4)
+    word(axes, middle + ABOVE(0.55 * SUN), "body x", shift=(-5, 9), ha="right", zorder=7)
+    out = np.linspace(1.08, 1.34, len(sweep))[:, None]
+    way = middle + ABOVE(out * boresights)
+    near = ABOVE.nearness(boresights) > -0.05
+    axes.plot(*np.where(near[:, None], np.nan, way).T, color=colour, linewidth=1.4, linestyle=DASHED)
+    axes.plot(*np.where(near[:, None], way, np.nan).T, color=colour, linewidth=2.0)
+    arrow(axes, way[-4:], colour, linewidth=2.0, mutation_scale=18, zorder=6)
+    arrow(axes, middle + ABOVE(np.array([0 * start, start])), colour, linewidth=2.4, zorder=5)
+    for time, where in ((leg.start, way[0]), (leg.end, way[-1])):
+        right = where[0] > middle[0]
+        look = {"ha": "left" if right else "right", "zorder": 7}
+        word(axes, where, f"{time:.4g} s", colour, (11 if right else -11, -6), **look)
+    if rest > 0.0:
+        top = middle + ABOVE(-SUN)
+        word(axes, top, f"left out: {angle_text(rest, False)} about the sun line", BEFORE, (0, 17))
+    to_sun(axes, ABOVE, home + 1.12 * SUN, 0.55)
+    word(axes, middle + [0.0, -1.85], f"group {group}", colour, fontsize=TEXT, fontweight="bold")
+
+
+def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -> None:
+    """A closed line on the ball: full in front, faint behind it."""
+    points = middle + ABOVE(rim)
+    front = (ABOVE.nearness(rim) > 0.0)[:, None]
+    axes.plot(*np.where(front, points, np.nan).T, color=colour, linewidth=width, alpha=0.75)
+    axes.plot(*np.where(front, np.nan, points).T, color=colour, linewidth=width, alpha=0.25)
+
+
+def manoeuvres(search: Search, number: int = 1) -> Figure:
+    """Every turn of one round of a search, for both groups: S04 figure 4.
+
+    Round `number`, from 1.  Each panel looks along body y, as it is before the out-of-plane turns,
+    at the attitude to which a turn leads: the shade with body x, the boresight and its cone (S04's
+    sensor at the centre); dashed the boresight before, grey the complementary cones.  Below it the
+    turn about the own body y or about the sun line, and its time [s].  Both groups make the same turns in space,
+    so about their own body y they are opposite.  A Roman number is the region of S04 figure 5
+    that lies in the cone at the end of a turn.
+
+    Raises ValueError for a round that the search does not have.
+    """
+    legs = [leg for leg in search.legs if leg.round == number and leg.angle]
+    if not legs:
+        raise ValueError(f"number: this search has rounds 1 to {search.legs[-1].round}, got {number!r}")
+    tips = [leg for leg in legs if leg.about == "body y"]
+    ahead = (tips[0] if tips else legs[0]).attitude[:, 2]
+    camera = Camera.at(np.cross(ahead, -SUN), -SUN)
+    figure = page(1.5 + 2 * 10.6 / len(legs) * 1.5)
+    rows = figure.subplots(2, len(legs), gridspec_kw={"wspace": 0.0, "hspace": 0.02})
+    seen = {group: searched(search, number, group) for group in GROUP_COLOURS}
+    for row, (group, sign) in zip(np.reshape(rows, (2, -1)), OPPOSITE.items(), strict=True):
+        for axes, leg in zip(row, legs, strict=True):
+            side_view(axes, camera, search, leg, group, seen[group].get(leg.end))
+            about = "body y" if leg.about == "body y" else "sun line"
+            angle = leg.angle * (sign if leg.about == "body y" else 1.0)
+            text = f"{angle_text(angle)}\n{about}\n{leg.start:.0f}–{leg.end:.0f} s"
+            axes.text(0.0, -1.55, text, ha="center", va="top", fontsize=SMALL, color=INK, linespacing=1.25)
+            if group == "A":
+                axes.set_title(leg.phase, fontsize=TEXT, color=INK, fontweight="bold")
+        row[0].text(
+            -1.42, 0.0, f"group {group}", rotation=90, va="center", ha="right",
+            fontsize=TEXT, color=GROUP_COLOURS[group], fontweight="bold",
+        )
+    headline(
+        figure,
+        f"The turns of round {number}: tips of {angle_text(search.tip_angle, False)}, "
+        f"{degrees(search.slew_rate):.4g}°/s, body x within {angle_text(search.sun_angle, False)} of the Sun",
+    )
+    return figure
+
+
+def searched(search: Search, number: int, group: Any) -> dict[float, int]:
+    """The region of S04 figure 5 that is wholly in a group's cone at the end of each leg that has one."""
+    if not any((leg.phase, leg.round) == ("mOPS", number) for leg in search.legs):
+        return {}
+    return dict(regions_searched(search, number, group))
+
+
+def side_view(axes: Axes, camera: Camera, search: Search, leg: Leg, group: str, region: int | None) -> None:
+    """One attitude from the side, and the turn that led there."""
+    bare(axes)
+    axes.set_xlim(-1.45, 1.45)
+    axes.set_ylim(-2.85, 1.35)
+    colour, half = GROUP_COLOURS[group], search.sensor.half_angle
+    flip = np.array([1.0, OPPOSITE[group], OPPOSITE[group]])
+    first, last = (leg.attitude_at(time) * flip for time in (leg.start, leg.end))
+    origin = np.zeros(3)
+    for pole in (SUN, -SUN) if half < pi / 2.0 else ():
+        fill(axes, solid(camera, origin, ring(pole, pi / 2.0 - half)), FAINT, 1.0)
+    axes.plot(*camera(np.array([1.25 * SUN, -1.15 * SUN])).T, color=OTHER, linestyle=DASHED, linewidth=1.0)
+    axes.plot(*camera(1.3 * SUN), "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=8)
+    fill(axes, solid(camera, origin, ring(last[:, 2], half)), colour, 0.28)
+    for side in (-1.0, 1.0):
+        tip = cos(half) * last[:, 2] + side * sin(half) * last[:, 0]
+        axes.plot(*camera(np.array([origin, tip])).T, color=colour, linewidth=0.9)
+    axes.plot(*camera(np.array([origin, first[:, 2]])).T, color=colour, linestyle=DASHED, linewidth=1.3)
+    arrow(axes, camera(np.array([origin, last[:, 2]])), colour, linewidth=2.2)
+    shade = 0.34 * (last[:, 2] * np.array([[-1.0], [1.0]]))
+    axes.plot(*camera(shade).T, color=INK, linewidth=4.5, solid_capstyle="butt")
+    arrow(axes, camera(np.array([origin, 0.62 * last[:, 0]])), INK, linewidth=1.4, mutation_scale=9)
+    turning(axes, camera, leg, first[:, 2])
+    if region is not None:
+        up, along = (1.0 if region in (2, 3) else -1.0), (1.0 if region in (1, 2) else -1.0)
+        word(axes, (0.2 * along, 0.82 * up), ROMAN[region], fontweight="bold", fontsize=TEXT)
+
+
+def turning(axes: Axes, camera: Camera, leg: Leg, boresight: Floats) -> None:
+    """An arrow along the turn: about the sun line as a tilted ring around it, else as the boresight goes."""
+    angles = np.linspace(0.0, leg.angle, 60)
+    if leg.about == "body y":
+        arrow(axes, camera(1.12 * rotation(leg.axis, angles) @ boresight), BEFORE, linewidth=1.3, mutation_scale=10)
+        return
+    tilted = Camera.at(camera.basis[2] + 0.45 * camera.basis[1], camera.basis[1])
+    level = boresight - (boresight @ SUN) * SUN
+    spiral = np.linspace(0.38, 0.38 + 0.1 * abs(leg.angle) / pi, 60)[:, None]
+    way = spiral * (rotation(leg.axis, angles) @ (level / np.linalg.norm(level)))
+    arrow(axes, tilted(way) + camera(-1.12 * SUN), BEFORE, linewidth=1.3, mutation_scale=10)

@@ -1,0 +1,138 @@
+"""Camera: scenes in space as they are drawn in a plane, without perspective, and what is in them."""
+
+from dataclasses import dataclass
+from math import cos, sin
+from typing import Any, Self
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import FancyArrowPatch
+from matplotlib.path import Path as Outline
+from numpy.typing import ArrayLike
+
+from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL
+from closeform.plots.scene import CIRCLE
+from closeform.search.schedule import SUN
+from closeform.zones import Floats
+
+GROUP_COLOURS = {"A": AFTER, "B": CONFLICT}
+SUN_COLOUR = "#F2B705"
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Looks along a direction: rows of `basis` (3, 3) point right, up and towards the viewer."""
+
+    basis: Floats
+
+    @classmethod
+    def at(cls, toward: ArrayLike, up: ArrayLike) -> Self:
+        """A camera from which the viewer sits `toward` (3,), with `up` (3,) upwards."""
+        back = np.asarray(toward, dtype=float)
+        back = back / np.linalg.norm(back)
+        right = np.cross(np.asarray(up, dtype=float), back)
+        right /= np.linalg.norm(right)
+        return cls(np.array([right, np.cross(back, right), back]))
+
+    @classmethod
+    def around(cls, azimuth: float, elevation: float, pole: Floats, front: Floats) -> Self:
+        """A camera above the plane across `pole`, turned about it from `front`; angles [rad]."""
+        side = np.cross(pole, front)
+        level = cos(azimuth) * front + sin(azimuth) * side
+        return cls.at(cos(elevation) * level + sin(elevation) * pole, pole)
+
+    def __call__(self, points: ArrayLike) -> Floats:
+        """Points (..., 3) on the picture (..., 2)."""
+        return np.asarray(points) @ self.basis[:2].T
+
+    def nearness(self, points: ArrayLike) -> Floats:
+        """How far points (..., 3) stand out towards the viewer (...)."""
+        return np.asarray(points) @ self.basis[2]
+
+
+def across(axis: Floats) -> Floats:
+    """Two unit vectors (2, 3) that complete an axis."""
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first)])
+
+
+def ring(axis: Floats, half_angle: float, size: float = 1.0) -> Floats:
+    """The rim (K, 3) of a cone from the origin: points `size` away at `half_angle` from its axis."""
+    return np.asarray(size * (cos(half_angle) * axis + sin(half_angle) * (CIRCLE @ across(axis))))
+
+
+def hull(points: Floats) -> Floats:
+    """The convex outline (K, 2) of points (M, 2)."""
+    chains: list[list[tuple[float, float]]] = []
+    ordered = sorted({(float(x), float(y)) for x, y in points})
+    for side in (ordered, ordered[::-1]):
+        chain: list[tuple[float, float]] = []
+        for x, y in side:
+            while len(chain) > 1:
+                (ax, ay), (bx, by) = chain[-2], chain[-1]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
+                    break
+                chain.pop()
+            chain.append((x, y))
+        chains.append(chain[:-1] or chain)
+    return np.array(chains[0] + chains[1])
+
+
+def solid(camera: Camera, *parts: ArrayLike) -> Floats:
+    """The silhouette (K, 2) of the convex body that points (..., 3) span."""
+    return hull(camera(np.vstack([np.atleast_2d(np.asarray(part, dtype=float)) for part in parts])))
+
+
+def fill(axes: Axes, outline: Floats, colour: str, alpha: float, **look: Any) -> None:
+    """A translucent shape."""
+    axes.fill(*outline.T, facecolor=colour, alpha=alpha, linewidth=0.0, **look)
+
+
+def cone(axes: Axes, camera: Camera, apex: Floats, rim: Floats, colour: str, density: float, **look: Any) -> None:
+    """A translucent cone with its rim (K, 3); `look` is that of the rim's line."""
+    fill(axes, solid(camera, apex, apex + rim), colour, density)
+    axes.plot(*camera(apex + rim).T, **({"color": colour, "linewidth": 1.0, "alpha": 0.8} | look))
+
+
+def arrow(axes: Axes, points: Floats, colour: str, **look: Any) -> None:
+    """A line through points (K, 2) with a head at its end."""
+    path = Outline(points, [Outline.MOVETO] + [Outline.LINETO] * (len(points) - 1))
+    style = {"arrowstyle": "-|>", "mutation_scale": 13, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0} | look
+    axes.add_patch(FancyArrowPatch(path=path, color=colour, **style))
+
+
+def word(axes: Axes, point: Any, text: str, colour: str = INK, shift: tuple[float, float] = (0, 0), **look: Any) -> Any:
+    """Words at a point (2,), moved by a `shift` in printer's points, readable on lines."""
+    style = {"ha": "center", "va": "center", "fontsize": SMALL, "path_effects": HALO} | look
+    return axes.annotate(text, (point[0], point[1]), shift, textcoords="offset points", color=colour, **style)
+
+
+def to_sun(axes: Axes, camera: Camera, start: ArrayLike, length: float, text: str = "Sun") -> None:
+    """An arrow of a `length` from `start` (3,) to the sun, and the sun at its end."""
+    tail = np.asarray(start, dtype=float)
+    head = tail + length * SUN
+    points = camera(np.array([tail, head]))
+    arrow(axes, points, SUN_COLOUR, linewidth=2.2)
+    axes.plot(*points[1], "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=11, zorder=6)
+    word(axes, points[1], text, shift=(12, 0), ha="left")
+
+
+def triad(axes: Axes, camera: Camera, origin: Floats, length: float, names: dict[str, Floats]) -> None:
+    """Named directions from a point (2,) of the picture; one that points at the viewer is a dot in a ring."""
+    for name, direction in names.items():
+        tip = camera(direction)
+        if np.hypot(*tip) < 0.08:
+            towards = camera.nearness(direction) > 0.0
+            axes.plot(*origin, "o", color=INK, markerfacecolor="white", markersize=9)
+            axes.plot(*origin, "." if towards else "x", color=INK, markersize=5)
+            word(axes, origin, name, shift=(-11, -9))
+        else:
+            arrow(axes, origin + length * np.array([np.zeros(2), tip]), INK, linewidth=1.2, mutation_scale=10)
+            word(axes, origin + (length + 0.35 * length / np.hypot(*tip)) * tip, name)
+
+
+def bare(axes: Axes) -> None:
+    """No frame and no ticks: a scene, at equal scales."""
+    axes.set_axis_off()
+    axes.set_aspect("equal")

@@ -1,0 +1,162 @@
+"""Gathering: what became of lost craft that searched, locked and joined."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from math import inf
+from typing import Any
+
+from closeform.conflicts import Conflict
+from closeform.path import Path
+from closeform.screening import screen
+from closeform.search.schedule import Group, Search
+from closeform.zones import Floats, Zone
+
+
+class EventKind(StrEnum):
+    """What happened."""
+
+    LOCK = "lock"
+    BURN = "burn"
+    CORRECTION = "correction"
+    NEAR_FIELD = "near field"
+
+
+class GatherStatus(StrEnum):
+    """How a gathering ended."""
+
+    GATHERED = "gathered"
+    INCOMPLETE = "incomplete"
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A lock of craft `first` and `second`, or a burn of `first` (then `second` is -1), at `time` [s].
+
+    `phase` and `round` are those of the search; `case` is the lock's number in H03's table of
+    joins (1 to 9; 0 for burns); `label` the set after it: 0 the formation set, k >= 1 knowledge
+    set k, -1 lost.  A burn joins the formation set, or is a correction against a collision inside
+    a set, or the near-field search's; `delta_v` (3,) [m/s].
+    """
+
+    time: float
+    kind: EventKind
+    first: int
+    second: int
+    phase: str
+    round: int
+    case: int
+    label: int
+    delta_v: Floats
+
+
+@dataclass(frozen=True)
+class Stay:
+    """Craft `first` and `second` within their keep-out zone; `known`: they knew each other by then."""
+
+    first: int
+    second: int
+    conflict: Conflict
+    known: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Gathering:
+    """What became of N lost craft.
+
+    `search`: over all rounds, with the near-field search, its boresights hold to the end;
+    `groups`: "A" or "B" of each; `paths`: shape (N,), burns as impulses; `events` in order of
+    time; `delta_v` (N,) [m/s]; `totals`: total delta-v [m/s] of the three ways in which the first
+    pair can burn, of which `burns` was flown; `sets`: the formation set first, if there is one,
+    then knowledge sets; `lost`: craft in none; `duration` [s] until gathered, or of all rounds;
+    `rounds`: searches begun.  `status`, and `reason`: who is left and why, None if gathered.
+    """
+
+    search: Search
+    groups: tuple[Group, ...]
+    paths: Path
+    events: tuple[Event, ...]
+    delta_v: Floats
+    totals: dict[str, float]
+    burns: str
+    sets: tuple[tuple[int, ...], ...]
+    lost: tuple[int, ...]
+    duration: float
+    rounds: int
+    status: GatherStatus
+    reason: str | None
+    keep_out: Zone | None = field(repr=False)
+
+    @property
+    def ok(self) -> bool:
+        """Whether one formation set holds all craft."""
+        return self.status is GatherStatus.GATHERED
+
+    @cached_property
+    def collisions(self) -> tuple[Stay, ...]:
+        """Every stay of two craft in the keep-out zone, whether or not they knew each other.
+
+        None without a `keep_out`.  Only craft of one set can avoid each other.
+        """
+        if self.keep_out is None or self.duration == 0.0:
+            return ()
+        found = screen(self.paths, self.keep_out)
+        rows = zip(found.pairs.tolist(), found.start, found.end, found.time, found.ratio, strict=True)
+        stays = []
+        for (i, j), *values in rows:
+            conflict = Conflict(*map(float, values))
+            stays.append(Stay(i, j, conflict, self.acquainted(i, j) <= conflict.start))
+        return tuple(stays)
+
+    def acquainted(self, first: int, second: int) -> float:
+        """When two craft, given by index, came into one set [s]; inf if never.
+
+        Raises IndexError for a craft that is not there.
+        """
+        sets = {k: {k} for k in range(len(self.groups))}
+        for event in self.events:
+            if event.kind is EventKind.LOCK:
+                merged = sets[event.first] | sets[event.second]
+                if first in merged and second in merged:
+                    return event.time
+                sets |= dict.fromkeys(merged, merged)
+        if not {first, second} <= sets.keys():
+            raise IndexError(f"no craft {first} and {second} among {len(sets)}")
+        return inf
+
+
+@dataclass(frozen=True, eq=False)
+class Gatherings:
+    """What became of C gatherings, arrays (C,).
+
+    `duration` [s] until gathered, or of all rounds; `leg` of `search` in which they ended, -1 if
+    incomplete; `rounds`: searches begun; `left`: craft not in the formation set; `delta_v` of all
+    craft together [m/s].
+    """
+
+    search: Search
+    duration: Floats
+    leg: Any
+    rounds: Any
+    left: Any
+    delta_v: Floats
+
+    def __len__(self) -> int:
+        return len(self.duration)
+
+
+def who_is_left(
+    sets: tuple[tuple[int, ...], ...], lost: tuple[int, ...], rounds: int, names: Sequence[str] | None = None
+) -> str:
+    """Who is not in the formation set after `rounds`, and why; craft by index, or by their `names`."""
+
+    def told(some: tuple[int, ...]) -> str:
+        called = [names[k] if names is not None else str(k) for k in some]
+        return called[0] if len(called) == 1 else ", ".join(called[:-1]) + f" and {called[-1]}"
+
+    lines = []
+    if lost:
+        lines.append(f"craft {told(lost)} locked nobody")
+    lines += [f"craft {told(some)} know each other but met nobody of the formation set" for some in sets[1:]]
+    return "; ".join(lines) + f" in {rounds} round{'s' * (rounds > 1)}"

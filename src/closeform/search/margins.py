@@ -1,0 +1,149 @@
+"""Margins: by how much each leg of a search misses a pair, and which other pairs behave alike.
+
+A leg misses by an angle m exactly where sensors wider by m do not lock in it: the certified march
+with a wider cone tells, and bisection finds the greatest m.  Initial states that differ by dr and
+dv move the line between the two sensors by at most |dr| + t |dv|, and so turn it by at most the
+arc sine of that over its length |q(t)|.  What misses by m at a length of at least L goes on missing
+while |dr| + t |dv| <= L sin m, and one instant of depth is enough to go on locking.
+"""
+
+from dataclasses import dataclass
+from math import acos, atan2, cos, inf, nan, pi, sin, sqrt
+from typing import Any
+
+import numpy as np
+from numba import float64, void
+from numpy.typing import ArrayLike
+
+from closeform.compiled import kernel
+from closeform.search.locks import END, START, lock_in_leg, lock_times
+from closeform.search.schedule import Search
+from closeform.search.theorem import one_pair
+from closeform.zones import Floats
+
+PIECES = 32  # of a leg, each with a margin and a length of its own
+HALVINGS = 45
+ROUNDING = 16.0 * 2.2e-16  # of the squares that |q|^2 is summed from
+ANYWHERE = -2.0  # the cosine of a cone that holds every direction, whatever the rounding
+
+
+@dataclass(frozen=True, eq=False)
+class LockMargins:
+    """How surely a pair locks in its leg, and in none before.
+
+    `leg` is the index of the leg of the first lock, -1 for none.  `margins` (leg + 1,) [rad]: by how
+    much each leg up to that one misses, at least; the last is negative, less the `depth` [rad] to
+    which the other's sensor comes inside of the cone in the leg of the lock.  Without a lock there
+    is one for each leg of the search, and the depth is nan.
+
+    `position` [m] and `velocity` [m/s] are the half-axes of a set of initial states that certainly
+    lock in the same leg (or never, as this pair): all that differ by dr and dv with
+    |dr| / position + |dv| / velocity <= 1.  `velocity` is inf for a lock at once that does not
+    depend on it.  The set is not the greatest.
+    """
+
+    leg: int
+    margins: Floats
+    position: float
+    velocity: float
+
+    @property
+    def depth(self) -> float:
+        """How deep [rad] inside of the cone the other's sensor comes in the leg of the lock, at least."""
+        return -float(self.margins[-1]) if self.leg >= 0 else nan
+
+
+@kernel()
+def locks(row, start, end, state, baseline, c, longest):
+    """Whether a leg locks from start to end, with a cone of cosine c: (time, whether)."""
+    row[END] = end
+    return lock_in_leg(
+        row, start, state[0], state[1], state[2], state[3], state[4], state[5], baseline, c, longest
+    )
+
+
+@kernel(void(float64[::1], float64[::1], float64, float64, float64[:, ::1]))
+def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, pieces: Floats) -> None:
+    """For each piece of a leg that misses: its end, least margin and least distance of the sensors."""
+    row = leg.copy()
+    step = (leg[END] - leg[START]) / len(pieces)
+    for k in range(len(pieces)):
+        start = leg[START] + k * step
+        end = leg[END] if k == len(pieces) - 1 else start + step
+        size = sqrt(state[0] ** 2 + state[1] ** 2 + state[2] ** 2) + baseline
+        size += end * sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)
+        near, far = 0.0, size
+        for _ in range(HALVINGS):
+            middle = 0.5 * (near + far)
+            _, found = locks(row, start, end, state, baseline, ANYWHERE, middle)
+            near, far = (near, middle) if found else (middle, far)
+        noise = ROUNDING * size * size
+        square = near * near - noise
+        pieces[k] = (end, 0.0, 0.0)
+        if square <= 0.0:
+            continue
+        low, high = 0.0, pi - half_angle
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            _, found = locks(row, start, end, state, baseline, cos(half_angle + middle), inf)
+            low, high = (low, middle) if found else (middle, high)
+        certain = acos(min(1.0, cos(half_angle + low) + noise / square + ROUNDING))
+        pieces[k] = (end, max(0.0, certain - half_angle), sqrt(square))
+
+
+@kernel(float64(float64[::1], float64[::1], float64, float64))
+def deepest(leg: Floats, state: Floats, baseline: float, half_angle: float) -> Any:
+    """When, in a leg that locks, the other's sensor is deepest inside of the cone."""
+    row = leg.copy()
+    time, _ = locks(row, leg[START], leg[END], state, baseline, cos(half_angle), inf)
+    low, high = 0.0, half_angle
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        when, found = locks(row, leg[START], leg[END], state, baseline, cos(half_angle - middle), inf)
+        if found:
+            time, low = when, middle
+        else:
+            high = middle
+    return time
+
+
+def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> LockMargins:
+    """By how much each leg of the `search` misses a pair until one locks, and which states behave alike.
+
+    `position` (3,) [m] and `velocity` (3,) [m/s] are those of a craft in group B less those of one
+    in group A, coasting in deep space, at the start of the search.  Every bound is certified, the
+    rounding of the march included; margins of a leg are sharp to about 1e-9 rad.
+
+    Raises ValueError for a sensor of finite range, wrong shapes, numbers that are not finite, or
+    two craft at one place.
+    """
+    sensor = search.sensor
+    if sensor.range < inf:
+        raise ValueError(f"search: margins want a sensor without a limit, the range is {sensor.range:g} m")
+    r, v = one_pair(position, velocity)
+    leg = int(lock_times(search, r, v).leg[0])
+    state, half_angle = np.concatenate([r, v]), acos(sensor.cosine)
+    missed = search.table if leg < 0 else search.table[:leg]
+    pieces = np.empty((len(missed), PIECES, 3))
+    for row, rows in zip(missed, pieces, strict=True):
+        misses(row, state, sensor.baseline, half_angle, rows)
+    margins = pieces[:, :, 1].min(axis=1)
+    ends = pieces[:, :, 0].ravel()
+    reaches = (pieces[:, :, 2] * np.sin(np.minimum(pieces[:, :, 1], pi / 2.0))).ravel()
+    if leg >= 0:
+        time = deepest(search.table[leg], state, sensor.baseline, half_angle)
+        depth, distance = _depth(search, leg, time, r + v * time)
+        margins = np.append(margins, -depth)
+        ends, reaches = np.append(ends, time), np.append(reaches, distance * sin(min(depth, pi / 2.0)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds = np.where(ends > 0.0, reaches / ends, inf)
+    safety = 1.0 - 1e-9  # for states on the very edge of the set
+    return LockMargins(leg, margins, safety * float(reaches.min()), safety * float(speeds.min()))
+
+
+def _depth(search: Search, leg: int, time: float, separation: Floats) -> tuple[float, float]:
+    """How deep inside of the cone the other's sensor is at a time, and how far away."""
+    boresight = search.legs[leg].attitude_at(time)[:, 2]
+    q = separation - search.sensor.baseline * boresight
+    angle = atan2(float(np.linalg.norm(np.cross(q, boresight))), float(q @ boresight))
+    return max(0.0, acos(search.sensor.cosine) - angle), float(np.linalg.norm(q))

@@ -1,0 +1,56 @@
+"""The legs of a whole gathering: the search again and again, each time with its near-field search."""
+
+from dataclasses import replace
+from math import atan2, degrees, isinf
+from typing import Any
+
+import numpy as np
+
+from closeform.search.schedule import START_ATTITUDE, SUN, Leg, Search
+
+PHASE = "NFS"
+ALIGNED = 1e-9  # rad: a boresight that is back at its start up to rounding
+
+
+def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Search, Any]:
+    """The search `rounds` times over, and the indices of the legs that begin with a near-field burn.
+
+    Each round ends with a turn back to the start attitude, if one is needed.  With a `max_speed`
+    [m/s] and a near field the near-field search follows: everybody waits for near_field /
+    max_speed (H03's t*), the lost burn, and all wait as long again.  Raises ValueError where the
+    near field has no end.
+    """
+    legs = [*search.legs, *_back(search, max_speed)]
+    near_field = max_speed is not None and search.near_field > 0.0
+    if max_speed is not None and near_field:
+        if isinf(search.near_field):
+            raise ValueError(
+                f"max_speed: with tips of {degrees(search.tip_angle):g} deg the near field has no end; "
+                "tip by more, or leave max_speed out"
+            )
+        for _ in ("wait", "drift"):
+            start = legs[-1].end
+            end = start + search.near_field / max_speed
+            number, attitude = legs[-1].round, START_ATTITUDE["A"]
+            legs.append(Leg(start, end, PHASE, number, "none", SUN, 0.0, attitude))
+    span, numbers = legs[-1].end, legs[-1].round
+    every = tuple(
+        replace(leg, start=leg.start + k * span, end=leg.end + k * span, round=leg.round + k * numbers)
+        for k in range(rounds)
+        for leg in legs
+    )
+    drifts = np.arange(1, rounds + 1) * len(legs) - 1 if near_field else np.empty(0)
+    return replace(search, legs=every), drifts.astype(np.int64)
+
+
+def _back(search: Search, max_speed: float | None) -> list[Leg]:
+    """The turn about the sun line from the end of the search to the start attitude, the short way."""
+    last: Leg = search.legs[-1]
+    attitude: Any = last.attitude_at(last.end)
+    boresight = attitude[:, 2]
+    angle = atan2(boresight[1], boresight[0])  # right-handed about the sun's direction, -z, turns it back
+    if abs(angle) < ALIGNED:
+        return []
+    phase = PHASE if max_speed is not None else last.phase
+    end = last.end + abs(angle) / search.slew_rate
+    return [Leg(last.end, end, phase, last.round, "sun line", SUN, angle, attitude)]

@@ -1,0 +1,227 @@
+"""S04's proof that its modified search finds every pair: regions, crossings, and the case of a pair.
+
+S04 sees craft j, of group B, from craft i, of group A, in a frame that does not turn: n3 = +z, away
+from the sun, and n1 the boresight of A at the start of an mOPS.  The complementary cones about +z
+and -z, of half-angle 90 deg less the sensor's, are what an in-plane search leaves out; they belong
+to the complementary-cone volume with their surface, and the rest is the in-plane volume.
+"""
+
+from dataclasses import dataclass
+from math import copysign, hypot, inf, sin, sqrt
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Group, Search
+from closeform.zones import Floats, numbers
+
+Volume = Literal["in-plane", "complementary cone"]
+
+# Where craft i is seen from j, when j is seen from i in region I, II, III, IV.  # S04 table 1
+CORRESPONDING_REGION = {1: 3, 2: 4, 3: 1, 4: 2}
+LONGEST = 1e300  # s
+
+
+@dataclass(frozen=True)
+class TheoremCase:
+    """The case of S04's theorem 2 under which a pair falls, and what the theorem promises for it.
+
+    `label` is S04's number of the case, "1" to "3.b.ii.B"; `volume` is where craft j starts and
+    `changes` are the times [s] at which it goes to the other volume, over the whole future t >= 0
+    and not only during the search.  `time` [s] and `phase` (name, round) are those of the first
+    lock, `latest` [s] and `latest_phase` those by which the theorem guarantees it.
+    """
+
+    label: str
+    volume: Volume
+    changes: tuple[float, ...]
+    time: float
+    phase: tuple[str, int]
+    latest: float
+    latest_phase: tuple[str, int]
+
+
+def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[np.bool_]:
+    """In which of the regions I, II, III, IV of S04 figure 5 a craft of B is, seen from one of A.
+
+    `position` (..., 3) [m] is B minus A, `mops` says which mOPS fixes n1: the first, where n1 = -x,
+    or the second, where n1 = +x.  The answer (..., 4) has one truth value for each region: none is
+    true in the in-plane volume, and two are on the plane between regions, which are closed.
+
+    Raises ValueError for wrong shapes or a search without that mOPS.
+    """
+    where = numbers("position", position)
+    if where.shape[-1:] != (3,):
+        raise ValueError(f"position: expected shape (..., 3), got {where.shape}")
+    above = where[..., 2]
+    inside = np.zeros(above.shape, dtype=bool)
+    along = inside
+    if search.sensor.cosine > 0.0:  # else there are no complementary cones
+        along = where @ search.boresight(_start(search, mops))
+        radius = np.hypot(where[..., 0], where[..., 1])
+        inside = search.sensor.cosine * np.abs(above) >= sin(search.sensor.half_angle) * radius
+    quadrants = [
+        (above <= 0.0) & (along >= 0.0),
+        (above >= 0.0) & (along >= 0.0),
+        (above >= 0.0) & (along <= 0.0),
+        (above <= 0.0) & (along <= 0.0),
+    ]
+    return inside[..., None] & np.stack(quadrants, axis=-1)
+
+
+def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple[tuple[float, int], ...]:
+    """The instants [s] of an mOPS at which a craft of `group` has a whole region in its cone, and which.
+
+    Regions count from 1 for I to 4 for IV; both groups in the frame of the first of the two, see
+    `cone_regions`.  S04: I, II, III, IV, I, II for A, and III, IV, I, II, III, IV for B.  Taken
+    from the legs of the search: full tips are where the legs of an mOPS meet.
+
+    Raises ValueError for a search without that mOPS, or a group that is neither "A" nor "B".
+    """
+    start = _start(search, mops)
+    ends = np.array([leg.end for leg in search.legs if (leg.phase, leg.round) == ("mOPS", mops)][:-1])
+    boresights = search.boresight(ends, group)
+    ahead = boresights @ search.boresight(start) >= 0.0
+    region = np.where(ahead, np.where(boresights[:, 2] <= 0.0, 1, 2), np.where(boresights[:, 2] >= 0.0, 3, 4))
+    return tuple((float(t), int(number)) for t, number in zip(ends, region, strict=True))
+
+
+def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> tuple[float, ...] | None:
+    """Times [s], of either sign and in order, at which a craft of B meets the complementary cones' surface.
+
+    `position` (3,) [m] and `velocity` (3,) [m/s] are B minus A at time 0.  No, one or two times,
+    or None where the whole line lies in the surface.  # S04 lemma 3
+
+    Raises ValueError for wrong shapes, numbers that are not finite, or two craft at one place.
+    """
+    meetings = _meetings(*_surface(search, *one_pair(position, velocity)))
+    return None if meetings is None else tuple(t for t, _ in meetings)
+
+
+def theorem_case(search: Search, position: ArrayLike, velocity: ArrayLike) -> TheoremCase:
+    """The case of S04's theorem 2 for a pair, with its lock and the time by which that is guaranteed.
+
+    `position` (3,) [m] and `velocity` (3,) [m/s] are B minus A at the start of the `search`.
+
+    Raises ValueError for a search that the theorem does not cover (its assumptions: S04's modified
+    search, sensors at the centres of mass, no limit of range), for craft that start at one place
+    or fly through each other, for wrong shapes and for numbers that are not finite.
+    """
+    _assumptions(search)
+    r, v = one_pair(position, velocity)
+    if not np.cross(r, v).any() and r @ v < 0.0:
+        when = sqrt((r @ r) / (v @ v))
+        raise ValueError(f"velocity: the craft collide at {when:g} s, which S04's assumption A2 excludes")
+    changes, volume = _changes(search, r, v)
+    locks = lock_times(search, r, v)
+    if locks.leg[0] < 0:
+        raise RuntimeError("the pair never locks, against the theorem: please report it")
+    time, leg = float(locks.time[0]), search.legs[int(locks.leg[0])]
+    label, latest_phase = _case(volume, changes, time)
+    ends = {(name, number): end for name, number, _, end in search.phases}
+    return TheoremCase(label, volume, changes, time, (leg.phase, leg.round), ends[latest_phase], latest_phase)
+
+
+def _case(volume: Volume, changes: tuple[float, ...], time: float) -> tuple[str, tuple[str, int]]:
+    """Label and guarantee from the volumes and the time of the lock.  # S04 section IV, proof of theorem 2"""
+    in_plane = volume == "in-plane"
+    if not changes:
+        return "1", ("IPS" if in_plane else "mOPS", 1)
+    name = f"{len(changes) + 1}.{'a' if in_plane else 'b'}"
+    if time <= changes[0]:
+        return f"{name}.i", ("IPS" if in_plane else "mOPS", 1)
+    if name == "2.a":
+        return "2.a.ii", ("mOPS", 1)
+    if name == "3.b":
+        return ("3.b.ii.A", ("IPS", 2)) if time <= changes[1] else ("3.b.ii.B", ("mOPS", 2))
+    return f"{name}.ii", ("IPS", 2)
+
+
+def _changes(search: Search, r: Floats, v: Floats) -> tuple[tuple[float, ...], Volume]:
+    """Times of the changes of volume for t >= 0, and the volume at the start.
+
+    A touch of the surface from outside is a visit to the cone of no duration: two changes at once.
+    """
+    if search.sensor.cosine <= 0.0:
+        return (), "in-plane"
+    a, b, c, discriminant = _surface(search, r, v)
+    inside = c >= 0.0
+    start: Volume = "complementary cone" if inside else "in-plane"
+    changes: list[float] = []
+    for t, direction in _meetings(a, b, c, discriminant) or []:
+        if t >= 0.0 and direction >= 0 and not inside:
+            changes.append(t)
+            inside = True
+            if direction == 0 and a < 0.0:
+                changes.append(t)
+                inside = False
+        elif t >= 0.0 and inside and (direction < 0 or (direction == 0 and a < 0.0)):
+            changes.append(t)
+            inside = False
+    return tuple(changes), start
+
+
+def _surface(search: Search, r: Floats, v: Floats) -> tuple[float, float, float, float]:
+    """a, b, c of a t^2 + 2 b t + c, negative outside of the cones, and its discriminant b^2 - a c.
+
+    Of cos^2 z^2 - sin^2 (x^2 + y^2), with the sensor's half-angle.  # S04 eq. 5, without cancellation
+    """
+    cosine, sine = search.sensor.cosine, sin(search.sensor.half_angle)
+    x, y, z, vx, vy, vz = map(float, (*r, *v))
+    radius, speed = hypot(x, y), hypot(vx, vy)
+    a = (cosine * abs(vz) - sine * speed) * (cosine * abs(vz) + sine * speed)
+    b = cosine * cosine * z * vz - sine * sine * (x * vx + y * vy)
+    c = (cosine * abs(z) - sine * radius) * (cosine * abs(z) + sine * radius)
+    # by Lagrange's identity the squares of b^2 - a c go out, and moments of the line remain
+    tilt, swirl = cosine * hypot(z * vx - x * vz, z * vy - y * vz), sine * abs(x * vy - y * vx)
+    discriminant = sine * sine * (tilt - swirl) * (tilt + swirl)
+    return a, b, c, max(discriminant, b * b) if a * c <= 0.0 else discriminant
+
+
+def _meetings(a: float, b: float, c: float, discriminant: float) -> list[tuple[float, int]] | None:
+    """Roots in order, each with 1 where the cones are entered, -1 where they are left, 0 for a touch."""
+    if a == b == c == 0.0:
+        return None
+    if discriminant < 0.0 or a == b == 0.0:
+        return []
+    if discriminant == 0.0:
+        return [(-b / a, 0)]
+    far = -(b + copysign(sqrt(discriminant), b))
+    if a == 0.0 or abs(far) >= abs(a) * LONGEST:  # the other root lies beyond all times
+        return [(c / far, 1 if b > 0.0 else -1)]
+    first, second = sorted((far / a, c / far))
+    return [(first, -1), (second, 1)] if a > 0.0 else [(first, 1), (second, -1)]
+
+
+def _assumptions(search: Search) -> None:
+    """ValueError unless the search is what theorem 2 speaks of.  # S04 section II.A, A3 to A6"""
+    names = [name for name, *_ in search.phases][:4]
+    if names != ["IPS", "mOPS", "IPS", "mOPS"] and not (names == ["IPS", "IPS"] and search.tip_angle == 0.0):
+        raise ValueError("search: the theorem is about Search.modified (IPS, mOPS, IPS, mOPS)")
+    offset, reach = search.sensor.offset, search.sensor.range
+    if offset > 0.0:
+        raise ValueError(f"search: the theorem wants sensors at the centres of mass, the offset is {offset:g} m")
+    if reach < inf:
+        raise ValueError(f"search: the theorem wants sensors without a limit, the range is {reach:g} m")
+
+
+def _start(search: Search, mops: int) -> float:
+    for name, number, start, _ in search.phases:
+        if (name, number) == ("mOPS", mops):
+            return start
+    raise ValueError(f"mops: this search has no mOPS {mops!r}")
+
+
+def one_pair(position: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
+    """Position and velocity of one pair of craft; ValueError naming what is wrong with them."""
+    r, v = numbers("position", position), numbers("velocity", velocity)
+    for name, vector in (("position", r), ("velocity", v)):
+        if vector.shape != (3,):
+            raise ValueError(f"{name}: expected shape (3,), got {vector.shape}")
+        if not np.isfinite(vector).all():
+            raise ValueError(f"{name}: must be finite, got {vector.tolist()}")
+    if not r.any():
+        raise ValueError("position: the two craft are at one place")
+    return r, v
