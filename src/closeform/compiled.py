@@ -83,18 +83,22 @@ def _by_type(part: Any) -> Any:
     return part
 
 
-def kernel(signature: Any = None) -> Callable[[Callable[..., Any]], Any]:
+def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function of floats and arrays.
 
     With a `signature` it is an entry point: compiled at import, once for a version of the
     sources, then loaded from the cache. Without, it is a part that entry points inline, and
-    that only they can call: it has no wrapper for Python, which saves time to compile.
+    that only they can call: it has no wrapper for Python, which saves time to compile.  A part
+    that is `inline` is written into its callers at once: only then does a loop over it become
+    vector instructions.
     Every kernel releases the GIL; none is parallel inside (chunks in a thread pool are as
     fast and cannot abort); none uses fastmath (the certificates need IEEE arithmetic).
     """
     options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     if config.DISABLE_JIT:
         return numba.njit(**options)
+    if inline:
+        return numba.njit(inline="always", **options)
     if signature is None:
         return lambda function: _by_type(numba.njit(no_cpython_wrapper=True, **options)(function))
 
