@@ -34,11 +34,6 @@ CHUNK = 65_536
 BLOCK, SWEEPS = 128, 7  # pairs that step side by side, and how often
 
 
-@kernel()
-def dot(leg, k, x, y, z):
-    return leg[k] * x + leg[k + 1] * y + leg[k + 2] * z
-
-
 S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
 C1, C2, C3, C4, C5, C6, C7, C8 = ((-1) ** k / factorial(2 * k) for k in range(1, 9))
 QUARTER = 1.57079632673412561417  # of a turn, to 33 bits, and the rest of it
@@ -74,47 +69,57 @@ def before(gap, slope, bend):
 
 
 @kernel(inline=True)
-def step(w, start, end, t, p0, pv, c0, cv, s0, sv, rr, rv, vv, baseline, c, longest):
-    """How long nothing certainly happens from time t on, 0 if locked; how fast it nears, how it may bend.
+def step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest):
+    """How long nothing certainly happens from time t on, and whether both see each other at t.
 
-    p, c, s are the components of r + v t along the boresight's three vectors, at time 0 and per
-    second; rr, rv, vv the dot products of r and v.
+    Then two that tell how fast a crossing is: the rate of -g, and a bound of its second
+    derivative.  `turn` is the leg's row; x, y, z is the position at time 0.
     """
+    start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
     sa, ca = sine_cosine(w * (t - start))
-    cp, sp = c0 + cv * t, s0 + sv * t
-    cl, sl = c0 + cv * end, s0 + sv * end
-    seen = p0 + pv * t + cp * ca + sp * sa  # b.(r + v t) and its rate
-    rate = pv + cv * ca + sv * sa + w * (sp * ca - cp * sa)
-    q = sqrt(max(0.0, rr + (2.0 * rv + vv * t) * t + baseline * (baseline - 2.0 * seen)))
-    gap, beyond, scale = c * q - seen + baseline, q - longest, SEEN * (q + 2.0 * baseline)
-    growth = (rv + vv * t - baseline * rate) / (q + TINY)
-    fast = sqrt(vv) + baseline * abs(w)
+    bx, by, bz = fx + cx * ca + sx * sa, fy + cy * ca + sy * sa, fz + cz * ca + sz * sa
+    dx, dy, dz = w * (sx * ca - cx * sa), w * (sy * ca - cy * sa), w * (sz * ca - cz * sa)
+    # all from one position, by components: a pass within a micrometre keeps its digits
+    px, py, pz = x + vx * t, y + vy * t, z + vz * t
+    qx, qy, qz = px - baseline * bx, py - baseline * by, pz - baseline * bz
+    ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
+    q = sqrt(qx * qx + qy * qy + qz * qz)
+    gap, beyond = c * q - (bx * qx + by * qy + bz * qz), q - longest
+    scale = SEEN * (q + 2.0 * baseline)
+    growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
+    slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
+    # b.(r + v t) bends by its swinging part, greatest at one end of the leg, and the velocity's
+    ex, ey, ez = x + vx * end, y + vy * end, z + vz * end
+    now = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
+    last = (cx * ex + cy * ey + cz * ez) ** 2 + (sx * ex + sy * ey + sz * ez) ** 2
+    sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
     turning = baseline * w * w  # acceleration of the sensors' offset, at most
     # c |q| is convex but for that; where c < 0 it is concave, and |q| bends by (its speed)^2 / |q|,
     # twice that at most before |q| is halved
-    concave = max(0.0, -c)
+    fast = sqrt(vx * vx + vy * vy + vz * vz) + baseline * abs(w)
     curved = 2.0 * fast * fast / (q + TINY) + turning
-    bend = w * w * sqrt(max(cp * cp + sp * sp, cl * cl + sl * sl))
-    bend += 2.0 * abs(w) * sqrt(cv * cv + sv * sv) + max(c, 0.0) * turning + concave * curved
-    slope = c * growth - rate
+    concave = max(0.0, -c)
+    bend = w * w * sqrt(max(now, last)) + 2.0 * abs(w) * sideways + max(c, 0.0) * turning + concave * curved
     longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
     unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
     unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
     steep = -slope if beyond <= 0.0 and q > 2.0 * fast * unseen else 0.0
-    return max(unseen, unreached), steep, bend + abs(c) * curved
+    return max(unseen, unreached), gap <= scale and beyond <= scale, steep, bend + abs(c) * curved
+
+
+@kernel(inline=True)
+def as_turn(leg):
+    return leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7], leg[8], leg[9], leg[10], leg[11]
 
 
 @kernel()
 def lock_in_leg(leg, t, x, y, z, vx, vy, vz, baseline, c, longest):
     """First lock within a leg from time t on: (time, whether).  Position x, y, z at time 0."""
-    w, start, end = leg[RATE], leg[START], leg[END]
-    p0, pv = dot(leg, STEADY, x, y, z), dot(leg, STEADY, vx, vy, vz)
-    c0, cv = dot(leg, COSINE, x, y, z), dot(leg, COSINE, vx, vy, vz)
-    s0, sv = dot(leg, SINE, x, y, z), dot(leg, SINE, vx, vy, vz)
-    rr, rv, vv = x * x + y * y + z * z, x * vx + y * vy + z * vz, vx * vx + vy * vy + vz * vz
+    turn = as_turn(leg)
+    end = leg[END]
     while True:
-        h, steep, bend = step(w, start, end, t, p0, pv, c0, cv, s0, sv, rr, rv, vv, baseline, c, longest)
-        if h == 0.0:
+        h, locked, steep, bend = step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest)
+        if locked:
             return t, True
         if t >= end:
             return end, False
@@ -140,38 +145,18 @@ def first_lock(legs, t, x, y, z, vx, vy, vz, baseline, c, longest):
 @kernel(inline=True)  # where the arrays are made, so that they are known not to overlap
 def ahead(leg, positions, velocities, begin, count, baseline, c, longest, parts, reached):
     """The first steps of a block of pairs through a leg, side by side: the times reached."""
-    p0, pv, c0, cv, s0, sv, rr, rv, vv = parts
+    x, y, z, vx, vy, vz = parts
+    turn = as_turn(leg)
+    end = leg[END]
     for k in range(count):
         m = begin + k
-        x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
-        vx, vy, vz = velocities[m, 0], velocities[m, 1], velocities[m, 2]
-        p0[k], pv[k] = dot(leg, STEADY, x, y, z), dot(leg, STEADY, vx, vy, vz)
-        c0[k], cv[k] = dot(leg, COSINE, x, y, z), dot(leg, COSINE, vx, vy, vz)
-        s0[k], sv[k] = dot(leg, SINE, x, y, z), dot(leg, SINE, vx, vy, vz)
-        rr[k], rv[k], vv[k] = x * x + y * y + z * z, x * vx + y * vy + z * vz, vx * vx + vy * vy + vz * vz
+        x[k], y[k], z[k] = positions[m, 0], positions[m, 1], positions[m, 2]
+        vx[k], vy[k], vz[k] = velocities[m, 0], velocities[m, 1], velocities[m, 2]
         reached[k] = leg[START]
-    w, start, end = leg[RATE], leg[START], leg[END]
     for _ in range(SWEEPS):
         for k in range(count):
             t = reached[k]
-            h, _, _ = step(
-                w,
-                start,
-                end,
-                t,
-                p0[k],
-                pv[k],
-                c0[k],
-                cv[k],
-                s0[k],
-                sv[k],
-                rr[k],
-                rv[k],
-                vv[k],
-                baseline,
-                c,
-                longest,
-            )
+            h, _, _, _ = step(turn, t, x[k], y[k], z[k], vx[k], vy[k], vz[k], baseline, c, longest)
             reached[k] = min(end, t + h)
 
 
@@ -198,7 +183,7 @@ def first_locks(
     found: Any,
 ) -> None:
     """The first lock of each pair; what is wrong with a pair instead of its leg."""
-    reached, parts = np.empty(BLOCK), np.empty((9, BLOCK))
+    reached, parts = np.empty(BLOCK), np.empty((6, BLOCK))
     for begin in range(0, len(positions), BLOCK):
         count = min(BLOCK, len(positions) - begin)
         ahead(legs[0], positions, velocities, begin, count, baseline, cosine, longest, parts, reached)
