@@ -20,7 +20,8 @@ _NAMES = {
         "state_from_roe"
     ),
     "search": (
-        "Sensor Leg Search Locks lock_times Event EventKind GatherStatus Gathering Gatherings Stay gather "
+        "Sensor Leg Search Locks lock_times LockMargins lock_margins TheoremCase theorem_case cone_regions "
+        "cone_crossings regions_searched Event EventKind GatherStatus Gathering Gatherings Stay gather "
         "gather_cases"
     ),
     "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",

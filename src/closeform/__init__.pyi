@@ -7,19 +7,28 @@ from closeform.avoidance import (
     avoid as avoid,
     end_gradients as end_gradients,
 )
-from closeform.search import Sensor as Sensor
-from closeform.search import Leg as Leg
-from closeform.search import Search as Search
-from closeform.search import Locks as Locks
-from closeform.search import lock_times as lock_times
-from closeform.search import Event as Event
-from closeform.search import EventKind as EventKind
-from closeform.search import GatherStatus as GatherStatus
-from closeform.search import Gathering as Gathering
-from closeform.search import Gatherings as Gatherings
-from closeform.search import Stay as Stay
-from closeform.search import gather as gather
-from closeform.search import gather_cases as gather_cases
+from closeform.search import (
+    Event as Event,
+    EventKind as EventKind,
+    GatherStatus as GatherStatus,
+    Gathering as Gathering,
+    Gatherings as Gatherings,
+    Leg as Leg,
+    LockMargins as LockMargins,
+    Locks as Locks,
+    Search as Search,
+    Sensor as Sensor,
+    Stay as Stay,
+    TheoremCase as TheoremCase,
+    cone_crossings as cone_crossings,
+    cone_regions as cone_regions,
+    gather as gather,
+    gather_cases as gather_cases,
+    lock_margins as lock_margins,
+    lock_times as lock_times,
+    regions_searched as regions_searched,
+    theorem_case as theorem_case,
+)
 from closeform.ccsds import (
     CommonFrame as CommonFrame,
     Ephemeris as Ephemeris,

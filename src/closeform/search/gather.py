@@ -1,7 +1,7 @@
 """Gather: lost craft search, lock and join until one formation set holds them all (H03)."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf, sqrt
@@ -40,6 +40,7 @@ Groups = Literal["alternating", "balanced"] | Sequence[Group]
 KINDS = tuple(EventKind)  # in the order of the kernel's
 WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # the first of equals is taken
 ENLARGED = 1.0 + 1e-9  # of the zone that a correction passes, so that it is clear of the zone itself
+MOST = 1000  # rounds, some months of searching
 EACH_CALL = 1024  # gatherings that one call of the kernel flies
 
 
@@ -61,7 +62,8 @@ def gather(
     "A", "B" for each craft.  The first pair to lock is the kernel of the formation set: of its
     two craft `burns` the "second" (the lower index holds), the "first", "half" each, or the
     "least", which flies the way of the three that leaves the fewest craft and of those spends the
-    least delta-v in total; of equals the lower index holds.  Craft that join the formation set
+    least delta-v in total; of equals the lower index holds.  Of locks at one time that of the
+    lowest craft in A counts first, then of the lowest in B.  Craft that join the formation set
     null their velocity relative to it; knowledge sets coast, but for corrections where
     `keep_out` would be entered before the end of the search.  A burn voids S04's guarantee for
     the pairs that it touches, so the search is repeated up to `rounds` times.  With `max_speed`
@@ -232,8 +234,8 @@ def _fleet(
     burns: Burns,
     max_speed: float | None,
 ) -> _Fleet:
-    if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or rounds < 1:
-        raise ValueError(f"rounds: must be a whole number, at least 1, got {rounds!r}")
+    if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or not 1 <= rounds <= MOST:
+        raise ValueError(f"rounds: must be a whole number from 1 to {MOST}, got {rounds!r}")
     if burns not in get_args(Burns):
         raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {burns!r}")
     if keep_out is not None and not isinstance(keep_out, Zone):
@@ -253,6 +255,8 @@ def _sides(groups: Groups, count: int) -> tuple[Group, ...]:
         middle = (count + 1) // 2  # H03 figure 3: three and two of five
         second = [k % 2 == 1 if groups == "alternating" else k >= middle for k in range(count)]
         return tuple("B" if there else "A" for there in second)
+    if not isinstance(groups, Iterable):
+        raise ValueError(f'groups: "alternating", "balanced" or A, B for each craft, got {groups!r:.60}')
     given = tuple(groups)
     if len(given) != count:
         raise ValueError(f"groups: expected one for each of {count} craft, got {len(given)}")

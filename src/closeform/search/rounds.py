@@ -9,6 +9,7 @@ import numpy as np
 from closeform.search.schedule import START_ATTITUDE, SUN, Leg, Search
 
 PHASE = "NFS"
+SHORTEST = 1e-9  # of the search: a wait that is lost beside it
 ALIGNED = 1e-9  # rad: a boresight that is back at its start up to rounding
 
 
@@ -18,7 +19,7 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
     Each round ends with a turn back to the start attitude, if one is needed.  With a `max_speed`
     [m/s] and a near field the near-field search follows: everybody waits for near_field /
     max_speed (H03's t*), the lost burn, and all wait as long again.  Raises ValueError where the
-    near field has no end.
+    near field has no end, or for a speed that makes no sensible wait.
     """
     legs = [*search.legs, *_back(search, max_speed)]
     near_field = max_speed is not None and search.near_field > 0.0
@@ -28,9 +29,11 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
                 f"max_speed: with tips of {degrees(search.tip_angle):g} deg the near field has no end; "
                 "tip by more, or leave max_speed out"
             )
+        wait = search.near_field / max_speed
+        if not SHORTEST < wait / search.duration < 1.0 / SHORTEST:
+            raise ValueError(f"max_speed: {max_speed:g} m/s makes a wait of {wait:g} s; correct its unit")
         for _ in ("wait", "drift"):
-            start = legs[-1].end
-            end = start + search.near_field / max_speed
+            start, end = legs[-1].end, legs[-1].end + wait
             number, attitude = legs[-1].round, START_ATTITUDE["A"]
             legs.append(Leg(start, end, PHASE, number, "none", SUN, 0.0, attitude))
     span, numbers = legs[-1].end, legs[-1].round
