@@ -13,7 +13,7 @@ from numba import bool_, float64, int64, void
 
 from closeform.compiled import kernel
 from closeform.search.clearance import correction
-from closeform.search.locks import COSINE, NEVER, START, STEADY, first_lock
+from closeform.search.locks import COSINE, END, NEVER, START, STEADY, first_lock
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.zones import Floats
 
@@ -22,6 +22,13 @@ LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, RESULT = 0, 1, 2, 3, 4, 5
+
+
+# A gathering in the hands of the kernel is four tuples of arrays:
+#   sky    legs, sensor (baseline, cosine, range), first (A,) and second (B,): craft of the groups
+#   fleet  craft (N, 8), labels (N,), moved (N,): who has burned since locks were last foreseen
+#   book   locks (A, B), earliest (A,), partner (A,)
+#   zone   whether it is a box, its matrix, and what corrections pass around (see clearance)
 
 
 @kernel()
@@ -33,18 +40,19 @@ def advance(craft, i, t):
 
 
 @kernel()
-def record(events, count, t, kind, i, j, leg, case, label):
-    """Write an event without a burn if there is room; the number of events."""
+def record(events, count, t, kind, i, j, leg, case, label, dx, dy, dz):
+    """Write an event if there is room for it; the number of events."""
     if count < len(events):
         row = events[count]
         row[0], row[1], row[2], row[3], row[4], row[5], row[6] = t, kind, i, j, leg, case, label
-        row[7] = row[8] = row[9] = 0.0
+        row[7], row[8], row[9] = dx, dy, dz
     return count + 1
 
 
 @kernel()
-def burn(events, count, t, kind, craft, labels, moved, i, leg, vx, vy, vz):
+def burn(fleet, events, count, t, kind, i, leg, vx, vy, vz):
     """Give craft i a velocity at time t; the number of events."""
+    craft, labels, moved = fleet
     dx, dy, dz = vx - craft[i, 3], vy - craft[i, 4], vz - craft[i, 5]
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
         return count
@@ -52,15 +60,12 @@ def burn(events, count, t, kind, craft, labels, moved, i, leg, vx, vy, vz):
     craft[i, 3], craft[i, 4], craft[i, 5] = vx, vy, vz
     craft[i, SPENT] += sqrt(dx * dx + dy * dy + dz * dz)
     moved[i] = True
-    if count < len(events):
-        row = events[count]
-        row[7], row[8], row[9] = dx, dy, dz
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6] = t, kind, i, -1.0, leg, 0.0, labels[i]
-    return count + 1
+    return record(events, count, t, kind, i, -1, leg, 0, labels[i], dx, dy, dz)
 
 
 @kernel()
-def least_of_row(locks, earliest, partner, a):
+def least_of_row(book, a):
+    locks, earliest, partner = book
     earliest[a], partner[a] = inf, 0
     for b in range(locks.shape[1]):
         if locks[a, b] < earliest[a]:
@@ -68,8 +73,11 @@ def least_of_row(locks, earliest, partner, a):
 
 
 @kernel()
-def expect(legs, sensor, craft, labels, first, second, locks, earliest, partner, a, b, t):
-    """The next lock from time t on of the craft in row a and column b."""
+def foresee(sky, fleet, book, a, b, t):
+    """Enter the next lock of the craft of row a and column b from time t on; inf if they know each other."""
+    legs, sensor, first, second = sky
+    craft, labels, moved = fleet
+    locks, earliest, partner = book
     i, j = first[a], second[b]
     when = inf
     if labels[i] == LOST or labels[i] != labels[j]:
@@ -83,16 +91,18 @@ def expect(legs, sensor, craft, labels, first, second, locks, earliest, partner,
     if when < earliest[a] or (when == earliest[a] and b < partner[a]):
         earliest[a], partner[a] = when, b
     elif partner[a] == b:
-        least_of_row(locks, earliest, partner, a)
+        least_of_row(book, a)
 
 
 @kernel()
-def expect_anew(legs, sensor, craft, labels, first, second, locks, earliest, partner, moved, t):
+def foresee_anew(sky, fleet, book, t):
     """The next locks of all craft that have burned."""
+    legs, sensor, first, second = sky
+    craft, labels, moved = fleet
     for a in range(len(first)):
         for b in range(len(second)):
             if moved[first[a]] or moved[second[b]]:
-                expect(legs, sensor, craft, labels, first, second, locks, earliest, partner, a, b, t)
+                foresee(sky, fleet, book, a, b, t)
     for i in range(len(moved)):
         moved[i] = False
 
@@ -106,111 +116,144 @@ def leg_at(legs, t):
 
 
 @kernel()
-def into_formation(events, count, t, craft, labels, moved, i, j, leg, way, formed, kin):
+def near_field_burns(sky, fleet, events, count, leg, push):
+    """All that are lost burn against their boresight as a leg begins; the number of events."""
+    legs, sensor, first, second = sky
+    craft, labels, moved = fleet
+    bx = legs[leg, STEADY] + legs[leg, COSINE]
+    by = legs[leg, STEADY + 1] + legs[leg, COSINE + 1]
+    bz = legs[leg, STEADY + 2] + legs[leg, COSINE + 2]
+    for group, away in ((first, -push), (second, push)):
+        for i in group:
+            if labels[i] == LOST:
+                vx, vy, vz = craft[i, 3] + away * bx, craft[i, 4] + away * by, craft[i, 5] + away * bz
+                count = burn(fleet, events, count, legs[leg, START], NEAR_FIELD, i, leg, vx, vy, vz)
+    return count
+
+
+@kernel()
+def into_formation(fleet, events, count, t, low, high, leg, way, formed, kin):
     """All craft of the formation set take its velocity `kin`; the first pair agrees on one."""
+    craft, labels, moved = fleet
     if not formed:
-        low, high = min(i, j), max(i, j)
         for k in range(3):
             one, other = craft[low, VELOCITY + k], craft[high, VELOCITY + k]
             kin[k] = one if way == SECOND else (other if way == FIRST else 0.5 * (one + other))
     for m in range(len(labels)):
         if labels[m] == FORMATION:
-            count = burn(events, count, t, BURN, craft, labels, moved, m, leg, kin[0], kin[1], kin[2])
+            count = burn(fleet, events, count, t, BURN, m, leg, kin[0], kin[1], kin[2])
     return count
 
 
 @kernel()
-def keep_clear(events, count, t, zone, craft, labels, moved, fresh, leg, label, end, scratch):
+def keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch):
     """Craft that are new to a knowledge set burn if they would come too near to others of it."""
     box, matrix, ball, inverse = zone
+    craft, labels, moved = fleet
     for i in range(len(labels)):
         if labels[i] == label:
             advance(craft, i, t)
+    best = scratch[4]
     for i in range(len(labels)):
         if fresh[i]:
             size = correction(
-                box, matrix, ball, inverse, craft, labels, i, end - t, scratch[4], scratch[5:8], scratch
+                box, matrix, ball, inverse, craft, labels, i, end - t, best, scratch[5:8], scratch
             )
             if 0.0 < size < inf:
-                x, y, z = scratch[4, 0], scratch[4, 1], scratch[4, 2]
-                count = burn(events, count, t, CORRECTION, craft, labels, moved, i, leg, x, y, z)
+                count = burn(fleet, events, count, t, CORRECTION, i, leg, best[0], best[1], best[2])
     return count
 
 
 @kernel()
-def chain(legs, drifts, sensor, push, way, keeps, zone, first, second, craft, events, state, result):
-    """Fly one gathering; what came of it in `result`, its events as rows."""
-    labels, partner, moved, fresh, locks, earliest, kin, scratch = state
-    end = legs[-1, 1]
+def newcomers(labels, low, high, label, fresh):
+    """Who is new to the set of that label when these two lock: those whose label changes.
+
+    Of two that were lost the higher index: the lower holds.
+    """
+    one, other = labels[low], labels[high]
+    for m in range(len(labels)):
+        fresh[m] = labels[m] != LOST and labels[m] != label and (labels[m] == one or labels[m] == other)
+    fresh[low] = fresh[low] or (one == LOST and other != LOST)
+    fresh[high] = fresh[high] or other == LOST
+
+
+@kernel()
+def earliest_row(earliest):
+    a = 0
+    for k in range(1, len(earliest)):
+        if earliest[k] < earliest[a]:
+            a = k
+    return a
+
+
+@kernel()
+def forget(book, a):
+    """Strike out the earliest lock of a row."""
+    locks, earliest, partner = book
+    locks[a, partner[a]] = inf
+    least_of_row(book, a)
+
+
+@kernel()
+def begin(sky, fleet, book):
+    """All are lost, and all locks are foreseen."""
+    legs, sensor, first, second = sky
+    craft, labels, moved = fleet
+    locks, earliest, partner = book
     for i in range(len(labels)):
         labels[i] = LOST
-        moved[i] = False
+        moved[i] = True
     for a in range(len(first)):
         earliest[a], partner[a] = inf, 0
         for b in range(len(second)):
             locks[a, b] = inf
-        for b in range(len(second)):
-            expect(legs, sensor, craft, labels, first, second, locks, earliest, partner, a, b, 0.0)
-    count, in_formation, unused, drift, leg = 0, 0, 1, 0, NEVER
-    t = 0.0
-    while in_formation < len(labels):
-        a = 0
-        for k in range(1, len(first)):
-            if earliest[k] < earliest[a]:
-                a = k
+    foresee_anew(sky, fleet, book, 0.0)
+
+
+@kernel()
+def chain(sky, fleet, book, drifts, push, way, keeps, zone, fresh, kin, scratch, events, result):
+    """Fly one gathering; what came of it in `result`, its events as rows."""
+    legs, sensor, first, second = sky
+    craft, labels, moved = fleet
+    locks, earliest, partner = book
+    begin(sky, fleet, book)
+    end, t, leg = legs[-1, END], 0.0, NEVER
+    count, formed, unused, drift = 0, 0, 1, 0
+    while formed < len(labels):
+        a = earliest_row(earliest)
         when = earliest[a]
         if drift < len(drifts) and legs[drifts[drift], START] <= when:
-            leg = drifts[drift]
-            t = legs[leg, START]
+            leg, t = drifts[drift], legs[drifts[drift], START]
             drift += 1
-            for i in range(len(labels)):
-                if labels[i] == LOST:
-                    away = -push
-                    for b in range(len(second)):
-                        away = push if second[b] == i else away
-                    vx = craft[i, 3] + away * (legs[leg, STEADY] + legs[leg, COSINE])
-                    vy = craft[i, 4] + away * (legs[leg, STEADY + 1] + legs[leg, COSINE + 1])
-                    vz = craft[i, 5] + away * (legs[leg, STEADY + 2] + legs[leg, COSINE + 2])
-                    count = burn(events, count, t, NEAR_FIELD, craft, labels, moved, i, leg, vx, vy, vz)
-            expect_anew(legs, sensor, craft, labels, first, second, locks, earliest, partner, moved, t)
+            count = near_field_burns(sky, fleet, events, count, leg, push)
+            foresee_anew(sky, fleet, book, t)
             continue
         if when == inf:
             t, leg = end, NEVER
             break
-        i, j = first[a], second[partner[a]]
-        one, other = labels[i], labels[j]
+        low, high = min(first[a], second[partner[a]]), max(first[a], second[partner[a]])
+        one, other = labels[low], labels[high]
+        forget(book, a)
         if one == other and one != LOST:  # a third craft has introduced them
-            locks[a, partner[a]] = inf
-            least_of_row(locks, earliest, partner, a)
             continue
-        t = max(t, when)
-        leg = leg_at(legs, t)
-        label = joined(one, other, in_formation > 0, unused)
+        t, leg = when, leg_at(legs, when)
+        label = joined(one, other, formed > 0, unused)
         unused += label == unused
-        low, high = min(i, j), max(i, j)
-        case = case_number(labels[low], labels[high])
-        for m in range(len(labels)):
-            fresh[m] = labels[m] != LOST and labels[m] != label and (labels[m] == one or labels[m] == other)
-        fresh[low] = fresh[low] or (labels[low] == LOST and labels[high] != LOST)
-        fresh[high] = fresh[high] or labels[high] == LOST
+        newcomers(labels, low, high, label, fresh)
         for old in (one, other):
             if old > FORMATION and old != label:
                 relabel(labels, old, label)
-        labels[i] = labels[j] = label
-        count = record(events, count, t, LOCK, low, high, leg, case, label)
+        labels[low] = labels[high] = label
+        count = record(events, count, t, LOCK, low, high, leg, case_number(one, other), label, 0.0, 0.0, 0.0)
         if label == FORMATION:
-            formed = in_formation > 0
-            count = into_formation(events, count, t, craft, labels, moved, i, j, leg, way, formed, kin)
-            in_formation = 0
+            count = into_formation(fleet, events, count, t, low, high, leg, way, formed > 0, kin)
+            formed = 0
             for m in range(len(labels)):
-                in_formation += labels[m] == FORMATION
+                formed += labels[m] == FORMATION
         elif keeps:
-            count = keep_clear(events, count, t, zone, craft, labels, moved, fresh, leg, label, end, scratch)
-        locks[a, partner[a]] = inf
-        least_of_row(locks, earliest, partner, a)
-        expect_anew(legs, sensor, craft, labels, first, second, locks, earliest, partner, moved, t)
-    result[END_TIME], result[END_LEG], result[EVENTS] = t, leg, count
-    result[LEFT] = len(labels) - in_formation
+            count = keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch)
+        foresee_anew(sky, fleet, book, t)
+    result[END_TIME], result[END_LEG], result[EVENTS], result[LEFT] = t, leg, count, len(labels) - formed
     result[TOTAL] = 0.0
     for i in range(len(labels)):
         result[TOTAL] += craft[i, SPENT]
@@ -254,20 +297,17 @@ def chains(
 ) -> None:
     """Fly gatherings; `events` holds those of the last one, `labels` and `results` a row for each."""
     count = positions.shape[1]
+    moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    locks, earliest = np.empty((len(first), len(second))), np.empty(len(first))
     partner = np.empty(len(first), dtype=np.int64)
-    moved = np.empty(count, dtype=np.bool_)
-    fresh = np.empty(count, dtype=np.bool_)
-    locks = np.empty((len(first), len(second)))
-    earliest = np.empty(len(first))
-    kin = np.empty(3)
-    scratch = np.empty((8, 3))
-    craft = np.empty((count, CRAFT))
+    craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((8, 3))
+    sky, book = (legs, sensor, first, second), (locks, earliest, partner)
+    bodies = (box, zone[0], zone[1], zone[2])
     for c in range(len(positions)):
         for i in range(count):
             for k in range(3):
                 craft[i, k] = positions[c, i, k]
                 craft[i, VELOCITY + k] = velocities[c, i, k]
             craft[i, SINCE] = craft[i, SPENT] = 0.0
-        state = (labels[c], partner, moved, fresh, locks, earliest, kin, scratch)
-        bodies = (box, zone[0], zone[1], zone[2])
-        chain(legs, drifts, sensor, push, way, keeps, bodies, first, second, craft, events, state, results[c])
+        fleet = (craft, labels[c], moved)
+        chain(sky, fleet, book, drifts, push, way, keeps, bodies, fresh, kin, scratch, events, results[c])

@@ -7,6 +7,8 @@ from functools import cached_property
 from math import inf
 from typing import Any
 
+import numpy as np
+
 from closeform.conflicts import Conflict
 from closeform.path import Path
 from closeform.screening import screen
@@ -97,14 +99,24 @@ class Gathering:
     def collisions(self) -> tuple[Stay, ...]:
         """Every stay of two craft in the keep-out zone, whether or not they knew each other.
 
-        None without a `keep_out`.  Only craft of one set can avoid each other.
+        Empty without a `keep_out`.  Only craft of one set can avoid each other.
         """
-        if self.keep_out is None or self.duration == 0.0:
+        if self.keep_out is None:
             return ()
-        found = screen(self.paths, self.keep_out)
-        rows = zip(found.pairs.tolist(), found.start, found.end, found.time, found.ratio, strict=True)
+        if self.duration == 0.0:  # no time for a search: those who are near at once
+            places = self.paths.position(0.0)
+            pairs = np.stack(np.triu_indices(len(places), 1), axis=1)
+            ratios = self.keep_out.norm(places[pairs[:, 1]] - places[pairs[:, 0]])
+            near = ratios <= 1.0
+            rows = [
+                [*pair, 0.0, 0.0, 0.0, ratio] for pair, ratio in zip(pairs[near], ratios[near], strict=True)
+            ]
+        else:
+            found = screen(self.paths, self.keep_out)
+            rows = np.column_stack([found.pairs, found.start, found.end, found.time, found.ratio]).tolist()
         stays = []
-        for (i, j), *values in rows:
+        for one, other, *values in rows:
+            i, j = int(one), int(other)
             conflict = Conflict(*map(float, values))
             stays.append(Stay(i, j, conflict, self.acquainted(i, j) <= conflict.start))
         return tuple(stays)

@@ -103,7 +103,8 @@ def step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest):
     longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
     unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
     unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
-    steep = -slope if beyond <= 0.0 and q > 2.0 * fast * unseen else 0.0
+    move = 2.0 * fast * unseen  # of q, at most, and twice that
+    steep = -slope if q > move and beyond + move <= 0.0 else 0.0
     return max(unseen, unreached), gap <= scale and beyond <= scale, steep, bend + abs(c) * curved
 
 

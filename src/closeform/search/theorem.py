@@ -56,12 +56,10 @@ def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[
     if where.shape[-1:] != (3,):
         raise ValueError(f"position: expected shape (..., 3), got {where.shape}")
     above = where[..., 2]
-    inside = np.zeros(above.shape, dtype=bool)
-    along = inside
-    if search.sensor.cosine > 0.0:  # else there are no complementary cones
-        along = where @ search.boresight(_start(search, mops))
-        radius = np.hypot(where[..., 0], where[..., 1])
-        inside = search.sensor.cosine * np.abs(above) >= sin(search.sensor.half_angle) * radius
+    along = where @ search.boresight(_start(search, mops))
+    radius = np.hypot(where[..., 0], where[..., 1])
+    inside = search.sensor.cosine * np.abs(above) >= sin(search.sensor.half_angle) * radius
+    inside &= search.sensor.cosine > 0.0  # else there are no complementary cones
     quadrants = [
         (above <= 0.0) & (along >= 0.0),
         (above >= 0.0) & (along >= 0.0),
@@ -81,6 +79,8 @@ def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple
     Raises ValueError for a search without that mOPS, or a group that is neither "A" nor "B".
     """
     start = _start(search, mops)
+    if search.sensor.cosine <= 0.0:
+        return ()  # no cones to search
     ends = np.array([leg.end for leg in search.legs if (leg.phase, leg.round) == ("mOPS", mops)][:-1])
     boresights = search.boresight(ends, group)
     ahead = boresights @ search.boresight(start) >= 0.0
@@ -166,17 +166,18 @@ def _changes(search: Search, r: Floats, v: Floats) -> tuple[tuple[float, ...], V
 def _surface(search: Search, r: Floats, v: Floats) -> tuple[float, float, float, float]:
     """a, b, c of a t^2 + 2 b t + c, negative outside of the cones, and its discriminant b^2 - a c.
 
-    Of cos^2 z^2 - sin^2 (x^2 + y^2), with the sensor's half-angle.  # S04 eq. 5, without cancellation
+    Of z^2 - x^2 - y^2 in lengths scaled so that the cones are right-angled.  # S04 eq. 5
     """
     cosine, sine = search.sensor.cosine, sin(search.sensor.half_angle)
-    x, y, z, vx, vy, vz = map(float, (*r, *v))
+    x, y, z = sine * float(r[0]), sine * float(r[1]), cosine * float(r[2])
+    vx, vy, vz = sine * float(v[0]), sine * float(v[1]), cosine * float(v[2])
     radius, speed = hypot(x, y), hypot(vx, vy)
-    a = (cosine * abs(vz) - sine * speed) * (cosine * abs(vz) + sine * speed)
-    b = cosine * cosine * z * vz - sine * sine * (x * vx + y * vy)
-    c = (cosine * abs(z) - sine * radius) * (cosine * abs(z) + sine * radius)
+    a = (abs(vz) - speed) * (abs(vz) + speed)
+    b = z * vz - x * vx - y * vy
+    c = (abs(z) - radius) * (abs(z) + radius)
     # by Lagrange's identity the squares of b^2 - a c go out, and moments of the line remain
-    tilt, swirl = cosine * hypot(z * vx - x * vz, z * vy - y * vz), sine * abs(x * vy - y * vx)
-    discriminant = sine * sine * (tilt - swirl) * (tilt + swirl)
+    tilt, swirl = hypot(z * vx - x * vz, z * vy - y * vz), abs(x * vy - y * vx)
+    discriminant = (tilt - swirl) * (tilt + swirl)
     return a, b, c, max(discriminant, b * b) if a * c <= 0.0 else discriminant
 
 
@@ -197,12 +198,13 @@ def _meetings(a: float, b: float, c: float, discriminant: float) -> list[tuple[f
 
 def _assumptions(search: Search) -> None:
     """ValueError unless the search is what theorem 2 speaks of.  # S04 section II.A, A3 to A6"""
-    names = [name for name, *_ in search.phases][:4]
-    if names != ["IPS", "mOPS", "IPS", "mOPS"] and not (names == ["IPS", "IPS"] and search.tip_angle == 0.0):
+    if [name for name, *_ in search.phases][:4] != ["IPS", "mOPS", "IPS", "mOPS"]:
         raise ValueError("search: the theorem is about Search.modified (IPS, mOPS, IPS, mOPS)")
     offset, reach = search.sensor.offset, search.sensor.range
     if offset > 0.0:
-        raise ValueError(f"search: the theorem wants sensors at the centres of mass, the offset is {offset:g} m")
+        raise ValueError(
+            f"search: the theorem wants sensors at the centres of mass, the offset is {offset:g} m"
+        )
     if reach < inf:
         raise ValueError(f"search: the theorem wants sensors without a limit, the range is {reach:g} m")
 
