@@ -20,6 +20,7 @@ from closeform.zones import Floats
 VELOCITY, SINCE, SPENT, CRAFT = 3, 6, 7, 8  # columns of a craft's row, after its position
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
+ATTEMPTS = 4  # of a set to keep clear
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, RESULT = 0, 1, 2, 3, 4, 5
 
@@ -28,7 +29,7 @@ END_TIME, END_LEG, LEFT, TOTAL, EVENTS, RESULT = 0, 1, 2, 3, 4, 5
 #   sky    legs, sensor (baseline, cosine, range), first (A,) and second (B,): craft of the groups
 #   fleet  craft (N, 8), labels (N,), moved (N,): who has burned since locks were last foreseen
 #   book   locks (A, B), earliest (A,), partner (A,)
-#   zone   whether it is a box, its matrix, and what corrections pass around (see clearance)
+#   zone   whether it is a box, its matrix, and the half-axes of what corrections pass around
 
 
 @kernel()
@@ -147,20 +148,23 @@ def into_formation(fleet, events, count, t, low, high, leg, way, formed, kin):
 
 @kernel()
 def keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch):
-    """Craft that are new to a knowledge set burn if they would come too near to others of it."""
-    box, matrix, ball, inverse = zone
+    """Craft of a knowledge set burn if they would come too near: the new ones, then any that still would."""
+    box, matrix, around = zone
     craft, labels, moved = fleet
     for i in range(len(labels)):
         if labels[i] == label:
             advance(craft, i, t)
-    best = scratch[4]
-    for i in range(len(labels)):
-        if fresh[i]:
-            size = correction(
-                box, matrix, ball, inverse, craft, labels, i, end - t, best, scratch[5:8], scratch
-            )
-            if 0.0 < size < inf:
-                count = burn(fleet, events, count, t, CORRECTION, i, leg, best[0], best[1], best[2])
+    best = scratch[8]
+    for again in range(ATTEMPTS):
+        burned = False
+        for i in range(len(labels)):
+            if labels[i] == label and (fresh[i] or again > 0):
+                size = correction(box, matrix, around, craft, labels, i, end - t, best, scratch)
+                if 0.0 < size < inf:
+                    count = burn(fleet, events, count, t, CORRECTION, i, leg, best[0], best[1], best[2])
+                    burned = True
+        if again > 0 and not burned:
+            break
     return count
 
 
@@ -300,9 +304,9 @@ def chains(
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     locks, earliest = np.empty((len(first), len(second))), np.empty(len(first))
     partner = np.empty(len(first), dtype=np.int64)
-    craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((8, 3))
+    craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((9, 3))
     sky, book = (legs, sensor, first, second), (locks, earliest, partner)
-    bodies = (box, zone[0], zone[1], zone[2])
+    bodies = (box, zone[0], zone[1])
     for c in range(len(positions)):
         for i in range(count):
             for k in range(3):

@@ -11,6 +11,9 @@ from closeform.compiled import kernel
 
 SPOKES = 48  # generators of the cone that are tried before the best is refined
 REFINED = 40  # halvings
+ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of the zone itself
+# ways of a burn relative to another craft; for a box AROUND and on are three axes, EDGES and on its edges
+STOP, NOT_NEARER, AROUND, EDGES, WAYS = 0, 1, 2, 5, 17
 
 
 @kernel()
@@ -25,31 +28,24 @@ def times(matrix, x, y, z):
 @kernel()
 def enters(box, matrix, r, v, duration):
     """Whether r + v t comes to a norm below 1 within (0, duration]; r, v (3,)."""
+    x, y, z = times(matrix, r[0], r[1], r[2])
+    ux, uy, uz = times(matrix, v[0], v[1], v[2])
     if not box:
-        rr = rv = vv = 0.0
-        for k in range(3):
-            x = matrix[k, 0] * r[0] + matrix[k, 1] * r[1] + matrix[k, 2] * r[2]
-            u = matrix[k, 0] * v[0] + matrix[k, 1] * v[1] + matrix[k, 2] * v[2]
-            rr += x * x
-            rv += x * u
-            vv += u * u
+        rr, rv, vv = x * x + y * y + z * z, x * ux + y * uy + z * uz, ux * ux + uy * uy + uz * uz
         if rv >= 0.0:
             return False
         t = min(duration, -rv / vv)
-        return rr + (2.0 * rv + vv * t) * t < 1.0 and rr + rv * t < rr
-    begin, end, closing = 0.0, duration, False
-    for k in range(3):
-        x = matrix[k, 0] * r[0] + matrix[k, 1] * r[1] + matrix[k, 2] * r[2]
-        u = matrix[k, 0] * v[0] + matrix[k, 1] * v[1] + matrix[k, 2] * v[2]
-        if x < 0.0:
-            x, u = -x, -u
-        closing = closing or (x >= 1.0 and u < 0.0)
-        if u == 0.0:
-            if x >= 1.0:
-                return False
-            continue
-        one, other = (1.0 - x) / u, (-1.0 - x) / u
-        begin, end = max(begin, min(one, other)), min(end, max(one, other))
+        return rr + (2.0 * rv + vv * t) * t < 1.0 and rv * t < 0.0
+    begin, end, closing, farthest = 0.0, duration, False, max(abs(x), abs(y), abs(z))
+    for s, u in ((x, ux), (y, uy), (z, uz)):
+        if s < 0.0:
+            s, u = -s, -u
+        closing = closing or (u < 0.0 and (s >= 1.0 or s == farthest))
+        if u != 0.0:
+            one, other = (1.0 - s) / u, (-1.0 - s) / u
+            begin, end = max(begin, min(one, other)), min(end, max(one, other))
+        elif s >= 1.0:
+            return False
     return closing and begin < end
 
 
@@ -67,55 +63,84 @@ def clear_of_all(box, matrix, craft, labels, i, velocity, duration, r, v):
 
 
 @kernel()
-def along_generator(inverse, frame, tangent, angle, v, out):
-    """The velocity along one generator of the cone that is nearest to v: its distance, itself in `out`."""
-    ca, sa, ct, st = cos(angle), sin(angle), cos(tangent), sin(tangent)
-    gv = gg = 0.0
-    for k in range(3):
-        out[k] = 0.0
-        for m in range(3):
-            g = ct * frame[0, m] + st * (ca * frame[1, m] + sa * frame[2, m])
-            out[k] += inverse[k, m] * g
-        gv += out[k] * v[k]
-        gg += out[k] * out[k]
-    scale = max(0.0, gv) / gg
+def onto(g, v, out):
+    """The point of the half-line along g that is nearest to v, in `out`; how far away, squared."""
+    scale = max(0.0, g[0] * v[0] + g[1] * v[1] + g[2] * v[2]) / (g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
     away = 0.0
     for k in range(3):
-        out[k] *= scale
+        out[k] = scale * g[k]
         away += (out[k] - v[k]) ** 2
     return away
 
 
 @kernel()
-def past(matrix, inverse, frame, r, v, out):
-    """The nearest velocity to v that passes the ball |M r| = 1 tangentially, in `out`; False from inside."""
+def generator(half_axes, frame, tangent, angle, out):
+    """One generator of the cone about frame[0] of half-angle `tangent`, as a direction in space."""
+    ca, sa, ct, st = cos(angle), sin(angle), cos(tangent), sin(tangent)
+    gx = ct * frame[0, 0] + st * (ca * frame[1, 0] + sa * frame[2, 0])
+    gy = ct * frame[0, 1] + st * (ca * frame[1, 1] + sa * frame[2, 1])
+    gz = ct * frame[0, 2] + st * (ca * frame[1, 2] + sa * frame[2, 2])
+    out[0], out[1], out[2] = times(half_axes, gx, gy, gz)
+
+
+@kernel()
+def past_ball(matrix, half_axes, r, v, out, scratch):
+    """The nearest velocity to v that passes an ellipsoid tangentially, in `out`; False from inside."""
+    frame, g = scratch[5:8], scratch[3]
     bx, by, bz = times(matrix, -r[0], -r[1], -r[2])
     size = sqrt(bx * bx + by * by + bz * bz)
-    if size <= 1.0:
+    if size <= ENLARGED:
         return False
     bx, by, bz = bx / size, by / size, bz / size
-    # two axes that complete the one from the ball's centre, without loss of digits
+    # two axes that complete the one towards the centre, without loss of digits
     sign = 1.0 if bz >= 0.0 else -1.0
     u = -1.0 / (sign + bz)
     w = bx * by * u
     frame[0, 0], frame[0, 1], frame[0, 2] = bx, by, bz
     frame[1, 0], frame[1, 1], frame[1, 2] = 1.0 + sign * bx * bx * u, sign * w, -sign * bx
     frame[2, 0], frame[2, 1], frame[2, 2] = w, sign + by * by * u, -by
-    tangent = asin(1.0 / size)
-    best, at = inf, 0.0
+    tangent = asin(ENLARGED / size)
+    best, at, stride = inf, 0.0, 2.0 * pi / SPOKES
     for s in range(SPOKES):
-        away = along_generator(inverse, frame, tangent, 2.0 * pi * s / SPOKES, v, out)
+        generator(half_axes, frame, tangent, stride * s, g)
+        away = onto(g, v, out)
         if away < best:
-            best, at = away, 2.0 * pi * s / SPOKES
-    step = pi / SPOKES
+            best, at = away, stride * s
+    stride *= 0.5
     for _ in range(REFINED):
-        for side in (-step, step):
-            away = along_generator(inverse, frame, tangent, at + side, v, out)
+        for side in (-stride, stride):
+            generator(half_axes, frame, tangent, at + side, g)
+            away = onto(g, v, out)
             if away < best:
                 best, at = away, at + side
-        step *= 0.5
-    along_generator(inverse, frame, tangent, at, v, out)
+        stride *= 0.5
+    generator(half_axes, frame, tangent, at, g)
+    onto(g, v, out)
     return True
+
+
+@kernel()
+def past_edge(half_axes, edge, r, v, out, scratch):
+    """The nearest velocity to v in the plane sector from -r to one of the 12 edges of a box, in `out`."""
+    one, other, g = scratch[5], scratch[6], scratch[7]
+    a = edge // 4
+    b, c = (a + 1) % 3, (a + 2) % 3
+    sb, sc = 1.0 - 2.0 * (edge & 1), 1.0 - (edge & 2)
+    for k in range(3):
+        middle = sb * half_axes[k, b] + sc * half_axes[k, c] - r[k]
+        one[k], other[k] = middle - half_axes[k, a], middle + half_axes[k, a]
+    nearest = onto(one, v, out)
+    if onto(other, v, g) < nearest:
+        for k in range(3):
+            out[k] = g[k]
+    aa = ab = bb = av = bv = 0.0
+    for k in range(3):
+        aa, ab, bb = aa + one[k] * one[k], ab + one[k] * other[k], bb + other[k] * other[k]
+        av, bv = av + one[k] * v[k], bv + other[k] * v[k]
+    p, q = av * bb - bv * ab, bv * aa - av * ab  # over the determinant, which is not negative
+    if p > 0.0 and q > 0.0:
+        for k in range(3):
+            out[k] = (p * one[k] + q * other[k]) / (aa * bb - ab * ab)
 
 
 @kernel()
@@ -134,35 +159,42 @@ def not_nearer(matrix, r, v, axis, out):
         out[k] = v[k] - closing * out[k]
 
 
-AROUND, STOP, NOT_NEARER = -2, 3, -1  # ways of a burn; 0, 1, 2: not nearer along that axis
+@kernel()
+def candidate(box, matrix, half_axes, way, r, v, out, scratch):
+    """A relative velocity that may keep clear, in `out`; False where there is none of this way."""
+    if way == STOP:
+        out[0] = out[1] = out[2] = 0.0
+    elif way == NOT_NEARER:
+        not_nearer(matrix, r, v, -1, out)
+    elif not box:
+        return way == AROUND and past_ball(matrix, half_axes, r, v, out, scratch)
+    elif way < EDGES:
+        not_nearer(matrix, r, v, way - AROUND, out)
+    else:
+        past_edge(half_axes, way - EDGES, r, v, out, scratch)
+    return True
 
 
 @kernel()
-def correction(box, matrix, ball, inverse, craft, labels, i, duration, best, frame, scratch):
+def correction(box, matrix, half_axes, craft, labels, i, duration, best, scratch):
     """The least burn of craft i that keeps it clear of its set for `duration`: its size; velocity in `best`.
 
     0 where none is needed, inf where none was found among those that pass one of the others
-    tangentially (a box: around the smallest ellipsoid that holds it), do not come nearer to it,
-    or stop relative to it.  `ball` and its `inverse` are the zone, or that ellipsoid, enlarged.
+    tangentially, do not come nearer to it, or stop relative to it.  `half_axes` are the columns
+    of the zone's, enlarged.
     """
-    r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[3]
+    r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[4]
     if clear_of_all(box, matrix, craft, labels, i, craft[i, 3:6], duration, r, v):
         return 0.0
     least = inf
     for m in range(len(labels)):
         if m == i or labels[m] != labels[i]:
             continue
-        for way in range(AROUND, STOP + 1):
+        for way in range(WAYS):
             for k in range(3):
                 r[k] = craft[i, k] - craft[m, k]
                 v[k] = craft[i, 3 + k] - craft[m, 3 + k]
-                out[k] = 0.0
-            if way == AROUND:
-                if not past(ball, inverse, frame, r, v, out):
-                    continue
-            elif way == NOT_NEARER or (box and way != STOP):
-                not_nearer(matrix, r, v, way, out)
-            elif way != STOP:
+            if not candidate(box, matrix, half_axes, way, r, v, out, scratch):
                 continue
             size = 0.0
             for k in range(3):

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -27,6 +27,7 @@ from closeform.search.chain import (
     TOTAL,
     chains,
 )
+from closeform.search.clearance import ENLARGED
 from closeform.search.gathering import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
 from closeform.search.locks import writable
 from closeform.search.rounds import all_rounds
@@ -39,7 +40,6 @@ Burns = Literal["least", "first", "second", "half"]
 Groups = Literal["alternating", "balanced"] | Sequence[Group]
 KINDS = tuple(EventKind)  # in the order of the kernel's
 WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # the first of equals is taken
-ENLARGED = 1.0 + 1e-9  # of the zone that a correction passes, so that it is clear of the zone itself
 MOST = 1000  # rounds, some months of searching
 EACH_CALL = 1024  # gatherings that one call of the kernel flies
 
@@ -150,8 +150,6 @@ class _Fleet:
         labels = np.empty(positions.shape[:2], dtype=np.int64)
         results = np.empty((len(positions), RESULT))
         zone = self.keep_out or Zone(np.eye(3), False)
-        # what corrections pass around: the zone, or the smallest ellipsoid that holds the box
-        ball = zone.matrix / (ENLARGED * (sqrt(3.0) if zone.box else 1.0))
         chains(
             self.search.table,
             self.drifts,
@@ -160,7 +158,7 @@ class _Fleet:
             way,
             self.keep_out is not None,
             zone.box,
-            np.stack([zone.matrix, ball, np.linalg.inv(ball)]),
+            np.stack([zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)]),
             np.array([k for k, group in enumerate(self.groups) if group == "A"]),
             np.array([k for k, group in enumerate(self.groups) if group == "B"]),
             positions,

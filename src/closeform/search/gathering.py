@@ -55,7 +55,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Stay:
-    """Craft `first` and `second` within their keep-out zone; `known`: they knew each other by then."""
+    """Craft `first` and `second` within their keep-out zone; `known`: they knew each other before."""
 
     first: int
     second: int
@@ -118,7 +118,7 @@ class Gathering:
         for one, other, *values in rows:
             i, j = int(one), int(other)
             conflict = Conflict(*map(float, values))
-            stays.append(Stay(i, j, conflict, self.acquainted(i, j) <= conflict.start))
+            stays.append(Stay(i, j, conflict, self.acquainted(i, j) < conflict.start))
         return tuple(stays)
 
     def acquainted(self, first: int, second: int) -> float:

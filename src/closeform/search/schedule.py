@@ -294,7 +294,7 @@ def full_tip(half_angle: float) -> float:
     if 1.0 - 2.0 * c * c < 0.0 and half_angle < pi / 4.0:
         raise ValueError(
             f"half_angle: {degrees(half_angle):g} deg is below 45 deg, no tip covers the complementary "
-            "cones; use a wider sensor, or Search.basic"
+            "cones; use a wider sensor, or the basic search"
         )
     return atan2(c, sqrt(max(0.0, 1.0 - 2.0 * c * c)))
 

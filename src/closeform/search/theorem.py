@@ -202,9 +202,7 @@ def _assumptions(search: Search) -> None:
         raise ValueError("search: the theorem is about Search.modified (IPS, mOPS, IPS, mOPS)")
     offset, reach = search.sensor.offset, search.sensor.range
     if offset > 0.0:
-        raise ValueError(
-            f"search: the theorem wants sensors at the centres of mass, the offset is {offset:g} m"
-        )
+        raise ValueError(f"search: the theorem wants sensors at the centre of mass, not {offset:g} m off it")
     if reach < inf:
         raise ValueError(f"search: the theorem wants sensors without a limit, the range is {reach:g} m")
 
