@@ -20,7 +20,7 @@ from closeform.zones import Floats
 VELOCITY, SINCE, SPENT, CRAFT = 3, 6, 7, 8  # columns of a craft's row, after its position
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
-ATTEMPTS = 4  # of a set to keep clear
+ATTEMPTS = 4  # of each craft of a set to keep clear
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, RESULT = 0, 1, 2, 3, 4, 5
 
@@ -148,23 +148,28 @@ def into_formation(fleet, events, count, t, low, high, leg, way, formed, kin):
 
 @kernel()
 def keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch):
-    """Craft of a knowledge set burn if they would come too near: the new ones, then any that still would."""
-    box, matrix, around = zone
+    """Craft of a knowledge set that would come too near burn: of the new ones, then of all, the cheapest."""
+    box, matrix, half_axes = zone
     craft, labels, moved = fleet
     for i in range(len(labels)):
         if labels[i] == label:
             advance(craft, i, t)
-    best = scratch[8]
-    for again in range(ATTEMPTS):
-        burned = False
+    best, chosen = scratch[8], scratch[9]
+    anyone = False
+    for _ in range(ATTEMPTS * len(labels)):
+        least, who = inf, -1
         for i in range(len(labels)):
-            if labels[i] == label and (fresh[i] or again > 0):
-                size = correction(box, matrix, around, craft, labels, i, end - t, best, scratch)
-                if 0.0 < size < inf:
-                    count = burn(fleet, events, count, t, CORRECTION, i, leg, best[0], best[1], best[2])
-                    burned = True
-        if again > 0 and not burned:
+            if labels[i] == label and (fresh[i] or anyone):
+                size = correction(box, matrix, half_axes, craft, labels, i, end - t, best, scratch)
+                if 0.0 < size < least:
+                    least, who = size, i
+                    chosen[0], chosen[1], chosen[2] = best[0], best[1], best[2]
+        if who >= 0:
+            count = burn(fleet, events, count, t, CORRECTION, who, leg, chosen[0], chosen[1], chosen[2])
+        elif anyone:
             break
+        else:
+            anyone = True
     return count
 
 
@@ -304,7 +309,7 @@ def chains(
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     locks, earliest = np.empty((len(first), len(second))), np.empty(len(first))
     partner = np.empty(len(first), dtype=np.int64)
-    craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((9, 3))
+    craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
     sky, book = (legs, sensor, first, second), (locks, earliest, partner)
     bodies = (box, zone[0], zone[1])
     for c in range(len(positions)):
