@@ -103,8 +103,9 @@ def step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest):
     longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
     unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
     unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
-    move = 2.0 * fast * unseen  # of q, at most, and twice that
-    steep = -slope if q > move and beyond + move <= 0.0 else 0.0
+    # for a crossing just after h: the bounds must hold until 2.2 h
+    move = 2.2 * fast * unseen
+    steep = -slope if q > 2.0 * move and beyond + move <= 0.0 else 0.0
     return max(unseen, unreached), gap <= scale and beyond <= scale, steep, bend + abs(c) * curved
 
 
@@ -124,8 +125,9 @@ def lock_in_leg(leg, t, x, y, z, vx, vy, vz, baseline, c, longest):
             return t, True
         if t >= end:
             return end, False
-        # Newton's method has come so near that the rest is below CLOSE: here it does cross
-        if bend * h * h < CLOSE * steep:
+        # Newton's method has come so near that the rest d = 3 bend h^2 / steep is below CLOSE; and
+        # it does cross: g(h + d) <= 1.5 bend h^2 + bend d^2 - steep d < 0 for d <= 1.2 h
+        if bend * h < 0.4 * steep and 3.0 * bend * h * h < CLOSE * steep:
             return min(t + h, end), t + h <= end
         t = min(end, max(t + h, t * (1.0 + 2.3e-16)))
 

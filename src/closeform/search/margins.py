@@ -16,14 +16,14 @@ from numba import float64, void
 from numpy.typing import ArrayLike
 
 from closeform.compiled import kernel
-from closeform.search.locks import END, START, lock_in_leg, lock_times
+from closeform.search.locks import END, SEEN, START, lock_in_leg, lock_times
 from closeform.search.schedule import Search
 from closeform.search.theorem import one_pair
 from closeform.zones import Floats
 
 PIECES = 32  # of a leg, each with a margin and a length of its own
 HALVINGS = 45
-ROUNDING = 16.0 * 2.2e-16  # of the squares that |q|^2 is summed from
+ROUNDING = 16.0 * 2.2e-16  # of the terms that q is summed from
 ANYWHERE = -2.0  # the cosine of a cone that holds every direction, whatever the rounding
 
 
@@ -69,7 +69,7 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
     step = (leg[END] - leg[START]) / len(pieces)
     for k in range(len(pieces)):
         start = leg[START] + k * step
-        end = leg[END] if k == len(pieces) - 1 else start + step
+        end = leg[END] if k == len(pieces) - 1 else leg[START] + (k + 1) * step
         size = sqrt(state[0] ** 2 + state[1] ** 2 + state[2] ** 2) + baseline
         size += end * sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)
         near, far = 0.0, size
@@ -77,18 +77,19 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
             middle = 0.5 * (near + far)
             _, found = locks(row, start, end, state, baseline, ANYWHERE, middle)
             near, far = (near, middle) if found else (middle, far)
-        noise = ROUNDING * size * size
-        square = near * near - noise
+        noise = ROUNDING * size
         pieces[k] = (end, 0.0, 0.0)
-        if square <= 0.0:
+        if near <= 2.0 * noise:
             continue
         low, high = 0.0, pi - half_angle
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
             _, found = locks(row, start, end, state, baseline, cos(half_angle + middle), inf)
             low, high = (low, middle) if found else (middle, high)
-        certain = acos(min(1.0, cos(half_angle + low) + noise / square + ROUNDING))
-        pieces[k] = (end, max(0.0, certain - half_angle), sqrt(square))
+        # what the march itself counts as a lock, and how far rounding may turn q
+        counted = 4.0 * SEEN * (1.0 + 2.0 * baseline / near)
+        certain = acos(min(1.0, cos(half_angle + low) + counted)) - half_angle - 2.0 * noise / near
+        pieces[k] = (end, max(0.0, certain), near - noise)
 
 
 @kernel(float64(float64[::1], float64[::1], float64, float64))

@@ -236,15 +236,16 @@ class Search:
         return axis, angle, angle / self.slew_rate
 
     def coverage(self, phase: str | None = None) -> float:
-        """Share of the sky that one craft's cone sweeps in a `phase`, or in the whole search for None.
+        """Share of the sky that one craft's cone sweeps in one `phase`, or in the whole search for None.
 
         Of far, fixed directions: a number from 0 to 1, to about 1e-5.  Raises ValueError for a
         phase that the search does not have.
         """
-        table = self.table[[phase in (None, leg.phase) for leg in self.legs]]
-        if not len(table):
+        first = next((leg.round for leg in self.legs if leg.phase == phase), None)
+        if phase is not None and first is None:
             names = ", ".join(dict.fromkeys(leg.phase for leg in self.legs))
             raise ValueError(f"phase: this search has {names}, got {phase!r}")
+        table = self.table[[phase is None or (leg.phase, leg.round) == (phase, first) for leg in self.legs]]
         return covered(table, self.sensor.cosine)
 
 
