@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,11 @@ PACKAGE = Path(cf.__file__).parent
 PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
+RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
+RESULTS |= {"Leg.attitude_at", "Search", "Stay", "TheoremCase"}
 # Take and give objects that carry their own units.
-UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged"}
+UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged", "EventKind", "GatherStatus", "Stay"}
+UNITLESS |= {"Search.coverage"}
 UNIT_OR_SHAPE = re.compile(r"\[(m|s|rad)\b[^]]*\]|\bin m\b|\bm and m/s\b|\((\.\.\.|[NMT],|\d,)[^)]*\)")
 
 
@@ -46,6 +50,8 @@ CALLABLES = callables()
 
 
 def arguments(function: Any) -> list[str]:
+    if inspect.isclass(function) and issubclass(function, Enum):
+        return []
     return [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
 
 

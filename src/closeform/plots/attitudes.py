@@ -1,6 +1,6 @@
 """The turns of a search: the in-plane search in space, and every turn of a round from the side."""
 
-from math import asin, cos, degrees, pi, sin
+from math import cos, degrees, pi, sin
 from typing import Any
 
 import numpy as np
@@ -9,25 +9,26 @@ from matplotlib.figure import Figure
 
 from closeform.plots.camera import (
     GROUP_COLOURS,
+    ROMAN,
     SUN_COLOUR,
     Camera,
     arrow,
-    bare,
     cone,
     fill,
     ring,
+    sheet,
     solid,
+    stage,
     to_sun,
     word,
 )
-from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline, page
+from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline
 from closeform.plots.scene import CIRCLE
-from closeform.search.schedule import START_ATTITUDE, SUN, Leg, Search, rotation
+from closeform.search.schedule import SUN, Leg, Search, rotation
 from closeform.search.theorem import regions_searched
 from closeform.zones import Floats
 
 ABOVE = Camera.around(-1.15, 0.38, -SUN, np.array([1.0, 0.0, 0.0]))  # n_z up, n_x to the right
-ROMAN = {1: "I", 2: "II", 3: "III", 4: "IV"}
 OPPOSITE = {"A": 1.0, "B": -1.0}
 
 
@@ -49,13 +50,10 @@ def in_plane_search(search: Search) -> Figure:
     leg = search.legs[0]
     if leg.phase != "IPS":
         raise ValueError(f"search: it begins with {leg.phase}, not with an in-plane search")
-    figure = page(5.5)
-    axes = figure.add_subplot()
-    bare(axes)
+    figure = sheet(5.5)
+    axes = stage(figure, (0.0, 0.0, 1.0, 0.93), (0.1, -0.33), 6.9)
     for group, middle in (("A", -1.6), ("B", 1.6)):
         ball(axes, search, leg, group, np.array([middle, 0.0]))
-    axes.set_xlim(-3.3, 3.5)
-    axes.set_ylim(-1.95, 1.3)
     share = 100.0 * search.coverage("IPS")
     headline(
         figure,
@@ -95,7 +93,7 @@ def ball(axes: Axes, search: Search, leg: Leg, group: str, middle: Floats) -> No
     arrow(axes, middle + ABOVE(np.array([0 * start, start])), colour, linewidth=2.4, zorder=5)
     for time, where in ((leg.start, way[0]), (leg.end, way[-1])):
         right = where[0] > middle[0]
-        look = {"ha": "left" if right else "right", "zorder": 7}
+        look: dict[str, Any] = {"ha": "left" if right else "right", "zorder": 7}
         word(axes, where, f"{time:.4g} s", colour, (11 if right else -11, -6), **look)
     if rest > 0.0:
         top = middle + ABOVE(-SUN)
@@ -115,12 +113,12 @@ def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -
 def manoeuvres(search: Search, number: int = 1) -> Figure:
     """Every turn of one round of a search, for both groups: S04 figure 4.
 
-    Round `number`, from 1.  Each panel looks along body y, as it is before the out-of-plane turns,
-    at the attitude to which a turn leads: the shade with body x, the boresight and its cone (S04's
-    sensor at the centre); dashed the boresight before, grey the complementary cones.  Below it the
-    turn about the own body y or about the sun line, and its time [s].  Both groups make the same turns in space,
-    so about their own body y they are opposite.  A Roman number is the region of S04 figure 5
-    that lies in the cone at the end of a turn.
+    Round `number` of the `search`, from 1.  Each panel looks along body y, as it is before the
+    out-of-plane turns, at the attitude to which a turn leads: the shade with body x, the boresight
+    and its cone (from the centre, as in S04); dashed the boresight before, grey the complementary
+    cones.  Below it the turn, about the own body y or the sun line, and its time [s].  Both groups
+    make the same turns in space, so about their own body y they are opposite.  A Roman number is
+    the region of S04 figure 5 that lies in the cone at the end of a turn.
 
     Raises ValueError for a round that the search does not have.
     """
@@ -130,22 +128,32 @@ def manoeuvres(search: Search, number: int = 1) -> Figure:
     tips = [leg for leg in legs if leg.about == "body y"]
     ahead = (tips[0] if tips else legs[0]).attitude[:, 2]
     camera = Camera.at(np.cross(ahead, -SUN), -SUN)
-    figure = page(1.5 + 2 * 10.6 / len(legs) * 1.5)
-    rows = figure.subplots(2, len(legs), gridspec_kw={"wspace": 0.0, "hspace": 0.02})
+    figure = sheet(6.2)
+    share = 0.97 / len(legs)
     seen = {group: searched(search, number, group) for group in GROUP_COLOURS}
-    for row, (group, sign) in zip(np.reshape(rows, (2, -1)), OPPOSITE.items(), strict=True):
-        for axes, leg in zip(row, legs, strict=True):
+    for (group, sign), bottom in zip(OPPOSITE.items(), (0.49, 0.06), strict=True):
+        for k, leg in enumerate(legs):
+            axes = stage(figure, (0.03 + share * k, bottom, share, 0.42), (0.0, -0.47), 19.2 / len(legs))
             side_view(axes, camera, search, leg, group, seen[group].get(leg.end))
             about = "body y" if leg.about == "body y" else "sun line"
             angle = leg.angle * (sign if leg.about == "body y" else 1.0)
             text = f"{angle_text(angle)}\n{about}\n{leg.start:.0f}–{leg.end:.0f} s"
-            axes.text(0.0, -1.55, text, ha="center", va="top", fontsize=SMALL, color=INK, linespacing=1.25)
+            axes.text(0.0, -1.52, text, ha="center", va="top", fontsize=SMALL, color=INK, linespacing=1.25)
             if group == "A":
-                axes.set_title(leg.phase, fontsize=TEXT, color=INK, fontweight="bold")
-        row[0].text(
-            -1.42, 0.0, f"group {group}", rotation=90, va="center", ha="right",
-            fontsize=TEXT, color=GROUP_COLOURS[group], fontweight="bold",
-        )
+                word(axes, (0.0, 1.93), leg.phase, fontsize=TEXT, fontweight="bold")
+        look: dict[str, Any] = {
+            "color": GROUP_COLOURS[group],
+            "fontsize": TEXT,
+            "fontweight": "bold",
+            "rotation": 90,
+        }
+        figure.text(0.02, bottom + 0.27, f"group {group}", va="center", ha="center", **look)
+    explained = "dashed: the boresight before the turn"
+    if search.sensor.half_angle < pi / 2.0:
+        explained += "; grey: complementary cones"
+    if seen["A"]:
+        explained += "; I to IV: the part of them that is then wholly in the cone"
+    figure.text(0.5, 0.02, explained, ha="center", fontsize=SMALL, color=INK)
     headline(
         figure,
         f"The turns of round {number}: tips of {angle_text(search.tip_angle, False)}, "
@@ -163,16 +171,13 @@ def searched(search: Search, number: int, group: Any) -> dict[float, int]:
 
 def side_view(axes: Axes, camera: Camera, search: Search, leg: Leg, group: str, region: int | None) -> None:
     """One attitude from the side, and the turn that led there."""
-    bare(axes)
-    axes.set_xlim(-1.45, 1.45)
-    axes.set_ylim(-2.85, 1.35)
     colour, half = GROUP_COLOURS[group], search.sensor.half_angle
     flip = np.array([1.0, OPPOSITE[group], OPPOSITE[group]])
     first, last = (leg.attitude_at(time) * flip for time in (leg.start, leg.end))
     origin = np.zeros(3)
     for pole in (SUN, -SUN) if half < pi / 2.0 else ():
         fill(axes, solid(camera, origin, ring(pole, pi / 2.0 - half)), FAINT, 1.0)
-    axes.plot(*camera(np.array([1.25 * SUN, -1.15 * SUN])).T, color=OTHER, linestyle=DASHED, linewidth=1.0)
+    axes.plot(*camera(np.array([1.25 * SUN, -1.3 * SUN])).T, color=OTHER, linestyle=DASHED, linewidth=1.0)
     axes.plot(*camera(1.3 * SUN), "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=8)
     fill(axes, solid(camera, origin, ring(last[:, 2], half)), colour, 0.28)
     for side in (-1.0, 1.0):
@@ -186,17 +191,23 @@ def side_view(axes: Axes, camera: Camera, search: Search, leg: Leg, group: str, 
     turning(axes, camera, leg, first[:, 2])
     if region is not None:
         up, along = (1.0 if region in (2, 3) else -1.0), (1.0 if region in (1, 2) else -1.0)
-        word(axes, (0.2 * along, 0.82 * up), ROMAN[region], fontweight="bold", fontsize=TEXT)
+        word(axes, (0.62 * along, 1.06 * up), ROMAN[region], fontweight="bold", fontsize=TEXT)
 
 
 def turning(axes: Axes, camera: Camera, leg: Leg, boresight: Floats) -> None:
     """An arrow along the turn: about the sun line as a tilted ring around it, else as the boresight goes."""
     angles = np.linspace(0.0, leg.angle, 60)
     if leg.about == "body y":
-        arrow(axes, camera(1.12 * rotation(leg.axis, angles) @ boresight), BEFORE, linewidth=1.3, mutation_scale=10)
+        arrow(
+            axes,
+            camera(1.12 * rotation(leg.axis, angles) @ boresight),
+            BEFORE,
+            linewidth=1.3,
+            mutation_scale=10,
+        )
         return
     tilted = Camera.at(camera.basis[2] + 0.45 * camera.basis[1], camera.basis[1])
     level = boresight - (boresight @ SUN) * SUN
     spiral = np.linspace(0.38, 0.38 + 0.1 * abs(leg.angle) / pi, 60)[:, None]
     way = spiral * (rotation(leg.axis, angles) @ (level / np.linalg.norm(level)))
-    arrow(axes, tilted(way) + camera(-1.12 * SUN), BEFORE, linewidth=1.3, mutation_scale=10)
+    arrow(axes, tilted(way) + camera(-1.5 * SUN), BEFORE, linewidth=1.3, mutation_scale=10)

@@ -6,17 +6,19 @@ from typing import Any, Self
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
-from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL
+from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL, page
 from closeform.plots.scene import CIRCLE
 from closeform.search.schedule import SUN
 from closeform.zones import Floats
 
 GROUP_COLOURS = {"A": AFTER, "B": CONFLICT}
 SUN_COLOUR = "#F2B705"
+ROMAN = {1: "I", 2: "II", 3: "III", 4: "IV"}  # regions of the complementary cones, S04 figure 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +45,11 @@ class Camera:
 
     def __call__(self, points: ArrayLike) -> Floats:
         """Points (..., 3) on the picture (..., 2)."""
-        return np.asarray(points) @ self.basis[:2].T
+        return np.asarray(np.asarray(points) @ self.basis[:2].T)
 
     def nearness(self, points: ArrayLike) -> Floats:
         """How far points (..., 3) stand out towards the viewer (...)."""
-        return np.asarray(points) @ self.basis[2]
+        return np.asarray(np.asarray(points) @ self.basis[2])
 
 
 def across(axis: Floats) -> Floats:
@@ -89,22 +91,28 @@ def fill(axes: Axes, outline: Floats, colour: str, alpha: float, **look: Any) ->
     axes.fill(*outline.T, facecolor=colour, alpha=alpha, linewidth=0.0, **look)
 
 
-def cone(axes: Axes, camera: Camera, apex: Floats, rim: Floats, colour: str, density: float, **look: Any) -> None:
+def cone(
+    axes: Axes, camera: Camera, apex: Floats, rim: Floats, colour: str, density: float, **look: Any
+) -> None:
     """A translucent cone with its rim (K, 3); `look` is that of the rim's line."""
     fill(axes, solid(camera, apex, apex + rim), colour, density)
-    axes.plot(*camera(apex + rim).T, **({"color": colour, "linewidth": 1.0, "alpha": 0.8} | look))
+    style: dict[str, Any] = {"color": colour, "linewidth": 1.0, "alpha": 0.8} | look
+    axes.plot(*camera(apex + rim).T, **style)
 
 
 def arrow(axes: Axes, points: Floats, colour: str, **look: Any) -> None:
     """A line through points (K, 2) with a head at its end."""
     path = Outline(points, [Outline.MOVETO] + [Outline.LINETO] * (len(points) - 1))
-    style = {"arrowstyle": "-|>", "mutation_scale": 13, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0} | look
+    style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 13, "linewidth": 1.6}
+    style |= {"shrinkA": 0, "shrinkB": 0} | look
     axes.add_patch(FancyArrowPatch(path=path, color=colour, **style))
 
 
-def word(axes: Axes, point: Any, text: str, colour: str = INK, shift: tuple[float, float] = (0, 0), **look: Any) -> Any:
+def word(
+    axes: Axes, point: Any, text: str, colour: str = INK, shift: tuple[float, float] = (0, 0), **look: Any
+) -> Any:
     """Words at a point (2,), moved by a `shift` in printer's points, readable on lines."""
-    style = {"ha": "center", "va": "center", "fontsize": SMALL, "path_effects": HALO} | look
+    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "path_effects": HALO} | look
     return axes.annotate(text, (point[0], point[1]), shift, textcoords="offset points", color=colour, **style)
 
 
@@ -132,7 +140,26 @@ def triad(axes: Axes, camera: Camera, origin: Floats, length: float, names: dict
             word(axes, origin + (length + 0.35 * length / np.hypot(*tip)) * tip, name)
 
 
-def bare(axes: Axes) -> None:
-    """No frame and no ticks: a scene, at equal scales."""
+def framing(points: Floats, wide: float, high: float, room: float = 1.08) -> tuple[Floats, float]:
+    """Middle (2,) and width of the window of a shape `wide` by `high` that holds points (M, 2)."""
+    low, top = points.min(axis=0), points.max(axis=0)
+    span = top - low
+    return (low + top) / 2.0, room * float(max(span[0], span[1] * wide / high))
+
+
+def stage(figure: Figure, place: tuple[float, float, float, float], middle: Any, width: float) -> Axes:
+    """Bare axes at equal scales: left, bottom, width and height in shares of the figure, `width` across."""
+    axes = figure.add_axes(place)
     axes.set_axis_off()
-    axes.set_aspect("equal")
+    inches = figure.get_size_inches() * place[2:]
+    high = width * inches[1] / inches[0]
+    axes.set_xlim(middle[0] - width / 2, middle[0] + width / 2)
+    axes.set_ylim(middle[1] - high / 2, middle[1] + high / 2)
+    return axes
+
+
+def sheet(height: float) -> Figure:
+    """An empty figure, `height` in inches, whose axes are placed by hand."""
+    figure = page(height)
+    figure.set_layout_engine("none")
+    return figure

@@ -36,10 +36,10 @@ class GatherStatus(StrEnum):
 class Event:
     """A lock of craft `first` and `second`, or a burn of `first` (then `second` is -1), at `time` [s].
 
-    `phase` and `round` are those of the search; `case` is the lock's number in H03's table of
-    joins (1 to 9; 0 for burns); `label` the set after it: 0 the formation set, k >= 1 knowledge
-    set k, -1 lost.  A burn joins the formation set, or is a correction against a collision inside
-    a set, or the near-field search's; `delta_v` (3,) [m/s].
+    `kind` tells which.  `phase` and `round` are those of the search; `case` is the lock's number
+    in H03's table of joins (1 to 9; 0 for burns); `label` the set after it: 0 the formation set,
+    k >= 1 knowledge set k, -1 lost.  A burn joins the formation set, or is a correction against a
+    collision inside a set, or the near-field search's; `delta_v` (3,) [m/s].
     """
 
     time: float
@@ -55,7 +55,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Stay:
-    """Craft `first` and `second` within their keep-out zone; `known`: they knew each other before."""
+    """A `conflict` of craft `first` and `second`; `known`: they knew each other before it began."""
 
     first: int
     second: int
@@ -72,7 +72,7 @@ class Gathering:
     time; `delta_v` (N,) [m/s]; `totals`: total delta-v [m/s] of the three ways in which the first
     pair can burn, of which `burns` was flown; `sets`: the formation set first, if there is one,
     then knowledge sets; `lost`: craft in none; `duration` [s] until gathered, or of all rounds;
-    `rounds`: searches begun.  `status`, and `reason`: who is left and why, None if gathered.
+    `rounds`: searches begun; `keep_out`: the zone, if any.  `status`, and `reason`: who is left and why, None if gathered.
     """
 
     search: Search
@@ -121,21 +121,26 @@ class Gathering:
             stays.append(Stay(i, j, conflict, self.acquainted(i, j) < conflict.start))
         return tuple(stays)
 
+    @cached_property
+    def _acquainted(self) -> Floats:
+        """When each two craft came into one set (N, N) [s]; inf if never."""
+        times = np.full((len(self.groups),) * 2, inf)
+        sets = [[k] for k in range(len(self.groups))]
+        for event in self.events:
+            if event.kind is EventKind.LOCK:
+                one, other = sets[event.first], sets[event.second]
+                times[np.ix_(one, other)] = times[np.ix_(other, one)] = event.time
+                one += other
+                for k in other:
+                    sets[k] = one
+        return times
+
     def acquainted(self, first: int, second: int) -> float:
-        """When two craft, given by index, came into one set [s]; inf if never.
+        """When craft `first` and `second`, given by index, came into one set [s]; inf if never.
 
         Raises IndexError for a craft that is not there.
         """
-        sets = {k: {k} for k in range(len(self.groups))}
-        for event in self.events:
-            if event.kind is EventKind.LOCK:
-                merged = sets[event.first] | sets[event.second]
-                if first in merged and second in merged:
-                    return event.time
-                sets |= dict.fromkeys(merged, merged)
-        if not {first, second} <= sets.keys():
-            raise IndexError(f"no craft {first} and {second} among {len(sets)}")
-        return inf
+        return float(self._acquainted[first, second])
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,8 +91,9 @@ class Leg:
 class Search:
     """A synchronized search of the sky, made by `Search.modified` or `Search.basic`.
 
-    `legs` in order, without the near-field search; `tip_angle` [rad] of the out-of-plane turns,
-    `slew_rate` [rad/s] of all of them, `sun_limit` [rad] of body x, the shade's normal.
+    All craft carry the same `sensor`.  `legs` in order, without the near-field search;
+    `tip_angle` [rad] of the out-of-plane turns, `slew_rate` [rad/s] of all of them, `sun_limit`
+    [rad] of body x, the shade's normal.
     """
 
     sensor: Sensor

@@ -70,8 +70,9 @@ def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[
 
 
 def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple[tuple[float, int], ...]:
-    """The instants [s] of an mOPS at which a craft of `group` has a whole region in its cone, and which.
+    """When a craft of `group` has a whole region in its cone, in mOPS number `mops` of a `search`, and which.
 
+    Instants [s] with the region's number.
     Regions count from 1 for I to 4 for IV; both groups in the frame of the first of the two, see
     `cone_regions`.  S04: I, II, III, IV, I, II for A, and III, IV, I, II, III, IV for B.  Taken
     from the legs of the search: full tips are where the legs of an mOPS meet.
@@ -91,8 +92,8 @@ def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple
 def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> tuple[float, ...] | None:
     """Times [s], of either sign and in order, at which a craft of B meets the complementary cones' surface.
 
-    `position` (3,) [m] and `velocity` (3,) [m/s] are B minus A at time 0.  No, one or two times,
-    or None where the whole line lies in the surface.  # S04 lemma 3
+    `position` (3,) [m] and `velocity` (3,) [m/s] are B minus A at time 0 of the `search`.  No, one
+    or two times, or None where the whole line lies in the surface.  # S04 lemma 3
 
     Raises ValueError for wrong shapes, numbers that are not finite, or two craft at one place.
     """

@@ -1,0 +1,164 @@
+"""A gathering in three views: from the sun, obliquely, and one craft from near by (H03 figures 9 to 11)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from closeform.plots.camera import GROUP_COLOURS, sheet, triad
+from closeform.plots.look import INK, OTHER, SMALL, TEXT
+from closeform.plots.moment import Knots, Moment, clock_text
+from closeform.plots.panels import (
+    DIRECTIONS,
+    OBLIQUE,
+    STYLES,
+    SUN_VIEW,
+    CloseUp,
+    Overview,
+    Strip,
+    style_of,
+    tint,
+)
+from closeform.search.gathering import Event, EventKind, Gathering
+from closeform.search.sets import FORMATION, LOST
+
+SET_NAMES = {LOST: "lost", FORMATION: "formation set"}
+
+
+class ThreeViews:
+    """The figure and its parts; `show` moves them to a time."""
+
+    def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
+        count = len(gathering.groups)
+        if names is not None and len(names) != count:
+            raise ValueError(f"names: {len(names)} names for {count} craft")
+        if not 0 <= craft < count:
+            raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft!r}")
+        self.gathering = gathering
+        self.names = [str(k) for k in range(count)] if names is None else list(names)
+        self.knots = [Knots.of(gathering.paths[k]) for k in range(count)]
+        self.figure = sheet(7.9)
+        self.oblique = Overview(
+            self.figure,
+            (0.01, 0.205, 0.575, 0.715),
+            "Oblique view",
+            OBLIQUE,
+            gathering,
+            self.knots,
+            craft,
+            self.names,
+        )
+        sun = Overview(
+            self.figure,
+            (0.595, 0.525, 0.395, 0.395),
+            "Sun view",
+            SUN_VIEW,
+            gathering,
+            self.knots,
+            craft,
+            self.names,
+        )
+        close = CloseUp(self.figure, (0.595, 0.205, 0.395, 0.31), gathering, craft, self.names[craft])
+        strip = Strip(self.figure, (0.01, 0.105, 0.98, 0.035), gathering)
+        for view in (self.oblique, sun):
+            left, low = view.axes.get_xlim()[0], view.axes.get_ylim()[0]
+            width = float(np.diff(view.axes.get_xlim())[0])
+            reach = (0.06 if view is self.oblique else 0.075) * width
+            triad(
+                view.axes, view.camera, np.array([left + 1.7 * reach, low + 1.9 * reach]), reach, DIRECTIONS
+            )
+        self.parts = (self.oblique, sun, close, strip)
+        self.clock = self.figure.text(0.99, 0.965, "", ha="right", va="center", fontsize=TEXT + 5, color=INK)
+        self.clock.set_fontweight("bold")
+        self.story = self.figure.text(0.01, 0.965, "", ha="left", va="center", fontsize=TEXT, color=INK)
+        self.figure.legend(
+            handles=self.legend(),
+            loc="lower center",
+            ncols=4,
+            frameon=False,
+            fontsize=SMALL,
+            handlelength=2.2,
+            bbox_to_anchor=(0.5, -0.005),
+            columnspacing=1.6,
+            labelspacing=0.35,
+        )
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All that moves, from back to front as it is now."""
+        moving = [artist for part in self.parts for artist in part.artists]
+        return [*sorted(moving, key=Artist.get_zorder), self.clock, self.story]
+
+    def show(self, time: float) -> None:
+        """Move everything to a time [s]."""
+        moment = Moment(self.gathering, self.knots, time)
+        for part in self.parts:
+            part.show(moment)
+        self.clock.set_text(f"{clock_text(time)}  {moment.leg.phase}")
+        past = [event for event in self.gathering.events if event.time <= time]
+        self.story.set_text(self.told(past) if past else "All are lost")
+
+    def told(self, past: list[Event]) -> str:
+        """The last lock, or the last burn after it that is not part of it, in words."""
+        told = [event for event in past if event.kind != EventKind.BURN]
+        last = [event for event in told if event.time == told[-1].time]
+        event = max(last, key=lambda one: one.kind == EventKind.LOCK)
+        when, name = clock_text(event.time), self.names[event.first]
+        if event.kind == EventKind.LOCK:
+            other = self.names[event.second]
+            labels = Moment(self.gathering, self.knots, event.time).labels
+            held = [self.names[k] for k in np.flatnonzero(labels == event.label)]
+            what = "formation set" if event.label == FORMATION else f"knowledge set {event.label}"
+            members = ", ".join(held) if len(held) <= 8 else f"{len(held)} craft"
+            return f"{when}  {name} and {other} lock: {what} holds {members}"
+        size = 1e3 * float(np.linalg.norm(event.delta_v))
+        why = "to keep clear" if event.kind == EventKind.CORRECTION else "out of the near field"
+        return f"{when}  {name} burns {size:.3g} mm/s {why}"
+
+    def legend(self) -> list[Artist]:
+        """What the marks mean; of the sets those that occur."""
+        labels = {event.label for event in self.gathering.events if event.kind == EventKind.LOCK}
+        lines: list[tuple[str, dict[str, Any]]] = []
+        for style, (marker, edge, face) in STYLES.items():
+            several = sorted(label for label in labels if label > FORMATION and style_of(label) == style)
+            if style in SET_NAMES or several:
+                name = SET_NAMES.get(style) or "knowledge set " + ", ".join(map(str, several[:3]))
+                name += ", …" if len(several) > 3 else ""
+                mark = {"marker": marker, "color": edge, "markerfacecolor": face, "markersize": 7}
+                lines.append((name, mark | {"linestyle": ""}))
+        view = self.oblique
+        way = {"color": OTHER, "linewidth": 1.3, "marker": "." if view.few else ""}
+        bend = {"markerfacecolor": INK, "markeredgecolor": INK}
+        lines.append(("way so far, burns" if view.few else "way so far", way | bend))
+        lines += [("in lock now", view.now_look), ("locked before", view.past_look)]
+        handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in lines]
+        for group, colour in GROUP_COLOURS.items():
+            name = f"cone of {group}, cut at {float(f'{view.cone:.2g}'):g} m"
+            handles.append(Patch(facecolor=tint(colour, 0.3), edgecolor=colour, label=name))
+        return handles
+
+
+def three_views(
+    gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
+) -> Figure:
+    """A gathering at a `time` [s] in three views: H03 figures 9 to 11.
+
+    The `gathering` obliquely, from the Sun, and one `craft` (its index) from near by, with its
+    shade, whose radius is the sensor's offset, and the sensor's cone.  Cones have the colour of
+    their group, marks that of the set: lost, formation, or one of the knowledge sets.  Trails lead
+    from the start and bend where a craft burns.  All times of a gathering have one scale.  Among
+    more than 12 craft only the one chosen has its cone, shade and name, and of the locks only those
+    that joined sets are drawn.  `names` stand for the indices of the craft.
+
+    Raises ValueError for a time outside of the gathering, a craft that is not there, or names that
+    are not as many as the craft.
+    """
+    if not 0.0 <= time <= gathering.duration:
+        raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
+    views = ThreeViews(gathering, craft, names)
+    views.show(time)
+    return views.figure

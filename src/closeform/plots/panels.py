@@ -1,0 +1,348 @@
+"""The panels of a picture of a gathering: views of all craft, one craft close by, and the time."""
+
+from collections.abc import Sequence
+from math import degrees, pi
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.transforms import blended_transform_factory
+
+from closeform.plots.camera import (
+    GROUP_COLOURS,
+    SUN_COLOUR,
+    Camera,
+    framing,
+    ring,
+    solid,
+    stage,
+    triad,
+    word,
+)
+from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT, length_unit
+from closeform.plots.moment import Knots, Moment, clock_text
+from closeform.search.gathering import EventKind, Gathering
+from closeform.search.schedule import SUN
+from closeform.search.sets import FORMATION, LOST
+from closeform.zones import Floats
+
+NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as the sun sees it
+SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
+OBLIQUE = Camera.around(-0.45, 0.5, SUN, -NORTH)  # the same, laid back and turned a little: the sun is above
+DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
+FEW = 12  # craft up to which each has its cone, shade and name
+STYLES: dict[int, tuple[str, str, str]] = {  # of sets: marker, edge and face
+    LOST: ("o", BEFORE, "white"),
+    FORMATION: ("o", INK, INK),
+    1: ("s", "#00614a", "#009E73"),
+    2: ("D", "#7a2a7a", "#CC79A7"),
+    3: ("^", "#8a6d00", "#F0E442"),
+    4: ("v", "#1f6f9c", "#56B4E9"),
+}
+
+
+def style_of(label: int) -> int:
+    """Which of the styles a set has; knowledge sets beyond the fourth begin again."""
+    return label if label <= FORMATION else 1 + (label - 1) % 4
+
+
+class Overview:
+    """All craft, seen from one direction, at one scale for the whole gathering."""
+
+    def __init__(
+        self,
+        figure: Figure,
+        place: tuple[float, float, float, float],
+        title: str,
+        camera: Camera,
+        gathering: Gathering,
+        knots: Sequence[Knots],
+        craft: int,
+        names: Sequence[str],
+    ) -> None:
+        self.camera, self.gathering, self.names = camera, gathering, names
+        self.few = len(gathering.groups) <= FEW
+        self.coned = range(len(gathering.groups)) if self.few else [craft]
+        points, sensor = np.vstack([one.points for one in knots]), gathering.search.sensor
+        span = max(float(np.ptp(points, axis=0).max()), 10.0 * sensor.offset) or 10.0
+        self.cone = min(sensor.range, (0.17 if self.few else 0.12) * span)
+        self.shade = max(sensor.offset, 0.017 * span)
+        margin = 0.9 * self.cone + sensor.offset
+        ends = np.vstack([camera(points) - margin, camera(points) + margin])
+        room = 1.06 if self.few else 1.25
+        wide, high = figure.get_size_inches() * place[2:]
+        middle, width = framing(ends, wide, high, room)
+        self.axes = stage(figure, place, middle, width)
+        framed(self.axes, title)
+        scale_bar(self.axes, width)
+        self.pairs = self._pairs()
+
+        self.trails = LineCollection([], colors=OTHER, linewidths=1.3 if self.few else 0.6)
+        self.bodies = PolyCollection([], linewidths=0.0)
+        self.mouths = PolyCollection([], linewidths=0.9)
+        self.edges = LineCollection([], linewidths=0.5)
+        self.shades = PolyCollection([], facecolors="#c9ced6", edgecolors=INK, linewidths=0.8)
+        self.past_look: dict[str, Any] = {"color": BEFORE, "linewidth": 1.0, "linestyle": DASHED}
+        self.now_look: dict[str, Any] = {"color": INK, "linewidth": 2.4}
+        if not self.few:
+            self.past_look = {"color": OTHER, "linewidth": 0.4}
+            self.now_look = {"color": INK, "linewidth": 0.7}
+        self.past = LineCollection([], **self.past_look)
+        self.now = LineCollection([], **self.now_look)
+        for collection in (
+            self.bodies,
+            self.mouths,
+            self.edges,
+            self.trails,
+            self.past,
+            self.now,
+            self.shades,
+        ):
+            self.axes.add_collection(collection, autolim=False)
+        size = 5.0 if self.few else 4.5
+        self.marks = {
+            label: self.axes.plot([], [], marker, color=edge, markerfacecolor=face, markersize=size)[0]
+            for label, (marker, edge, face) in STYLES.items()
+        }
+        (self.kinks,) = self.axes.plot([], [], ".", color=INK, markersize=5 if self.few else 0)
+        self.words = [word(self.axes, (0, 0), names[k], shift=(5, 9), ha="left") for k in self.coned]
+        stacked(self.artists)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All that moves, from back to front."""
+        lines = [
+            self.bodies,
+            self.mouths,
+            self.edges,
+            self.trails,
+            self.past,
+            self.kinks,
+            self.shades,
+            self.now,
+        ]
+        return [*lines, *self.marks.values(), *self.words]
+
+    def _pairs(self) -> Any:
+        """Pairs whose locks are drawn: all of A with B where craft are few, else those that joined sets."""
+        groups = self.gathering.groups
+        if self.few:
+            return np.array([(i, j) for i, a in enumerate(groups) for j, b in enumerate(groups) if a < b])
+        locks = [event for event in self.gathering.events if event.kind == EventKind.LOCK]
+        return np.array([(event.first, event.second) for event in locks]).reshape(-1, 2)
+
+    def show(self, moment: Moment) -> None:
+        """Move everything to a moment."""
+        where, camera = moment.positions, self.camera
+        self._cones(moment, where)
+        trails = moment.trails
+        self.trails.set_segments([camera(trail) for trail in trails])
+        bends = camera(np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in trails)]))
+        self.kinks.set_data(bends[:, 0], bends[:, 1])
+        seen = moment.in_lock(self.pairs)
+        met = {frozenset((event.first, event.second)) for event in moment.locks}
+        known = np.array([frozenset(pair) in met for pair in self.pairs.tolist()], dtype=bool)
+        self.past.set_segments(list(camera(where[self.pairs[known & ~seen]])))
+        self.now.set_segments(list(camera(where[self.pairs[seen if self.few else seen & known]])))
+        flat, labels = camera(where), np.array([style_of(label) for label in moment.labels])
+        for label, mark in self.marks.items():
+            mark.set_data(*flat[labels == label].T)
+        for text, k in zip(self.words, self.coned, strict=True):
+            text.xy = flat[k]
+
+    def _cones(self, moment: Moment, where: Floats) -> None:
+        """The cones of the sensors and the shades; all of one group have one attitude."""
+        sensor, camera = self.gathering.search.sensor, self.camera
+        bodies, mouths, edges, shades, colours, facing = [], [], [], [], [], []
+        for group, colour in GROUP_COLOURS.items():
+            attitude = moment.attitudes[group]
+            rim = ring(attitude[:, 2], sensor.half_angle, self.cone)
+            body = solid(camera, np.zeros(3), rim)
+            disc = camera(ring(attitude[:, 0], pi / 2.0, self.shade))
+            for k in self.coned:
+                if self.gathering.groups[k] == group:
+                    apex = camera(where[k] + sensor.offset * attitude[:, 2])
+                    bodies.append(apex + body)
+                    mouths.append(apex + camera(rim))
+                    edges += [np.array([apex, apex + tip]) for tip in camera(rim[:-1:12])]
+                    shades.append(camera(where[k]) + disc)
+                    colours.append(colour)
+                    facing.append(0.3 if camera.nearness(attitude[:, 2]) > 0.05 else 0.0)
+        self.bodies.set_verts(bodies)
+        self.bodies.set_facecolor([tint(colour, 0.2) for colour in colours])
+        self.mouths.set_verts(mouths)
+        self.mouths.set_facecolor(
+            [tint(colour, share) for colour, share in zip(colours, facing, strict=True)]
+        )
+        self.mouths.set_edgecolor([tint(colour, 0.75) for colour in colours])
+        self.edges.set_segments(edges)
+        self.edges.set_color([tint(colour, 0.6) for colour in colours for _ in range(12)])
+        self.shades.set_verts(shades)
+
+
+class CloseUp:
+    """One craft from near by: its shade and normal, the sensor's cone, and the sun line."""
+
+    def __init__(
+        self,
+        figure: Figure,
+        place: tuple[float, float, float, float],
+        gathering: Gathering,
+        craft: int,
+        name: str,
+    ) -> None:
+        self.gathering, self.craft, self.camera = gathering, craft, OBLIQUE
+        self.axes = stage(figure, place, (-0.45, 0.0), 7.0)
+        framed(self.axes, f"Close view: {name}")
+        sun = self.camera(np.array([np.zeros(3), 2.05 * SUN]))
+        self.axes.plot(*sun.T, color=OTHER, linestyle=DASHED, linewidth=1.2)
+        self.axes.plot(*sun[1], "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=11)
+        word(self.axes, sun[1], "Sun", shift=(12, 0), ha="left")
+        low, left = self.axes.get_ylim()[0], self.axes.get_xlim()[0]
+        triad(self.axes, self.camera, np.array([left + 0.65, low + 0.9]), 0.5, DIRECTIONS)
+        colour = GROUP_COLOURS[gathering.groups[craft]]
+        self.body = PolyCollection([], facecolors=[tint(colour, 0.2)], linewidths=0.0)
+        self.mouth = PolyCollection([], edgecolors=[tint(colour, 0.8)], linewidths=1.2)
+        self.shade = PolyCollection([], facecolors="#c9ced6", edgecolors=INK, linewidths=1.2)
+        self.arrows = LineCollection([], colors=[INK, colour], linewidths=[2.0, 2.4])
+        for collection in (self.body, self.mouth, self.shade, self.arrows):
+            self.axes.add_collection(collection, autolim=False)
+        self.edges = LineCollection([], colors=[tint(colour, 0.6)], linewidths=0.6)
+        self.axes.add_collection(self.edges, autolim=False)
+        (self.heads,) = self.axes.plot([], [], "o", color=INK, markersize=3.5)
+        self.words = [word(self.axes, (0, 0), "body x"), word(self.axes, (0, 0), "boresight", colour)]
+        look: dict[str, Any] = {"ha": "left", "va": "top", "fontsize": SMALL, "color": INK}
+        self.turn = self.axes.text(0.02, 0.87, "", transform=self.axes.transAxes, **look)
+        stacked(self.artists)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All that moves, from back to front."""
+        return [
+            self.body,
+            self.mouth,
+            self.edges,
+            self.shade,
+            self.arrows,
+            self.heads,
+            *self.words,
+            self.turn,
+        ]
+
+    def show(self, moment: Moment) -> None:
+        """Turn the craft as it is at a moment."""
+        group = self.gathering.groups[self.craft]
+        attitude, camera = moment.attitudes[group], self.camera
+        normal, boresight = attitude[:, 0], attitude[:, 2]
+        sensor = self.gathering.search.sensor
+        apex = boresight if sensor.offset > 0.0 else np.zeros(3)  # the shade's radius is the sensor's offset
+        rim = apex + ring(boresight, sensor.half_angle, 1.1)
+        self.body.set_verts([solid(camera, apex, rim)])
+        self.mouth.set_verts([camera(rim)])
+        self.edges.set_segments([camera(np.array([apex, tip])) for tip in rim[:-1:12]])
+        near = camera.nearness(boresight) > 0.05
+        self.shade.set_zorder(self.body.get_zorder() - 0.1 if near else self.edges.get_zorder() + 0.05)
+        share = 0.3 if near else 0.0
+        self.mouth.set_facecolor([tint(GROUP_COLOURS[group], share)])
+        self.shade.set_verts([camera(ring(normal, pi / 2.0))])
+        tips = np.array([1.25 * normal, apex + 0.95 * boresight])
+        roots = np.array([np.zeros(3), apex])
+        self.arrows.set_segments(list(camera(np.stack([roots, tips], axis=1))))
+        self.heads.set_data(*camera(tips).T)
+        for text, tip in zip(self.words, camera(tips + 0.2 * np.array([normal, boresight])), strict=True):
+            text.xy = tip
+        self.turn.set_text(self.doing(moment, float(np.arccos(np.clip(normal @ SUN, -1.0, 1.0)))))
+
+    @staticmethod
+    def doing(moment: Moment, off_sun: float) -> str:
+        """The turn under way, and how far the shade's normal is from the Sun."""
+        leg = moment.leg
+        axis = "the sun line" if leg.about == "sun line" else leg.about
+        about = f"turning about\n{axis}" if leg.angle else "waiting"
+        return f"{about}\nSun angle {degrees(off_sun):.1f}°"
+
+
+class Strip:
+    """The time of the whole gathering with its phases and locks, and where the moment is."""
+
+    def __init__(
+        self, figure: Figure, place: tuple[float, float, float, float], gathering: Gathering
+    ) -> None:
+        self.axes = axes = figure.add_axes(place)
+        axes.set_yticks([])
+        axes.set_xticks([])
+        end = gathering.duration or 1.0
+        axes.set_xlim(0.0, end)
+        axes.set_ylim(0.0, 1.0)
+        for spine in axes.spines.values():
+            spine.set_color(OTHER)
+        for k, (name, _, first, last) in enumerate(gathering.search.phases):
+            if first < end:
+                axes.axvspan(
+                    first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0.0
+                )
+                if min(last, end) - first > 0.035 * end:
+                    word(axes, (first, 0.5), name, shift=(5, 0), ha="left")
+        above = blended_transform_factory(axes.transData, axes.transAxes)
+        times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
+        free = [-1.0, -1.0]  # from which time on there is room for words in a row
+        for time in times:
+            axes.axvline(time, color=INK, linewidth=1.4 if len(times) <= FEW else 0.6)
+            row = next((k for k in (0, 1) if time >= free[k]), None)
+            if row is not None:
+                free[row] = time + (0.06 if time >= 0.03 * end else 0.09) * end
+                edge = "left" if time < 0.03 * end else ("right" if time > 0.97 * end else "center")
+                look: dict[str, Any] = {"transform": above, "ha": edge, "fontsize": SMALL, "color": INK}
+                axes.text(time, 1.12 + 0.75 * row, clock_text(time), **look)
+        (self.cursor,) = axes.plot([], [], color="#D55E00", linewidth=3.0, clip_on=False)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All that moves."""
+        return [self.cursor]
+
+    def show(self, moment: Moment) -> None:
+        """Move the cursor."""
+        self.cursor.set_data([moment.time, moment.time], [-0.15, 1.15])
+
+
+def stacked(artists: Sequence[Artist]) -> None:
+    """Give artists the order from back to front in which they stand."""
+    for k, artist in enumerate(artists):
+        artist.set_zorder(3.0 + 0.1 * k)
+
+
+def tint(colour: str, share: float) -> tuple[float, float, float, float]:
+    """A colour as red, green, blue and opacity."""
+    red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    return red, green, blue, share
+
+
+def framed(axes: Axes, title: str) -> None:
+    """A thin frame with a title in its upper left corner."""
+    axes.set_axis_on()
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_color(OTHER)
+    look: dict[str, Any] = {
+        "ha": "left",
+        "va": "top",
+        "fontsize": TEXT,
+        "fontweight": "bold",
+        "path_effects": HALO,
+    }
+    axes.text(0.015, 0.985, title, transform=axes.transAxes, color=INK, **look)
+
+
+def scale_bar(axes: Axes, width: float) -> None:
+    """A bar of a round length in the lower right corner."""
+    power = 10.0 ** np.floor(np.log10(0.25 * width))
+    length = float(max(step * power for step in (1, 2, 5) if step * power <= 0.25 * width))
+    unit = length_unit(length)
+    right, low = axes.get_xlim()[1] - 0.04 * width, axes.get_ylim()[0] + 0.03 * width
+    axes.plot([right - length, right], [low, low], color=INK, linewidth=2.5, solid_capstyle="butt")
+    word(axes, (right - length / 2, low), f"{length / unit.size:g} {unit.name}", shift=(0, 9))

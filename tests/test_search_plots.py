@@ -1,0 +1,450 @@
+"""Pictures of searches and gatherings: what is drawn is what the search does, by independent geometry."""
+
+import io
+from math import acos, atan, cos, degrees, pi, radians, sin, sqrt, tan
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
+from PIL import Image
+from scipy.spatial import ConvexHull
+
+from closeform import plots
+from closeform.plots.camera import GROUP_COLOURS, Camera, hull, ring
+from closeform.plots.cones import half_rim
+from closeform.plots.film import schedule
+from closeform.plots.formation import ThreeViews
+from closeform.plots.hyperbola import CAMERA, Meeting
+from closeform.plots.moment import Knots, Moment, clock_text
+from closeform.plots.panels import OBLIQUE, SUN_VIEW
+from closeform.search import Search, Sensor, gather, lock_times
+from closeform.search.theorem import cone_regions
+
+RATE, HALF = radians(0.25), radians(70.0)
+MODIFIED = Search.modified(Sensor(HALF), RATE, radians(25.0))
+BASIC = Search.basic(Sensor(HALF, offset=7.5), RATE, radians(25.0), in_plane_turn=2 * pi)
+TIP = atan(cos(HALF) / sqrt(1 - 2 * cos(HALF) ** 2))  # S04 eq. 1
+
+# Five craft as in H03 section V: two pairs lock in the IPS, a fifth joins the second, they meet in the OPS.
+POSITIONS = np.array(
+    [
+        [-27.8, -70.6, 90.9],
+        [-3.9, -72.1, -70.0],
+        [-37.0, -34.8, 95.9],
+        [-75.2, -42.8, -50.7],
+        [-64.5, 24.0, 97.5],
+    ]
+)
+VELOCITIES = np.array(
+    [
+        [-0.0558, -0.0006, 0.0215],
+        [-0.0257, 0.0298, -0.0438],
+        [0.0008, -0.0097, 0.0053],
+        [0.023, -0.0395, 0.028],
+        [0.0001, 0.004, 0.0038],
+    ]
+)
+FIVE = gather(BASIC, POSITIONS, VELOCITIES, "balanced", burns="second")
+LOCKS = [event for event in FIVE.events if event.kind == "lock"]
+RNG = np.random.default_rng(11)
+MANY = gather(BASIC, RNG.uniform(-900, 900, (40, 3)), RNG.uniform(-0.1, 0.1, (40, 3)))
+
+
+def moment(gathering, time):
+    return Moment(gathering, [Knots.of(gathering.paths[k]) for k in range(len(gathering.groups))], time)
+
+
+def words(figure):
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    return texts + [text.get_text() for text in figure.texts]
+
+
+def points(line):
+    return np.transpose([line.get_xdata(), line.get_ydata()]).astype(float)
+
+
+def outlines(collection):
+    return [path.vertices[:-1] for path in collection.get_paths()]
+
+
+def as_the_sun_sees(position):
+    """x to the right and y downwards: seen from -z, where the sun is, that is no mirror image."""
+    return np.asarray(position)[..., :2] * [1.0, -1.0]
+
+
+def angle_between(one, other):
+    return acos(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
+
+
+def test_the_story_resembles_h03():
+    assert [(event.first, event.second, event.label, event.phase) for event in LOCKS] == [
+        (1, 3, 0, "IPS"),
+        (2, 4, 1, "IPS"),
+        (0, 4, 1, "IPS"),
+        (0, 3, 0, "OPS"),
+    ]
+    assert FIVE.ok
+    assert FIVE.duration < 30 * 60
+
+
+@pytest.mark.parametrize("camera", [SUN_VIEW, OBLIQUE, CAMERA, Camera.at([1, 2, 3], [0, 0, 1])])
+def test_a_camera_shows_no_mirror_image(camera):
+    assert np.allclose(camera.basis @ camera.basis.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(camera.basis) == pytest.approx(1.0)
+
+
+def test_the_sun_view_is_from_the_sun():
+    assert np.allclose(SUN_VIEW(np.eye(3)), [[1, 0], [0, -1], [0, 0]])
+    assert SUN_VIEW.nearness([0, 0, -1]) == 1.0  # the sun is along -z
+    # a right-handed turn about the direction to the sun is counter-clockwise there
+    seen = SUN_VIEW(BASIC.boresight([0.0, 360.0, 720.0]))  # 0, 90 and 180 deg
+    assert np.allclose(seen, [[1, 0], [0, 1], [-1, 0]], atol=1e-12)
+    assert OBLIQUE.nearness([0, 0, -1]) > 0.0  # seen from the sunny side
+    assert OBLIQUE([0, 0, -1]) @ [0, 1] > 0.5
+
+
+def test_hull_is_the_convex_hull():
+    cloud = RNG.normal(size=(60, 2))
+    true = cloud[ConvexHull(cloud).vertices]
+    assert {tuple(point) for point in hull(cloud)} == {tuple(point) for point in true}
+    assert len(hull(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]))) == 2  # edge-on
+
+
+def test_ring_is_the_rim_of_a_cone():
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    rim = ring(axis, HALF, 5.0)
+    assert np.allclose(rim @ axis, 5.0 * cos(HALF))
+    assert np.allclose(np.linalg.norm(rim, axis=1), 5.0)
+
+
+# ----- one search
+
+
+def test_in_plane_search_says_what_it_sweeps():
+    figure = plots.in_plane_search(MODIFIED)
+    figure.draw_without_rendering()
+    assert (
+        figure.get_suptitle() == "In-plane search: 540° about the sun line in 2160 s sweep 93.97 % of the sky"
+    )
+    assert words(figure).count("left out: 20° about the sun line") == 2
+    assert "360°" in plots.in_plane_search(BASIC).get_suptitle()
+
+
+def test_manoeuvres_have_a_panel_for_each_turn():
+    figure = plots.manoeuvres(MODIFIED)
+    legs = MODIFIED.legs[:8]
+    assert len(figure.axes) == 16
+    turn, double = f"{degrees(TIP):.1f}°", f"{2 * degrees(TIP):.1f}°"
+    signs = ["+540°", f"+{turn}", f"−{double}", "+180°", f"+{double}", "+180°", f"−{double}", f"+{turn}"]
+    other = ["+540°", f"−{turn}", f"+{double}", "+180°", f"−{double}", "+180°", f"+{double}", f"−{turn}"]
+    below = [
+        next(t for t in axes.texts if "\n" in t.get_text()).get_text().split("\n") for axes in figure.axes
+    ]
+    assert [lines[0] for lines in below] == signs + other
+    assert [lines[2] for lines in below] == [f"{leg.start:.0f}–{leg.end:.0f} s" for leg in legs] * 2
+    every = [text.get_text() for axes in figure.axes for text in axes.texts]
+    numbers = [text for text in every if set(text) <= set("IV")]
+    assert numbers[:6] == ["I", "II", "III", "IV", "I", "II"]  # S04's order of the regions
+    assert numbers[6:] == ["III", "IV", "I", "II", "III", "IV"]
+    assert len(plots.manoeuvres(BASIC, 2).axes) == 12
+
+
+def test_manoeuvres_draw_the_attitudes():
+    """After the first tip A looks towards the sun, down, by the tip, and its shade is tilted as much."""
+    axes = plots.manoeuvres(MODIFIED).axes[1]
+    boresight = np.array([cos(TIP), -sin(TIP)])
+    coloured = [line for line in axes.lines if line.get_color() == GROUP_COLOURS["A"]]
+    edges = [points(line)[1] for line in coloured if line.get_linestyle() == "-"]
+    assert [angle_between(edge, boresight) for edge in edges] == pytest.approx([HALF, HALF])
+    (before,) = [points(line)[1] for line in coloured if line.get_linestyle() == "--"]
+    assert np.allclose(before, [1.0, 0.0], atol=1e-12)
+    (shade,) = [points(line) for line in axes.lines if line.get_linewidth() == 4.5]
+    assert abs(angle_between(shade[1] - shade[0], boresight)) < 1e-7  # edge-on, along the boresight
+
+
+@pytest.mark.parametrize("mops", [1, 2])
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_regions_are_where_the_theorem_has_them(mops, number):
+    first = MODIFIED.boresight([2160.0, 4283.0 + 2160.0][mops - 1])  # the start of an mOPS
+    rim = half_rim(MODIFIED, number, first)[1:-1]
+    inside = 0.999 * rim + 0.001 * rim.mean(axis=0)
+    expected = [k == number for k in (1, 2, 3, 4)]
+    assert (cone_regions(MODIFIED, inside, mops) == expected).all()
+    assert not cone_regions(MODIFIED, 1.001 * rim - 0.001 * rim.mean(axis=0), mops).any()
+
+
+def test_complementary_cones_list_the_searches():
+    figure = plots.complementary_cones(MODIFIED)
+    figure.draw_without_rendering()
+    table = [text.get_text() for text in figure.texts]
+    for time, own, other in (("2245.4", "I", "III"), ("3306.9", "IV", "II"), ("4197.6", "II", "IV")):
+        at = table.index(time)
+        assert table[at + 1 : at + 3] == [own, other]
+    assert {"n₁", "n₂", "n₃", "I", "II", "III", "IV", "Sun"} <= set(words(figure))
+
+
+@pytest.mark.parametrize("time", [None, 200.0, 1500.0])
+def test_lemma_2_draws_the_cone_in_the_plane(time):
+    r, v = np.array([-100.0, 240.0, 170.0]), np.array([-0.05, -0.1, 0.03])
+    figure = plots.lemma_2(MODIFIED, r, v, time)
+    figure.draw_without_rendering()
+    when = float(lock_times(MODIFIED, r, v).time[0]) if time is None else time
+    craft, turn = r + v * when, RATE * when
+    boresight = np.array([-cos(turn), sin(turn), 0.0])  # of B
+    meeting = Meeting(craft, boresight, HALF)
+    assert np.allclose(meeting.curve[:, 2], 0.0)
+    gaps = meeting.curve - craft
+    assert np.allclose(gaps @ boresight, cos(HALF) * np.linalg.norm(gaps, axis=1))
+    assert np.allclose(meeting.vertex, craft * [1, 1, 0] + 1 / tan(HALF) * abs(craft[2]) * boresight)
+    (drawn,) = [line for line in figure.axes[0].lines if len(line.get_xdata()) == 97]
+    assert np.allclose(points(drawn), meeting.curve @ CAMERA.basis[:2].T, atol=1e-9)
+    margin = angle_between(-craft, boresight) - HALF
+    where = "on H" if time is None else ("outside of H" if margin > 0 else "within H")
+    assert where in figure.get_suptitle()
+    assert time is not None or abs(margin) < 1e-9
+
+
+# ----- many searches
+
+
+def test_bars_are_the_counts():
+    given = np.concatenate([np.zeros(17), RNG.uniform(1e-3, MODIFIED.duration, 4000), [np.nan] * 3])
+    given[20:30] = 120.0  # on an edge
+    figure = plots.histogram(given, MODIFIED)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    (bars,) = [patch for patch in axes.patches if hasattr(patch, "get_data")]
+    counts, edges, _ = bars.get_data()
+    assert np.allclose(edges * 60.0, 60.0 * np.arange(144))  # minutes
+    later = given[17:-3]
+    true = [np.count_nonzero((later >= 60.0 * k) & (later < 60.0 * (k + 1))) for k in range(143)]
+    assert counts.tolist() == true
+    assert sum(true) == 4000
+    assert axes.get_yscale() == "log"
+    assert figure.get_suptitle() == "17 of 4 020 pairs lock at once (not shown), 4 000 later, 3 never"
+    first = np.count_nonzero(later <= 2160.0)
+    assert f"IPS 1\n{first:,}".replace(",", " ") in words(figure)
+    dashed = sorted(float(line.get_xdata()[0]) * 60.0 for line in axes.lines if line.get_linestyle() == "--")
+    assert dashed == pytest.approx([leg.end for leg in MODIFIED.legs])
+    other = plots.histogram([0.0, 5.0], BASIC, 10.0, "formations gather")
+    assert other.get_suptitle() == "1 of 2 formations gather at once (not shown), 1 later"
+    assert other.axes[0].get_ylabel() == "formations [1 per 10 s]"
+
+
+# ----- a gathering
+
+
+@pytest.mark.parametrize("gathering", [FIVE, MANY], ids=["five", "many"])
+def test_sets_at_the_end(gathering):
+    end = moment(gathering, gathering.duration)
+    for label, members in zip(sorted(set(end.labels) - {-1}), gathering.sets, strict=True):
+        assert tuple(np.flatnonzero(end.labels == label)) == members
+    assert tuple(np.flatnonzero(end.labels == -1)) == gathering.lost
+
+
+@pytest.mark.parametrize("gathering", [FIVE, MANY], ids=["five", "many"])
+def test_a_lock_is_seen_from_both_sides(gathering):
+    groups = np.array(gathering.groups)
+    pairs = np.array([(i, j) for i in np.flatnonzero(groups == "A") for j in np.flatnonzero(groups == "B")])
+    for time in np.linspace(0.0, gathering.duration, 5):
+        a, b = (gathering.search.boresight(time, group) for group in "AB")
+        sensors = gathering.paths.position(time) + 7.5 * np.where((groups == "A")[:, None], a, b)
+        gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
+        gap /= np.linalg.norm(gap, axis=1, keepdims=True)
+        both = (gap @ a >= cos(HALF + 1e-5)) & (-gap @ b >= cos(HALF + 1e-5))
+        now = moment(gathering, time)
+        assert np.array_equal(now.in_lock(pairs), both)
+        assert np.array_equal(now.in_lock(pairs[:, ::-1]), both)
+
+
+def test_before_and_after_each_lock():
+    story = [
+        ([-1, -1, -1, -1, -1], [-1, 0, -1, 0, -1]),
+        ([-1, 0, -1, 0, -1], [-1, 0, 1, 0, 1]),
+        ([-1, 0, 1, 0, 1], [1, 0, 1, 0, 1]),
+        ([1, 0, 1, 0, 1], [0, 0, 0, 0, 0]),
+    ]
+    for event, (before, after) in zip(LOCKS, story, strict=True):
+        assert moment(FIVE, np.nextafter(event.time, 0.0)).labels.tolist() == before
+        assert moment(FIVE, event.time).labels.tolist() == after
+
+
+@pytest.mark.parametrize("time", [0.0, 700.0, LOCKS[2].time, 1450.0, FIVE.duration])
+def test_the_sun_view_shows_the_craft(time):
+    views = ThreeViews(FIVE, 0, None)
+    views.show(time)
+    sun = views.parts[1]
+    where = FIVE.paths.position(time)
+    labels = moment(FIVE, time).labels
+    for label, mark in sun.marks.items():
+        assert np.allclose(points(mark).reshape(-1, 2), as_the_sun_sees(where[labels == label]), atol=1e-9)
+    trails = sun.trails.get_segments()
+    assert np.allclose([trail[-1] for trail in trails], as_the_sun_sees(where), atol=1e-9)
+    assert np.allclose([trail[0] for trail in trails], as_the_sun_sees(POSITIONS), atol=1e-9)
+    burns = [e for e in FIVE.events if e.kind == "burn" and e.time < time]
+    bends = [as_the_sun_sees(FIVE.paths[e.first].position(e.time)) for e in burns]
+    assert np.allclose(points(sun.kinks).reshape(-1, 2), np.reshape(bends, (-1, 2)), atol=1e-9)
+    for text, point in zip(sun.words, where, strict=True):
+        assert np.allclose(text.xy, as_the_sun_sees(point), atol=1e-9)
+
+
+@pytest.mark.parametrize("time", [100.0, 543.0, 1200.0])
+def test_cones_have_their_apex_in_the_sensor_and_their_half_angle(time):
+    """In the in-plane search the sun sees every cone from the side."""
+    views = ThreeViews(FIVE, 0, None)
+    views.show(time)
+    sun = views.parts[1]
+    turn = RATE * time
+    drawn = outlines(sun.bodies)
+    order = [0, 1, 2, 3, 4]  # those of A come first, and three of five are A
+    assert FIVE.groups == ("A", "A", "A", "B", "B")
+    for outline, k, colour in zip(drawn, order, sun.bodies.get_facecolor(), strict=True):
+        sign = 1.0 if FIVE.groups[k] == "A" else -1.0
+        boresight = sign * np.array([cos(turn), sin(turn)])  # counter-clockwise from the right
+        apex = as_the_sun_sees(FIVE.paths[k].position(time)) + 7.5 * boresight
+        at = int(np.argmin(np.linalg.norm(outline - apex, axis=1)))
+        assert np.allclose(outline[at], apex, atol=1e-9)
+        edges = [outline[at - 1] - apex, outline[(at + 1) % len(outline)] - apex]
+        assert [angle_between(edge, boresight) for edge in edges] == pytest.approx([HALF, HALF], abs=1e-3)
+        assert max(np.linalg.norm(edge) for edge in edges) == pytest.approx(sun.cone, rel=1e-3)
+        assert tuple(colour[:3]) == to_rgba(GROUP_COLOURS[FIVE.groups[k]])[:3]
+
+
+def test_lines_join_those_in_lock():
+    for event in LOCKS:
+        views = ThreeViews(FIVE, 0, None)
+        views.show(event.time)
+        ends = as_the_sun_sees(FIVE.paths.position(event.time))[[event.first, event.second]]
+        bold = views.parts[1].now.get_segments()
+        assert any(np.allclose(line, ends) or np.allclose(line[::-1], ends) for line in bold)
+        views.show(event.time - 1.0)  # the pair is still outside of each other's cones
+        ends = as_the_sun_sees(FIVE.paths.position(event.time - 1.0))[[event.first, event.second]]
+        bold = views.parts[1].now.get_segments()
+        assert not any(np.allclose(line, ends) or np.allclose(line[::-1], ends) for line in bold)
+
+
+def test_clock_phase_and_story():
+    views = ThreeViews(FIVE, 3, ["V", "W", "X", "Y", "Z"])
+    for time, clock, story in (
+        (0.0, "00:00  IPS", "All are lost"),
+        (LOCKS[0].time + 60.0, "10:04  IPS", "09:04  W and Y lock: formation set holds W, Y"),
+        (1439.0, "23:59  IPS", "14:19  V and Z lock: knowledge set 1 holds V, X, Z"),
+        (1441.0, "24:01  OPS", "14:19  V and Z lock: knowledge set 1 holds V, X, Z"),
+        (FIVE.duration, "25:09  OPS", "25:09  V and Y lock: formation set holds V, W, X, Y, Z"),
+    ):
+        views.show(time)
+        assert (views.clock.get_text(), views.story.get_text()) == (clock, story)
+        assert views.parts[3].cursor.get_xdata()[0] == time
+    strip = views.parts[3].axes
+    ticks = [line.get_xdata()[0] for line in strip.lines if line is not views.parts[3].cursor]
+    assert ticks == [event.time for event in LOCKS]
+    assert [clock_text(t) for t in (59.6, 3599.4, 8566.0)] == ["01:00", "59:59", "142:46"]
+
+
+def test_the_close_view_turns_with_the_craft():
+    views = ThreeViews(FIVE, 3, None)
+    close = views.parts[2]
+    time = 1440.0 + 50.0  # half of the first tip
+    views.show(time)
+    assert close.turn.get_text() == "turning about\nbody y\nSun angle 12.5°"
+    start, tilt = BASIC.boresight(1440.0, "B"), radians(12.5)
+    assert np.allclose(start, [-1, 0, 0], atol=1e-12)
+    # A tips towards the sun first, so B away from it
+    boresight, normal = np.array([-cos(tilt), 0.0, sin(tilt)]), np.array([-sin(tilt), 0.0, -cos(tilt)])
+    drawn = close.arrows.get_segments()
+    assert np.allclose(drawn[0], OBLIQUE(np.array([0 * normal, 1.25 * normal])), atol=1e-9)
+    assert np.allclose(drawn[1], OBLIQUE(np.array([boresight, 1.95 * boresight])), atol=1e-9)
+    disc = outlines(close.shade)[0]
+    assert np.allclose(disc, OBLIQUE(ring(normal, pi / 2))[: len(disc)], atol=1e-9)
+
+
+def test_everything_stays_in_its_frame():
+    views = ThreeViews(FIVE, 0, None)
+    for time in np.linspace(0.0, FIVE.duration, 12):
+        views.show(time)
+        for part in views.parts[:3]:
+            shapes = [part.mouths, part.shades] if part is not views.parts[2] else [part.mouth, part.shade]
+            seen = np.vstack([outline for shape in shapes for outline in outlines(shape)])
+            (left, right), (low, high) = part.axes.get_xlim(), part.axes.get_ylim()
+            assert (seen >= [left, low]).all()
+            assert (seen <= [right, high]).all()
+
+
+@pytest.mark.parametrize("count", [2, 40])
+def test_two_and_many_craft(count):
+    two = gather(MODIFIED, POSITIONS[:2], VELOCITIES[:2])
+    gathering = {2: two, 40: MANY}[count]
+    views = ThreeViews(gathering, 1, None)
+    views.show(gathering.duration)
+    views.figure.draw_without_rendering()
+    assert sum(len(points(mark)) for mark in views.parts[0].marks.values()) == count
+    assert len(outlines(views.parts[0].bodies)) == (2 if count == 2 else 1)
+
+
+def test_craft_that_lock_at_once():
+    at_once = gather(MODIFIED, [[0.0, 0, 0], [50.0, 0, 0]], np.zeros((2, 3)))
+    assert at_once.duration == 0.0
+    plots.three_views(at_once, 0.0).draw_without_rendering()
+
+
+# ----- animation
+
+
+def test_animation(tmp_path):
+    told = []
+    plots.animation(FIVE, tmp_path / "five.gif", frames=6, progress=lambda *done: told.append(done))
+    times, stays = schedule(FIVE, 6)
+    assert len(times) == 6 + 3  # the last lock is the last frame
+    assert told == [(k + 1, 9) for k in range(9)]
+    assert [stay > 1000 for stay in stays] == [time in {event.time for event in LOCKS} for time in times]
+    with Image.open(tmp_path / "five.gif") as film:
+        assert film.n_frames == 9
+        shown = []
+        for k in range(9):
+            film.seek(k)
+            shown.append(film.info["duration"])
+        assert shown == stays
+        last = np.asarray(film.convert("RGB"), dtype=float)
+    # what was moved shows what is drawn anew
+    figure = plots.three_views(FIVE, FIVE.duration)
+    figure.set_dpi(last.shape[1] / figure.get_size_inches()[0])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    anew = np.asarray(canvas.buffer_rgba(), dtype=float)[..., :3]
+    assert anew.shape == last.shape
+    assert np.abs(anew - last).mean() < 1.5  # of 255: the palette has 64 colours
+    assert tuple(last[1, 1]) == (255, 255, 255)
+
+
+def test_animation_to_a_buffer():
+    buffer = io.BytesIO()
+    plots.animation(MANY, buffer, frames=2)
+    assert buffer.getvalue()[:6] == b"GIF89a"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: plots.manoeuvres(MODIFIED, 3), "number: this search has rounds 1 to 2, got 3"),
+        (lambda: plots.complementary_cones(BASIC), "mops: this search has no mOPS 1"),
+        (
+            lambda: plots.complementary_cones(Search.modified(Sensor(pi / 2), RATE, 0.4)),
+            "search: a half-angle of 90 deg leaves no complementary cones",
+        ),
+        (lambda: plots.lemma_2(BASIC, [9, 0, 0], [0, 0, 0]), "search: lemma 2 wants sensors at the centres"),
+        (lambda: plots.lemma_2(MODIFIED, [9, 0], [0, 0, 0]), "position: expected shape"),
+        (lambda: plots.lemma_2(MODIFIED, [9, 0, 0], [0, 0, 0], 2200.0), "time: 2200 s is not in the first"),
+        (lambda: plots.lemma_2(MODIFIED, [0, 0, 9], [0, 0, 0]), "time: .* is not in the first in-plane"),
+        (lambda: plots.histogram([[1.0]], MODIFIED), "times: expected shape"),
+        (lambda: plots.histogram([-1.0], MODIFIED), "times: must lie in the search, from 0 to 8566"),
+        (lambda: plots.histogram([1.0], MODIFIED, 0.0), "bin: must be positive"),
+        (lambda: plots.three_views(FIVE, 1e5), "time: must lie in the gathering, from 0 to 1509.47 s"),
+        (lambda: plots.three_views(FIVE, 0.0, 5), "craft: must be from 0 to 4, got 5"),
+        (lambda: plots.three_views(FIVE, 0.0, names=["a"]), "names: 1 names for 5 craft"),
+        (lambda: plots.animation(FIVE, io.BytesIO(), frames=1), "frames: must be at least 2, got 1"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
