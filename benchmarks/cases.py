@@ -1,4 +1,4 @@
-"""The work that every method is given: clusters of craft and transfers past an obstacle, from fixed seeds."""
+"""The work that every method is given, from fixed seeds: clusters, transfers past an obstacle, lost craft."""
 
 from dataclasses import dataclass
 
@@ -82,3 +82,28 @@ def meets(passage: Passage) -> bool:
     scaled = position(passage.path - passage.obstacle_path, times, MEAN_MOTION) / ZONE
     norms = np.linalg.norm(scaled, axis=1)
     return bool(norms.min() < 0.8 and np.abs(scaled[0]).max() > 2 and np.abs(scaled[-1]).max() > 2)
+
+
+def lost_pairs(count: int, seed: int) -> tuple[Array, Array]:
+    """Relative positions [m] and velocities [m/s] (count, 3) as in S04 section V.
+
+    Both craft are uniform in a cube of 1 km, each component of their velocities within 20 cm/s.
+    """
+    rng = np.random.Generator(np.random.Philox(seed))
+    craft = rng.uniform(-1.0, 1.0, (2, 2, count, 3)) * np.array([500.0, 0.2])[:, None, None, None]
+    return craft[0, 1] - craft[0, 0], craft[1, 1] - craft[1, 0]
+
+
+def lost_craft(cases: int, craft: int, seed: int) -> tuple[Array, Array]:
+    """Positions [m] and velocities [m/s] (cases, craft, 3) of H03's lost craft, uniform in balls.
+
+    Five are up to 300 m apart, more are as dense; relative speeds are up to 12 cm/s.
+    """
+    rng = np.random.Generator(np.random.Philox(seed))
+
+    def ball(radius: float) -> Array:
+        way = rng.normal(size=(cases, craft, 3))
+        way /= np.linalg.norm(way, axis=-1, keepdims=True)
+        return radius * way * np.cbrt(rng.uniform(0.0, 1.0, (cases, craft, 1)))
+
+    return ball(150.0 * np.cbrt(craft / 5)), ball(0.06)

@@ -19,7 +19,15 @@ from pathlib import Path
 from tables import Report, Table, as_markdown, as_text, figures_table, seconds
 from timing import machine, say
 
-SECTIONS = {"natural": 1, "thrusting": 1, "many": None, "shaping": 1, "start": None}  # cores; None: all
+SECTIONS = {
+    "natural": 1,
+    "thrusting": 1,
+    "many": None,
+    "shaping": 1,
+    "locks": None,
+    "gathering": None,
+    "start": None,
+}  # cores; None: all
 LIMIT = 600  # seconds a section may take
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 

@@ -2,6 +2,7 @@
 
 import sys
 from itertools import combinations
+from math import radians
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-from cases import MEAN_MOTION, PERIOD, ZONE, cluster, passages
-from peers import convex, mixed_integer, sampling, zero_crossings
+from cases import MEAN_MOTION, PERIOD, ZONE, cluster, lost_craft, lost_pairs, passages
+from peers import boresight_scan, convex, mixed_integer, sampling, zero_crossings
 from peers.motion import held, natural, position, state, states_of, transfer
+from turns import Turning, margin, turns
 
 ORBIT = cf.Orbit(MEAN_MOTION)
 ZONES = {False: cf.Ellipsoid(ZONE), True: cf.Box(ZONE)}
@@ -157,3 +159,74 @@ def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
         assert ZONES[True].norm(at[:3] - place(np.array([t]))[0]) > 1 - 1e-5  # HiGHS's feasibility
     assert found.optimal
     assert found.fuel >= found.delta_v * (1 - 1e-12)  # the sum over axes is never below the length
+
+
+# ---- first locks
+
+
+@pytest.fixture(scope="module")
+def lost():
+    """S04's search, and pairs of which some lock late."""
+    search = cf.Search.modified(cf.Sensor(radians(70)), radians(0.25), radians(25))
+    return search, *lost_pairs(3000, seed=9)
+
+
+def scans(search, positions, velocities, step):
+    """First samples by every way of looking."""
+    work = (positions, velocities, search.sensor.cosine, step)
+    looks = boresight_scan.boresights(search, step)
+    return {
+        "table": boresight_scan.scan("table", looks, *work, 2),
+        "vector": boresight_scan.scan("vector", looks, *work, 2),
+        "turning": boresight_scan.scan("turning", boresight_scan.turns(search), *work, 2),
+        "numpy": boresight_scan.scan_numpy(looks, *work, blocks=False),
+        "blocks": boresight_scan.scan_numpy(looks, *work, blocks=True),
+    }
+
+
+@pytest.mark.parametrize("step", [1.0, 60.0])
+def test_boresight_scans_find_the_first_sample_within_the_cones(lost, step):
+    """Against S04's turns one after the other, all samples of some pairs at once."""
+    search, positions, velocities = lost
+    found = scans(*lost, step)
+    turning = Turning(turns("modified", radians(70)), radians(0.25))
+    times = step * np.arange(int(search.duration / step) + 1)
+    boresights = turning.boresight(times)
+    for k in range(0, 3000, 20):
+        missing, _ = margin(boresights, positions[k] + times[:, None] * velocities[k], radians(70))
+        inside = missing <= 0.0
+        assert found["table"][k] == (np.argmax(inside) if inside.any() else -1)
+    for way, samples in found.items():
+        np.testing.assert_array_equal(samples, found["table"], err_msg=way)
+
+
+def test_boresight_scans_are_late_by_a_step_at_most(lost):
+    search, positions, velocities = lost
+    exact = cf.lock_times(*lost).time
+    looks = boresight_scan.boresights(search, 1.0)
+    found = boresight_scan.scan("table", looks, positions, velocities, search.sensor.cosine, 1.0, 1)
+    late = found - exact
+    assert late.min() >= 0.0
+    assert (late[exact == 0.0] == 0.0).all()
+    assert (late > 1.0).sum() <= 3  # first locks between two samples: some 50 of a million
+    assert late[(exact > 0.0) & (late <= 1.0)].mean() == pytest.approx(0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("way", ["table", "vector", "turning", "numpy", "blocks"])
+def test_boresight_scans_say_who_is_never_found(lost, way):
+    """Side by side along the sun line and at rest: no tip of 21 deg reaches them with 30 deg."""
+    search = cf.Search.basic(cf.Sensor(radians(30)), radians(0.25), radians(25))
+    positions = np.array([[0.0, 0.0, 100.0], [100.0, 0.0, 0.0], [0.0, 0.0, -5.0]])
+    assert scans(search, positions, np.zeros((3, 3)), 1.0)[way].tolist() == [-1, 0, -1]
+
+
+def test_lost_craft_are_as_far_apart_and_as_fast_as_the_papers_say():
+    positions, velocities = lost_pairs(100_000, seed=1)
+    assert np.abs(positions).max(axis=0) == pytest.approx(1000.0, rel=0.02)  # of two corners
+    assert np.abs(velocities).max(axis=0) == pytest.approx(0.4, rel=0.02)
+    # a difference of two uniform numbers of half-width a has the variance 2 a^2 / 3
+    assert positions.std(axis=0) == pytest.approx(500.0 * np.sqrt(2 / 3), rel=0.01)
+    craft, speeds = lost_craft(1000, 40, seed=1)
+    assert np.linalg.norm(craft, axis=-1).max() == pytest.approx(300.0, rel=1e-3)  # 8 times five: twice 150 m
+    assert np.linalg.norm(speeds, axis=-1).max() == pytest.approx(0.06, rel=1e-3)
+    assert (np.linalg.norm(craft, axis=-1) < 150.0).mean() == pytest.approx(1 / 8, abs=0.01)

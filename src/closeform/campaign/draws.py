@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from closeform.scenario import Scenario
+from closeform.scenario import Scenario, ScenarioError
 from closeform.scenario.study import Draw
 from closeform.zones import Floats
 
@@ -43,7 +43,7 @@ def uniform(seed: int, key: str, craft: int, first: int, last: int) -> Floats:
 def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats) -> Floats:
     """Vectors (..., 3) of a distribution from random numbers (..., 4)."""
     if draw.choice is not None:
-        return np.array(numbers)[(random[..., 0] * len(numbers)).astype(int)]
+        return np.asarray(np.array(numbers)[(random[..., 0] * len(numbers)).astype(int)])
     if draw.uniform is not None:
         return np.asarray(numbers[0] * (2.0 * random[..., :3] - 1.0))
     if draw.normal is not None:
@@ -59,15 +59,21 @@ def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats) -> Floats:
 def case_of(scenario: Scenario, case: int) -> Scenario:
     """The scenario with the states that the craft have in one `case` of its study, by the file's seed.
 
-    Raises ValueError for a scenario without a study or a case below 0.
+    Raises ScenarioError for draws that are not built, or craft at one place in that case, and
+    ValueError for a scenario without a study or a case below 0.
     """
     if scenario.study is None:
-        raise ValueError(f"{scenario.file}: has no cases; add a [study] table")
+        raise ValueError(f"{scenario.file} has no cases; add a [study] table, or leave the case out")
     if case < 0:
-        raise ValueError(f"case {case}: cases count from 0; give 0 or more")
+        raise ValueError(f"{case} is negative, cases count from 0; give 0 or more")
+    if lines := scenario.unbuilt_study():
+        raise ScenarioError(scenario.file, lines)
     states = drawn(scenario, scenario.study.seed, case, case + 1)[0].tolist()
     craft = tuple(
         one.model_copy(update={"start": None, "position": tuple(state[:3]), "velocity": tuple(state[3:])})
         for one, state in zip(scenario.craft, states, strict=True)
     )
-    return replace(scenario, title=f"{scenario.title}: case {case}", craft=craft)
+    found = replace(scenario, title=f"{scenario.title}: case {case}", craft=craft)
+    if lines := found.coincident():
+        raise ScenarioError(scenario.file, lines)
+    return found

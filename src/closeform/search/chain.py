@@ -30,6 +30,7 @@ END_TIME, END_LEG, LEFT, TOTAL, EVENTS, RESULT = 0, 1, 2, 3, 4, 5
 #   fleet  craft (N, 8), labels (N,), moved (N,): who has burned since locks were last foreseen
 #   book   locks (A, B), earliest (A,), partner (A,)
 #   zone   whether it is a box, its matrix, and the half-axes of what corrections pass around
+# `scratch` (10, 3) is for corrections: clearance works in rows 0 to 7, keep_clear holds 8 and 9.
 
 
 @kernel()
@@ -52,7 +53,7 @@ def record(events, count, t, kind, i, j, leg, case, label, dx, dy, dz):
 
 @kernel()
 def burn(fleet, events, count, t, kind, i, leg, vx, vy, vz):
-    """Give craft i a velocity at time t; the number of events."""
+    """Give craft i a velocity at time t; the number of events, which a burn of nothing does not add to."""
     craft, labels, moved = fleet
     dx, dy, dz = vx - craft[i, 3], vy - craft[i, 4], vz - craft[i, 5]
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
@@ -81,6 +82,7 @@ def foresee(sky, fleet, book, a, b, t):
     locks, earliest, partner = book
     i, j = first[a], second[b]
     when = inf
+    # the march counts from time 0, which loses digits only to craft that fly far beyond their distance
     if labels[i] == LOST or labels[i] != labels[j]:
         s, u = craft[i, SINCE], craft[j, SINCE]
         vx, vy, vz = craft[j, 3] - craft[i, 3], craft[j, 4] - craft[i, 4], craft[j, 5] - craft[i, 5]
@@ -148,7 +150,11 @@ def into_formation(fleet, events, count, t, low, high, leg, way, formed, kin):
 
 @kernel()
 def keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch):
-    """Craft of a knowledge set that would come too near burn: of the new ones, then of all, the cheapest."""
+    """Craft of a knowledge set that would come too near to others of it, as all now fly, until `end`, burn.
+
+    One after another, the cheapest first: of the new ones, then of all.  What no burn is found for
+    stays, and is found again in Gathering.collisions.
+    """
     box, matrix, half_axes = zone
     craft, labels, moved = fleet
     for i in range(len(labels)):

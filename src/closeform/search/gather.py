@@ -76,7 +76,9 @@ def gather(
     """
     where, speeds = _states(positions, velocities, 2)
     fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
-    flights = {way: fleet.fly(where, speeds, code, 8 * where.shape[1]) for way, code in WAYS.items()}
+    with ThreadPoolExecutor(len(WAYS)) as pool:
+        flown = pool.map(lambda code: fleet.fly(where, speeds, code, 8 * where.shape[1]), WAYS.values())
+    flights = dict(zip(WAYS, flown, strict=True))
     results = [flight[2] for flight in flights.values()]
     best = list(WAYS)[_least(results)[0]] if burns == "least" else burns
     totals = {way: float(flight[2][0, TOTAL]) for way, flight in flights.items()}

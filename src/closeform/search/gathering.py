@@ -39,7 +39,8 @@ class Event:
     `kind` tells which.  `phase` and `round` are those of the search; `case` is the lock's number
     in H03's table of joins (1 to 9; 0 for burns); `label` the set after it: 0 the formation set,
     k >= 1 knowledge set k, -1 lost.  A burn joins the formation set, or is a correction against a
-    collision inside a set, or the near-field search's; `delta_v` (3,) [m/s].
+    collision inside a set, or the near-field search's; `delta_v` (3,) [m/s].  A craft that need
+    not change its velocity joins without one.
     """
 
     time: float
@@ -72,7 +73,8 @@ class Gathering:
     time; `delta_v` (N,) [m/s]; `totals`: total delta-v [m/s] of the three ways in which the first
     pair can burn, of which `burns` was flown; `sets`: the formation set first, if there is one,
     then knowledge sets; `lost`: craft in none; `duration` [s] until gathered, or of all rounds;
-    `rounds`: searches begun; `keep_out`: the zone, if any.  `status`, and `reason`: who is left and why, None if gathered.
+    `rounds`: searches begun; `keep_out`: the zone, if any.  `status`, and `reason`: who is left
+    and why, None if gathered.
     """
 
     search: Search

@@ -31,7 +31,7 @@ CLOSE = 1e-8  # s
 TINY = 1e-300  # keeps 0 / 0 away
 NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1
 CHUNK = 65_536
-BLOCK, SWEEPS = 128, 7  # pairs that step side by side, and how often
+BLOCK, SWEEPS = 128, 8  # pairs that step side by side, and how often
 
 
 S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
@@ -69,11 +69,21 @@ def before(gap, slope, bend):
 
 
 @kernel(inline=True)
-def step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest):
-    """How long nothing certainly happens from time t on, and whether both see each other at t.
+def limits(turn, x, y, z, vx, vy, vz, baseline):
+    """What bounds g'' all through a leg: its swinging part at the end, the velocity's, |q'|."""
+    start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
+    ex, ey, ez = x + vx * end, y + vy * end, z + vz * end
+    last = (cx * ex + cy * ey + cz * ez) ** 2 + (sx * ex + sy * ey + sz * ez) ** 2
+    sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
+    fast = sqrt(vx * vx + vy * vy + vz * vz) + baseline * abs(w)
+    return last, 2.0 * abs(w) * sideways, fast
 
-    Then two that tell how fast a crossing is: the rate of -g, and a bound of its second
-    derivative.  `turn` is the leg's row; x, y, z is the position at time 0.
+
+@kernel(inline=True)
+def step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longest):
+    """How long nothing certainly happens from time t on; whether both see each other at t, or just after.
+
+    `turn` is the leg's row; x, y, z is the position at time 0.
     """
     start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
     sa, ca = sine_cosine(w * (t - start))
@@ -89,24 +99,24 @@ def step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest):
     growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
     slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
     # b.(r + v t) bends by its swinging part, greatest at one end of the leg, and the velocity's
-    ex, ey, ez = x + vx * end, y + vy * end, z + vz * end
     now = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
-    last = (cx * ex + cy * ey + cz * ez) ** 2 + (sx * ex + sy * ey + sz * ez) ** 2
-    sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
     turning = baseline * w * w  # acceleration of the sensors' offset, at most
     # c |q| is convex but for that; where c < 0 it is concave, and |q| bends by (its speed)^2 / |q|,
     # twice that at most before |q| is halved
-    fast = sqrt(vx * vx + vy * vy + vz * vz) + baseline * abs(w)
     curved = 2.0 * fast * fast / (q + TINY) + turning
     concave = max(0.0, -c)
-    bend = w * w * sqrt(max(now, last)) + 2.0 * abs(w) * sideways + max(c, 0.0) * turning + concave * curved
+    bend = w * w * sqrt(max(now, last)) + sideways + max(c, 0.0) * turning + concave * curved
     longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
     unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
     unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
-    # for a crossing just after h: the bounds must hold until 2.2 h
-    move = 2.2 * fast * unseen
-    steep = -slope if q > 2.0 * move and beyond + move <= 0.0 else 0.0
-    return max(unseen, unreached), gap <= scale and beyond <= scale, steep, bend + abs(c) * curved
+    h = max(unseen, unreached)
+    # Newton's method has come so near that the rest d = 3 most h^2 / -slope is below CLOSE; and it
+    # does cross: g(h + d) <= 1.5 most h^2 + most d^2 + slope d < 0 for d <= 1.2 h, if the bounds
+    # hold until 2.2 h
+    most, move = bend + abs(c) * curved, 2.2 * fast * h
+    near = (most * h < -0.4 * slope) & (3.0 * most * h * h < -CLOSE * slope)
+    near = near & (q > 2.0 * move) & (beyond + move <= 0.0)
+    return h, (gap <= scale) & (beyond <= scale), near
 
 
 @kernel(inline=True)
@@ -119,15 +129,14 @@ def lock_in_leg(leg, t, x, y, z, vx, vy, vz, baseline, c, longest):
     """First lock within a leg from time t on: (time, whether).  Position x, y, z at time 0."""
     turn = as_turn(leg)
     end = leg[END]
+    last, sideways, fast = limits(turn, x, y, z, vx, vy, vz, baseline)
     while True:
-        h, locked, steep, bend = step(turn, t, x, y, z, vx, vy, vz, baseline, c, longest)
+        h, locked, near = step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longest)
         if locked:
             return t, True
         if t >= end:
             return end, False
-        # Newton's method has come so near that the rest d = 3 bend h^2 / steep is below CLOSE; and
-        # it does cross: g(h + d) <= 1.5 bend h^2 + bend d^2 - steep d < 0 for d <= 1.2 h
-        if bend * h < 0.4 * steep and 3.0 * bend * h * h < CLOSE * steep:
+        if near:
             return min(t + h, end), t + h <= end
         t = min(end, max(t + h, t * (1.0 + 2.3e-16)))
 
@@ -146,9 +155,9 @@ def first_lock(legs, t, x, y, z, vx, vy, vz, baseline, c, longest):
 
 
 @kernel(inline=True)  # where the arrays are made, so that they are known not to overlap
-def ahead(leg, positions, velocities, begin, count, baseline, c, longest, parts, reached):
-    """The first steps of a block of pairs through a leg, side by side: the times reached."""
-    x, y, z, vx, vy, vz = parts
+def ahead(leg, positions, velocities, begin, count, baseline, c, longest, parts, reached, sure):
+    """The first steps of a block of pairs through a leg, side by side: times reached, whether they lock."""
+    x, y, z, vx, vy, vz, last, sideways, fast = parts
     turn = as_turn(leg)
     end = leg[END]
     for k in range(count):
@@ -156,11 +165,29 @@ def ahead(leg, positions, velocities, begin, count, baseline, c, longest, parts,
         x[k], y[k], z[k] = positions[m, 0], positions[m, 1], positions[m, 2]
         vx[k], vy[k], vz[k] = velocities[m, 0], velocities[m, 1], velocities[m, 2]
         reached[k] = leg[START]
+    for k in range(count):
+        last[k], sideways[k], fast[k] = limits(turn, x[k], y[k], z[k], vx[k], vy[k], vz[k], baseline)
     for _ in range(SWEEPS):
         for k in range(count):
             t = reached[k]
-            h, _, _, _ = step(turn, t, x[k], y[k], z[k], vx[k], vy[k], vz[k], baseline, c, longest)
+            h, locked, near = step(
+                turn,
+                t,
+                x[k],
+                y[k],
+                z[k],
+                vx[k],
+                vy[k],
+                vz[k],
+                last[k],
+                sideways[k],
+                fast[k],
+                baseline,
+                c,
+                longest,
+            )
             reached[k] = min(end, t + h)
+            sure[k] = 1.0 if (locked | near) & (t + h < end) else 0.0
 
 
 @kernel(
@@ -186,10 +213,10 @@ def first_locks(
     found: Any,
 ) -> None:
     """The first lock of each pair; what is wrong with a pair instead of its leg."""
-    reached, parts = np.empty(BLOCK), np.empty((6, BLOCK))
+    reached, sure, parts = np.empty(BLOCK), np.empty(BLOCK), np.empty((9, BLOCK))
     for begin in range(0, len(positions), BLOCK):
         count = min(BLOCK, len(positions) - begin)
-        ahead(legs[0], positions, velocities, begin, count, baseline, cosine, longest, parts, reached)
+        ahead(legs[0], positions, velocities, begin, count, baseline, cosine, longest, parts, reached, sure)
         for k in range(count):
             m = begin + k
             x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
@@ -200,6 +227,8 @@ def first_locks(
                 found[m] = NOT_FINITE
             elif size == 0.0:
                 found[m] = COINCIDENT
+            elif sure[k] > 0.0:
+                times[m], found[m] = reached[k], 0
             else:
                 when, leg = first_lock(legs, reached[k], x, y, z, vx, vy, vz, baseline, cosine, longest)
                 found[m] = leg
@@ -278,5 +307,6 @@ def _vectors(**given: ArrayLike) -> tuple[Floats, ...]:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
         raise ValueError(f"shapes do not broadcast: {shapes}") from None
     return tuple(
-        np.require(np.broadcast_to(array, shape), requirements=["C", "W"]) for array in arrays.values()
+        writable(array if array.shape == shape else np.broadcast_to(array, shape))
+        for array in arrays.values()
     )

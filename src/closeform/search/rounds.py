@@ -1,7 +1,7 @@
 """The legs of a whole gathering: the search again and again, each time with its near-field search."""
 
 from dataclasses import replace
-from math import atan2, degrees, isinf
+from math import atan2, degrees, isinf, pi
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,8 @@ def _back(search: Search, max_speed: float | None) -> list[Leg]:
     angle = atan2(boresight[1], boresight[0])  # right-handed about the sun's direction, -z, turns it back
     if abs(angle) < ALIGNED:
         return []
+    if abs(angle) > pi - ALIGNED:
+        angle = pi  # not by rounding one way or the other
     phase = PHASE if max_speed is not None else last.phase
     end = last.end + abs(angle) / search.slew_rate
     return [Leg(last.end, end, phase, last.round, "sun line", SUN, angle, attitude)]

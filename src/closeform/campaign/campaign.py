@@ -1,0 +1,251 @@
+"""Campaign: a scenario's search flown over many drawn cases.
+
+    scenario -> draws -> arrays of states -> lock_times or gather_cases -> shares -> result folder
+
+No mathematics: what a case is stands in `draws`, what becomes of it in `search`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from closeform.campaign.draws import drawn
+from closeform.campaign.sampled import sampled_times
+from closeform.campaign.shares import Share, counted, labels, shares
+from closeform.scenario import Scenario, ScenarioError, load
+from closeform.scenario.stages import Gather
+from closeform.search import Search, gather_cases, lock_times
+from closeform.zones import Floats
+
+MOST_CASES = 100_000_000  # arrays of this length still fit a workstation
+PAIRS_AT_ONCE, GATHERINGS_AT_ONCE = 131_072, 4096
+NAMED = 10  # cases that are named where more have failed
+
+Progress = Callable[[int], None]
+
+
+class CampaignStatus(StrEnum):
+    """How a campaign ended."""
+
+    COMPLETE = "complete"
+    INCOMPLETE = "incomplete"
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """What became of C cases, drawn with `seed`: arrays (C,), case K at index K.
+
+    `time` [s] at which the case was done, nan where it never was, and the `leg` of `search`, then -1.
+    """
+
+    scenario: Scenario
+    seed: int
+    search: Search
+    time: Floats
+    leg: Any
+    done: ClassVar[str] = "done"  # what a case is at that time, in words
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def failed(self) -> Any:
+        """The numbers (F,) of the cases that were never done."""
+        return np.flatnonzero(self.leg < 0)
+
+    @property
+    def ok(self) -> bool:
+        """Whether every case was done."""
+        return not len(self.failed)
+
+    @property
+    def status(self) -> CampaignStatus:
+        """Complete if every case was done."""
+        return CampaignStatus.COMPLETE if self.ok else CampaignStatus.INCOMPLETE
+
+    @property
+    def reason(self) -> str | None:
+        """How many cases were never done and which come first; None where there are none."""
+        if self.ok:
+            return None
+        named = ", ".join(map(str, self.failed[:NAMED])) + ", ..." * (len(self.failed) > NAMED)
+        return f"{len(self.failed)} of {len(self)} cases not {self.done}: {named}"
+
+    @cached_property
+    def shares(self) -> tuple[Share, ...]:
+        """How many cases were done at once, in each phase, and never, with confidence intervals."""
+        return shares(labels(self.search), counted(self.search, self.time, self.leg))
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLocks:
+    """When C cases were done for a simulation that looks every `step` [s]: `time` (C,) [s] and `leg` (C,)."""
+
+    step: float
+    time: Floats
+    leg: Any
+
+
+@dataclass(frozen=True, eq=False)
+class LockCampaign(Campaign):
+    """First locks of all pairs of a craft in A and one in B; a case is done when its last pair has locked.
+
+    `pairs` (P, 2) of craft; `pair_time` (C, P) [s], nan where there is no lock, and `pair_leg` (C, P),
+    then -1; `sampled`: the same by detection at samples, for the steps of the scenario's [study].
+    """
+
+    pairs: Any
+    pair_time: Floats
+    pair_leg: Any
+    sampled: tuple[SampledLocks, ...]
+    done: ClassVar[str] = "locked"
+
+
+@dataclass(frozen=True, eq=False)
+class GatherCampaign(Campaign):
+    """Gatherings, each done when one formation set holds all craft.
+
+    `rounds` (C,): searches begun; `left` (C,): craft not in the formation set; `delta_v` (C,) of
+    all craft together [m/s].
+    """
+
+    rounds: Any
+    left: Any
+    delta_v: Floats
+    done: ClassVar[str] = "gathered"
+
+
+def study(file: str | Path, cases: int | None = None, seed: int | None = None) -> Campaign:
+    """Fly many cases of a scenario's search, each with its own draws from [study.vary].
+
+    `file` is a scenario with one stage, lock or gather; `cases` and `seed` stand for those of its
+    [study] table where they are given.  Case K is the same in every study of the file with the
+    same seed, however many cases it has; `closeform run FILE --case K` shows one.  The result is a
+    LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v [m/s];
+    failed cases stay in the denominators of its `shares`.
+
+    Raises ScenarioError, a ValueError, for a scenario that cannot be read or studied, and
+    ValueError for a number of cases or a seed that makes no sense.
+    """
+    return flown(load(file), cases, seed)
+
+
+def flown(
+    scenario: Scenario,
+    cases: int | None = None,
+    seed: int | None = None,
+    progress: Progress = lambda done: None,
+) -> Campaign:
+    """The campaign of a scenario that has been read; `progress` is told how many cases are done."""
+    if scenario.study is None:
+        raise ScenarioError(scenario.file, ["study: missing; add [study] with cases = 1000 and seed = 1"])
+    if lines := (*scenario.unbuilt(), *scenario.unbuilt_study()):
+        raise ScenarioError(scenario.file, lines)
+    count = whole("cases", scenario.study.cases if cases is None else cases, 1, MOST_CASES)
+    chosen = whole("seed", scenario.study.seed if seed is None else seed, 0, None)
+    (stage,) = scenario.stages
+    search = scenario.plan
+    try:
+        if isinstance(stage, Gather):
+            return gathered(scenario, stage, search, count, chosen, progress)
+        return locked(scenario, search, count, chosen, progress)
+    except ScenarioError:
+        raise
+    except ValueError as error:
+        raise ScenarioError(scenario.file, [f"stage[1]: {error}; change [craft] or its draws"]) from error
+
+
+def whole(name: str, value: Any, least: int, most: int | None) -> int:
+    """An argument that is a whole number within bounds."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise ValueError(f"{name}: must be a whole number, got {value!r:.60}; give one")
+    if value < least or (most is not None and value > most):
+        bounds = f"at least {least}" + (f" and at most {most}" if most is not None else "")
+        raise ValueError(f"{name}: {value} is out of range; give {bounds}")
+    return int(value)
+
+
+def relative(states: Floats, pairs: Any) -> Floats:
+    """States (..., P, 6) of the second craft of each pair relative to the first."""
+    return np.asarray(states[..., pairs[:, 1], :] - states[..., pairs[:, 0], :])
+
+
+def opposite(scenario: Scenario) -> Any:
+    """Pairs (P, 2) of a craft in A and one in B."""
+    groups = np.array(scenario.groups)
+    return np.argwhere((groups[:, None] == "A") & (groups == "B"))
+
+
+def apart(scenario: Scenario, states: Floats, pairs: Any, first: int) -> None:
+    """Refuse cases in which two craft of a pair are at one place."""
+    same = (relative(states, pairs)[..., :3] == 0.0).all(axis=-1)
+    if same.any():
+        case, pair = np.argwhere(same)[0]
+        one, other = (scenario.names[k] for k in pairs[pair])
+        line = f"{one} and {other} are at one place in case {first + case}; draw their positions"
+        raise ScenarioError(scenario.file, [f"study.vary: {line}"])
+
+
+def locked(scenario: Scenario, search: Search, cases: int, seed: int, progress: Progress) -> LockCampaign:
+    """First locks of all A-B pairs in all cases."""
+    pairs = opposite(scenario)
+    steps = scenario.study.sampled if scenario.study is not None else ()
+    shape = (1 + len(steps), cases, len(pairs))  # exact detection first, then at each step
+    times, legs = np.empty(shape), np.empty(shape, dtype=np.int64)
+    size = max(1, PAIRS_AT_ONCE // len(pairs))
+    for first in range(0, cases, size):
+        some = slice(first, min(first + size, cases))
+        states = drawn(scenario, seed, some.start, some.stop)
+        apart(scenario, states, pairs, first)
+        moves = relative(states, pairs).reshape(-1, 6)
+        found = lock_times(search, moves[:, :3], moves[:, 3:])
+        results = [(found.time, found.leg)]
+        results += [sampled_times(search, moves[:, :3], moves[:, 3:], step) for step in steps]
+        for k, (time, leg) in enumerate(results):
+            times[k, some], legs[k, some] = time.reshape(-1, len(pairs)), leg.reshape(-1, len(pairs))
+        progress(some.stop)
+    exact, *others = (last(*result) for result in zip(times, legs, strict=True))
+    sampled = tuple(SampledLocks(step, *other) for step, other in zip(steps, others, strict=True))
+    return LockCampaign(scenario, seed, search, *exact, pairs, times[0], legs[0], sampled)
+
+
+def last(time: Floats, leg: Any) -> tuple[Floats, Any]:
+    """When the last pair of each case has locked, and in which leg; nan and -1 unless all have."""
+    return time.max(axis=1), np.where((leg < 0).any(axis=1), -1, leg.max(axis=1))
+
+
+def gathered(
+    scenario: Scenario, stage: Gather, search: Search, cases: int, seed: int, progress: Progress
+) -> GatherCampaign:
+    """Gatherings of all craft in all cases."""
+    pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
+    parts = []
+    for first in range(0, cases, GATHERINGS_AT_ONCE):
+        states = drawn(scenario, seed, first, min(first + GATHERINGS_AT_ONCE, cases))
+        apart(scenario, states, pairs, first)
+        parts.append(
+            gather_cases(
+                search,
+                states[..., :3],
+                states[..., 3:],
+                scenario.groups,
+                keep_out=scenario.common_zone,
+                rounds=stage.rounds,
+                burns=stage.burns,
+                max_speed=scenario.search.max_speed if scenario.search is not None else None,
+            )
+        )
+        progress(first + len(parts[-1]))
+
+    def column(name: str) -> Any:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    leg = column("leg")
+    time = np.where(leg < 0, np.nan, column("duration"))
+    rest = (column(name) for name in ("rounds", "left", "delta_v"))
+    return GatherCampaign(scenario, seed, parts[0].search, time, leg, *rest)

@@ -1,0 +1,69 @@
+"""What is printed: results on standard output, the state of long work on a terminal, complaints."""
+
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from closeform.chapters import Sheet
+
+WIDTH = 100  # columns of the output, on a terminal or not
+
+
+def stdout() -> "Console":
+    """Where results are printed."""
+    from rich.console import Console
+
+    return Console(width=WIDTH, highlight=False, markup=False, emoji=False)
+
+
+def stderr() -> "Console":
+    """Where the state of long work is shown, on a terminal only."""
+    from rich.console import Console
+
+    return Console(stderr=True, width=WIDTH, markup=False, emoji=False)
+
+
+def progress(console: "Console") -> "Progress":
+    """A bar with rate and estimate, on a terminal only."""
+    from rich import progress as rich
+
+    class Rate(rich.ProgressColumn):
+        """Cases per second."""
+
+        def render(self, task: rich.Task) -> str:
+            return f"{task.speed:,.0f}/s" if task.speed else ""
+
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), Rate(), rich.TimeRemainingColumn())
+    return rich.Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+
+
+def say(console: "Console", *lines: str) -> None:
+    """Print lines as they are, wrapped at the width."""
+    for line in lines:
+        console.print(line)
+
+
+def show(console: "Console", sheet: "Sheet") -> None:
+    """Print a small table: words to the left, numbers to the right."""
+    from rich.table import Table
+
+    table = Table(title=f"\n{sheet.title}", title_justify="left", title_style="", box=None, pad_edge=False)
+    for place, column in enumerate(sheet.columns):
+        table.add_column(column, justify="left" if place in sheet.texts else "right", overflow="fold")
+    for row in sheet.rows:
+        table.add_row(*row)
+    console.print(table)
+
+
+def complain(*lines: str) -> None:
+    """Say what is wrong, on standard error."""
+    for line in lines:
+        print(line, file=sys.stderr)
+
+
+def one_line(error: object) -> str:
+    """A message of several lines as one."""
+    return " ".join(str(error).split()).rstrip(".")

@@ -1,0 +1,207 @@
+"""An independent model of the gathering of lost craft, told as the papers tell it, for the tests.
+
+Boresights come from scipy's rotations, locks from dense sampling of the angles that each of the two
+sees the other at (H03 eqs. 1 and 2), refined at every peak and root; sets are Python sets.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+from scipy.spatial.transform import Rotation
+
+SUNWARD = np.array([0.0, 0.0, -1.0])
+START = {"A": np.array([1.0, 0.0, 0.0]), "B": np.array([-1.0, 0.0, 0.0])}  # boresights
+STEP = 6.0  # s, of the samples; 1.5 deg of turning at 0.25 deg/s, for craft of 0.1 m/s some 10 m apart
+
+# turns of one search: (about, angle); "tip" multiples are given as numbers of tips
+MODIFIED = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, ("sun", np.pi), -2, 1]
+BASIC = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, -1]
+
+
+class Sky:
+    """Boresights of both groups over all rounds; a wait is a turn by nothing."""
+
+    def __init__(self, turns, tip, rate, rounds=1, wait=0.0):
+        self.legs = []  # start, end, axis, angle, rotation at the start
+        self.burns = []  # times of near-field burns
+        time, turned, body_y = 0.0, Rotation.identity(), np.array([0.0, 1.0, 0.0])
+        for _ in range(rounds):
+            for turn in turns:
+                about_sun = isinstance(turn, tuple)
+                angle = turn[1] if about_sun else turn * tip
+                axis = SUNWARD if about_sun else turned.apply(body_y)
+                end = time + abs(angle) / rate
+                self.legs.append((time, end, axis, angle, turned))
+                turned = Rotation.from_rotvec(axis * angle) * turned
+                time = end
+            if wait:
+                for k in range(2):
+                    if k:
+                        self.burns.append(time)
+                    self.legs.append((time, time + wait, SUNWARD, 0.0, turned))
+                    time += wait
+        self.duration = time
+        grid = [np.linspace(a, b, max(2, int((b - a) / STEP) + 2)) for a, b, *_ in self.legs]
+        self.leg_of = np.repeat(range(len(grid)), [len(g) for g in grid])
+        self.times = np.concatenate(grid)
+        self.looks = np.concatenate([self.look(g, k) for k, g in enumerate(grid)])
+
+    def look(self, times, leg):
+        """Group A's boresight at `times` within a leg."""
+        a, b, axis, angle, turned = self.legs[leg]
+        share = (np.atleast_1d(times) - a) / (b - a)
+        return (Rotation.from_rotvec(np.outer(share * angle, axis)) * turned).apply(START["A"])
+
+    def leg_at(self, time):
+        return max(k for k, leg in enumerate(self.legs) if leg[0] <= time)
+
+
+def depth(sensor, offset_apart, look):
+    """How far inside of both cones, in cosines: A at 0, B at `offset_apart` (..., 3)."""
+    sensor_a = sensor.offset * look
+    sensor_b = offset_apart - sensor.offset * look
+    apart = sensor_b - sensor_a
+    size = np.linalg.norm(apart, axis=-1)
+    line = apart / np.where(size > 0.0, size, 1.0)[..., None]
+    seen_by_a = np.sum(look * line, axis=-1)
+    seen_by_b = np.sum(-look * -line, axis=-1)
+    cones = np.minimum(seen_by_a, seen_by_b) - np.cos(sensor.half_angle)
+    return np.minimum(cones, 1.0 - size / sensor.range) if np.isfinite(sensor.range) else cones
+
+
+def first_lock(sky, sensor, start, position, velocity):
+    """First time from `start` on at which a pair locks; `position` of B from A at `start`; inf if never."""
+    later = sky.times > start
+    here = sky.leg_at(start)
+    times = np.concatenate([[start], sky.times[later]])
+    legs = np.concatenate([[here], sky.leg_of[later]])
+    looks = np.concatenate([sky.look(start, here), sky.looks[later]])
+
+    def at(time, leg):
+        return float(depth(sensor, position + (time - start) * velocity, sky.look(time, leg)[0]))
+
+    value = depth(sensor, position + (times - start)[:, None] * velocity, looks)
+    if value[0] >= 0.0:
+        return start
+    inside = value >= 0.0
+    last = int(np.argmax(inside)) if inside.any() else len(value)
+    # peaks of the samples that may hide a short lock before that
+    k = np.arange(1, min(last, len(value) - 1))
+    peaks = k[(value[k] >= value[k - 1]) & (value[k] >= value[k + 1]) & (value[k] > -0.05)]
+    for p in peaks:
+        for lo, hi in ((p - 1, p), (p, p + 1)):
+            if legs[lo] != legs[hi] or times[lo] == times[hi]:
+                continue
+            best = minimize_scalar(
+                lambda t, leg=legs[hi]: -at(t, leg),
+                bounds=(times[lo], times[hi]),
+                method="bounded",
+                options={"xatol": 1e-9},
+            )
+            if best.fun <= 0.0:
+                return brentq(at, times[lo], best.x, args=(legs[hi],), xtol=1e-10)
+    if last == len(value):
+        return np.inf
+    if times[last] == times[last - 1] or legs[last] != legs[last - 1]:
+        return times[last]
+    return brentq(at, times[last - 1], times[last], args=(legs[last],), xtol=1e-10)
+
+
+@dataclass
+class Told:
+    """What happened, in the model: `events` (time, kind, first, second, case, impulse)."""
+
+    events: list = field(default_factory=list)
+    seen: set = field(default_factory=set)  # kinds of joins that occurred
+    sets: list = field(default_factory=list)  # the formation set first
+    lost: set = field(default_factory=set)
+    duration: float = 0.0
+    positions: np.ndarray = None
+    velocities: np.ndarray = None
+    delta_v: np.ndarray = None
+    ok: bool = False
+
+
+KINDS = ("lost", "knowledge", "formation")  # H03 figure 8 in its order
+
+
+def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0):
+    """The whole story; of pairs that lock at one time that with the lowest craft of group A first."""
+    r, v = np.array(positions, float), np.array(velocities, float)
+    n = len(r)
+    told = Told(delta_v=np.zeros(n), lost=set(range(n)))
+    formation, knowledge = set(), []
+    spent = told.delta_v
+    clock, due = 0.0, list(sky.burns)
+    pairs = [(a, b) for a in range(n) for b in range(n) if groups[a] == "A" and groups[b] == "B"]
+    known: dict[tuple, float] = {}  # lock times that hold as long as neither burns
+
+    def impulse(k, kind, dv):
+        nonlocal known
+        if np.linalg.norm(dv) < 1e-14:
+            return  # nothing but rounding
+        v[k] += dv
+        spent[k] += np.linalg.norm(dv)
+        told.events.append((clock, kind, k, -1, 0, dv))
+        known = {pair: time for pair, time in known.items() if k not in pair}
+
+    def set_of(k):
+        if k in formation:
+            return formation
+        return next((s for s in knowledge if k in s), None)
+
+    def kind_of(k):
+        return "formation" if k in formation else "lost" if k in told.lost else "knowledge"
+
+    while len(formation) < n:
+        found = (np.inf, n, n)
+        for a, b in pairs:
+            if set_of(a) is not None and set_of(a) is set_of(b):
+                continue
+            if (a, b) not in known:
+                known[a, b] = first_lock(sky, sensor, clock, r[b] - r[a], v[b] - v[a])
+            found = min(found, (known[a, b], a, b))
+        if due and due[0] < found[0]:
+            r += (due[0] - clock) * v
+            clock = due.pop(0)
+            leg = sky.leg_at(clock)
+            for k in sorted(told.lost, key=lambda k: (groups[k], k)):
+                look = sky.look(clock, leg)[0] * (1.0 if groups[k] == "A" else -1.0)
+                impulse(k, "near field", -push * look)
+            continue
+        if found[0] == np.inf:
+            break
+        r += (found[0] - clock) * v
+        clock, i, j = found[0], *sorted(found[1:])
+        ki, kj = kind_of(i), kind_of(j)
+        told.events.append((clock, "lock", i, j, 3 * KINDS.index(ki) + KINDS.index(kj) + 1, None))
+        told.seen.add("-".join(sorted((ki, kj))) + ("" if formation else " first"))
+        if ki == kj == "lost":
+            if formation:
+                knowledge.append({i, j})
+            else:
+                formation |= {i, j}
+                share = {"second": 0.0, "first": 1.0, "half": 0.5}[burns]
+                meet = v[i] + share * (v[j] - v[i])
+                for k in (i, j):
+                    impulse(k, "burn", meet - v[k])
+        elif "formation" in (ki, kj):
+            joining = j if ki == "formation" else i
+            new = set_of(joining) or {joining}
+            knowledge = [s for s in knowledge if s is not new]
+            pace = v[min(formation)].copy()
+            for k in sorted(new):
+                impulse(k, "burn", pace - v[k])
+            formation |= new
+        elif ki == kj:
+            one, other = set_of(i), set_of(j)
+            knowledge = [s for s in knowledge if s is not one and s is not other] + [one | other]
+        else:
+            (set_of(i) or set_of(j)).update({i, j})
+        told.lost -= {i, j}
+    told.ok = len(formation) == n
+    told.duration = clock if told.ok else sky.duration
+    told.positions, told.velocities = r + (told.duration - clock) * v, v
+    told.sets = ([formation] if formation else []) + knowledge
+    return told

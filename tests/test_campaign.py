@@ -1,0 +1,540 @@
+"""Studies: draws, statistics, both examples against the papers, what a folder holds, every message."""
+
+import json
+import re
+from contextlib import redirect_stdout
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from scipy import stats
+
+from closeform.campaign import (
+    Campaign,
+    CampaignStatus,
+    GatherCampaign,
+    LockCampaign,
+    case_of,
+    drawn,
+    flown,
+    study,
+)
+from closeform.campaign.draws import uniform
+from closeform.campaign.sampled import sampled_times
+from closeform.campaign.shares import estimate
+from closeform.cli import main
+from closeform.report.study import by_detection
+from closeform.scenario import Scenario, ScenarioError, load, parse
+from closeform.search import Search, Sensor, gather, lock_times
+from closeform.terminal import WIDTH
+from test_cli import numbers
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
+
+# Three craft whose sensors are too narrow for their tips: some pairs never lock.
+NARROW = """\
+closeform = 1
+title = "Narrow"
+[orbit]
+deep_space = true
+[craft]
+name = ["P", "Q", "R"]
+group = ["A", "B", "A"]
+position = ["0 0 0 m", "0 0 0 m", "10 0 0 m"]
+velocity = "0 0 0 m/s"
+[sensor]
+half_angle = "20 deg"
+offset = "1 m"
+range = "900 m"
+[search]
+method = "basic"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+[[stage]]
+do = "lock"
+[study]
+cases = 300
+seed = 7
+sampled = ["60 s"]
+[study.vary]
+"craft.velocity" = { normal = "5 cm/s" }
+"craft.position" = { shell = ["50 m", "200 m"] }
+"""
+GATHERING = NARROW.replace('do = "lock"', 'do = "gather"').replace('sampled = ["60 s"]\n', "")
+
+
+@pytest.fixture(scope="module")
+def s04(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The example as it stands, 150 000 cases: its folder and what it printed."""
+    place = tmp_path_factory.mktemp("s04") / "results"
+    printed = StringIO()
+    with redirect_stdout(printed):
+        assert main(["study", str(S04), "--out", str(place)]) == 0
+    return place, printed.getvalue()
+
+
+def without_samples(scenario: Scenario) -> Scenario:
+    assert scenario.study is not None
+    return replace(scenario, study=scenario.study.model_copy(update={"sampled": ()}))
+
+
+# draws
+
+
+def philox(counter: int, key: tuple[int, int]) -> list[int]:
+    """One block of Philox4x64-10, from its publication (Salmon et al. 2011, section 3.3)."""
+    mask = 2**64 - 1
+    words = [counter >> (64 * k) & mask for k in range(4)]
+    for turn in range(10):
+        keys = [(key[0] + turn * 0x9E3779B97F4A7C15) & mask, (key[1] + turn * 0xBB67AE8584CAA73B) & mask]
+        one, other = 0xD2E7470EE14C6C93 * words[0], 0xCA5A826395121157 * words[2]
+        words = [other >> 64 ^ words[1] ^ keys[0], other & mask, one >> 64 ^ words[3] ^ keys[1], one & mask]
+    return words
+
+
+def test_random_numbers_are_the_blocks_of_philox() -> None:
+    """Craft c of 3 in case K has the block after counter 3 K + c, whatever range it is drawn in."""
+    key = np.random.SeedSequence(11, spawn_key=tuple(b"craft.position")).generate_state(2, np.uint64).tolist()
+    found = uniform(11, "craft.position", 3, 40, 42)
+    for case in (0, 1):
+        for craft in range(3):
+            words = philox(3 * (40 + case) + craft + 1, tuple(key))
+            expected = [((word >> 11) + 0.5) / 2**53 for word in words]
+            np.testing.assert_array_equal(found[case, craft], expected)
+
+
+def test_a_case_is_the_same_in_any_range() -> None:
+    scenario = parse(NARROW)
+    whole = drawn(scenario, 7, 0, 60)
+    for first, last in ((0, 1), (17, 18), (23, 51), (59, 60)):
+        np.testing.assert_array_equal(drawn(scenario, 7, first, last), whole[first:last])
+    assert not np.isin(drawn(scenario, 8, 0, 60)[..., :2], whole[..., :2]).any()
+    assert len(np.unique(whole)) == whole.size  # every case, craft and component anew
+
+
+def test_the_order_of_keys_does_not_matter_nor_do_other_keys() -> None:
+    lines = NARROW.splitlines(keepends=True)
+    swapped = parse("".join([*lines[:-2], lines[-1], lines[-2]]))
+    np.testing.assert_array_equal(drawn(swapped, 7, 0, 9), drawn(parse(NARROW), 7, 0, 9))
+    alone = parse("".join([*lines[:-2], lines[-1]]))
+    np.testing.assert_array_equal(drawn(alone, 7, 0, 9)[..., :3], drawn(parse(NARROW), 7, 0, 9)[..., :3])
+
+
+@pytest.mark.parametrize(
+    ("draw", "radius"),
+    [
+        ('{ ball = "120 m" }', lambda r: (r / 120.0) ** 3),
+        ('{ shell = ["60 m", "120 m"] }', lambda r: (r**3 - 60.0**3) / (120.0**3 - 60.0**3)),
+        ('{ normal = "40 m" }', lambda r: stats.chi(3, scale=40.0).cdf(r)),
+    ],
+)
+def test_round_distributions(draw: str, radius) -> None:
+    """Distance from the nominal place by its distribution, direction even over the sphere."""
+    scenario = parse(NARROW.replace('{ shell = ["50 m", "200 m"] }', draw))
+    moved = drawn(scenario, 3, 0, 4000)[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
+    far = np.linalg.norm(moved, axis=-1)
+    assert stats.kstest(radius(far).ravel(), "uniform").pvalue > 1e-3
+    for axis in range(3):  # Archimedes: each component of a direction is even from -1 to 1
+        assert stats.kstest((moved[..., axis] / far).ravel(), "uniform", (-1.0, 2.0)).pvalue > 1e-3
+    assert abs(np.corrcoef(moved.reshape(4000, 9).T) - np.eye(9)).max() < 0.06  # 4 sigma
+
+
+def test_uniform_and_choice() -> None:
+    text = NARROW.replace('{ normal = "5 cm/s" }', '{ choice = ["1 0 0 m/s", "0 2 0 m/s", "0 0 3 m/s"] }')
+    states = drawn(parse(text.replace('{ shell = ["50 m", "200 m"] }', '{ uniform = "80 m" }')), 5, 0, 3000)
+    moved = states[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
+    for craft in range(3):
+        for axis in range(3):
+            assert stats.kstest(moved[:, craft, axis], "uniform", (-80.0, 160.0)).pvalue > 1e-3
+    values, counts = np.unique(states[..., 3:].reshape(-1, 3), axis=0, return_counts=True)
+    np.testing.assert_array_equal(values, [[0, 0, 3], [0, 2, 0], [1, 0, 0]])
+    assert stats.chisquare(counts).pvalue > 1e-3
+
+
+def test_case_of_is_the_case_of_the_study() -> None:
+    scenario = parse(NARROW)
+    one = case_of(scenario, 41)
+    np.testing.assert_array_equal(
+        [craft.state(one.orbit.build()) for craft in one.craft], drawn(scenario, 7, 41, 42)[0]
+    )
+    assert (one.title, one.digest) == ("Narrow: case 41", scenario.digest)
+
+
+# statistics
+
+
+@pytest.mark.parametrize(("count", "total"), [(0, 10), (10, 10), (3, 10), (37, 150_000), (0, 150_000)])
+def test_intervals_are_those_of_clopper_and_pearson(count: int, total: int) -> None:
+    theirs = stats.binomtest(count, total).proportion_ci(0.95, "exact")
+    ours = estimate(count, total)
+    assert (ours.share, ours.low, ours.high) == pytest.approx(
+        (count / total, theirs.low, theirs.high), rel=1e-9
+    )
+
+
+def test_shares_agree_with_counting_times(s04: tuple[Path, str]) -> None:
+    """By the papers' phase ends alone: 2160.0, 4283.0, 6443.0, 8566.0 s."""
+    rows = pyarrow.parquet.read_table(s04[0] / "cases").to_pydict()
+    time = np.array(rows["time_s"])
+    assert rows["case"] == list(range(150_000))
+    ends = [540 / 0.25, 4283.015, 4283.015 + 2160.0, 8566.03]
+    counts = [(time == 0.0).sum(), *np.histogram(time[time > 0.0], [0.0, *ends])[0], np.isnan(time).sum()]
+    shares = json.loads((s04[0] / "summary.json").read_text())["shares"]
+    assert [share["cases"] for share in shares] == counts
+    assert [share["phase"] for share in shares] == ["at once", "IPS 1", "mOPS 1", "IPS 2", "mOPS 2", "never"]
+    assert [share["by_end"]["share"] for share in shares[:-1]] == list(np.cumsum(counts[:-1]) / 150_000)
+    phase = np.array(["IPS", "mOPS", "IPS", "mOPS"])[np.searchsorted(ends, time)]
+    assert rows["phase"] == phase.tolist()
+    assert rows["round"] == np.where(time > 4283.015, 2, 1).tolist()
+
+
+# S04
+
+
+def test_fractions_of_s04() -> None:
+    """1 500 000 cases of exact detection against the paper's 150 000, by the error of both samples."""
+    campaign = flown(without_samples(load(S04)), 1_500_000)
+    share = {one.label: one for one in campaign.shares}
+    theirs = 150_000  # cases
+    for published, ours in (
+        (0.3337, share["at once"].inside.share),
+        (0.9733, share["IPS 1"].by_end.share),
+        (0.0265, share["mOPS 1"].inside.share),
+    ):
+        sigma = np.sqrt(ours * (1 - ours) * (1 / theirs + 1 / len(campaign)))
+        assert abs(published - ours) < 3 * sigma + 0.5e-4  # the paper rounds to 0.01 %
+    assert share["never"].cases == 0  # S04 theorem 2
+    expected = share["IPS 2"].inside.share * theirs
+    assert 13 < expected < 20  # measured: 16.5 of 150 000 over 60 million cases
+    assert stats.poisson.sf(36, expected) < 1e-3  # the paper's 37 are no exact detection's
+
+
+def test_s04s_count_in_the_second_ips_is_that_of_sampling(s04: tuple[Path, str]) -> None:
+    """37 of 150 000: some ten to thirty seconds between samples, of which each shifts the count up."""
+    scenario = load(S04)
+    study = scenario.study.model_copy(update={"sampled": (1.0, 10.0, 20.0, 60.0)})
+    campaign = flown(replace(scenario, study=study), 600_000)
+    assert isinstance(campaign, LockCampaign)
+    counts = {way: found["IPS 2"] / 4 for way, found in by_detection(campaign).items()}
+    assert stats.poisson.sf(36, counts["exact"]) < 1e-3
+    assert stats.poisson.sf(36, counts["every 1 s"]) < 1e-3
+    assert 0.025 < stats.poisson.cdf(37, counts["every 20 s"]) < 0.975
+    assert stats.poisson.cdf(37, counts["every 60 s"]) < 1e-3
+    for one in campaign.sampled:
+        assert np.isfinite(one.time).all()
+        assert (campaign.time <= one.time).all()  # exact detection is never later
+
+
+def test_report_of_s04(s04: tuple[Path, str]) -> None:
+    results, printed = s04
+    lines = printed.splitlines()
+    assert max(map(len, lines)) <= WIDTH
+    for row, theirs in (("at once", "33.37 %"), ("IPS 1", "97.33 % by its end"), ("mOPS 1", "2.65 %")):
+        assert re.search(rf"^{row} .* {re.escape(theirs)}\s*$", printed, re.MULTILINE)
+    assert re.search(r"^IPS 2 .* 37 cases\s*$", printed, re.MULTILINE)
+    assert lines[-1] == f"all 150000 cases locked; results in {results}"
+    page = (results / "report.html").read_text()
+    assert "97.33 % by its end" in page
+    assert not re.search(r'(?:src|href)="(?!data:image/png;base64,)', page)
+    assert (results / "scenario.toml").read_text() == S04.read_text()
+    assert {file.name for file in (results / "cases").iterdir()} == {"000000000.parquet", "000100000.parquet"}
+
+
+def test_summary_holds_every_printed_figure(s04: tuple[Path, str]) -> None:
+    summary = json.loads((s04[0] / "summary.json").read_text())
+    assert (summary["status"], summary["seed"], summary["cases"]) == (0, 2004, 150_000)
+    assert summary["inputs"] == {"s04.toml": f"sha256:{load(S04).digest}"}
+    kept = numbers(summary)
+    kept += [100.0 * value for value in kept] + [np.degrees(value) for value in kept]
+    body = re.sub(r"[\d.]+ % by its end|[\d.]+ %", "", s04[1].split("\n", 1)[1])
+    figures = re.findall(r"(?<![\w.])\d+\.\d+", body)
+    assert len(figures) > 30
+    for text in figures:
+        step = 10.0 ** -len(text.split(".")[1])
+        assert any(abs(value - float(text)) <= 0.51 * step for value in kept), (
+            f"{text} is not in summary.json"
+        )
+
+
+def test_another_study_does_not_show_published_numbers(tmp_path, capsys) -> None:
+    (tmp_path / "narrow.toml").write_text(NARROW)
+    assert main(["study", str(tmp_path / "narrow.toml"), "--out", str(tmp_path / "out")]) == 1
+    assert "ublished" not in capsys.readouterr().out
+
+
+def test_sampled_detection_by_angles() -> None:
+    """Both see each other when the sensors are in each other's cones: angles, by NumPy, every 50 s."""
+    for search in (
+        Search.modified(Sensor(np.radians(70)), np.radians(0.25), np.radians(25)),
+        Search.basic(Sensor(np.radians(40), offset=7.5, range=300.0), np.radians(0.25), np.radians(25)),
+    ):
+        generator = np.random.default_rng(1)
+        position = generator.uniform(-250, 250, (300, 3))
+        velocity = generator.uniform(-0.2, 0.2, (300, 3))
+        samples = np.arange(0.0, search.duration, 50.0)
+        boresight = search.boresight(samples)
+        where = position[:, None] + velocity[:, None] * samples[:, None]
+        line = where - 2.0 * search.sensor.offset * boresight  # from A's sensor to B's
+        far = np.linalg.norm(line, axis=-1)
+        angle = np.arccos(np.clip((line * boresight).sum(-1) / far, -1.0, 1.0))
+        seen = (angle <= search.sensor.half_angle) & (far <= search.sensor.range)
+        expected = np.where(seen.any(axis=1), samples[seen.argmax(axis=1)], np.nan)
+        times, legs = sampled_times(search, position, velocity, 50.0)
+        np.testing.assert_array_equal(times, expected)
+        assert ((legs >= 0) == seen.any(axis=1)).all()
+        for time, leg in zip(times[legs >= 0], legs[legs >= 0], strict=True):
+            assert search.legs[leg].start <= time <= search.legs[leg].end
+        exact = lock_times(search, position, velocity)
+        assert (exact.time[legs >= 0] <= times[legs >= 0]).all()
+
+
+# locks of several pairs, and failures
+
+
+def test_a_case_is_done_when_its_last_pair_has_locked(tmp_path) -> None:
+    (tmp_path / "narrow.toml").write_text(NARROW)
+    campaign = study(tmp_path / "narrow.toml", cases=200)
+    assert isinstance(campaign, LockCampaign)
+    assert campaign.pairs.tolist() == [[0, 1], [2, 1]]  # A to B
+    states = drawn(campaign.scenario, 7, 0, 200)
+    for k, (one, other) in enumerate(campaign.pairs):
+        moves = states[:, other] - states[:, one]
+        alone = lock_times(campaign.search, moves[:, :3], moves[:, 3:])
+        np.testing.assert_array_equal(campaign.pair_time[:, k], alone.time)
+        np.testing.assert_array_equal(campaign.pair_leg[:, k], alone.leg)
+    both = np.isfinite(campaign.pair_time).all(axis=1)
+    np.testing.assert_array_equal(campaign.time[both], campaign.pair_time[both].max(axis=1))
+    np.testing.assert_array_equal(campaign.leg[both], campaign.pair_leg[both].max(axis=1))
+    assert np.isnan(campaign.time[~both]).all()
+    assert campaign.failed.tolist() == np.flatnonzero(~both).tolist()
+    assert 0 < len(campaign.failed) < 200
+    assert sum(share.cases for share in campaign.shares) == 200  # failures stay in the denominator
+    assert campaign.shares[-1].inside.share == len(campaign.failed) / 200
+
+
+def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
+    file, place = tmp_path / "narrow.toml", tmp_path / "out"
+    file.write_text(NARROW)
+    assert main(["study", str(file), "--out", str(place)]) == 1
+    campaign = flown(load(file))
+    printed = capsys.readouterr().out
+    assert campaign.status is CampaignStatus.INCOMPLETE
+    first = campaign.failed[0]
+    assert f"closeform run {file} --case {first} shows the first of them" in printed.replace("\n", " ")
+    assert f"{len(campaign.failed)} of 300 cases not locked: {first}, " in printed
+    rows = pyarrow.parquet.read_table(place / "cases").to_pydict()
+    assert len(rows["case"]) == 600
+    assert [time is None for time in rows["time_s"]] == np.isnan(campaign.pair_time).ravel().tolist()
+    assert [phase is None for phase in rows["phase"]] == [time is None for time in rows["time_s"]]
+    assert rows["first"][:4] == ["P", "R", "P", "R"]
+    assert rows["second"][:4] == ["Q"] * 4
+    states = drawn(campaign.scenario, 7, 0, 300)
+    assert rows["vy_m_s"][3] == states[1, 1, 4] - states[1, 2, 4]
+    summary = json.loads((place / "summary.json").read_text())
+    assert (summary["status"], summary["failed"]) == (1, len(campaign.failed))
+
+
+# gatherings
+
+
+def test_gatherings_are_those_of_gather() -> None:
+    scenario = parse(GATHERING)
+    campaign = flown(scenario, 40)
+    assert isinstance(campaign, GatherCampaign)
+    for case, states in enumerate(drawn(scenario, 7, 0, 40)):
+        one = gather(
+            Search.basic(scenario.sensor.build(), np.radians(0.25), np.radians(25)),
+            states[:, :3],
+            states[:, 3:],
+            ["A", "B", "A"],
+            rounds=2,
+        )
+        assert campaign.rounds[case] == one.rounds
+        assert campaign.delta_v[case] == pytest.approx(one.delta_v.sum(), rel=1e-12)
+        assert (campaign.leg[case] >= 0) == one.ok
+        assert campaign.left[case] == (0 if one.ok else 3 - len(one.sets[0]) if one.sets else 3)
+        if one.ok:
+            assert campaign.time[case] == one.duration
+    assert 0 < len(campaign.failed) < 40
+
+
+def test_h03() -> None:
+    """Five craft, by the paper: "typically completed during IPS", "no failures"."""
+    campaign = study(H03)
+    assert isinstance(campaign, GatherCampaign)
+    assert len(campaign) == 100_000
+    assert campaign.ok
+    share = {one.label: one for one in campaign.shares}
+    assert share["IPS 1"].by_end.low > 0.9
+    assert share["never"].inside.high < 1e-4
+    assert campaign.search.phases[0][3] == pytest.approx(24 * 60.0)  # s: the paper's IPS of one turn
+    states = drawn(campaign.scenario, campaign.seed, 0, 1000)
+    gaps = states[:, :, None] - states[:, None]
+    assert np.linalg.norm(gaps[..., :3], axis=-1).max() < 300.0  # m
+    assert np.linalg.norm(gaps[..., 3:], axis=-1).max() < 0.12  # m/s
+
+
+def test_folder_of_gatherings(tmp_path, capsys) -> None:
+    place = tmp_path / "out"
+    (tmp_path / "narrow.toml").write_text(GATHERING)
+    assert main(["study", str(tmp_path / "narrow.toml"), "--cases", "60", "--out", str(place)]) == 1
+    printed = capsys.readouterr().out
+    rows = pyarrow.parquet.read_table(place / "cases").to_pydict()
+    campaign = flown(parse(GATHERING), 60)
+    assert rows["case"] == list(range(60))
+    assert [k for k, time in enumerate(rows["duration_s"]) if time is None] == campaign.failed.tolist()
+    assert rows["left"] == campaign.left.tolist()
+    assert rows["delta_v_m_s"] == campaign.delta_v.tolist()
+    assert "delta-v of all craft [m/s]" in printed
+    assert f"{len(campaign.failed)} of 60 cases not gathered: " in printed
+
+
+# the command
+
+
+def test_finished_results_are_kept_and_replaced_on_demand(tmp_path, capsys) -> None:
+    command = ["study", str(S04), "--cases", "50", "--out", str(tmp_path / "out")]
+    assert main(command) == 0
+    kept = (tmp_path / "out" / "summary.json").read_bytes()
+    assert main([*command, "--seed", "1"]) == 2
+    assert "holds finished results; add --overwrite" in capsys.readouterr().err
+    assert (tmp_path / "out" / "summary.json").read_bytes() == kept
+    assert main([*command, "--seed", "1", "--overwrite"]) == 0
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["seed"] == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["out"]
+
+
+def test_no_bar_without_a_terminal(tmp_path, capsys) -> None:
+    assert main(["study", str(S04), "--cases", "50", "--out", str(tmp_path / "out")]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def refused(capsys: pytest.CaptureFixture[str], command: list[str]) -> list[str]:
+    """What a command says when it refuses."""
+    assert main(command) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    return printed.err.splitlines()
+
+
+def test_messages(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("s04.toml").write_text(S04.read_text())
+    Path("robust.toml").write_text((EXAMPLES / "robustness.toml").read_text())
+    Path("cluster.toml").write_text((EXAMPLES / "cluster.toml").read_text())
+    Path("one.toml").write_text(NARROW.replace('{ shell = ["50 m", "200 m"] }', '{ choice = ["1 2 3 m"] }'))
+    together = "s04.toml: craft.position: A1 and B1 are at one place; add --case K, or use closeform study"
+    unbuilt = [
+        f'robust.toml: study.vary."{key}": is not built yet; remove it, this version varies craft.position, '
+        "craft.velocity"
+        for key in (
+            "craft.pointing_error",
+            "craft.slew_rate_error",
+            "craft.start_offset",
+            "craft.silent",
+            "sensor.range",
+        )
+    ]
+    assert refused(capsys, ["run", "s04.toml"]) == [together]
+    assert refused(capsys, ["run", "robust.toml"]) == unbuilt
+    assert refused(capsys, ["run", "robust.toml", "--case", "1"]) == unbuilt
+    assert refused(capsys, ["study", "robust.toml"]) == unbuilt
+    assert refused(capsys, ["study", "cluster.toml"]) == [
+        "cluster.toml: study: missing; add [study] with cases = 1000 and seed = 1"
+    ]
+    assert refused(capsys, ["run", "cluster.toml", "--case", "1"]) == [
+        "--case: cluster.toml has no cases; add a [study] table, or leave the case out"
+    ]
+    assert refused(capsys, ["run", "s04.toml", "--case", "-1"]) == [
+        "--case: -1 is negative, cases count from 0; give 0 or more"
+    ]
+    assert refused(capsys, ["study", "s04.toml", "--cases", "0"]) == [
+        "--cases: 0 is out of range; give at least 1 and at most 100000000"
+    ]
+    assert refused(capsys, ["study", "s04.toml", "--seed", "-1"]) == [
+        "--seed: -1 is out of range; give at least 0"
+    ]
+    assert refused(capsys, ["study", "s04.toml", "--scheduler", "tcp://a:1"]) == [
+        "--scheduler: clusters are not built yet; leave --scheduler out"
+    ]
+    assert refused(capsys, ["study", "one.toml"]) == [
+        "one.toml: study.vary: P and Q are at one place in case 0; draw their positions"
+    ]
+    assert {file.name for file in Path().iterdir()} == {"s04.toml", "robust.toml", "cluster.toml", "one.toml"}
+    assert main(["check", "robust.toml"]) == 0
+    printed = capsys.readouterr().out.replace("\n", " ")
+    assert all(line.split(", this")[0] in printed for line in unbuilt)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        (
+            'half_angle = "20 deg"',
+            'half_angle = "60 deg"',
+            "search.sun_limit: a half-angle of 60 deg needs tips of 35.264 deg, the limit is 25 deg; "
+            "a half-angle of 67.0902 deg would do",
+        ),
+        (
+            'half_angle = "20 deg"',
+            'half_angle = "40 deg"',
+            "sensor.half_angle: 40 deg is below 45 deg, no tip covers the complementary cones; ",
+        ),
+        ('sun_limit = "25 deg"', 'sun_limit = "95 deg"', "search: sun_limit must be below 90 deg; "),
+        ('"A", "B", "A"', '"A", "A", "A"', "craft.group: nobody is in group B, "),
+        ("deep_space = true", 'altitude = "500 km"', "orbit: a search is for deep space only; "),
+        ('["60 s"]', '["1 ms"]', "study: sampled has a step below 0.01 s; "),
+        ('["60 s"]', '["1 m"]', 'study.sampled[1]: "1 m" is a length, not a time; '),
+        ('slew_rate = "0.25 deg/s"', 'slew_rate = "1e-6 deg/s"', "study.sampled: 60 s is too short for "),
+        ("[study.vary]", '[study.published]\n"IPS" = "5 %"\n[study.vary]', 'study: published has "IPS", '),
+        ("[study.vary]", '[study.published]\nnever = "%s"\n[study.vary]' % ("5" * 21), "study: published "),
+        (
+            '"craft.position" = { shell = ["50 m", "200 m"] }',
+            "",
+            "craft.position: P and Q are at one place; move one of them",
+        ),
+    ],
+)
+def test_what_a_search_refuses(old: str, new: str, line: str) -> None:
+    text = NARROW
+    if "half_angle" in old:
+        text = text.replace('method = "basic"', 'method = "modified"')
+    assert old in text
+    with pytest.raises(ScenarioError) as refused:
+        parse(text.replace(old, new), "narrow.toml")
+    assert len(refused.value.lines) == 1
+    assert refused.value.lines[0].startswith(f"narrow.toml: {line}")
+    assert "; " in refused.value.lines[0]
+
+
+def test_a_gathering_without_an_end_of_its_near_field() -> None:
+    text = GATHERING.replace('sun_limit = "25 deg"', 'sun_limit = "25 deg"\nmax_speed = "1 m/s"')
+    with pytest.raises(ScenarioError, match=r"search\.max_speed: .* the near field has no end; "):
+        parse(text)
+    with pytest.raises(ScenarioError, match=r"stage\[1\]\.rounds: 1001 is above 1000; "):
+        parse(GATHERING.replace('do = "gather"', 'do = "gather"\nrounds = 1001'))
+
+
+@pytest.mark.parametrize("cases", [0, 10**9, 1.5, True])
+def test_arguments_of_study(cases: object) -> None:
+    with pytest.raises(ValueError, match=r"^cases: .*; give"):
+        study(S04, cases)  # type: ignore[arg-type]
+
+
+def test_python_gives_what_the_command_gives(s04: tuple[Path, str]) -> None:
+    campaign: Campaign = study(str(S04), 1000)
+    rows = pyarrow.parquet.read_table(s04[0] / "cases").slice(0, 1000).to_pydict()
+    np.testing.assert_array_equal(campaign.time, rows["time_s"])
+    assert (len(campaign), campaign.seed, campaign.ok, campaign.reason) == (1000, 2004, True, None)
+    assert campaign.status == "complete"
+    assert study(S04, 1000, seed=5).time.tolist() != campaign.time.tolist()
+
+
+def test_run_shows_one_case(tmp_path, capsys) -> None:
+    assert main(["run", str(S04), "--case", "3", "--out", str(tmp_path / "out")]) == 0
+    time = study(S04, 4).time[3]
+    assert f"{time:.2f}" in capsys.readouterr().out
