@@ -49,6 +49,37 @@ STUDY = """
 cases = 10
 seed = 1
 """
+LOST = """\
+closeform = 1
+title = "Three lost craft"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["L1", "L2", "L3"]
+group = ["A", "B", "A"]
+position = ["0 0 0 m", "100 0 0 m", "0 90 200 m"]
+velocity = "0 0 0 cm/s"
+
+[sensor]
+half_angle = "70 deg"
+offset = "7.5 m"
+
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+
+[[stage]]
+do = "gather"
+rounds = 2
+
+[study]
+cases = 100
+seed = 1
+vary = { "craft.velocity" = { ball = "6 cm/s" } }
+"""
 
 
 @dataclass(frozen=True)
@@ -58,15 +89,26 @@ class Bad:
     what: str
     old: str
     new: str
-    message: str  # after "cluster.toml: "
+    message: str  # after the file's name
     status: int = 2
+    good: str = GOOD
+
+    @property
+    def file(self) -> str:
+        """Name of the file."""
+        return "cluster.toml" if self.good is GOOD else "lost.toml"
 
     def text(self) -> str:
         """The scenario file."""
         if not self.old:
-            return GOOD + self.new
-        assert GOOD.count(self.old) == 1, f"{self.what}: {self.old!r} must stand once in the good file"
-        return GOOD.replace(self.old, self.new)
+            return self.good + self.new
+        assert self.good.count(self.old) == 1, f"{self.what}: {self.old!r} must stand once in the good file"
+        return self.good.replace(self.old, self.new)
+
+
+def lost(what: str, old: str, new: str, message: str) -> Bad:
+    """A search of which one piece is wrong."""
+    return Bad(what, old, new, message, good=LOST)
 
 
 KEEP_OUT = 'keep_out = { sphere = "20 m" }'
@@ -380,7 +422,7 @@ SCENARIOS = (
         "a search without its tables",
         COAST,
         'do = "lock"',
-        'sensor: missing; add [sensor] with half_angle = "70 deg"\nsearch: missing; add [search] with method = "modified"\ncraft.group: missing; add for example group = ["A", "B"]',
+        'sensor: missing; add [sensor] with half_angle = "70 deg"\nsearch: missing; add [search] with method = "modified"\ncraft.group: missing; add for example group = ["A", "B"]\norbit: a search is for deep space only; write deep_space = true instead',
     ),
     # study
     Bad(
@@ -430,13 +472,130 @@ SCENARIOS = (
         "a verb that is not built",
         COAST,
         'do = "scatter"\nfactor = 3.0\nwithin = "0.25 orbits"',
-        'stage[1].do: "scatter" is not built yet; this version runs coast, avoid',
+        'stage[1].do: "scatter" is not built yet; this version runs coast, avoid, lock, gather',
     ),
     Bad(
         "a start that is not built",
         F1_F2 + '\nvelocity = "0 0 0 m/s"',
         'start = { projected_circular = { radius = "150 m" } }',
         'craft.start: "projected_circular" is not built yet; give position and velocity, or palmer',
+    ),
+)
+
+SEARCHES = (
+    lost(
+        "one craft alone",
+        'name = ["L1", "L2", "L3"]\ngroup = ["A", "B", "A"]\nposition = ["0 0 0 m", "100 0 0 m", "0 90 200 m"]',
+        'name = "L1"\ngroup = "A"\nposition = "0 0 0 m"',
+        "craft.group: nobody is in group B, locks are between A and B; put a craft into B",
+    ),
+    lost(
+        "an empty group",
+        '"A", "B", "A"',
+        '"B", "B", "B"',
+        "craft.group: nobody is in group A, locks are between A and B; put a craft into A",
+    ),
+    lost(
+        "craft at one place",
+        '"100 0 0 m"',
+        '"0 0 0 m"',
+        "craft.position: L1 and L2 are at one place; move one of them",
+    ),
+    lost(
+        "a search in an orbit",
+        "deep_space = true",
+        'altitude = "500 km"',
+        "orbit: a search is for deep space only; write deep_space = true instead",
+    ),
+    lost(
+        "a sensor that sees nothing",
+        '"70 deg"',
+        '"0 deg"',
+        'sensor.half_angle: "0 deg" must be above zero; write for example "10 deg"',
+    ),
+    lost(
+        "a sensor that sees everything",
+        '"70 deg"',
+        '"180 deg"',
+        'sensor: half_angle must be below 180 deg; write for example "70 deg"',
+    ),
+    lost(
+        "tips beyond the sun limit",
+        '"70 deg"',
+        '"60 deg"',
+        "search.sun_limit: a half-angle of 60 deg needs tips of 35.264 deg, the limit is 25 deg; a half-angle of 67.0902 deg would do",
+    ),
+    lost(
+        "craft that do not turn",
+        '"0.25 deg/s"',
+        '"0 deg/s"',
+        'search.slew_rate: "0 deg/s" must be above zero; write for example "10 deg/s"',
+    ),
+    lost(
+        "a sun limit beyond a right angle",
+        '"25 deg"',
+        '"95 deg"',
+        'search: sun_limit must be below 90 deg; write for example "25 deg"',
+    ),
+    lost(
+        "a tip above the sun limit",
+        'method = "modified"',
+        'method = "basic"\ntip_angle = "30 deg"',
+        "search.tip_angle: 30 deg is above the sun limit of 25 deg; tip by at most that",
+    ),
+    lost(
+        "a near field without an end",
+        'method = "modified"',
+        'method = "basic"\ntip_angle = "10 deg"\nmax_speed = "12 cm/s"',
+        "search.max_speed: with tips of 10 deg the near field has no end; tip by more, or leave max_speed out",
+    ),
+    lost(
+        "rounds without end",
+        "rounds = 2",
+        "rounds = 1_000_000",
+        "stage[1].rounds: 1000000 is above 1000; write for example rounds = 3",
+    ),
+    lost(
+        "an imperfect search",
+        'velocity = "0 0 0 cm/s"',
+        'velocity = "0 0 0 cm/s"\nstart_offset = "2 s"',
+        "craft.start_offset: is not built yet; remove it",
+    ),
+    lost(
+        "a published figure for no phase",
+        "seed = 1",
+        'seed = 1\npublished = { "first IPS" = "97.33 %" }',
+        'study: published has "first IPS", which is no row of the printed table; use "source", "at once", "never" or a phase like "IPS 1"',
+    ),
+    lost(
+        "samples without number",
+        "seed = 1",
+        'seed = 1\nsampled = ["1 ms"]',
+        'study: sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]',
+    ),
+    lost(
+        "no rounds",
+        "rounds = 2",
+        "rounds = 0",
+        "stage[1].rounds: 0 is below 1; write for example rounds = 3",
+    ),
+    lost(
+        "a way of the first pair that is not there",
+        "rounds = 2",
+        'rounds = 2\nburns = "both"',
+        'stage[1].burns: "both" is not known here; use one of least, first, second, half',
+    ),
+    lost(
+        "a craft at NaN",
+        '"100 0 0 m"',
+        '"nan 0 0 m"',
+        'craft.position[2]: "nan 0 0 m" is not finite; give finite numbers, for example "10 20 30 m"',
+    ),
+    lost(
+        "a word that is no group",
+        '"A", "B", "A"',
+        '"A", "B", "C"',
+        'craft.group[3]: "C" is not known here; use one of A, B',
     ),
 )
 
@@ -469,14 +628,49 @@ MISUSES = (
         "a file in the way", "run good.toml --out good.toml", "good.toml: is a file; choose another --out"
     ),
     Misuse(
-        "a case of a study",
+        "a case without a study",
         "run good.toml --case 3",
-        "--case: cases of a study are not built yet; leave --case out",
+        "--case: good.toml has no cases; add a [study] table, or leave the case out",
     ),
     Misuse(
-        "a study",
-        "study good.toml --cases 10 --seed 1",
-        "good.toml: study is not built yet; fly the nominal values with closeform run",
+        "a case below zero",
+        "run lost.toml --case -1",
+        "--case: -1 is negative, cases count from 0; give 0 or more",
+    ),
+    Misuse(
+        "a search that only its cases tell apart",
+        "run cases.toml",
+        "cases.toml: craft.position: L1 and L2 are at one place; add --case K, or use closeform study",
+    ),
+    Misuse(
+        "a study without its table",
+        "study good.toml",
+        "good.toml: study: missing; add [study] with cases = 1000 and seed = 1",
+    ),
+    Misuse(
+        "a study of no cases",
+        "study lost.toml --cases 0",
+        "--cases: 0 is out of range; give at least 1 and at most 100000000",
+    ),
+    Misuse(
+        "a seed below zero",
+        "study lost.toml --seed -1",
+        "--seed: -1 is out of range; give at least 0",
+    ),
+    Misuse(
+        "a draw that is not built",
+        "study silent.toml",
+        'silent.toml: study.vary."craft.silent": is not built yet; remove it, this version varies craft.position, craft.velocity',
+    ),
+    Misuse(
+        "a cluster",
+        "study lost.toml --scheduler tcp://here:8786",
+        "--scheduler: clusters are not built yet; leave --scheduler out",
+    ),
+    Misuse(
+        "a study over finished results",
+        "study lost.toml --out done",
+        "done: holds finished results; add --overwrite or choose another --out",
     ),
     Misuse("no such results", "view nowhere", "nowhere: no such folder; give the folder that a run left"),
     Misuse("unfinished results", "view folder", "folder: holds no finished results; run the scenario first"),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bad_input import GOOD, MISUSES, SCENARIOS, Bad, Misuse
+from bad_input import GOOD, LOST, MISUSES, SCENARIOS, SEARCHES, Bad, Misuse
 from closeform.cli import main
 from closeform.scenario import Scenario, ScenarioError, parse
 
@@ -52,6 +52,15 @@ def contents(folder: Path) -> dict[str, bytes]:
 def desk(tmp_path, monkeypatch):
     """A working folder with the files that the table speaks of."""
     (tmp_path / "good.toml").write_text(GOOD)
+    (tmp_path / "lost.toml").write_text(LOST)
+    (tmp_path / "cases.toml").write_text(
+        LOST.replace('"100 0 0 m"', '"0 0 0 m"')
+        .replace("craft.velocity", "craft.position")
+        .replace('cm/s" } }', 'm" } }')
+    )
+    (tmp_path / "silent.toml").write_text(
+        LOST.replace('"craft.velocity" = { ball = "6 cm/s" }', '"craft.silent" = { chance = 0.1 }')
+    )
     (tmp_path / "picture.toml").write_bytes(b"\x89PNG\xff\xfe")
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "thesis.txt").write_text("years of work")
@@ -67,12 +76,12 @@ def desk(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("bad", SCENARIOS, ids=lambda bad: bad.what)
+@pytest.mark.parametrize("bad", [*SCENARIOS, *SEARCHES], ids=lambda bad: bad.what)
 def test_bad_scenario(bad: Bad, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (desk / "cluster.toml").write_text(bad.text())
+    (desk / bad.file).write_text(bad.text())
     before = contents(desk)
-    assert main(["run", "cluster.toml"]) == bad.status
-    expected = [f"cluster.toml: {line}" for line in bad.message.split("\n")]
+    assert main(["run", bad.file]) == bad.status
+    expected = [f"{bad.file}: {line}" for line in bad.message.split("\n")]
     printed = capsys.readouterr()
     assert printed.err.splitlines() == expected
     assert printed.out == ""
@@ -90,7 +99,7 @@ def test_bad_command(misuse: Misuse, desk: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_messages_name_a_remedy() -> None:
-    for bad in SCENARIOS:
+    for bad in (*SCENARIOS, *SEARCHES):
         for line in bad.message.split("\n"):
             key, wrong, *_ = line.split(": ", 1)
             assert key, bad.what
@@ -110,7 +119,10 @@ def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFix
 
 
 def test_the_good_file_is_good() -> None:
-    assert isinstance(parse(GOOD), Scenario)
+    for text in (GOOD, LOST):
+        scenario = parse(text)
+        assert isinstance(scenario, Scenario)
+        assert (scenario.unbuilt(), scenario.unbuilt_study()) == ((), ())
 
 
 def test_page_is_up_to_date() -> None:
@@ -135,7 +147,7 @@ def test_any_text(text: str) -> None:
     read(text)
 
 
-SAMPLES = [GOOD, *(file.read_text() for file in sorted((ROOT / "examples").glob("*.toml")))]
+SAMPLES = [GOOD, LOST, *(file.read_text() for file in sorted((ROOT / "examples").glob("*.toml")))]
 KEY = re.compile(r'^"?([\w.]+)"? = ')
 VALUES = st.one_of(
     st.sampled_from(

@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from bad_input import GOOD, MISUSES, SCENARIOS, Bad  # noqa: E402
+from bad_input import GOOD, LOST, MISUSES, SCENARIOS, SEARCHES, Bad  # noqa: E402
 
 HEAD = """\
 # Errors
@@ -23,15 +23,17 @@ second craft.
 Every row changes one piece of this file, `cluster.toml`, which is good:
 """
 
+LOST_HEAD = """\
+## Searches and studies
+
+Every row changes one piece of this file, `lost.toml`, which is good:
+"""
+
 
 def page() -> str:
     """The whole page."""
-    parts = [HEAD, "```toml\n" + GOOD + "```\n"]
-    for bad in SCENARIOS:
-        lines = "\n".join(f"cluster.toml: {line}" for line in bad.message.split("\n"))
-        parts.append(
-            f"### {title(bad.what)}\n\n{changed(bad)}\n```text\n{lines}\n```\n\nStatus {bad.status}.\n"
-        )
+    parts = [HEAD, "```toml\n" + GOOD + "```\n", *map(section, SCENARIOS)]
+    parts += [LOST_HEAD, "```toml\n" + LOST + "```\n", *map(section, SEARCHES)]
     parts.append("## Command lines\n")
     for misuse in MISUSES:
         parts.append(
@@ -39,6 +41,12 @@ def page() -> str:
             f"{misuse.message}\n```\n\nStatus {misuse.status}.\n"
         )
     return "\n".join(parts)
+
+
+def section(bad: Bad) -> str:
+    """One bad scenario."""
+    lines = "\n".join(f"{bad.file}: {line}" for line in bad.message.split("\n"))
+    return f"### {title(bad.what)}\n\n{changed(bad)}\n```text\n{lines}\n```\n\nStatus {bad.status}.\n"
 
 
 def title(what: str) -> str:

@@ -24,6 +24,7 @@ _NAMES = {
         "cone_crossings regions_searched Event EventKind GatherStatus Gathering Gatherings Stay gather "
         "gather_cases"
     ),
+    "campaign": "study",
     "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}

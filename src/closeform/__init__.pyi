@@ -29,6 +29,7 @@ from closeform.search import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
+from closeform.campaign import study as study
 from closeform.ccsds import (
     CommonFrame as CommonFrame,
     Ephemeris as Ephemeris,

@@ -1,4 +1,4 @@
-"""The command line. Exit status: 0 done and clear, 1 a conflict remains, 2 bad input."""
+"""The command line. Exit status: 0 done and clear, 1 conflicts or lost craft remain, 2 bad input."""
 
 import sys
 from collections.abc import Sequence
@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from closeform.terminal import complain, one_line, progress, say, show, stderr, stdout
 
-    from closeform.chapters import Sheet
+if TYPE_CHECKING:
     from closeform.mission import Mission
     from closeform.scenario import Scenario
     from closeform.zones import Zone
 
-WIDTH = 100  # columns of the output, on a terminal or not
 CLEAR, CONFLICT, BAD_INPUT = 0, 1, 2
 
 
@@ -68,7 +66,7 @@ def run(
     case: int | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Fly a scenario: every conflict, the cheapest way around, and a folder with the results.
+    """Fly a scenario: who finds whom, every conflict, the cheapest way around; leaves a folder of results.
 
     Parameters
     ----------
@@ -77,17 +75,17 @@ def run(
     out
         Folder for the results; NAME-results next to where you are by default.
     case
-        One case of the study instead of the nominal values. Not built yet.
+        One case of the study, counted from 0, instead of the nominal values.
     overwrite
         Replace finished results.
     """
     from closeform.results import check_free, folder
 
     place = out if out is not None else Path(f"{scenario.stem}-results")
-    if case is not None:
-        raise UsageError("--case: cases of a study are not built yet; leave --case out")
     check_free(place, overwrite)
     loaded = read(scenario)
+    if loaded is not None:
+        loaded = one_case(loaded, case)
     if loaded is None:
         return BAD_INPUT
     from closeform.mission import fly
@@ -99,8 +97,7 @@ def run(
         with notes.status("flying") as status:
             mission = fly(loaded, lambda text: status.update(text))
             with folder(place, overwrite) as under_way:
-                status.update("writing results")
-                leave(mission, under_way)
+                leave(mission, under_way, lambda text: status.update(text))
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
@@ -123,7 +120,7 @@ def check(scenario: Path, /) -> int:
     stages = ", ".join(stage.verb for stage in loaded.stages)
     console = stdout()
     say(console, f"{scenario}: valid: {len(loaded.craft)} craft; stages: {stages}")
-    for line in loaded.unbuilt():
+    for line in (*loaded.unbuilt(), *loaded.unbuilt_study()):
         say(console, f"{scenario}: {line}")
     return CLEAR
 
@@ -192,24 +189,59 @@ def study(
     cases: int | None = None,
     seed: int | None = None,
     out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
     scheduler: str | None = None,
 ) -> int:
-    """Fly many cases of a scenario with its [study.vary] draws. Not built yet.
+    """Fly many cases of a search with its [study.vary] draws: shares by phase, and a folder with every case.
 
     Parameters
     ----------
     scenario
-        TOML file with a [study] table.
+        TOML file with a [study] table and one stage, lock or gather.
     cases
-        How many cases.
+        How many cases, instead of the file's.
     seed
-        Seed of the draws.
+        Seed of the draws, instead of the file's.
     out
-        Folder for the results.
+        Folder for the results; NAME-results next to where you are by default.
+    overwrite
+        Replace finished results.
     scheduler
-        Address of a Dask scheduler.
+        Address of a Dask scheduler. Not built yet.
     """
-    raise UsageError(f"{scenario}: study is not built yet; fly the nominal values with closeform run")
+    from closeform.results import check_free, folder
+
+    place = out if out is not None else Path(f"{scenario.stem}-results")
+    if scheduler is not None:
+        raise UsageError("--scheduler: clusters are not built yet; leave --scheduler out")
+    check_free(place, overwrite)
+    loaded = read(scenario)
+    if loaded is None:
+        return BAD_INPUT
+    from closeform.campaign import flown
+    from closeform.report.study import hint, leave, opening, sheets, verdict
+    from closeform.scenario import ScenarioError
+
+    notes = stderr()
+    try:
+        with progress(notes) as bar:
+            task = bar.add_task("cases", total=cases or (loaded.study.cases if loaded.study else None))
+            campaign = flown(loaded, cases, seed, lambda done: bar.update(task, completed=done))
+    except ScenarioError as error:
+        complain(*error.lines)
+        return BAD_INPUT
+    except ValueError as error:  # cases or seed
+        raise UsageError(f"--{error}") from None
+    with notes.status("writing results"), folder(place, overwrite) as under_way:
+        leave(campaign, under_way)
+    console = stdout()
+    say(console, *opening(campaign))
+    for sheet in sheets(campaign):
+        show(console, sheet)
+    say(console, "")
+    for line in (*hint(campaign), f"{verdict(campaign)}; results in {place}"):
+        console.print(line, soft_wrap=True)  # a path is not to be broken
+    return CLEAR if campaign.ok else CONFLICT
 
 
 @app.command(sort_key=4)
@@ -246,6 +278,29 @@ def read(file: Path) -> "Scenario | None":
         return None
 
 
+def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
+    """The scenario with the states of one case of its study, or as it is where none was asked for.
+
+    None after saying why there is no such case, or that a search needs craft that are apart.
+    """
+    if case is not None:
+        from closeform.campaign import case_of
+        from closeform.scenario import ScenarioError
+
+        try:
+            return case_of(scenario, case)
+        except ScenarioError as error:
+            complain(*error.lines)
+            return None
+        except ValueError as error:
+            raise UsageError(f"--case: {error}") from None
+    together = scenario.coincident() if any(stage.searches for stage in scenario.stages) else ()
+    if not together:
+        return scenario
+    complain(*(f"{scenario.file}: {line}" for line in scenario.unbuilt_study() or together))
+    return None
+
+
 def zone_of(**shapes: str | None) -> "Zone":
     """The one zone that the options of `screen` describe."""
     from closeform.scenario.quantity import LENGTH, Reader
@@ -279,47 +334,8 @@ def tell(mission: "Mission", place: Path) -> None:
         if chapter.closing:
             say(console, "", *chapter.closing)
     say(console, "", *mission.warnings)
-    console.print(f"{verdict(mission)}; results in {place}", soft_wrap=True)  # a path is not to be broken
-
-
-def stdout() -> "Console":
-    """Where results are printed."""
-    from rich.console import Console
-
-    return Console(width=WIDTH, highlight=False, markup=False, emoji=False)
-
-
-def stderr() -> "Console":
-    """Where the state of long work is shown, on a terminal only."""
-    from rich.console import Console
-
-    return Console(stderr=True, width=WIDTH, markup=False, emoji=False)
-
-
-def say(console: "Console", *lines: str) -> None:
-    """Print lines as they are, wrapped at the width."""
-    for line in lines:
-        console.print(line)
-
-
-def show(console: "Console", sheet: "Sheet") -> None:
-    """Print a small table: the first column to the left, numbers to the right."""
-    from rich.table import Table
-
-    table = Table(title=f"\n{sheet.title}", title_justify="left", title_style="", box=None, pad_edge=False)
-    for place, column in enumerate(sheet.columns):
-        table.add_column(column, justify="left" if place == 0 else "right", overflow="fold")
-    for row in sheet.rows:
-        table.add_row(*row)
-    console.print(table)
-
-
-def complain(*lines: str) -> None:
-    """Say what is wrong, on standard error."""
-    for line in lines:
-        print(line, file=sys.stderr)
-
-
-def one_line(error: object) -> str:
-    """A message of several lines as one."""
-    return " ".join(str(error).split()).rstrip(".")
+    end = f"{verdict(mission)}; "
+    if len(end) > console.width:
+        say(console, verdict(mission))
+        end = ""
+    console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from closeform.conflicts import Approach, Conflict, closest_approach
 from closeform.path import Path
 from closeform.screening import screen
@@ -41,6 +43,11 @@ class Flight:
     def path(self, name: str) -> Path:
         """One craft's path."""
         return self.paths[self.names.index(name)]
+
+    @property
+    def end(self) -> float:
+        """When it ends [s]."""
+        return float(np.max(self.paths.end))
 
     @property
     def closest(self) -> Nearest | None:

@@ -2,20 +2,24 @@
 
     scenario file -> Scenario -> fly -> Mission -> result folder, report, printed tables
 
-No mathematics: a stage asks the orbit for paths, `screen` for conflicts and `avoid` for the way
-around them.
+No mathematics: a stage asks the orbit for paths, `screen` for conflicts, `avoid` for the way
+around them, and `lock_times` and `gather` for who finds whom.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from closeform.arc import END, START
 from closeform.avoidance import Avoidance, avoid
 from closeform.flight import Flight, watch
 from closeform.orbit import Orbit
 from closeform.path import Path, stack
-from closeform.scenario import Avoid, Coast, Scenario, ScenarioError, StageTable, Target
+from closeform.scenario import Avoid, Coast, Gather, Lock, Scenario, ScenarioError, StageTable, Target
+from closeform.search import Gathering, Locks, Search, gather, lock_times
+from closeform.search.gathering import who_is_left
 from closeform.zones import Floats, Zone
 
 
@@ -32,17 +36,59 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
+class FirstLocks:
+    """The first locks of all `pairs` (P, 2) of a craft in group A and one in B, by index.
+
+    `search` begins, and times count, when the stage does.
+    """
+
+    search: Search
+    pairs: Any
+    locks: Locks
+
+    @property
+    def lost(self) -> tuple[int, ...]:
+        """The craft that never lock anybody."""
+        met = self.pairs[self.locks.leg >= 0]
+        return tuple(map(int, np.setdiff1d(self.pairs, met)))
+
+
+@dataclass(frozen=True, eq=False)
 class Leg:
-    """A stage as flown, from `start` to `end` [s]: the flight `before` avoidance and `after` it."""
+    """A stage as flown, from `start` to `end` [s]: the flight `before` avoidance and `after` it.
+
+    The times of a Gathering or of FirstLocks count from the start of the stage.
+    """
 
     number: int
-    name: str
-    verb: str
+    stage: StageTable
     start: float
     end: float
     before: Flight
     after: Flight
-    change: Change | None = None
+    deed: Change | Gathering | FirstLocks | None = None  # None: a coast
+
+    @property
+    def name(self) -> str:
+        """What the file calls it, or an empty text."""
+        return self.stage.name or ""
+
+    @property
+    def verb(self) -> str:
+        """What stands in `do`."""
+        return self.stage.verb
+
+    @property
+    def failure(self) -> str | None:
+        """Why the mission cannot go on after this stage; None where it can."""
+        names = self.after.names
+        if isinstance(self.deed, Change) and not self.deed.avoidance.ok:
+            return self.deed.avoidance.reason
+        if isinstance(self.deed, Gathering) and not self.deed.ok:
+            return who_is_left(self.deed.sets, self.deed.lost, self.deed.rounds, names)
+        if isinstance(self.deed, FirstLocks) and self.deed.lost:
+            return who_is_left((), self.deed.lost, 1, names)
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +128,8 @@ class Mission:
 def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None) -> Mission:
     """Fly a scenario's stages; `progress` is told what is under way.
 
-    A move that finds no clear path ends the mission; the Mission says so in `stopped`.  Raises
+    A move that finds no clear path or a search that leaves craft lost ends the mission; the Mission
+    says so in `stopped`.  Raises
     ScenarioError for stages or starts that this version has not built, and for numbers that are
     beyond the mathematics.
     """
@@ -99,10 +146,8 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
         legs.append(leg)
-        if leg.change is not None and not leg.change.avoidance.ok:
-            return Mission(
-                scenario, orbit, tuple(legs), f"stage {number} ({verb}): {leg.change.avoidance.reason}"
-            )
+        if leg.failure is not None:
+            return Mission(scenario, orbit, tuple(legs), f"stage {number} ({verb}): {leg.failure}")
         states = leg.after.paths.state(leg.end)
     return Mission(scenario, orbit, tuple(legs))
 
@@ -120,6 +165,10 @@ class Sky:
         """The paths, watched over their common time."""
         return watch(stack(paths), self.scenario.names, self.scenario.zones)
 
+    def coasts(self, duration: float) -> Flight:
+        """Nobody burns for a `duration` [s]."""
+        return self.flight([self.orbit.coast(state, duration, self.time) for state in self.states])
+
     def goal(self, target: Target | None, k: int, duration: float) -> Path:
         """Craft k's own way to a target: the energy-optimal transfer, or coasting without one."""
         if target is None:
@@ -129,15 +178,16 @@ class Sky:
 
 def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
     """One stage as flown."""
-    verb, name = stage.verb, stage.name or ""
     if isinstance(stage, Coast):
-        end = sky.time + stage.length.on(sky.orbit.mean_motion)
-        coasts = [sky.orbit.coast(state, end - sky.time, sky.time) for state in sky.states]
-        flight = sky.flight(coasts)
-        return Leg(number, name, verb, sky.time, end, flight, flight)
+        flight = sky.coasts(stage.length.on(sky.orbit.mean_motion))
+        return Leg(number, stage, sky.time, flight.end, flight, flight)
     if isinstance(stage, Avoid):
         return moved(sky, number, stage)
-    raise TypeError(f"stage {number}: {verb} is not built")
+    if isinstance(stage, Lock):
+        return locked(sky, number, stage)
+    if isinstance(stage, Gather):
+        return gathered(sky, number, stage)
+    raise TypeError(f"stage {number}: {stage.verb} is not built")
 
 
 def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
@@ -164,4 +214,33 @@ def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
         direct,
         avoidance,
     )
-    return Leg(number, stage.name or "", stage.verb, sky.time, direct.end, before, after, change)
+    return Leg(number, stage, sky.time, direct.end, before, after, change)
+
+
+def locked(sky: Sky, number: int, stage: Lock) -> Leg:
+    """All craft coast through the search; who sees whom, and when."""
+    search, groups = sky.scenario.plan, np.array(sky.scenario.groups)
+    pairs = np.argwhere((groups[:, None] == "A") & (groups == "B"))
+    relative = sky.states[pairs[:, 1]] - sky.states[pairs[:, 0]]
+    found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:]))
+    flight = sky.coasts(search.duration)
+    return Leg(number, stage, sky.time, flight.end, flight, flight, found)
+
+
+def gathered(sky: Sky, number: int, stage: Gather) -> Leg:
+    """Lost craft search, lock and join, until one formation holds them all or the rounds are over."""
+    scenario = sky.scenario
+    gathering = gather(
+        scenario.plan,
+        sky.states[:, :3],
+        sky.states[:, 3:],
+        scenario.groups,
+        keep_out=scenario.common_zone,
+        rounds=stage.rounds,
+        burns=stage.burns,
+        max_speed=None if scenario.search is None else scenario.search.max_speed,
+    )
+    arcs = gathering.paths.arcs.copy()
+    arcs[:, [START, END]] += sky.time
+    flight = watch(replace(gathering.paths, arcs=arcs), scenario.names, scenario.zones)
+    return Leg(number, stage, sky.time, flight.end, flight, flight, gathering)

@@ -9,9 +9,11 @@ from closeform.orbit import Orbit
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
+from closeform.scenario.stages import Gather
 from closeform.scenario.study import draw_error, readers
+from closeform.search.rounds import all_rounds
 
-MOST_SAMPLES = 1e7
+MOST_SAMPLES, MOST_ROUNDS = 1e7, 1000
 
 
 def check(scenario: Scenario) -> list[str]:
@@ -77,7 +79,7 @@ def searching(scenario: Scenario) -> Iterator[str]:
     if scenario.sensor is not None and scenario.search is not None:
         yield from search(scenario, scenario.sensor, scenario.search)
     if scenario.orbit.deep_space is None:
-        yield "orbit: a search is for deep space, where craft coast along straight lines; write deep_space = true"
+        yield "orbit: a search is for deep space only; write deep_space = true instead"
     elif not scenario.scattered:
         yield from scenario.coincident()
 
@@ -90,6 +92,15 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         key = str(error).split(":")[0]
         yield f"{'sensor' if key in SensorTable.model_fields else 'search'}.{error}"
         return
+    for number, stage in enumerate(scenario.stages, 1):
+        if isinstance(stage, Gather):
+            try:
+                all_rounds(plan, 1, table.max_speed)
+            except ValueError as error:
+                yield f"search.{error}"
+            if stage.rounds > MOST_ROUNDS:
+                text = f"{stage.rounds} is above {MOST_ROUNDS}; write for example rounds = 3"
+                yield f"stage[{number}].rounds: {text}"
     for step in scenario.study.sampled if scenario.study is not None else ():
         if plan.duration / step > MOST_SAMPLES:
             yield (

@@ -4,7 +4,7 @@ import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,11 @@ from closeform.scenario.stages import STAGES, StageTable
 from closeform.scenario.study import BUILT, Study
 from closeform.scenario.zoning import larger
 from closeform.zones import Zone
+
+if TYPE_CHECKING:
+    from closeform.search import Search
+
+IMPERFECT = ("pointing_error", "slew_rate_error", "start_offset", "silent")  # keys of [craft]
 
 
 @dataclass(frozen=True)
@@ -72,6 +77,26 @@ class Scenario:
         pairs = np.stack([first, second], axis=1)
         return tuple((zones[k], pairs[winner == k]) for k in range(len(zones)) if (winner == k).any())
 
+    @property
+    def common_zone(self) -> Zone | None:
+        """The one zone of a gathering: that which holds all others, or None where no craft has any."""
+        return larger(*(zone for zone, _ in self.zones))
+
+    @property
+    def plan(self) -> "Search":
+        """The search of the core that [sensor] and [search] describe.
+
+        Raises ValueError, beginning with the key, where the papers refuse.
+        """
+        if self.sensor is None or self.search is None:
+            raise ValueError("search: needs [sensor] and [search]; add both")
+        return self.search.build(self.sensor.build())
+
+    @property
+    def groups(self) -> tuple[Literal["A", "B"], ...]:
+        """The craft's groups in a search; A where none is given."""
+        return tuple(craft.group or "A" for craft in self.craft)
+
     def zones_around(self, name: str) -> tuple[Zone, ...]:
         """The zones that hold for one craft and each other, in the others' order."""
         k = self.names.index(name)
@@ -97,6 +122,12 @@ class Scenario:
                 for key, target in stage.targets.items()
                 if target.unbuilt
             ]
+            if stage.searches:
+                lines += [
+                    f"craft.{key}: is not built yet; remove it"
+                    for key in IMPERFECT
+                    if any(np.any(getattr(craft, key)) for craft in self.craft)
+                ]
         return tuple(dict.fromkeys(lines))
 
     def unbuilt_study(self) -> tuple[str, ...]:
@@ -106,11 +137,13 @@ class Scenario:
         lines = []
         for number, stage in enumerate(self.stages, 1):
             if not stage.searches:
-                lines.append(f'stage[{number}].do: a study of "{stage.verb}" is not built yet; remove the stage')
+                lines.append(
+                    f'stage[{number}].do: a study of "{stage.verb}" is not built yet; remove the stage'
+                )
         if sum(stage.searches for stage in self.stages) > 1:
             lines.append("stage: a study of more than one search is not built yet; keep one lock or gather")
         lines += [
-            f"study.vary.{shown(key)}: not built yet; remove it, this version varies {', '.join(BUILT)}"
+            f"study.vary.{shown(key)}: is not built yet; remove it, this version varies {', '.join(BUILT)}"
             for key in self.study.vary
             if key not in BUILT
         ]

@@ -139,6 +139,7 @@ class Reconfigure(Joint):
 class Lock(StageTable):
     """The first lock of each A-B pair; nothing burns."""
 
+    built = True
     keeps_out = False
     searches = True
     do: Literal["lock"] = Field(examples=['"lock"'])
@@ -147,6 +148,7 @@ class Lock(StageTable):
 class Gather(StageTable):
     """Lost craft search, lock and join until one formation holds them all."""
 
+    built = True
     keeps_out = False
     searches = True
     do: Literal["gather"] = Field(examples=['"gather"'])

@@ -84,7 +84,9 @@ class Study(Table):
                     '"at once", "never" or a phase like "IPS 1"'
                 )
             if not text.isprintable() or len(text) > (80 if row == "source" else 20):
-                raise ValueError(f"published {shown(row)} does not fit; write at most 20 characters, or 80 for source")
+                raise ValueError(
+                    f"published {shown(row)} does not fit; write at most 20 characters, or 80 for source"
+                )
         return self
 
 

@@ -1,76 +1,32 @@
-"""What a run has to say, the same for the terminal and for `report.html`: a chapter for each stage."""
+"""Chapters of a coast and of a move: conflicts before, the change made, conflicts after."""
 
-from dataclasses import dataclass
-from math import pi
-
+from closeform.chapters.sheet import Chapter, Sheet
 from closeform.flight import Flight
-from closeform.mission import Change, Leg, Mission
+from closeform.mission import Change, Leg
 from closeform.path import Path
 
-
-@dataclass(frozen=True)
-class Sheet:
-    """A small table of texts; `more` is for the report only, not for the terminal."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    more: bool = False
+MOST_PAIRS = 1000  # of closest approaches in a sheet; the table in Parquet has all
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """A stage in words and tables."""
-
-    title: str
-    lines: tuple[str, ...] = ()
-    sheets: tuple[Sheet, ...] = ()
-    closing: tuple[str, ...] = ()
+def coast(title: str, leg: Leg) -> Chapter:
+    """Nothing burns."""
+    lines, sheets = encounters("Conflicts", leg.after)
+    return Chapter(title, lines, sheets + nearest("Closest approaches", leg.after))
 
 
-def opening(mission: Mission) -> str:
-    """One line on who flies where."""
-    count = len(mission.scenario.craft)
-    craft = f"{count} craft" if count > 1 else "1 craft"
-    n = mission.orbit.mean_motion
-    where = f"an orbit of {2 * pi / n / 60.0:.2f} min" if n else "deep space"
-    return f"{craft} in {where}, {mission.legs[-1].end if mission.legs else 0.0:.1f} s"
-
-
-def verdict(mission: Mission) -> str:
-    """The last line: clear, or what remains."""
-    if mission.stopped is not None:
-        return f"stopped in {mission.stopped}"
-    remaining = sum(len(leg.after.encounters) for leg in mission.legs)
-    if remaining:
-        return f"{remaining} conflict{'s' * (remaining > 1)} remain{'s' * (remaining == 1)}"
-    return "clear: no conflict remains"
-
-
-def chapters(mission: Mission) -> tuple[Chapter, ...]:
-    """One chapter for each stage flown."""
-    return tuple(chapter(leg) for leg in mission.legs)
-
-
-def chapter(leg: Leg) -> Chapter:
-    """A stage: conflicts before, the change made, conflicts after."""
-    named = f' "{leg.name}"' if leg.name else ""
-    who = f", {leg.change.craft} moves" if leg.change is not None else ""
-    title = f"Stage {leg.number}{named}: {leg.verb}{who}, {leg.start:.1f} s to {leg.end:.1f} s"
-    if leg.change is None:
-        lines, sheets = encounters("Conflicts", leg.after)
-        return Chapter(title, lines, sheets + nearest("Closest approaches", leg.after))
+def move(title: str, leg: Leg, change: Change) -> Chapter:
+    """One craft moves."""
     lines, sheets = encounters("Conflicts before", leg.before)
-    sheets += (efforts(leg.change),)
+    sheets += (efforts(change),)
     after_lines, after_sheets = encounters("Conflicts after", leg.after)
-    if not leg.change.avoidance.ok:
+    if not change.avoidance.ok:
         after_lines = ("The direct path is kept: no way around was found",)
         after_sheets = ()
     sheets += after_sheets
     sheets += nearest("Closest approaches before", leg.before) + nearest(
         "Closest approaches after", leg.after
     )
-    return Chapter(title, lines, sheets, (*how(leg.change), *after_lines))
+    return Chapter(title, lines, sheets, (*how(change), *after_lines))
 
 
 def encounters(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Sheet, ...]]:
@@ -99,7 +55,11 @@ def encounters(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Sheet
 
 
 def nearest(title: str, flight: Flight) -> tuple[Sheet, ...]:
-    """Every pair's closest approach."""
+    """Every pair's closest approach; of very many pairs the closest."""
+    pairs = flight.nearest
+    if len(pairs) > MOST_PAIRS:
+        pairs = tuple(sorted(pairs, key=lambda pair: pair.approach.ratio)[:MOST_PAIRS])
+        title += f", the {MOST_PAIRS} closest of {len(flight.nearest)}"
     rows = tuple(
         (
             f"{pair.first} - {pair.second}",
@@ -107,7 +67,7 @@ def nearest(title: str, flight: Flight) -> tuple[Sheet, ...]:
             f"{pair.approach.distance:.3f}",
             f"{pair.approach.time:.3f}",
         )
-        for pair in flight.nearest
+        for pair in pairs
     )
     return (Sheet(title, ("pair", "least", "distance [m]", "at [s]"), rows, more=True),) if rows else ()
 

@@ -1,0 +1,53 @@
+"""What a run has to say, the same for the terminal and for `report.html`: a chapter for each stage."""
+
+from math import pi
+
+from closeform.chapters.gatherings import conflicts_known, gathered
+from closeform.chapters.moves import coast, encounters, move, nearest
+from closeform.chapters.searches import locked
+from closeform.chapters.sheet import Chapter, Sheet, counted
+from closeform.mission import Change, FirstLocks, Leg, Mission
+from closeform.search import Gathering
+
+__all__ = ["Chapter", "Sheet", "chapters", "conflicts_known", "encounters", "nearest", "opening", "verdict"]
+
+
+def opening(mission: Mission) -> str:
+    """One line on who flies where."""
+    n = mission.orbit.mean_motion
+    where = f"an orbit of {2 * pi / n / 60.0:.2f} min" if n else "deep space"
+    craft = counted(len(mission.scenario.craft), "craft", "craft")
+    return f"{craft} in {where}, {mission.legs[-1].end if mission.legs else 0.0:.1f} s"
+
+
+def verdict(mission: Mission) -> str:
+    """The last line: clear, or what remains."""
+    if mission.stopped is not None:
+        return f"stopped in {mission.stopped}"
+    remaining = sum(len(leg.after.encounters) for leg in mission.legs)
+    if remaining:
+        return f"{counted(remaining, 'conflict')} remain{'s' * (remaining == 1)}"
+    searched = any(leg.stage.searches for leg in mission.legs)
+    watched = any(leg.after.nearest for leg in mission.legs) or not searched
+    found = ["nobody is lost"] * searched + ["no conflict remains"] * watched
+    return f"clear: {', '.join(found)}"
+
+
+def chapters(mission: Mission) -> tuple[Chapter, ...]:
+    """One chapter for each stage flown."""
+    return tuple(chapter(leg) for leg in mission.legs)
+
+
+def chapter(leg: Leg) -> Chapter:
+    """A stage: what it set out with, what it did, what came of it."""
+    named = f' "{leg.name}"' if leg.name else ""
+    deed = leg.deed
+    who = f", {deed.craft} moves" if isinstance(deed, Change) else ""
+    title = f"Stage {leg.number}{named}: {leg.verb}{who}, {leg.start:.1f} s to {leg.end:.1f} s"
+    if isinstance(deed, Change):
+        return move(title, leg, deed)
+    if isinstance(deed, Gathering):
+        return gathered(title, leg, deed)
+    if isinstance(deed, FirstLocks):
+        return locked(title, leg, deed)
+    return coast(title, leg)

@@ -1,0 +1,41 @@
+"""What a chapter is made of: words and small tables of texts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A small table; `more` is for the report only, not for the terminal; `texts` are columns of words."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    more: bool = False
+    texts: tuple[int, ...] = (0,)
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A stage in words and tables."""
+
+    title: str
+    lines: tuple[str, ...] = ()
+    sheets: tuple[Sheet, ...] = ()
+    closing: tuple[str, ...] = ()
+
+
+def minutes(time: float) -> str:
+    """A time [s] as min:s, rounded to a second."""
+    whole = round(time)
+    return f"{whole // 60}:{whole % 60:02d}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as one says them: A, B and C."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + f" and {names[-1]}"
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """A number of things."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
