@@ -28,7 +28,10 @@ from closeform.campaign.shares import estimate
 from closeform.cli import main
 from closeform.report.study import by_detection
 from closeform.scenario import Scenario, ScenarioError, load, parse
-from closeform.search import Search, Sensor, gather, lock_times
+from closeform.search.gather import gather
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from closeform.terminal import WIDTH
 from test_cli import numbers
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 
+import closeform.report.figures
 from closeform.cli import main
 
 ROOT = Path(__file__).parents[1]
@@ -52,8 +53,13 @@ def test_python_blocks_run(name: str, capsys: pytest.CaptureFixture[str]) -> Non
 
 
 @pytest.mark.parametrize("name", SESSIONS)
-def test_console_blocks_show_what_is_printed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_console_blocks_show_what_is_printed(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """`$ closeform ...` and what follows; a line of `...` stands for lines left out."""
+    monkeypatch.setattr(
+        closeform.report.figures, "FILMED", 0
+    )  # animations, seconds each, have tests of their own
     for _, block in blocks(SESSIONS[name], "console"):
         command, *lines = block.splitlines()
         program, *arguments = shlex.split(command.removeprefix("$ "))

@@ -9,7 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from closeform.search import Search, Sensor, lock_times
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from turns import Turning, first_lock, margin, turns
 
 RATE, LIMIT = radians(0.25), radians(25)

@@ -5,8 +5,10 @@ from math import degrees, inf, isnan, radians
 import numpy as np
 import pytest
 
-from closeform.search import Search, Sensor, lock_times
+from closeform.search.locks import lock_times
 from closeform.search.margins import lock_margins
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from turns import Turning, turns
 
 RATE, LIMIT = radians(0.25), radians(25)

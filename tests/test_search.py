@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from closeform.search import Search, Sensor, lock_times
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from turns import START, Turning, first_lock, turns
 
 RATE, LIMIT = radians(0.25), radians(25)

@@ -18,7 +18,10 @@ from closeform.plots.formation import ThreeViews
 from closeform.plots.hyperbola import CAMERA, Meeting
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.plots.panels import OBLIQUE, SUN_VIEW
-from closeform.search import Search, Sensor, gather, lock_times
+from closeform.search.gather import gather
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from closeform.search.theorem import cone_regions
 
 RATE, HALF = radians(0.25), radians(70.0)

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from closeform.search import Search, Sensor, lock_times
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from closeform.search.theorem import (
     CORRESPONDING_REGION,
     cone_crossings,

@@ -19,11 +19,13 @@ _NAMES = {
         "inertial_from_elements roe_from_elements elements_from_roe roe_from_state "
         "state_from_roe"
     ),
-    "search": (
-        "Sensor Leg Search Locks lock_times LockMargins lock_margins TheoremCase theorem_case cone_regions "
-        "cone_crossings regions_searched Event EventKind GatherStatus Gathering Gatherings Stay gather "
-        "gather_cases"
-    ),
+    "search.sensor": "Sensor",
+    "search.schedule": "Leg Search",
+    "search.locks": "Locks lock_times",
+    "search.margins": "LockMargins lock_margins",
+    "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",
+    "search.gathering": "Event EventKind GatherStatus Gathering Gatherings Stay",
+    "search.gather": "gather gather_cases",
     "campaign": "study",
     "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",
 }

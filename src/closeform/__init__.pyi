@@ -7,28 +7,6 @@ from closeform.avoidance import (
     avoid as avoid,
     end_gradients as end_gradients,
 )
-from closeform.search import (
-    Event as Event,
-    EventKind as EventKind,
-    GatherStatus as GatherStatus,
-    Gathering as Gathering,
-    Gatherings as Gatherings,
-    Leg as Leg,
-    LockMargins as LockMargins,
-    Locks as Locks,
-    Search as Search,
-    Sensor as Sensor,
-    Stay as Stay,
-    TheoremCase as TheoremCase,
-    cone_crossings as cone_crossings,
-    cone_regions as cone_regions,
-    gather as gather,
-    gather_cases as gather_cases,
-    lock_margins as lock_margins,
-    lock_times as lock_times,
-    regions_searched as regions_searched,
-    theorem_case as theorem_case,
-)
 from closeform.campaign import study as study
 from closeform.ccsds import (
     CommonFrame as CommonFrame,
@@ -75,6 +53,26 @@ from closeform.path import (
 from closeform.screening import (
     Screening as Screening,
     screen as screen,
+)
+from closeform.search.gather import gather as gather, gather_cases as gather_cases
+from closeform.search.gathering import (
+    Event as Event,
+    EventKind as EventKind,
+    GatherStatus as GatherStatus,
+    Gathering as Gathering,
+    Gatherings as Gatherings,
+    Stay as Stay,
+)
+from closeform.search.locks import Locks as Locks, lock_times as lock_times
+from closeform.search.margins import LockMargins as LockMargins, lock_margins as lock_margins
+from closeform.search.schedule import Leg as Leg, Search as Search
+from closeform.search.sensor import Sensor as Sensor
+from closeform.search.theorem import (
+    TheoremCase as TheoremCase,
+    cone_crossings as cone_crossings,
+    cone_regions as cone_regions,
+    regions_searched as regions_searched,
+    theorem_case as theorem_case,
 )
 from closeform.zones import (
     Box as Box,

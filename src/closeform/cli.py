@@ -267,8 +267,12 @@ def read(file: Path) -> "Scenario | None":
     """The scenario, or None after saying everything that is wrong with it."""
     from closeform.compiled import compile_ahead
 
-    if file.is_file():
-        compile_ahead()
+    try:
+        searches = b"[search]" in file.read_bytes()
+    except OSError:
+        pass  # load says what is wrong with it
+    else:
+        compile_ahead("closeform.search.chain" if searches else "closeform.avoidance")
     from closeform.scenario import ScenarioError, load
 
     try:

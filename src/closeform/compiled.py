@@ -43,19 +43,24 @@ def cache_folder() -> Path:
 
 @cache
 def announce() -> None:
-    """Say once, on standard error, that the first compilation is under way."""
-    if not any(cache_folder().rglob("*.nbi")):
-        print("closeform: compiling its kernels, once for this version (some ten seconds)", file=sys.stderr)
+    """Say once, on standard error, that a compilation is under way."""
+    print("closeform: compiling its kernels, once for this version (some ten seconds)", file=sys.stderr)
 
 
-def compile_ahead() -> None:
-    """Compile every kernel now where none is cached, in two processes side by side."""
+@cache
+def nothing_compiled() -> bool:
+    """Whether this process found an empty cache."""
+    return not any(cache_folder().rglob("*.nbi"))
+
+
+def compile_ahead(module: str) -> None:
+    """Compile the kernels of `module`'s package now if they are not cached, beside those of conflicts."""
     folder = cache_folder()
-    if any(folder.rglob("*.nbi")) or user_cache_path("closeform") not in folder.parents:
+    package = module.split(".")[1]
+    if any(folder.glob(f"{package}_*/*.nbi")) or user_cache_path("closeform") not in folder.parents:
         return
     announce()
-    # there the contacts come first, which are about half of the work
-    command = [sys.executable, "-c", "import closeform.avoidance"]
+    command = [sys.executable, "-c", f"import {module}"]
     other = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     import_module("closeform.conflicts")
     other.wait()
@@ -103,7 +108,8 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return lambda function: _by_type(numba.njit(no_cpython_wrapper=True, **options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
-        announce()
+        if nothing_compiled():
+            announce()
         with own_cache():
             return numba.njit(signature, cache=True, **options)(function)
 

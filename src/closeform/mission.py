@@ -8,19 +8,24 @@ around them, and `lock_times` and `gather` for who finds whom.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from closeform.arc import END, START
-from closeform.avoidance import Avoidance, avoid
 from closeform.flight import Flight, watch
 from closeform.orbit import Orbit
 from closeform.path import Path, stack
 from closeform.scenario import Avoid, Coast, Gather, Lock, Scenario, ScenarioError, StageTable, Target
-from closeform.search import Gathering, Locks, Search, gather, lock_times
-from closeform.search.gathering import who_is_left
+from closeform.search.gathering import Gathering, who_is_left
+from closeform.search.schedule import Search
 from closeform.zones import Floats, Zone
+
+if TYPE_CHECKING:
+    from closeform.avoidance import Avoidance
+    from closeform.search.locks import Locks
+
+# Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,7 @@ class Change:
     zones: tuple[Zone, ...]  # one for each other
     method: str
     direct: Path
-    avoidance: Avoidance
+    avoidance: "Avoidance"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +49,7 @@ class FirstLocks:
 
     search: Search
     pairs: Any
-    locks: Locks
+    locks: "Locks"
 
     @property
     def lost(self) -> tuple[int, ...]:
@@ -192,6 +197,8 @@ def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
 
 def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
     """One craft moves; the others coast or fly their own transfers and do not give way."""
+    from closeform.avoidance import avoid
+
     names = sky.scenario.names
     duration = stage.within.on(sky.orbit.mean_motion)
     targets = {fellow.craft: fellow.to for fellow in stage.meanwhile}
@@ -219,6 +226,8 @@ def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
 
 def locked(sky: Sky, number: int, stage: Lock) -> Leg:
     """All craft coast through the search; who sees whom, and when."""
+    from closeform.search.locks import lock_times
+
     search, groups = sky.scenario.plan, np.array(sky.scenario.groups)
     pairs = np.argwhere((groups[:, None] == "A") & (groups == "B"))
     relative = sky.states[pairs[:, 1]] - sky.states[pairs[:, 0]]
@@ -229,6 +238,8 @@ def locked(sky: Sky, number: int, stage: Lock) -> Leg:
 
 def gathered(sky: Sky, number: int, stage: Gather) -> Leg:
     """Lost craft search, lock and join, until one formation holds them all or the rounds are over."""
+    from closeform.search.gather import gather
+
     scenario = sky.scenario
     gathering = gather(
         scenario.plan,

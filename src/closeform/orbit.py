@@ -19,7 +19,7 @@ from closeform.elements import (
 from closeform.hill import drift, response
 from closeform.linear import solve
 from closeform.path import Path, broadcast
-from closeform.zones import Floats, numbers
+from closeform.zones import LARGEST, Floats, numbers
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
@@ -83,9 +83,6 @@ def transitions(n: float, times: Floats, out: Floats) -> None:
             )
             for i in range(6):
                 out[p, i, k] = column[i]
-
-
-LARGEST = 1e60  # beyond, squares and cubes overflow
 
 
 def _checked(name: str, value: ArrayLike, columns: int | None = None) -> Floats:

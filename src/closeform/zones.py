@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+LARGEST = 1e60  # of a number: beyond, squares and cubes overflow
 
 
 def numbers(name: str, value: ArrayLike) -> Floats:

@@ -19,7 +19,9 @@ from closeform.campaign.sampled import sampled_times
 from closeform.campaign.shares import Share, counted, labels, shares
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stages import Gather
-from closeform.search import Search, gather_cases, lock_times
+from closeform.search.gather import gather_cases
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
 from closeform.zones import Floats
 
 MOST_CASES = 100_000_000  # arrays of this length still fit a workstation

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.special import betaincinv
 
-from closeform.search import Search
+from closeform.search.schedule import Search
 
 CONFIDENCE = 0.95
 AT_ONCE, NEVER = "at once", "never"

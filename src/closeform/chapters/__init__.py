@@ -7,7 +7,7 @@ from closeform.chapters.moves import coast, encounters, move, nearest
 from closeform.chapters.searches import locked
 from closeform.chapters.sheet import Chapter, Sheet, counted
 from closeform.mission import Change, FirstLocks, Leg, Mission
-from closeform.search import Gathering
+from closeform.search.gathering import Gathering
 
 __all__ = ["Chapter", "Sheet", "chapters", "conflicts_known", "encounters", "nearest", "opening", "verdict"]
 

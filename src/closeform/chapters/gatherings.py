@@ -11,7 +11,7 @@ from closeform.chapters.sheet import Chapter, Sheet, counted, listed, minutes
 from closeform.flight import Encounter
 from closeform.mission import Leg
 from closeform.scenario import Gather
-from closeform.search import Event, EventKind, Gathering
+from closeform.search.gathering import Event, EventKind, Gathering
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
 

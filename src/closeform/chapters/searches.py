@@ -9,8 +9,8 @@ import numpy as np
 from closeform.chapters.moves import encounters, nearest
 from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
 from closeform.mission import FirstLocks, Leg
-from closeform.search import Leg as Turn
-from closeform.search import Search
+from closeform.search.schedule import Leg as Turn
+from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad
 MOST_ROWS = 40  # of a table on the terminal; longer ones are summed up there

@@ -3,29 +3,34 @@
 No global state of matplotlib is used or changed: save a figure with its `savefig`.
 """
 
-from closeform.plots.attitudes import in_plane_search, manoeuvres
-from closeform.plots.cones import complementary_cones
-from closeform.plots.film import animation
-from closeform.plots.formation import three_views
-from closeform.plots.hyperbola import lemma_2
-from closeform.plots.lockings import histogram
-from closeform.plots.nearness import ratios
-from closeform.plots.sides import two_ways
-from closeform.plots.space import before_after
-from closeform.plots.thrusting import thrust
-from closeform.plots.timelines import distances
+from importlib import import_module
+from typing import Any
 
-__all__ = [
-    "animation",
-    "before_after",
-    "complementary_cones",
-    "distances",
-    "histogram",
-    "in_plane_search",
-    "lemma_2",
-    "manoeuvres",
-    "ratios",
-    "three_views",
-    "thrust",
-    "two_ways",
-]
+# Loaded at first use: some need kernels, and those of a search are compiled for a search only.
+_HOMES = {
+    "animation": "film",
+    "before_after": "space",
+    "complementary_cones": "cones",
+    "distances": "timelines",
+    "histogram": "lockings",
+    "in_plane_search": "attitudes",
+    "lemma_2": "hyperbola",
+    "manoeuvres": "attitudes",
+    "ratios": "nearness",
+    "three_views": "formation",
+    "thrust": "thrusting",
+    "two_ways": "sides",
+}
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'closeform.plots' has no attribute {name!r}")
+    value = getattr(import_module(f"closeform.plots.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

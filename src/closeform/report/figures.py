@@ -7,7 +7,7 @@ from typing import Any
 from closeform.chapters.sheet import minutes
 from closeform.mission import Change, Leg
 from closeform.results import Folder
-from closeform.search import EventKind, Gathering
+from closeform.search.gathering import EventKind, Gathering
 
 MOMENTS = 6  # of a gathering that are shown
 FILMED, FRAMES = 200, 100  # craft at most in an animation, and its pictures beside those of locks

@@ -16,7 +16,7 @@ from closeform.report.page import document, embedded, table
 from closeform.report.summary import search_summary
 from closeform.report.tables import STATE_COLUMNS
 from closeform.results import REPORT, Folder
-from closeform.search import Search
+from closeform.search.schedule import Search
 from closeform.zones import Floats
 
 EACH_FILE = 100_000  # cases

@@ -9,7 +9,8 @@ from closeform.chapters.searches import covered, one_round
 from closeform.flight import Flight
 from closeform.mission import Change, FirstLocks, Leg, Mission
 from closeform.scenario import Gather
-from closeform.search import EventKind, Gathering, Search
+from closeform.search.gathering import EventKind, Gathering
+from closeform.search.schedule import Search
 
 
 def summary(mission: Mission) -> dict[str, Any]:

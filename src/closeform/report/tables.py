@@ -8,7 +8,7 @@ import numpy as np
 from closeform.flight import Flight
 from closeform.mission import FirstLocks, Leg, Mission
 from closeform.report.summary import path_summary
-from closeform.search import Gathering
+from closeform.search.gathering import Gathering
 
 SAMPLES = 201  # instants of each craft and stage in paths.parquet
 STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")

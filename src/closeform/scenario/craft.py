@@ -25,7 +25,8 @@ from closeform.scenario.table import Angle, Length, Lengths, Name, Position, Tab
 from closeform.zones import Box, Ellipsoid, Floats, Sphere, Zone
 
 if TYPE_CHECKING:
-    from closeform.search import Search, Sensor
+    from closeform.search.schedule import Search
+    from closeform.search.sensor import Sensor
 
 Six = tuple[float, float, float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -241,7 +242,7 @@ class SensorTable(Table):
 
     def build(self) -> "Sensor":
         """The sensor of the core."""
-        from closeform.search import Sensor
+        from closeform.search.sensor import Sensor
 
         return Sensor(self.half_angle, self.offset, inf if self.range is None else self.range)
 
@@ -281,7 +282,7 @@ class SearchTable(Table):
         Raises ValueError, beginning with the key, where the papers refuse: tips beyond the sun
         limit, a sensor too narrow for the modified search.
         """
-        from closeform.search import Search
+        from closeform.search.schedule import Search
 
         if self.method == "modified":
             return Search.modified(sensor, self.slew_rate, self.sun_limit)

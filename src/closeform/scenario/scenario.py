@@ -16,7 +16,7 @@ from closeform.scenario.zoning import larger
 from closeform.zones import Zone
 
 if TYPE_CHECKING:
-    from closeform.search import Search
+    from closeform.search.schedule import Search
 
 IMPERFECT = ("pointing_error", "slew_rate_error", "start_offset", "silent")  # keys of [craft]
 

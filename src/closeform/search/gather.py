@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arc import END, IMPULSE, START, STATE, WIDTH
-from closeform.orbit import LARGEST, Orbit
+from closeform.orbit import Orbit
 from closeform.path import Path
 from closeform.search.chain import (
     END_LEG,
@@ -34,7 +34,7 @@ from closeform.search.rounds import all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
-from closeform.zones import Floats, Zone, numbers
+from closeform.zones import LARGEST, Floats, Zone, numbers
 
 Burns = Literal["least", "first", "second", "half"]
 Groups = Literal["alternating", "balanced"] | Sequence[Group]

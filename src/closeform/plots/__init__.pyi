@@ -1,0 +1,14 @@
+"""Every picture, and the module it lives in."""
+
+from closeform.plots.attitudes import in_plane_search as in_plane_search
+from closeform.plots.attitudes import manoeuvres as manoeuvres
+from closeform.plots.cones import complementary_cones as complementary_cones
+from closeform.plots.film import animation as animation
+from closeform.plots.formation import three_views as three_views
+from closeform.plots.hyperbola import lemma_2 as lemma_2
+from closeform.plots.lockings import histogram as histogram
+from closeform.plots.nearness import ratios as ratios
+from closeform.plots.sides import two_ways as two_ways
+from closeform.plots.space import before_after as before_after
+from closeform.plots.thrusting import thrust as thrust
+from closeform.plots.timelines import distances as distances
