@@ -23,13 +23,13 @@ from closeform.campaign import (
     study,
 )
 from closeform.campaign.draws import uniform
-from closeform.campaign.sampled import sampled_times
 from closeform.campaign.shares import estimate
 from closeform.cli import main
 from closeform.report.study import by_detection
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gather import gather
 from closeform.search.locks import lock_times
+from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from closeform.terminal import WIDTH

@@ -214,7 +214,7 @@ def test_s04_counterexample_locks_in_the_second_mops(fly_file, monkeypatch, caps
     assert lock["time_s"] == pytest.approx(6692.29, abs=0.005)
     assert (lock["first"], lock["second"], lock["phase"], lock["round"]) == ("I", "J", "mOPS", 2)
     assert re.search(r"I - J +6692\.29 +111:32 +mOPS 2", run.printed)
-    assert run.printed.splitlines()[-1].startswith("clear: nobody is lost; results in ")
+    assert run.printed.splitlines()[-1].startswith("clear: nobody is lost, conflicts were not looked for; ")
     places, speeds = states(EXAMPLES / "s04_counterexample.toml")
     half = np.radians(70.0)
     turning = turns.Turning(turns.turns("modified", half), RATE)
@@ -333,10 +333,10 @@ def test_an_incomplete_gathering_stops_the_mission(tmp_path, monkeypatch, capsys
     assert (run.folder / "report.html").exists()
 
 
-def test_a_lock_stage_names_who_locks_nobody(tmp_path, monkeypatch, capsys) -> None:
+def test_a_lock_stage_names_the_pairs_that_never_lock(tmp_path, monkeypatch, capsys) -> None:
     run = run_text(two_apart('do = "lock"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1
-    assert run.summary["verdict"] == "stopped in stage 1 (lock): craft L3 locked nobody in 1 round"
+    assert run.summary["verdict"] == "stopped in stage 1 (lock): 1 of 2 pairs never lock: L3 - L2"
     assert run.summary["stages"][0]["end_s"] == pytest.approx(8566.0, abs=0.05)  # S04: 2.379 h
     assert [row["time_s"] for row in run.table("locks")] == [0.0, None]
     assert re.search(r"L3 - L2 +never +- +-", run.printed)

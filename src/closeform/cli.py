@@ -1,5 +1,6 @@
 """The command line. Exit status: 0 done and clear, 1 conflicts or lost craft remain, 2 bad input."""
 
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,7 +31,7 @@ def installed() -> str:
 
 app = App(
     name="closeform",
-    help="Closed-form guidance for close formation flight: certified conflicts, safe and cheap paths.",
+    help="Closed-form guidance for close formation flight: craft found, conflicts certified, cheap paths.",
     version=installed,
     help_format="plaintext",
     result_action="return_value",
@@ -81,7 +82,8 @@ def run(
     """
     from closeform.results import check_free, folder
 
-    place = out if out is not None else Path(f"{scenario.stem}-results")
+    name = scenario.stem if case is None else f"{scenario.stem}-case-{case}"
+    place = out if out is not None else Path(f"{name}-results")
     check_free(place, overwrite)
     loaded = read(scenario)
     if loaded is not None:
@@ -107,7 +109,7 @@ def run(
 
 @app.command(sort_key=1)
 def check(scenario: Path, /) -> int:
-    """Validate a scenario without flying it: every error at once, each with its key.
+    """Validate a scenario without flying it: every error in its tables at once, each with its key.
 
     Parameters
     ----------
@@ -268,7 +270,7 @@ def read(file: Path) -> "Scenario | None":
     from closeform.compiled import compile_ahead
 
     try:
-        searches = b"[search]" in file.read_bytes()
+        searches = re.search(rb"^\s*\[\s*search\s*\]", file.read_bytes(), re.MULTILINE) is not None
     except OSError:
         pass  # load says what is wrong with it
     else:

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
+NAMED = 10  # pairs that are named where more have failed
+
 
 @dataclass(frozen=True, eq=False)
 class Change:
@@ -52,10 +54,9 @@ class FirstLocks:
     locks: "Locks"
 
     @property
-    def lost(self) -> tuple[int, ...]:
-        """The craft that never lock anybody."""
-        met = self.pairs[self.locks.leg >= 0]
-        return tuple(map(int, np.setdiff1d(self.pairs, met)))
+    def missing(self) -> Any:
+        """The pairs (Q, 2) that never lock."""
+        return self.pairs[self.locks.leg < 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +92,11 @@ class Leg:
             return self.deed.avoidance.reason
         if isinstance(self.deed, Gathering) and not self.deed.ok:
             return who_is_left(self.deed.sets, self.deed.lost, self.deed.rounds, names)
-        if isinstance(self.deed, FirstLocks) and self.deed.lost:
-            return who_is_left((), self.deed.lost, 1, names)
+        if isinstance(self.deed, FirstLocks) and len(self.deed.missing):
+            shown = [f"{names[i]} - {names[j]}" for i, j in self.deed.missing[:NAMED]]
+            more = ", ..." if len(self.deed.missing) > NAMED else ""
+            never = f"{len(self.deed.missing)} of {len(self.deed.pairs)} pairs never lock"
+            return f"{never}: {', '.join(shown)}{more}"
         return None
 
 
@@ -134,9 +138,8 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     """Fly a scenario's stages; `progress` is told what is under way.
 
     A move that finds no clear path or a search that leaves craft lost ends the mission; the Mission
-    says so in `stopped`.  Raises
-    ScenarioError for stages or starts that this version has not built, and for numbers that are
-    beyond the mathematics.
+    says so in `stopped`.  Raises ScenarioError for stages or starts that this version has not
+    built, and for numbers that are beyond the mathematics.
     """
     if lines := scenario.unbuilt():
         raise ScenarioError(scenario.file, lines)

@@ -9,22 +9,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from math import prod
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from closeform.campaign.draws import drawn
-from closeform.campaign.sampled import sampled_times
 from closeform.campaign.shares import Share, counted, labels, shares
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stages import Gather
 from closeform.search.gather import gather_cases
 from closeform.search.locks import lock_times
+from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.zones import Floats
 
 MOST_CASES = 100_000_000  # arrays of this length still fit a workstation
+MOST_LOCKS = 500_000_000  # times with their legs: 8 GB
 PAIRS_AT_ONCE, GATHERINGS_AT_ONCE = 131_072, 4096
 NAMED = 10  # cases that are named where more have failed
 
@@ -198,6 +200,10 @@ def locked(scenario: Scenario, search: Search, cases: int, seed: int, progress: 
     pairs = opposite(scenario)
     steps = scenario.study.sampled if scenario.study is not None else ()
     shape = (1 + len(steps), cases, len(pairs))  # exact detection first, then at each step
+    if prod(shape) > MOST_LOCKS:
+        most = MOST_LOCKS // (shape[0] * shape[2])
+        line = f"{cases} of {len(pairs)} pairs, {shape[0]} ways of detection, are too many at once"
+        raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     times, legs = np.empty(shape), np.empty(shape, dtype=np.int64)
     size = max(1, PAIRS_AT_ONCE // len(pairs))
     for first in range(0, cases, size):

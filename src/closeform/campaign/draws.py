@@ -73,7 +73,7 @@ def case_of(scenario: Scenario, case: int) -> Scenario:
         one.model_copy(update={"start": None, "position": tuple(state[:3]), "velocity": tuple(state[3:])})
         for one, state in zip(scenario.craft, states, strict=True)
     )
-    found = replace(scenario, title=f"{scenario.title}: case {case}", craft=craft)
+    found = replace(scenario, title=f"{scenario.title}: case {case}", craft=craft, case=case)
     if lines := found.coincident():
         raise ScenarioError(scenario.file, lines)
     return found

@@ -29,7 +29,8 @@ def verdict(mission: Mission) -> str:
         return f"{counted(remaining, 'conflict')} remain{'s' * (remaining == 1)}"
     searched = any(leg.stage.searches for leg in mission.legs)
     watched = any(leg.after.nearest for leg in mission.legs) or not searched
-    found = ["nobody is lost"] * searched + ["no conflict remains"] * watched
+    found = ["nobody is lost"] * searched
+    found.append("no conflict remains" if watched else "conflicts were not looked for")
     return f"clear: {', '.join(found)}"
 
 

@@ -1,7 +1,7 @@
 """The chapter of a gathering: its search, its timeline, what everybody spent, who is where at the end."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def gathered(title: str, leg: Leg, gathering: Gathering) -> Chapter:
     told, conflicts = acquainted(leg, gathering)
     sheets = (
         *((progress(gathering),) if long else ()),
-        Sheet(history.title, history.columns, history.rows, long, history.texts),
+        *((replace(history, more=long),) if history.rows else ()),
         spent(gathering, names),
         *ways(gathering, names),
         *conflicts,
@@ -64,12 +64,15 @@ def timeline(gathering: Gathering, names: Sequence[str]) -> Sheet:
     """Every event in words."""
     unit, called = speed_unit(gathering)
     rows = []
+    first = next((event.time for event in gathering.events if event.kind is EventKind.BURN), None)
     for moment in replayed(gathering):
         event, who = moment.event, names[moment.event.first]
         what, size = BURNS.get(event.kind, ""), f"{np.linalg.norm(event.delta_v) / unit:.1f}"
         if event.kind is EventKind.LOCK:
             pair = who, names[event.second]
             who, what, size = " - ".join(pair), met(moment, pair), ""
+        elif event.kind is EventKind.BURN and gathering.burns == "half" and event.time == first:
+            what = "burn, nulls half of the relative velocity"
         phase = f"{event.phase} {event.round}"
         rows.append((f"{event.time:.2f}", minutes(event.time), phase, who, what, size))
     columns = ("at [s]", "[min:s]", "phase", "who", "what", f"delta-v [{called}]")
@@ -181,7 +184,7 @@ def conflicts_known(leg: Leg, gathering: Gathering) -> list[tuple[Encounter, boo
     return [
         (
             met,
-            gathering.acquainted(place[met.first], place[met.second]) <= met.conflict.start - leg.start,
+            gathering.known(place[met.first], place[met.second], met.conflict.start - leg.start),
         )
         for met in leg.after.encounters
     ]
@@ -200,7 +203,7 @@ def outcome(gathering: Gathering, names: Sequence[str], stage: Gather) -> Iterat
         yield from incomplete(gathering, names, time)
     cheapest = min(gathering.totals.values())
     if stage.burns == "least" and gathering.totals[gathering.burns] > cheapest * (1.0 + 1e-9):
-        yield "The way flown is not the cheapest of three because the others leave more craft"
+        yield "The way flown is not the cheapest of three because the cheaper ones leave more craft"
     if len(names) > MOST_ROWS:
         yield share(gathering, names)
 

@@ -36,10 +36,13 @@ def facts(search: Search, duration: float) -> Sheet:
         ("turn to the start attitude, before the search, at most", f"180 deg, {pi / search.slew_rate:.1f} s"),
         ("sky covered by one cone", sky(search)),
     ]
-    if search.near_field and not isinf(search.near_field):
+    if isinf(search.near_field):
+        rows.append(("near field of a craft, where its cone never comes", "no end: tips too small"))
+    elif search.near_field:
         waits = [turn.end - turn.start for turn in search.legs if turn.about == "none"]
         rows.append(("near field of a craft, where its cone never comes", f"{search.near_field:.1f} m"))
         rows += [("waits of the near-field search (NFS)", f"2 x {waits[0]:.1f} s")] if waits else []
+        rows.append(("on the sun line two craft cannot lock within", f"{2.0 * search.near_field:.1f} m"))
     return Sheet("Search", ("quantity", "value"), tuple(rows))
 
 

@@ -1,4 +1,4 @@
-"""Pictures of paths, zones and conflicts, and of searches; each function returns a matplotlib Figure.
+"""Pictures of paths, zones and conflicts, and of searches; all but `animation` return a matplotlib Figure.
 
 No global state of matplotlib is used or changed: save a figure with its `savefig`.
 """

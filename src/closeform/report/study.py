@@ -11,11 +11,12 @@ from closeform.campaign import Campaign, Estimate, GatherCampaign, LockCampaign,
 from closeform.campaign.campaign import relative
 from closeform.campaign.shares import counted, labels
 from closeform.chapters import Sheet
-from closeform.chapters.searches import facts
+from closeform.chapters.searches import facts, one_round
 from closeform.report.page import document, embedded, table
 from closeform.report.summary import search_summary
 from closeform.report.tables import STATE_COLUMNS
 from closeform.results import REPORT, Folder
+from closeform.scenario import Gather
 from closeform.search.schedule import Search
 from closeform.zones import Floats
 
@@ -41,9 +42,15 @@ def leave(campaign: Campaign, folder: Folder) -> None:
     folder.text(REPORT, page(campaign, pictures))
 
 
+def plan(campaign: Campaign) -> Search:
+    """The search of a case; of a gathering one round."""
+    (stage,) = campaign.scenario.stages
+    return one_round(campaign.search, stage.rounds) if isinstance(stage, Gather) else campaign.search
+
+
 def opening(campaign: Campaign) -> tuple[str, ...]:
     """What was flown, and what the search is."""
-    search, craft = campaign.search, len(campaign.scenario.craft)
+    search, craft = plan(campaign), len(campaign.scenario.craft)
     tip, limit = degrees(search.tip_angle), degrees(search.sun_limit)
     lines = [
         campaign.scenario.title,
@@ -174,7 +181,7 @@ def summary(campaign: Campaign) -> dict[str, Any]:
         "craft": list(scenario.names),
         "stage": scenario.stages[0].verb,
         "draws": draws(campaign),
-        "search": search_summary(campaign.search),
+        "search": search_summary(plan(campaign)),
         "shares": [
             {
                 "phase": share.label,

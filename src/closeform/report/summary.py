@@ -19,7 +19,8 @@ def summary(mission: Mission) -> dict[str, Any]:
     return {
         "title": scenario.title,
         "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
-        "seed": None,
+        "seed": scenario.study.seed if scenario.study is not None and scenario.case is not None else None,
+        "case": scenario.case,
         "status": 0 if mission.clear else 1,
         "verdict": verdict(mission),
         "warnings": list(mission.warnings),
@@ -86,6 +87,7 @@ def search_summary(search: Search) -> dict[str, Any]:
         "sun_drift_rad": search.sun_drift,
         "longest_alignment_s": pi / search.slew_rate,
         "near_field_m": search.near_field,
+        "near_field_of_pair_m": 2.0 * search.near_field,
         "coverage": {name or "all": covered(search, name) for name in (*names, None)},
         "phases": [
             {"phase": phase, "round": number, "start_s": start, "end_s": end}
@@ -135,7 +137,7 @@ def locks_summary(found: FirstLocks, names: tuple[str, ...]) -> dict[str, Any]:
         "pairs": len(found.pairs),
         "locked": int(locked.sum()),
         "last_s": float(found.locks.time[locked].max()) if locked.any() else None,
-        "lost": [names[k] for k in found.lost],
+        "missing": [[names[i], names[j]] for i, j in found.missing],
     }
 
 

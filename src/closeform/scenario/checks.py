@@ -101,6 +101,12 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
             if stage.rounds > MOST_ROUNDS:
                 text = f"{stage.rounds} is above {MOST_ROUNDS}; write for example rounds = 3"
                 yield f"stage[{number}].rounds: {text}"
+    if (
+        scenario.study is not None
+        and scenario.study.sampled
+        and any(s.verb != "lock" for s in scenario.stages)
+    ):
+        yield "study.sampled: samples are for stages that lock only; remove sampled"
     for step in scenario.study.sampled if scenario.study is not None else ():
         if plan.duration / step > MOST_SAMPLES:
             yield (

@@ -37,6 +37,7 @@ class Scenario:
     sensor: SensorTable | None = None
     search: SearchTable | None = None
     study: Study | None = None
+    case: int | None = None  # of the study, if the craft's states are those of one
 
     @property
     def digest(self) -> str:

@@ -105,22 +105,13 @@ class Gathering:
         """
         if self.keep_out is None:
             return ()
-        if self.duration == 0.0:  # no time for a search: those who are near at once
-            places = self.paths.position(0.0)
-            pairs = np.stack(np.triu_indices(len(places), 1), axis=1)
-            ratios = self.keep_out.norm(places[pairs[:, 1]] - places[pairs[:, 0]])
-            near = ratios <= 1.0
-            rows = [
-                [*pair, 0.0, 0.0, 0.0, ratio] for pair, ratio in zip(pairs[near], ratios[near], strict=True)
-            ]
-        else:
-            found = screen(self.paths, self.keep_out)
-            rows = np.column_stack([found.pairs, found.start, found.end, found.time, found.ratio]).tolist()
+        found = screen(self.paths, self.keep_out)
+        rows = np.column_stack([found.pairs, found.start, found.end, found.time, found.ratio]).tolist()
         stays = []
         for one, other, *values in rows:
             i, j = int(one), int(other)
             conflict = Conflict(*map(float, values))
-            stays.append(Stay(i, j, conflict, self.acquainted(i, j) < conflict.start))
+            stays.append(Stay(i, j, conflict, self.known(i, j, conflict.start)))
         return tuple(stays)
 
     @cached_property
@@ -143,6 +134,13 @@ class Gathering:
         Raises IndexError for a craft that is not there.
         """
         return float(self._acquainted[first, second])
+
+    def known(self, first: int, second: int, time: float) -> bool:
+        """Whether craft `first` and `second`, given by index, knew each other before a `time` [s].
+
+        Raises IndexError for a craft that is not there.
+        """
+        return self.acquainted(first, second) < time
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,8 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
     max_speed (H03's t*), the lost burn, and all wait as long again.  Raises ValueError where the
     near field has no end, or for a speed that makes no sensible wait.
     """
-    legs = [*search.legs, *_back(search, max_speed)]
     near_field = max_speed is not None and search.near_field > 0.0
+    legs = [*search.legs, *_back(search, near_field)]
     if max_speed is not None and near_field:
         if isinf(search.near_field):
             raise ValueError(
@@ -46,7 +46,7 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
     return replace(search, legs=every), drifts.astype(np.int64)
 
 
-def _back(search: Search, max_speed: float | None) -> list[Leg]:
+def _back(search: Search, near_field: bool) -> list[Leg]:
     """The turn about the sun line from the end of the search to the start attitude, the short way."""
     last: Leg = search.legs[-1]
     attitude: Any = last.attitude_at(last.end)
@@ -56,6 +56,6 @@ def _back(search: Search, max_speed: float | None) -> list[Leg]:
         return []
     if abs(angle) > pi - ALIGNED:
         angle = pi  # not by rounding one way or the other
-    phase = PHASE if max_speed is not None else last.phase
+    phase = PHASE if near_field else last.phase
     end = last.end + abs(angle) / search.slew_rate
     return [Leg(last.end, end, phase, last.round, "sun line", SUN, angle, attitude)]

@@ -7,7 +7,7 @@ boresights stay opposite.  Columns of an attitude are the body axes x, y, z; z i
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, atan2, cos, degrees, pi, sin, sqrt, tan
+from math import acos, atan2, ceil, cos, degrees, inf, pi, sin, sqrt, tan
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -113,7 +113,7 @@ class Search:
         rate, limit = _limits(slew_rate, sun_limit)
         tip = full_tip(sensor.half_angle)
         if tip > limit:
-            enough = degrees(least_half_angle(limit))
+            enough = ceil(1e4 * degrees(least_half_angle(limit))) / 1e4
             raise ValueError(
                 f"sun_limit: a half-angle of {degrees(sensor.half_angle):g} deg needs tips of "
                 f"{degrees(tip):.3f} deg, the limit is {degrees(limit):g} deg; "
@@ -150,7 +150,7 @@ class Search:
 
     @property
     def duration(self) -> float:
-        """Length of the search [s], without the near-field search."""
+        """Length of all legs [s]: of a search as made, that is without the near-field search."""
         return self.legs[-1].end
 
     @cached_property
@@ -208,12 +208,13 @@ class Search:
         if self.sensor.offset == 0.0:
             return 0.0
         # a point h up the sun line, seen from the sensor at its highest tip, lies on the cone:
-        # h sin(tip) - rho = c sqrt(rho^2 + h^2 - 2 rho h sin(tip))
+        # h sin(tip) - rho = c sqrt(rho^2 + h^2 - 2 rho h sin(tip))                     # theory (16)
         reach, c = sin(self.tip_angle), self.sensor.cosine
         if reach <= c:
-            return float("inf")
-        a, b = reach * reach - c * c, reach * (1.0 - c * c)
-        return self.sensor.offset * (b + sqrt(b * b - a * (1.0 - c * c))) / a
+            return inf
+        a, b, ss = reach * reach - c * c, reach * (1.0 - c * c), 1.0 - c * c
+        root = sqrt(max(0.0, b * b - a * ss))
+        return self.sensor.offset * ((b + root) / a if c > 0.0 else ss / (b + root))
 
     def alignment(self, attitude: ArrayLike, group: Group = "A") -> tuple[Floats, float, float]:
         """The turn from an `attitude` (3, 3) to the start attitude of a `group`: (axis, angle, time).
