@@ -574,6 +574,12 @@ SEARCHES = (
         'study: sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]',
     ),
     lost(
+        "samples of a gathering",
+        "seed = 1",
+        'seed = 1\nsampled = ["1 s"]',
+        "study.sampled: samples are for stages that lock only; remove sampled",
+    ),
+    lost(
         "no rounds",
         "rounds = 2",
         "rounds = 0",

@@ -424,6 +424,20 @@ def refused(capsys: pytest.CaptureFixture[str], command: list[str]) -> list[str]
     return printed.err.splitlines()
 
 
+def test_a_case_that_failed_can_be_seen_beside_the_study(tmp_path, monkeypatch, capsys) -> None:
+    """The command that the study prints works as it stands, and leaves the study alone."""
+    monkeypatch.chdir(tmp_path)
+    Path("narrow.toml").write_text(NARROW)
+    assert main(["study", "narrow.toml"]) == 1
+    (command,) = re.findall(r"closeform (run narrow.toml --case \d+) shows", capsys.readouterr().out)
+    case = int(command.split()[-1])
+    assert main(command.split()) == 1
+    assert "never lock" in capsys.readouterr().out
+    summary = json.loads(Path(f"narrow-case-{case}-results/summary.json").read_text())
+    assert (summary["case"], summary["seed"]) == (case, 7)
+    assert Path("narrow-results/histogram.png").is_file()
+
+
 def test_messages(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     Path("s04.toml").write_text(S04.read_text())

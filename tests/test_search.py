@@ -1,5 +1,6 @@
 """The schedule of a search, against the papers' turns one after the other and their numbers."""
 
+import re
 from math import cos, degrees, inf, pi, radians, sin, sqrt
 
 import numpy as np
@@ -221,10 +222,13 @@ def test_near_field_against_the_cone_itself():
         (1.0, 60.0, 40.0),
         (20.0, 70.0, 25.0),
         (7.5, 80.0, 15.0),
+        (7.5, 95.0, 25.0),  # these see backwards
+        (7.5, 110.0, 25.0),
+        (7.5, 150.0, 25.0),
     ]:
         search = Search.basic(Sensor(radians(half_angle), offset), RATE, radians(tip))
         cone = radians(tip), offset, radians(half_angle)
-        length = brentq(lambda h, cone=cone: own_cone(h, 0.0, *cone), offset, 100 * offset, xtol=1e-9)
+        length = brentq(lambda h, cone=cone: own_cone(h, 0.0, *cone), 1e-3, 100 * offset, xtol=1e-9)
         assert search.near_field == pytest.approx(length, rel=1e-9)
     assert H03.near_field == pytest.approx(81.0, abs=0.5)
 
@@ -241,8 +245,20 @@ def test_near_field_is_seven_metres_wide_at_its_base():
 def test_near_field_that_is_none_or_has_no_end():
     assert S04.near_field == 0.0
     assert Search.basic(Sensor(radians(70), 7.5), RATE, LIMIT, tip_angle=radians(15)).near_field == inf
-    wide = Search.basic(Sensor(radians(100), 7.5), RATE, LIMIT).near_field
-    assert 0.0 <= wide < inf
+    # without tips the sun line is in reach of a sensor that sees by as much more than a right angle
+    assert Search.modified(Sensor(radians(100), 7.5), RATE, LIMIT).near_field == pytest.approx(
+        7.5 / np.tan(radians(10))
+    )
+
+
+@pytest.mark.parametrize("limit", [20.0, 22.0, 24.0, 25.0, 26.0, 30.0, 33.3, 44.0])
+def test_the_half_angle_that_would_do_does(limit):
+    with pytest.raises(ValueError, match="would do") as refused:
+        Search.modified(Sensor(radians(50.0)), RATE, radians(limit))
+    enough = float(re.search(r"a half-angle of ([\d.]+) deg would do", str(refused.value))[1])
+    assert Search.modified(Sensor(radians(enough)), RATE, radians(limit)).tip_angle <= radians(limit)
+    with pytest.raises(ValueError, match="would do"):
+        Search.modified(Sensor(radians(enough - 2e-4)), RATE, radians(limit))
 
 
 def test_two_craft_need_twice_the_near_field():
