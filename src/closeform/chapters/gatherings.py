@@ -50,14 +50,9 @@ class Moment:
 
 def replayed(gathering: Gathering) -> Iterator[Moment]:
     """Every event with the sets before and after it; -1 lost, 0 the formation set, k knowledge set k."""
-    labels = [-1] * len(gathering.groups)
-    for event in gathering.events:
-        before = labels[event.first], labels[event.second]
-        if event.kind is EventKind.LOCK:
-            for k, old in enumerate(labels):
-                if k in (event.first, event.second) or (old > 0 and old in before):
-                    labels[k] = event.label
-        yield Moment(event, before, tuple(labels))
+    history = gathering.history.tolist()
+    for event, before, after in zip(gathering.events, history[:-1], history[1:], strict=True):
+        yield Moment(event, (before[event.first], before[event.second]), tuple(after))
 
 
 def timeline(gathering: Gathering, names: Sequence[str]) -> Sheet:

@@ -11,7 +11,6 @@ from closeform.arc import END, START
 from closeform.path import Path
 from closeform.search.gathering import Event, EventKind, Gathering
 from closeform.search.schedule import Leg
-from closeform.search.sets import LOST
 from closeform.zones import Floats
 
 SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock
@@ -63,12 +62,8 @@ class Moment:
     @cached_property
     def labels(self) -> Any:
         """The set of each craft (N,): -1 lost, 0 the formation set, k >= 1 knowledge set k."""
-        labels = np.full(len(self.gathering.groups), LOST)
-        for event in self.locks:
-            pair = [event.first, event.second]
-            labels[np.isin(labels, [k for k in labels[pair] if k != LOST])] = event.label
-            labels[pair] = event.label
-        return labels
+        times = [event.time for event in self.gathering.events]
+        return self.gathering.history[np.searchsorted(times, self.time, side="right")]
 
     @cached_property
     def trails(self) -> list[Floats]:

@@ -11,9 +11,9 @@ from closeform.scenario.errors import did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Gather
 from closeform.scenario.study import draw_error, readers
-from closeform.search.rounds import all_rounds
+from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
-MOST_SAMPLES, MOST_ROUNDS = 1e7, 1000
+MOST_SAMPLES = 1e7
 
 
 def check(scenario: Scenario) -> list[str]:

@@ -30,7 +30,7 @@ from closeform.search.chain import (
 from closeform.search.clearance import ENLARGED
 from closeform.search.gathering import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
 from closeform.search.locks import writable
-from closeform.search.rounds import all_rounds
+from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
@@ -40,7 +40,6 @@ Burns = Literal["least", "first", "second", "half"]
 Groups = Literal["alternating", "balanced"] | Sequence[Group]
 KINDS = tuple(EventKind)  # in the order of the kernel's
 WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # the first of equals is taken
-MOST = 1000  # rounds, some months of searching
 EACH_CALL = 1024  # gatherings that one call of the kernel flies
 
 
@@ -234,8 +233,8 @@ def _fleet(
     burns: Burns,
     max_speed: float | None,
 ) -> _Fleet:
-    if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or not 1 <= rounds <= MOST:
-        raise ValueError(f"rounds: must be a whole number from 1 to {MOST}, got {rounds!r}")
+    if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or not 1 <= rounds <= MOST_ROUNDS:
+        raise ValueError(f"rounds: must be a whole number from 1 to {MOST_ROUNDS}, got {rounds!r}")
     if burns not in get_args(Burns):
         raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {burns!r}")
     if keep_out is not None and not isinstance(keep_out, Zone):

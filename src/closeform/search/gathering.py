@@ -13,6 +13,7 @@ from closeform.conflicts import Conflict
 from closeform.path import Path
 from closeform.screening import screen
 from closeform.search.schedule import Group, Search
+from closeform.search.sets import LOST
 from closeform.zones import Floats, Zone
 
 
@@ -115,17 +116,30 @@ class Gathering:
         return tuple(stays)
 
     @cached_property
+    def history(self) -> Any:
+        """The label of each craft before the first event and after each one: (E + 1, N)."""
+        rows = np.full((len(self.events) + 1, len(self.groups)), LOST)
+        for k, event in enumerate(self.events):
+            rows[k + 1] = rows[k]
+            if event.kind is EventKind.LOCK:
+                rows[k + 1, self._sets_of(event, rows[k])] = event.label
+        return rows
+
+    def _sets_of(self, event: Event, labels: Any) -> Any:
+        """Which craft (N,) are in the set of one of the two that lock, by the labels before."""
+        pair = [event.first, event.second]
+        joined = np.isin(labels, labels[pair]) & (labels != LOST)
+        joined[pair] = True
+        return joined
+
+    @cached_property
     def _acquainted(self) -> Floats:
         """When each two craft came into one set (N, N) [s]; inf if never."""
         times = np.full((len(self.groups),) * 2, inf)
-        sets = [[k] for k in range(len(self.groups))]
-        for event in self.events:
+        for event, labels in zip(self.events, self.history, strict=False):
             if event.kind is EventKind.LOCK:
-                one, other = sets[event.first], sets[event.second]
-                times[np.ix_(one, other)] = times[np.ix_(other, one)] = event.time
-                one += other
-                for k in other:
-                    sets[k] = one
+                known = np.flatnonzero(self._sets_of(event, labels))
+                times[np.ix_(known, known)] = np.minimum(times[np.ix_(known, known)], event.time)
         return times
 
     def acquainted(self, first: int, second: int) -> float:

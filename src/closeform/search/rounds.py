@@ -9,6 +9,7 @@ import numpy as np
 from closeform.search.schedule import START_ATTITUDE, SUN, Leg, Search
 
 PHASE = "NFS"
+MOST_ROUNDS = 1000  # some months of searching
 SHORTEST = 1e-9  # of the search: a wait that is lost beside it
 ALIGNED = 1e-9  # rad: a boresight that is back at its start up to rounding
 

@@ -13,6 +13,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from closeform.search.coverage import covered
 from closeform.search.sensor import Sensor, positive
 from closeform.zones import Floats, numbers
 
@@ -249,41 +250,6 @@ class Search:
             raise ValueError(f"phase: this search has {names}, got {phase!r}")
         table = self.table[[phase is None or (leg.phase, leg.round) == (phase, first) for leg in self.legs]]
         return covered(table, self.sensor.cosine)
-
-
-def covered(table: Floats, cosine: float) -> float:
-    """Share of all directions that come within the cone of some leg.
-
-    Along each meridian the greatest cosine to the boresight is sampled at equal steps of height,
-    which are equal areas, and its crossings of the cone are interpolated.
-    """
-    height = np.linspace(-1.0, 1.0, 1001)
-    longitude = (np.arange(360) + 0.5) * pi / 180.0
-    radius = np.sqrt(1.0 - height * height)
-    best = np.full((360, 1001), -1.0)
-    for start, end, rate, *vectors in table:
-        parts = []
-        for vector in np.reshape(vectors, (3, 3)):
-            around = vector[0] * np.cos(longitude) + vector[1] * np.sin(longitude)
-            parts.append(around[:, None] * radius + vector[2] * height)
-        steady, cosine_part, sine_part = parts
-        swept = greatest(steady, cosine_part, sine_part, rate * (end - start))
-        best = np.maximum(best, swept)
-    margin = best - cosine
-    low, high = margin[:, :-1], margin[:, 1:]
-    rise = np.where(low == high, 1.0, high - low)
-    crossed = np.clip(np.where(low < 0.0, high, low) / np.abs(rise), 0.0, 1.0)
-    share = np.where((low < 0.0) == (high < 0.0), low >= 0.0, crossed)
-    return float(share.mean())
-
-
-def greatest(steady: Any, cosine: Any, sine: Any, angle: float) -> Any:
-    """Greatest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
-    turn = abs(angle)
-    sine = sine if angle >= 0.0 else -sine
-    ends = np.maximum(cosine, cosine * cos(turn) + sine * sin(turn))
-    inside = np.arctan2(sine, cosine) % (2.0 * pi) <= turn
-    return steady + np.where(inside, np.hypot(cosine, sine), ends)
 
 
 def full_tip(half_angle: float) -> float:
