@@ -658,3 +658,23 @@ def test_coincident_craft_are_told_with_their_case():
         cf.gather_cases(modified(), positions, np.zeros((2, 4, 3)))
     with pytest.raises(ValueError, match="no cases"):
         cf.gather_cases(modified(), positions[:0], positions[:0])
+
+
+@pytest.mark.parametrize(
+    "zone", [cf.Sphere(20.0), cf.Box([20.0, 30.0, 15.0]), cf.Ellipsoid([30.0, 20.0, 10.0])]
+)
+def test_meetings_in_a_batch_are_the_collisions_of_each(zone):
+    """Pairs that come within the zone: straight lines looked at piece by piece, against `screen`."""
+    draw = np.random.default_rng(3)
+    positions, velocities = draw.uniform(-120, 120, (60, 7, 3)), draw.normal(size=(60, 7, 3)) * 0.05
+    narrow = cf.Search.basic(cf.Sensor(np.radians(25)), np.radians(0.25), np.radians(25))  # leaves many lost
+    flown = {"keep_out": zone, "rounds": 2, "burns": "second"}
+    batch = cf.gather_cases(narrow, positions, velocities, **flown)
+    counts = []
+    for r, v in zip(positions, velocities, strict=True):
+        stays = cf.gather(narrow, r, v, **flown).collisions
+        strangers = {(stay.first, stay.second) for stay in stays if not stay.known}
+        counts.append((len(strangers), len({(stay.first, stay.second) for stay in stays} - strangers)))
+    assert np.column_stack([batch.met_unknown, batch.met_known]).tolist() == [list(pair) for pair in counts]
+    assert batch.met_unknown.sum() > 5
+    assert not cf.gather_cases(narrow, positions, velocities).met_unknown.any()  # no zone, nothing to meet in

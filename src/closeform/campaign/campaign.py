@@ -115,12 +115,15 @@ class GatherCampaign(Campaign):
     """Gatherings, each done when one formation set holds all craft.
 
     `rounds` (C,): searches begun; `left` (C,): craft not in the formation set; `delta_v` (C,) of
-    all craft together [m/s].
+    all craft together [m/s]; `met_unknown` (C,): pairs that came within their keep-out zone before
+    they knew each other, `met_known` (C,): only after.
     """
 
     rounds: Any
     left: Any
     delta_v: Floats
+    met_unknown: Any
+    met_known: Any
     done: ClassVar[str] = "gathered"
 
 
@@ -255,5 +258,5 @@ def gathered(
 
     leg = column("leg")
     time = np.where(leg < 0, np.nan, column("duration"))
-    rest = (column(name) for name in ("rounds", "left", "delta_v"))
+    rest = (column(name) for name in ("rounds", "left", "delta_v", "met_unknown", "met_known"))
     return GatherCampaign(scenario, seed, parts[0].search, time, leg, *rest)

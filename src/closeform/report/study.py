@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.campaign import Campaign, Estimate, GatherCampaign, LockCampaign, Share, drawn
 from closeform.campaign.campaign import relative
-from closeform.campaign.shares import counted, labels
+from closeform.campaign.shares import counted, estimate, labels
 from closeform.chapters import Sheet
 from closeform.chapters.searches import facts, one_round
 from closeform.report.page import document, embedded, table
@@ -83,7 +83,7 @@ def published(campaign: Campaign) -> dict[str, str]:
 
 def sheets(campaign: Campaign) -> tuple[Sheet, ...]:
     """The tables, the same for the terminal and the page."""
-    found = [share_sheet(campaign), *spread_sheets(campaign)]
+    found = [share_sheet(campaign), *spread_sheets(campaign), *meeting_sheets(campaign)]
     if isinstance(campaign, LockCampaign) and campaign.sampled:
         found.append(sampled_sheet(campaign))
     return tuple(found)
@@ -167,6 +167,24 @@ def sampled_sheet(campaign: LockCampaign) -> Sheet:
     return Sheet("The same cases with detection at samples only", (campaign.done, *ways), tuple(rows))
 
 
+def meetings(campaign: Campaign) -> dict[str, tuple[Estimate, int]]:
+    """In which share of gatherings craft came within their keep-out zone, and how many pairs did."""
+    if not isinstance(campaign, GatherCampaign) or campaign.scenario.common_zone is None:
+        return {}
+    found = {"before they knew each other": campaign.met_unknown, "only after": campaign.met_known}
+    return {
+        name: (estimate(int((pairs > 0).sum()), len(campaign)), int(pairs.sum()))
+        for name, pairs in found.items()
+    }
+
+
+def meeting_sheets(campaign: Campaign) -> tuple[Sheet, ...]:
+    """The same as a table."""
+    rows = tuple((name, *percent(share), str(pairs)) for name, (share, pairs) in meetings(campaign).items())
+    columns = ("two craft came within it", "cases [%]", "95 % interval", "pairs in all")
+    return (Sheet("Keep-out zone", columns, rows),) if rows else ()
+
+
 def summary(campaign: Campaign) -> dict[str, Any]:
     """Every figure printed, in full."""
     scenario = campaign.scenario
@@ -195,6 +213,8 @@ def summary(campaign: Campaign) -> dict[str, Any]:
         "published": published(campaign).get("source"),
         "spreads": {name: spread(*values) for name, values in figures(campaign).items()},
     }
+    if met := meetings(campaign):
+        content["met"] = {name: vars(share) | {"pairs": pairs} for name, (share, pairs) in met.items()}
     if isinstance(campaign, LockCampaign) and campaign.sampled:
         content["detection"] = by_detection(campaign)
     return content
@@ -217,6 +237,8 @@ def case_table(campaign: Campaign, rows: slice) -> dict[str, Any]:
             "rounds": campaign.rounds[rows],
             "left": campaign.left[rows],
             "delta_v_m_s": campaign.delta_v[rows],
+            "met_unknown": campaign.met_unknown[rows],
+            "met_known": campaign.met_known[rows],
         }
     if not isinstance(campaign, LockCampaign):
         raise TypeError(f"{type(campaign).__name__} has no table")

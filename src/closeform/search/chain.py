@@ -12,25 +12,26 @@ import numpy as np
 from numba import bool_, float64, int64, void
 
 from closeform.compiled import kernel
-from closeform.search.clearance import correction
+from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, correction
 from closeform.search.locks import COSINE, END, NEVER, START, STEADY, first_lock
+from closeform.search.meetings import APART, count_meetings, look_around, look_between
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.zones import Floats
 
-VELOCITY, SINCE, SPENT, CRAFT = 3, 6, 7, 8  # columns of a craft's row, after its position
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
 ATTEMPTS = 4  # of each craft of a set to keep clear
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
-END_TIME, END_LEG, LEFT, TOTAL, EVENTS, RESULT = 0, 1, 2, 3, 4, 5
+END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, RESULT = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 # A gathering in the hands of the kernel is four tuples of arrays:
 #   sky    legs, sensor (baseline, cosine, range), first (A,) and second (B,): craft of the groups
 #   fleet  craft (N, 8), labels (N,), moved (N,): who has burned since locks were last foreseen
 #   book   locks (A, B), earliest (A,), partner (A,)
-#   zone   whether it is a box, its matrix, and the half-axes of what corrections pass around
-# `scratch` (10, 3) is for corrections: clearance works in rows 0 to 7, keep_clear holds 8 and 9.
+#   eyes   whether there is a zone; it (whether it is a box, its matrix, its half-axes enlarged); what
+#          was looked at and seen (see meetings); scratch (10, 3): clearance and meetings work in its
+#          rows 0 to 7, keep_clear holds 8 and 9
 
 
 @kernel()
@@ -52,12 +53,13 @@ def record(events, count, t, kind, i, j, leg, case, label, dx, dy, dz):
 
 
 @kernel()
-def burn(fleet, events, count, t, kind, i, leg, vx, vy, vz):
+def burn(eyes, fleet, events, count, t, kind, i, leg, vx, vy, vz):
     """Give craft i a velocity at time t; the number of events, which a burn of nothing does not add to."""
     craft, labels, moved = fleet
     dx, dy, dz = vx - craft[i, 3], vy - craft[i, 4], vz - craft[i, 5]
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
         return count
+    look_around(eyes, craft, labels, i, t)
     advance(craft, i, t)
     craft[i, 3], craft[i, 4], craft[i, 5] = vx, vy, vz
     craft[i, SPENT] += sqrt(dx * dx + dy * dy + dz * dz)
@@ -119,7 +121,7 @@ def leg_at(legs, t):
 
 
 @kernel()
-def near_field_burns(sky, fleet, events, count, leg, push):
+def near_field_burns(sky, eyes, fleet, events, count, leg, push):
     """All that are lost burn against their boresight as a leg begins; the number of events."""
     legs, sensor, first, second = sky
     craft, labels, moved = fleet
@@ -130,12 +132,12 @@ def near_field_burns(sky, fleet, events, count, leg, push):
         for i in group:
             if labels[i] == LOST:
                 vx, vy, vz = craft[i, 3] + away * bx, craft[i, 4] + away * by, craft[i, 5] + away * bz
-                count = burn(fleet, events, count, legs[leg, START], NEAR_FIELD, i, leg, vx, vy, vz)
+                count = burn(eyes, fleet, events, count, legs[leg, START], NEAR_FIELD, i, leg, vx, vy, vz)
     return count
 
 
 @kernel()
-def into_formation(fleet, events, count, t, low, high, leg, way, formed, kin):
+def into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed, kin):
     """All craft of the formation set take its velocity `kin`; the first pair agrees on one."""
     craft, labels, moved = fleet
     if not formed:
@@ -144,17 +146,18 @@ def into_formation(fleet, events, count, t, low, high, leg, way, formed, kin):
             kin[k] = one if way == SECOND else (other if way == FIRST else 0.5 * (one + other))
     for m in range(len(labels)):
         if labels[m] == FORMATION:
-            count = burn(fleet, events, count, t, BURN, m, leg, kin[0], kin[1], kin[2])
+            count = burn(eyes, fleet, events, count, t, BURN, m, leg, kin[0], kin[1], kin[2])
     return count
 
 
 @kernel()
-def keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch):
+def keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end):
     """Craft of a knowledge set that would come too near to others of it, as all now fly, until `end`, burn.
 
     One after another, the cheapest first: of the new ones, then of all.  What no burn is found for
     stays, and is found again in Gathering.collisions.
     """
+    keeps, zone, looked, met, scratch = eyes
     box, matrix, half_axes = zone
     craft, labels, moved = fleet
     for i in range(len(labels)):
@@ -171,7 +174,7 @@ def keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch):
                     least, who = size, i
                     chosen[0], chosen[1], chosen[2] = best[0], best[1], best[2]
         if who >= 0:
-            count = burn(fleet, events, count, t, CORRECTION, who, leg, chosen[0], chosen[1], chosen[2])
+            count = burn(eyes, fleet, events, count, t, CORRECTION, who, leg, chosen[0], chosen[1], chosen[2])
         elif anyone:
             break
         else:
@@ -226,7 +229,7 @@ def begin(sky, fleet, book):
 
 
 @kernel()
-def chain(sky, fleet, book, drifts, push, way, keeps, zone, fresh, kin, scratch, events, result):
+def chain(sky, eyes, fleet, book, drifts, push, way, fresh, kin, events, result):
     """Fly one gathering; what came of it in `result`, its events as rows."""
     legs, sensor, first, second = sky
     craft, labels, moved = fleet
@@ -240,7 +243,7 @@ def chain(sky, fleet, book, drifts, push, way, keeps, zone, fresh, kin, scratch,
         if drift < len(drifts) and legs[drifts[drift], START] <= when:
             leg, t = drifts[drift], legs[drifts[drift], START]
             drift += 1
-            count = near_field_burns(sky, fleet, events, count, leg, push)
+            count = near_field_burns(sky, eyes, fleet, events, count, leg, push)
             foresee_anew(sky, fleet, book, t)
             continue
         if when == inf:
@@ -255,20 +258,22 @@ def chain(sky, fleet, book, drifts, push, way, keeps, zone, fresh, kin, scratch,
         label = joined(one, other, formed > 0, unused)
         unused += label == unused
         newcomers(labels, low, high, label, fresh)
+        look_between(eyes, craft, labels, low, high, t)
         for old in (one, other):
             if old > FORMATION and old != label:
                 relabel(labels, old, label)
         labels[low] = labels[high] = label
         count = record(events, count, t, LOCK, low, high, leg, case_number(one, other), label, 0.0, 0.0, 0.0)
         if label == FORMATION:
-            count = into_formation(fleet, events, count, t, low, high, leg, way, formed > 0, kin)
+            count = into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed > 0, kin)
             formed = 0
             for m in range(len(labels)):
                 formed += labels[m] == FORMATION
-        elif keeps:
-            count = keep_clear(zone, fleet, fresh, events, count, t, leg, label, end, scratch)
+        elif eyes[0]:
+            count = keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end)
         foresee_anew(sky, fleet, book, t)
     result[END_TIME], result[END_LEG], result[EVENTS], result[LEFT] = t, leg, count, len(labels) - formed
+    result[UNKNOWN], result[KNOWN] = count_meetings(eyes, craft, labels, t)
     result[TOTAL] = 0.0
     for i in range(len(labels)):
         result[TOTAL] += craft[i, SPENT]
@@ -316,13 +321,18 @@ def chains(
     locks, earliest = np.empty((len(first), len(second))), np.empty(len(first))
     partner = np.empty(len(first), dtype=np.int64)
     craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
+    seen = count if keeps else 0
+    looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
     sky, book = (legs, sensor, first, second), (locks, earliest, partner)
-    bodies = (box, zone[0], zone[1])
+    eyes = (keeps, (box, zone[0], zone[1]), looked, met, scratch)
     for c in range(len(positions)):
         for i in range(count):
             for k in range(3):
                 craft[i, k] = positions[c, i, k]
                 craft[i, VELOCITY + k] = velocities[c, i, k]
             craft[i, SINCE] = craft[i, SPENT] = 0.0
+        for i in range(seen):
+            for j in range(seen):
+                looked[i, j], met[i, j] = 0.0, APART
         fleet = (craft, labels[c], moved)
-        chain(sky, fleet, book, drifts, push, way, keeps, bodies, fresh, kin, scratch, events, results[c])
+        chain(sky, eyes, fleet, book, drifts, push, way, fresh, kin, events, results[c])

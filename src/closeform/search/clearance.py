@@ -9,6 +9,7 @@ from math import asin, cos, inf, pi, sin, sqrt
 
 from closeform.compiled import kernel
 
+VELOCITY, SINCE, SPENT, CRAFT = 3, 6, 7, 8  # columns of a craft's row, after its position
 SPOKES = 48  # generators of the cone that are tried before the best is refined
 REFINED = 40  # halvings
 ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of the zone itself
@@ -26,27 +27,35 @@ def times(matrix, x, y, z):
 
 
 @kernel()
-def enters(box, matrix, r, v, duration):
-    """Whether r + v t comes to a norm below 1 within (0, duration]; r, v (3,)."""
+def within(box, matrix, r, v, duration):
+    """Whether r + v t is at a norm of at most 1 at some time in [0, duration]; r, v (3,)."""
     x, y, z = times(matrix, r[0], r[1], r[2])
     ux, uy, uz = times(matrix, v[0], v[1], v[2])
     if not box:
-        rr, rv, vv = x * x + y * y + z * z, x * ux + y * uy + z * uz, ux * ux + uy * uy + uz * uz
-        if rv >= 0.0:
-            return False
-        t = min(duration, -rv / vv)
-        return rr + (2.0 * rv + vv * t) * t < 1.0 and rv * t < 0.0
-    begin, end, closing, farthest = 0.0, duration, False, max(abs(x), abs(y), abs(z))
+        rv, vv = x * ux + y * uy + z * uz, ux * ux + uy * uy + uz * uz
+        t = min(duration, -rv / vv) if rv < 0.0 else 0.0
+        return (x + ux * t) ** 2 + (y + uy * t) ** 2 + (z + uz * t) ** 2 <= 1.0
+    begin, end = 0.0, duration
     for s, u in ((x, ux), (y, uy), (z, uz)):
-        if s < 0.0:
-            s, u = -s, -u
-        closing = closing or (u < 0.0 and (s >= 1.0 or s == farthest))
         if u != 0.0:
             one, other = (1.0 - s) / u, (-1.0 - s) / u
             begin, end = max(begin, min(one, other)), min(end, max(one, other))
-        elif s >= 1.0:
+        elif abs(s) > 1.0:
             return False
-    return closing and begin < end
+    return begin <= end
+
+
+@kernel()
+def enters(box, matrix, r, v, duration):
+    """Whether r + v t comes within and nearer: of what is within already, whether the norm falls."""
+    x, y, z = times(matrix, r[0], r[1], r[2])
+    ux, uy, uz = times(matrix, v[0], v[1], v[2])
+    nears = x * ux + y * uy + z * uz < 0.0
+    if box:
+        nears, farthest = False, max(abs(x), abs(y), abs(z))
+        for s, u in ((x, ux), (y, uy), (z, uz)):
+            nears = nears or (s * u < 0.0 and (abs(s) >= 1.0 or abs(s) == farthest))
+    return nears and within(box, matrix, r, v, duration)
 
 
 @kernel()

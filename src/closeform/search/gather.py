@@ -20,11 +20,13 @@ from closeform.search.chain import (
     EVENTS,
     FIRST,
     HALF,
+    KNOWN,
     LEFT,
     LOCK,
     RESULT,
     SECOND,
     TOTAL,
+    UNKNOWN,
     chains,
 )
 from closeform.search.clearance import ENLARGED
@@ -120,6 +122,8 @@ def gather_cases(
         fleet.begun(duration),
         results[:, LEFT].astype(np.int64),
         results[:, TOTAL],
+        results[:, UNKNOWN].astype(np.int64),
+        results[:, KNOWN].astype(np.int64),
     )
 
 

@@ -163,7 +163,8 @@ class Gatherings:
 
     `duration` [s] until gathered, or of all rounds; `leg` of `search` in which they ended, -1 if
     incomplete; `rounds`: searches begun; `left`: craft not in the formation set; `delta_v` of all
-    craft together [m/s].
+    craft together [m/s]; `met_unknown`: pairs that came within the keep-out zone before they knew
+    each other; `met_known`: those that did so only after.
     """
 
     search: Search
@@ -172,6 +173,8 @@ class Gatherings:
     rounds: Any
     left: Any
     delta_v: Floats
+    met_unknown: Any
+    met_known: Any
 
     def __len__(self) -> int:
         return len(self.duration)
