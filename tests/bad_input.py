@@ -529,7 +529,7 @@ SEARCHES = (
         "craft that do not turn",
         '"0.25 deg/s"',
         '"0 deg/s"',
-        'search.slew_rate: "0 deg/s" must be above zero; write for example "10 deg/s"',
+        'search.slew_rate: "0 deg/s" must be above zero; write for example "0.25 deg/s"',
     ),
     lost(
         "a sun limit beyond a right angle",

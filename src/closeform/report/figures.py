@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from closeform.chapters.sheet import minutes
-from closeform.mission import Change, Leg
+from closeform.mission import Change, FirstLocks, Leg
 from closeform.results import Folder
 from closeform.search.gathering import EventKind, Gathering
 
@@ -63,6 +63,10 @@ def figures(leg: Leg) -> Iterator[tuple[str, Any, str]]:
     """Name, figure and caption of every picture of a stage."""
     from closeform import plots
 
+    if isinstance(leg.deed, FirstLocks):
+        search = leg.deed.search
+        yield "in-plane-search", plots.in_plane_search(search), "The in-plane search of both groups"
+        yield "manoeuvres", plots.manoeuvres(search), "The turns of the first round"
     change = leg.deed if isinstance(leg.deed, Change) else None
     mover = change.craft if change is not None else None
     pairs = [pair for pair in leg.before.nearest if mover in (None, pair.first, pair.second)]

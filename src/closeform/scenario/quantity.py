@@ -42,11 +42,12 @@ SMALLEST, LARGEST = 1e-30, 1e30  # so that no square or cube leaves the range of
 
 @dataclass(frozen=True)
 class Kind:
-    """What a number measures: its name in messages, its dimension and the units to offer."""
+    """What a number measures: its name in messages, its dimension, the units to offer, a common number."""
 
     name: str
     dimension: Dimension
     units: tuple[str, ...]
+    common: str = "10"
 
 
 LENGTH = Kind("length", (1, 0, 0, 0), ("m", "km", "cm", "mm"))
@@ -55,7 +56,7 @@ SPEED = Kind("speed", (1, -1, 0, 0), ("m/s", "cm/s", "mm/s", "km/s"))
 TIME = Kind("time", (0, 1, 0, 0), ("s", "min", "h", "d"))
 DURATION = Kind("time", (0, 1, 0, 0), ("s", "min", "h", "d", "orbits"))
 ANGLE = Kind("angle", (0, 0, 0, 1), ("deg", "rad", "turn", "arcmin", "arcsec"))
-RATE = Kind("angular rate", (0, -1, 0, 1), ("deg/s", "rad/s"))
+RATE = Kind("angular rate", (0, -1, 0, 1), ("deg/s", "rad/s"), "0.25")
 MASS = Kind("mass", (0, 0, 1, 0), ("kg", "g", "t"))
 FORCE = Kind("force", (1, -2, 1, 0), ("N", "mN", "uN"))
 GRAVITY = Kind("gravitational parameter", (3, -2, 0, 0), ("km^3/s^2", "m^3/s^2"))
@@ -99,7 +100,7 @@ class Reader:
     @property
     def example(self) -> str:
         """What a quantity of this kind looks like."""
-        numbers = ["10", "20", "30", "40", "50", "60"][: self.size]
+        numbers = [self.kind.common, "20", "30", "40", "50", "60"][: self.size]
         return f'"{" ".join([*numbers, self.kind.units[0]])}"'
 
     @property

@@ -137,16 +137,16 @@ def near_field_burns(sky, eyes, fleet, events, count, leg, push):
 
 
 @kernel()
-def into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed, kin):
-    """All craft of the formation set take its velocity `kin`; the first pair agrees on one."""
+def into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed, shared):
+    """All craft of the formation set take its velocity `shared`; the first pair agrees on one."""
     craft, labels, moved = fleet
     if not formed:
         for k in range(3):
             one, other = craft[low, VELOCITY + k], craft[high, VELOCITY + k]
-            kin[k] = one if way == SECOND else (other if way == FIRST else 0.5 * (one + other))
+            shared[k] = one if way == SECOND else (other if way == FIRST else 0.5 * (one + other))
     for m in range(len(labels)):
         if labels[m] == FORMATION:
-            count = burn(eyes, fleet, events, count, t, BURN, m, leg, kin[0], kin[1], kin[2])
+            count = burn(eyes, fleet, events, count, t, BURN, m, leg, shared[0], shared[1], shared[2])
     return count
 
 
@@ -229,7 +229,7 @@ def begin(sky, fleet, book):
 
 
 @kernel()
-def chain(sky, eyes, fleet, book, drifts, push, way, fresh, kin, events, result):
+def chain(sky, eyes, fleet, book, drifts, push, way, fresh, shared, events, result):
     """Fly one gathering; what came of it in `result`, its events as rows."""
     legs, sensor, first, second = sky
     craft, labels, moved = fleet
@@ -265,7 +265,7 @@ def chain(sky, eyes, fleet, book, drifts, push, way, fresh, kin, events, result)
         labels[low] = labels[high] = label
         count = record(events, count, t, LOCK, low, high, leg, case_number(one, other), label, 0.0, 0.0, 0.0)
         if label == FORMATION:
-            count = into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed > 0, kin)
+            count = into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed > 0, shared)
             formed = 0
             for m in range(len(labels)):
                 formed += labels[m] == FORMATION
@@ -320,7 +320,7 @@ def chains(
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     locks, earliest = np.empty((len(first), len(second))), np.empty(len(first))
     partner = np.empty(len(first), dtype=np.int64)
-    craft, kin, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
+    craft, shared, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
     seen = count if keeps else 0
     looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
     sky, book = (legs, sensor, first, second), (locks, earliest, partner)
@@ -335,4 +335,4 @@ def chains(
             for j in range(seen):
                 looked[i, j], met[i, j] = 0.0, APART
         fleet = (craft, labels[c], moved)
-        chain(sky, eyes, fleet, book, drifts, push, way, fresh, kin, events, results[c])
+        chain(sky, eyes, fleet, book, drifts, push, way, fresh, shared, events, results[c])
