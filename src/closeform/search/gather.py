@@ -280,7 +280,7 @@ def _states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tup
             raise ValueError(f"{name}: expected shape ({shape}), got {array.shape}")
         if not (np.abs(array) < LARGEST).all():
             raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
-    where, speeds = arrays.values()
+    where, speeds = (np.where(np.abs(array) < 1.0 / LARGEST, 0.0, array) for array in arrays.values())
     if where.shape != speeds.shape:
         raise ValueError(f"velocities: expected the shape of positions, {where.shape}, got {speeds.shape}")
     if where.shape[-2] < 2:

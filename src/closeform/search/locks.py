@@ -104,7 +104,8 @@ def step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longes
     # twice that at most before |q| is halved
     curved = 2.0 * fast * fast / (q + TINY) + turning
     concave = max(0.0, -c)
-    bend = w * w * sqrt(max(now, last)) + sideways + max(c, 0.0) * turning + concave * curved
+    bend = w * w * sqrt(max(now, last)) + sideways + max(c, 0.0) * turning
+    bend += concave * curved if concave > 0.0 else 0.0
     longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
     unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
     unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
@@ -224,7 +225,7 @@ def first_locks(
             times[m] = nan
             if not size + abs(vx) + abs(vy) + abs(vz) < LARGEST:
                 found[m] = NOT_FINITE
-            elif size == 0.0:
+            elif size < 1.0 / LARGEST:
                 found[m] = COINCIDENT
             elif sure[k] > 0.0:
                 times[m], found[m] = reached[k], 0
