@@ -539,7 +539,7 @@ def test_a_gathering_without_an_end_of_its_near_field() -> None:
 @pytest.mark.parametrize("cases", [0, 10**9, 1.5, True])
 def test_arguments_of_study(cases: object) -> None:
     with pytest.raises(ValueError, match=r"^cases: .*; give"):
-        study(S04, cases)  # type: ignore[arg-type]
+        study(S04, cases)
 
 
 def test_python_gives_what_the_command_gives(s04: tuple[Path, str]) -> None:

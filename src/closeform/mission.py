@@ -231,8 +231,7 @@ def locked(sky: Sky, number: int, stage: Lock) -> Leg:
     """All craft coast through the search; who sees whom, and when."""
     from closeform.search.locks import lock_times
 
-    search, groups = sky.scenario.plan, np.array(sky.scenario.groups)
-    pairs = np.argwhere((groups[:, None] == "A") & (groups == "B"))
+    search, pairs = sky.scenario.plan, sky.scenario.opposite
     relative = sky.states[pairs[:, 1]] - sky.states[pairs[:, 0]]
     found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:]))
     flight = sky.coasts(search.duration)
@@ -244,16 +243,8 @@ def gathered(sky: Sky, number: int, stage: Gather) -> Leg:
     from closeform.search.gather import gather
 
     scenario = sky.scenario
-    gathering = gather(
-        scenario.plan,
-        sky.states[:, :3],
-        sky.states[:, 3:],
-        scenario.groups,
-        keep_out=scenario.common_zone,
-        rounds=stage.rounds,
-        burns=stage.burns,
-        max_speed=None if scenario.search is None else scenario.search.max_speed,
-    )
+    states = sky.states
+    gathering = gather(scenario.plan, states[:, :3], states[:, 3:], **scenario.gathering(stage))
     arcs = gathering.paths.arcs.copy()
     arcs[:, [START, END]] += sky.time
     flight = watch(replace(gathering.paths, arcs=arcs), scenario.names, scenario.zones)

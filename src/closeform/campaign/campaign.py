@@ -16,11 +16,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from closeform.campaign.draws import drawn
-from closeform.campaign.shares import Share, counted, labels, shares
+from closeform.campaign.shares import Share, shares
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stages import Gather
 from closeform.search.gather import gather_cases
 from closeform.search.locks import lock_times
+from closeform.search.phases import labels, tally
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.zones import Floats
@@ -83,7 +84,7 @@ class Campaign:
     @cached_property
     def shares(self) -> tuple[Share, ...]:
         """How many cases were done at once, in each phase, and never, with confidence intervals."""
-        return shares(labels(self.search), counted(self.search, self.time, self.leg))
+        return shares(labels(self.search), tally(self.search, self.time, self.leg))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,12 +183,6 @@ def relative(states: Floats, pairs: Any) -> Floats:
     return np.asarray(states[..., pairs[:, 1], :] - states[..., pairs[:, 0], :])
 
 
-def opposite(scenario: Scenario) -> Any:
-    """Pairs (P, 2) of a craft in A and one in B."""
-    groups = np.array(scenario.groups)
-    return np.argwhere((groups[:, None] == "A") & (groups == "B"))
-
-
 def apart(scenario: Scenario, states: Floats, pairs: Any, first: int) -> None:
     """Refuse cases in which two craft of a pair are at one place."""
     same = (relative(states, pairs)[..., :3] == 0.0).all(axis=-1)
@@ -200,7 +195,7 @@ def apart(scenario: Scenario, states: Floats, pairs: Any, first: int) -> None:
 
 def locked(scenario: Scenario, search: Search, cases: int, seed: int, progress: Progress) -> LockCampaign:
     """First locks of all A-B pairs in all cases."""
-    pairs = opposite(scenario)
+    pairs = scenario.opposite
     steps = scenario.study.sampled if scenario.study is not None else ()
     shape = (1 + len(steps), cases, len(pairs))  # exact detection first, then at each step
     if prod(shape) > MOST_LOCKS:
@@ -239,18 +234,7 @@ def gathered(
     for first in range(0, cases, GATHERINGS_AT_ONCE):
         states = drawn(scenario, seed, first, min(first + GATHERINGS_AT_ONCE, cases))
         apart(scenario, states, pairs, first)
-        parts.append(
-            gather_cases(
-                search,
-                states[..., :3],
-                states[..., 3:],
-                scenario.groups,
-                keep_out=scenario.common_zone,
-                rounds=stage.rounds,
-                burns=stage.burns,
-                max_speed=scenario.search.max_speed if scenario.search is not None else None,
-            )
-        )
+        parts.append(gather_cases(search, states[..., :3], states[..., 3:], **scenario.gathering(stage)))
         progress(first + len(parts[-1]))
 
     def column(name: str) -> Any:

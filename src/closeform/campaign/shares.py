@@ -2,15 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
 from scipy.special import betaincinv
 
-from closeform.search.schedule import Search
+from closeform.search.phases import NEVER
 
 CONFIDENCE = 0.95
-AT_ONCE, NEVER = "at once", "never"
 
 
 @dataclass(frozen=True)
@@ -41,19 +38,6 @@ def estimate(count: int, total: int) -> Estimate:
     low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
     return Estimate(count / total, low, high)
-
-
-def labels(search: Search) -> tuple[str, ...]:
-    """What `counted` counts, in order."""
-    return (AT_ONCE, *(f"{phase} {number}" for phase, number, *_ in search.phases), NEVER)
-
-
-def counted(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
-    """How many cases ended at once, in each phase and never, from their times (C,) [s] and legs (C,)."""
-    phases = {f"{phase} {number}": k for k, (phase, number, *_) in enumerate(search.phases, 1)}
-    never = len(phases) + 1
-    row = np.array([phases[f"{one.phase} {one.round}"] for one in search.legs] + [never])[leg]
-    return tuple(np.bincount(np.where(time == 0.0, 0, row), minlength=never + 1).tolist())
 
 
 def shares(names: Sequence[str], counts: Sequence[int]) -> tuple[Share, ...]:

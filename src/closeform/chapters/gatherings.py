@@ -7,11 +7,11 @@ import numpy as np
 
 from closeform.chapters.moves import nearest
 from closeform.chapters.searches import MOST_ROWS, facts, one_round, phases, since, stays
-from closeform.chapters.sheet import Chapter, Sheet, counted, listed, minutes
+from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
 from closeform.flight import Encounter
 from closeform.mission import Leg
 from closeform.scenario import Gather
-from closeform.search.gathering import Event, EventKind, Gathering
+from closeform.search.gathering import Event, EventKind, Gathering, listed
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
 

@@ -9,6 +9,7 @@ import numpy as np
 from closeform.chapters.moves import encounters, nearest
 from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
 from closeform.mission import FirstLocks, Leg
+from closeform.search.phases import labels, tally
 from closeform.search.schedule import Leg as Turn
 from closeform.search.schedule import Search
 
@@ -130,12 +131,8 @@ def when(search: Search, time: float, leg: int) -> tuple[str, str, str]:
 
 def by_phase(found: FirstLocks) -> Sheet:
     """How many pairs lock in each phase."""
-    once = found.locks.time == 0.0
-    rows = [("at once", str(int(once.sum())))]
-    for name, number, _, _ in found.search.phases:
-        legs = [k for k, turn in enumerate(found.search.legs) if (turn.phase, turn.round) == (name, number)]
-        rows.append((f"{name} {number}", str(int((np.isin(found.locks.leg, legs) & ~once).sum()))))
-    rows.append(("never", str(int((found.locks.leg < 0).sum()))))
+    counts = map(str, tally(found.search, found.locks.time, found.locks.leg))
+    rows = zip(labels(found.search), counts, strict=True)
     return Sheet("First locks by phase", ("phase", "pairs"), tuple(rows))
 
 

@@ -1,6 +1,5 @@
 """What a chapter is made of: words and small tables of texts."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -29,11 +28,6 @@ def minutes(time: float) -> str:
     """A time [s] as min:s, rounded to a second."""
     whole = round(time)
     return f"{whole // 60}:{whole % 60:02d}"
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names as one says them: A, B and C."""
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + f" and {names[-1]}"
 
 
 def counted(number: int, one: str, many: str = "") -> str:

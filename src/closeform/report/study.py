@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.campaign import Campaign, Estimate, GatherCampaign, LockCampaign, Share, drawn
 from closeform.campaign.campaign import relative
-from closeform.campaign.shares import counted, estimate, labels
+from closeform.campaign.shares import estimate
 from closeform.chapters import Sheet
 from closeform.chapters.searches import facts, one_round
 from closeform.report.page import document, embedded, table
@@ -17,6 +17,7 @@ from closeform.report.summary import search_summary
 from closeform.report.tables import STATE_COLUMNS
 from closeform.results import REPORT, Folder
 from closeform.scenario import Gather
+from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
 from closeform.zones import Floats
 
@@ -150,7 +151,7 @@ def by_detection(campaign: LockCampaign) -> dict[str, dict[str, int]]:
     found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
     for one in campaign.sampled:
         late = (one.leg < 0) & (campaign.leg >= 0) | (one.time - campaign.time > one.step)
-        counts = dict(zip(names, counted(campaign.search, one.time, one.leg), strict=True))
+        counts = dict(zip(names, tally(campaign.search, one.time, one.leg), strict=True))
         found[f"every {one.step:g} s"] = counts | {over: int(late.sum())}
     return found
 

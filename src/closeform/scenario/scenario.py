@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stages import STAGES, StageTable
+from closeform.scenario.stages import STAGES, Gather, StageTable
 from closeform.scenario.study import BUILT, Study
 from closeform.scenario.zoning import larger
 from closeform.zones import Zone
@@ -103,6 +103,22 @@ class Scenario:
         k = self.names.index(name)
         held = {int(pair.sum()) - k: zone for zone, pairs in self.zones for pair in pairs if k in pair}
         return tuple(held[other] for other in sorted(held))
+
+    @property
+    def opposite(self) -> Any:
+        """The pairs (P, 2) of a craft in group A and one in B."""
+        groups = np.array(self.groups)
+        return np.argwhere((groups[:, None] == "A") & (groups == "B"))
+
+    def gathering(self, stage: Gather) -> dict[str, Any]:
+        """What `gather` is to be told beside the search and the states."""
+        return {
+            "groups": self.groups,
+            "keep_out": self.common_zone,
+            "rounds": stage.rounds,
+            "burns": stage.burns,
+            "max_speed": self.search.max_speed if self.search is not None else None,
+        }
 
     def unbuilt(self) -> tuple[str, ...]:
         """What a run would need and this version does not have, one line each."""

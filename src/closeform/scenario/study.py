@@ -101,14 +101,10 @@ def draw_error(key: str, draw: Draw) -> str | None:
     if reader.size == 1 and (draw.ball is not None or draw.shell is not None):
         return f"is one number, ball and shell are for vectors; {instead}"
     try:
-        for size in (draw.uniform, draw.normal, draw.ball, *(draw.shell or ())):
-            if size is not None:
-                one(reader)(size)
-        for value in draw.choice or ():
-            reader(value)
+        numbers = draw.numbers(key)
     except ValueError as error:
         return str(error)
-    if draw.shell is not None and one(reader)(draw.shell[0]) >= one(reader)(draw.shell[1]):  # type: ignore[operator]  # numbers: size 1
+    if draw.shell is not None and numbers[0] >= numbers[1]:
         return f"shell {shown(draw.shell)} must grow; write the inner radius first"
     return None
 

@@ -1,6 +1,5 @@
 """Gather: lost craft search, lock and join until one formation set holds them all (H03)."""
 
-import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from closeform.search.chain import (
 )
 from closeform.search.clearance import ENLARGED
 from closeform.search.gathering import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
-from closeform.search.locks import writable
+from closeform.search.locks import in_parts, writable
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
@@ -106,14 +105,12 @@ def gather_cases(
     fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
     ways = list(WAYS.values()) if burns == "least" else [WAYS[burns]]
 
-    def part(first: int) -> Floats:
-        some = slice(first, first + EACH_CALL)
+    def part(some: slice) -> Floats:
         each = [fleet.fly(where[some], speeds[some], way, 0)[2] for way in ways]
         best: Floats = np.take_along_axis(np.stack(each), _least(each)[None, :, None], axis=0)[0]
         return best
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        results = np.concatenate(list(pool.map(part, range(0, len(where), EACH_CALL))))
+    results = np.concatenate(in_parts(part, len(where), EACH_CALL))
     duration = results[:, END_TIME]
     return Gatherings(
         fleet.search,

@@ -186,11 +186,15 @@ def who_is_left(
     """Who is not in the formation set after `rounds`, and why; craft by index, or by their `names`."""
 
     def told(some: tuple[int, ...]) -> str:
-        called = [names[k] if names is not None else str(k) for k in some]
-        return called[0] if len(called) == 1 else ", ".join(called[:-1]) + f" and {called[-1]}"
+        return listed([names[k] if names is not None else str(k) for k in some])
 
     lines = []
     if lost:
         lines.append(f"craft {told(lost)} locked nobody")
     lines += [f"craft {told(some)} know each other but met nobody of the formation set" for some in sets[1:]]
     return "; ".join(lines) + f" in {rounds} round{'s' * (rounds > 1)}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names as one says them: A, B and C."""
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + f" and {names[-1]}"

@@ -11,6 +11,7 @@ steps as far as g certainly stays positive: it never steps over a lock however s
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import factorial, floor, inf, nan, pi, sqrt
@@ -79,6 +80,19 @@ def limits(turn, x, y, z, vx, vy, vz, baseline):
 
 
 @kernel(inline=True)
+def sight(bx, by, bz, px, py, pz, baseline, c, longest):
+    """The vector between two sensors, its length, g and the length beyond the range, what counts as 0.
+
+    b is A's boresight, p the position of B relative to A.                       # theory (13)
+    By components: a pass within a micrometre keeps its digits.
+    """
+    qx, qy, qz = px - baseline * bx, py - baseline * by, pz - baseline * bz
+    q = sqrt(qx * qx + qy * qy + qz * qz)
+    gap, beyond = c * q - (bx * qx + by * qy + bz * qz), q - longest
+    return qx, qy, qz, q, gap, beyond, SEEN * (q + 2.0 * baseline)
+
+
+@kernel(inline=True)
 def step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longest):
     """How long nothing certainly happens from time t on; whether both see each other at t, or just after.
 
@@ -88,13 +102,9 @@ def step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longes
     sa, ca = sine_cosine(w * (t - start))
     bx, by, bz = fx + cx * ca + sx * sa, fy + cy * ca + sy * sa, fz + cz * ca + sz * sa
     dx, dy, dz = w * (sx * ca - cx * sa), w * (sy * ca - cy * sa), w * (sz * ca - cz * sa)
-    # all from one position, by components: a pass within a micrometre keeps its digits
     px, py, pz = x + vx * t, y + vy * t, z + vz * t
-    qx, qy, qz = px - baseline * bx, py - baseline * by, pz - baseline * bz
+    qx, qy, qz, q, gap, beyond, scale = sight(bx, by, bz, px, py, pz, baseline, c, longest)
     ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
-    q = sqrt(qx * qx + qy * qy + qz * qz)
-    gap, beyond = c * q - (bx * qx + by * qy + bz * qz), q - longest
-    scale = SEEN * (q + 2.0 * baseline)
     growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
     slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
     # b.(r + v t) bends by its swinging part, greatest at one end of the leg, and the velocity's
@@ -261,8 +271,7 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
     sensor = search.sensor
     times, legs = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
 
-    def part(first: int) -> None:
-        some = slice(first, first + CHUNK)
+    def part(some: slice) -> None:
         first_locks(
             search.table,
             positions[some],
@@ -274,12 +283,7 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
             legs[some],
         )
 
-    starts = range(0, len(positions), CHUNK)
-    if len(starts) <= 1:
-        part(0)
-    else:
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(part, starts))
+    in_parts(part, len(positions), CHUNK)
     if (legs == NOT_FINITE).any():
         which = int(np.argmax(legs == NOT_FINITE))
         name = "relative_velocity" if np.isfinite(positions[which]).all() else "relative_position"
@@ -288,6 +292,15 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
         which = int(np.argmax(legs == COINCIDENT))
         raise ValueError(f"relative_position: the two craft of pair {which} are at one place")
     return Locks(times, legs)
+
+
+def in_parts(part: Callable[[slice], Any], count: int, size: int) -> list[Any]:
+    """The results of `part` for `size` of `count` items at a time, on all cores where there are many."""
+    parts = [slice(first, first + size) for first in range(0, count, size)]
+    if len(parts) <= 1:
+        return [part(some) for some in parts]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(part, parts))
 
 
 def writable(array: Floats) -> Floats:

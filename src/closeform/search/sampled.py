@@ -4,16 +4,14 @@ For comparison only: it finds a lock at the first sample within it, so up to a s
 at all one that begins and ends between two samples.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-from math import nan, sqrt
+from math import nan
 from typing import Any
 
 import numpy as np
 from numba import float64, int64, void
 
 from closeform.compiled import kernel
-from closeform.search.locks import SEEN
+from closeform.search.locks import in_parts, sight
 from closeform.search.schedule import Search
 from closeform.zones import Floats
 
@@ -54,10 +52,9 @@ def scan(
             x = positions[m, 0] + velocities[m, 0] * t
             y = positions[m, 1] + velocities[m, 1] * t
             z = positions[m, 2] + velocities[m, 2] * t
-            seen = boresights[k, 0] * x + boresights[k, 1] * y + boresights[k, 2] * z
-            q = sqrt(max(0.0, x * x + y * y + z * z + baseline * (baseline - 2.0 * seen)))
-            scale = SEEN * (q + 2.0 * baseline)
-            if cosine * q - seen + baseline <= scale and q - longest <= scale:
+            bx, by, bz = boresights[k, 0], boresights[k, 1], boresights[k, 2]
+            _, _, _, _, gap, beyond, scale = sight(bx, by, bz, x, y, z, baseline, cosine, longest)
+            if gap <= scale and beyond <= scale:
                 times[m], found[m] = t, legs[k]
                 break
 
@@ -77,8 +74,7 @@ def sampled_times(
     times, found = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
     sensor = search.sensor
 
-    def part(first: int) -> None:
-        some = slice(first, first + CHUNK)
+    def part(some: slice) -> None:
         scan(
             samples,
             boresights,
@@ -92,6 +88,5 @@ def sampled_times(
             found[some],
         )
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(part, range(0, len(positions), CHUNK)))
+    in_parts(part, len(positions), CHUNK)
     return times, found

@@ -13,7 +13,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.search.coverage import covered
+from closeform.search.coverage import covered, greatest
 from closeform.search.sensor import Sensor, positive
 from closeform.zones import Floats, numbers
 
@@ -71,21 +71,12 @@ class Leg:
 
     @property
     def sun_angle(self) -> float:
-        """Greatest angle [rad] between body x and the sun line; the same for both groups.
-
-        Of x = steady + cosine cos + sine sin, the component along the sun is least at an end of
-        the turn or where it is stationary.
-        """
+        """Greatest angle [rad] between body x and the sun line; the same for both groups."""
         shade = self.attitude[:, 0]
-        along = (self.axis @ shade) * (self.axis @ SUN)
-        swing = complex(shade @ SUN - along, np.cross(self.axis, shade) @ SUN)
-        phase = atan2(swing.imag, swing.real)
-        turn = abs(self.angle)
-        least = min(swing.real, (swing * complex(cos(self.angle), -sin(self.angle))).real)
-        opposite = (phase if self.angle >= 0.0 else -phase) + pi  # where the swing is most negative
-        if opposite % (2.0 * pi) <= turn:
-            least = -abs(swing)
-        return acos(max(-1.0, min(1.0, along + least)))
+        steady = self.axis * (self.axis @ shade)
+        parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN
+        least = -float(greatest(parts[0], parts[1], parts[2], self.angle))
+        return acos(max(-1.0, min(1.0, least)))
 
 
 @dataclass(frozen=True, eq=False)
