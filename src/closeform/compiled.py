@@ -44,7 +44,7 @@ def cache_folder() -> Path:
 @cache
 def announce() -> None:
     """Say once, on standard error, that a compilation is under way."""
-    print("closeform: compiling its kernels, once for this version (some ten seconds)", file=sys.stderr)
+    print("closeform: compiling its kernels, once for this version (some twenty seconds)", file=sys.stderr)
 
 
 @cache

@@ -1,5 +1,6 @@
 """Camera: scenes in space as they are drawn in a plane, without perspective, and what is in them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, sin
 from typing import Any, Self
@@ -114,6 +115,16 @@ def word(
     """Words at a point (2,), moved by a `shift` in printer's points, readable on lines."""
     style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "path_effects": HALO} | look
     return axes.annotate(text, (point[0], point[1]), shift, textcoords="offset points", color=colour, **style)
+
+
+def beside(axes: Axes, words: Sequence[Any], points: Floats) -> None:
+    """Move words to their points (N, 2): to the right, or to the left where another point is close there."""
+    places = axes.transData.transform(points) * 72.0 / axes.figure.dpi  # in printer's points
+    for text, point, place in zip(words, points, places, strict=True):
+        right, up = (places - place).T
+        taken = bool(((right > 0.0) & (right < 45.0) & (abs(up) < SMALL)).any())
+        text.xy, text.xyann = point, (-5 if taken else 5, 9)
+        text.set_ha("right" if taken else "left")
 
 
 def to_sun(axes: Axes, camera: Camera, start: ArrayLike, length: float, text: str = "Sun") -> None:

@@ -15,6 +15,7 @@ from closeform.plots.camera import (
     GROUP_COLOURS,
     SUN_COLOUR,
     Camera,
+    beside,
     framing,
     ring,
     solid,
@@ -150,8 +151,7 @@ class Overview:
         flat, labels = camera(where), np.array([style_of(label) for label in moment.labels])
         for label, mark in self.marks.items():
             mark.set_data(*flat[labels == label].T)
-        for text, k in zip(self.words, self.coned, strict=True):
-            text.xy = flat[k]
+        beside(self.axes, self.words, flat[list(self.coned)])
 
     def _cones(self, moment: Moment, where: Floats) -> None:
         """The cones of the sensors and the shades; all of one group have one attitude."""
