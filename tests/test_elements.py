@@ -40,6 +40,12 @@ angles = st.floats(-3.1, 3.1)
 inclinations = st.floats(0.01, 3.13)
 
 
+def six(most):
+    """Six numbers; none so near to the least double that a share of it, the tolerance, is none."""
+    number = st.floats(-most, most).filter(lambda x: x == 0.0 or abs(x) > 1e-280)
+    return st.lists(number, min_size=6, max_size=6)
+
+
 @st.composite
 def orbits(draw, largest=0.9):
     """Orbital elements [a, u, ex, ey, i, O] between low and geostationary orbit."""
@@ -104,7 +110,7 @@ def test_natural_motion_from_palmer_phases_is_the_integral_of_hills_equations():
     np.testing.assert_allclose(natural_motion(n, state, t), truth[:, :3], atol=1e-5)
 
 
-@given(n=st.floats(1e-7, 1e-2), state=st.lists(st.floats(-1e4, 1e4), min_size=6, max_size=6))
+@given(n=st.floats(1e-7, 1e-2), state=six(1e4))
 @settings(max_examples=50)
 def test_palmer_round_trip(n, state):
     state = np.array(state) * [1, 1, 1, n, n, n]
@@ -246,9 +252,7 @@ def test_exact_relative_elements_round_trip(chief, roe):
     assert np.abs(scaled(again) - scaled(inertial_from_elements(deputy))).max() < 10 * ROUND_TRIP
 
 
-@given(
-    roe=st.lists(st.floats(-1e-3, 1e-3), min_size=6, max_size=6), latitude=angles, a=st.floats(6.6e6, 4.3e7)
-)
+@given(roe=six(1e-3), latitude=angles, a=st.floats(6.6e6, 4.3e7))
 @settings(max_examples=60)
 def test_linear_relative_elements_round_trip(roe, latitude, a):
     back = roe_from_state(state_from_roe(roe, a, latitude), a, latitude)
