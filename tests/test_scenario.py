@@ -27,7 +27,7 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
-from closeform.scenario.zoning import larger, reach
+from closeform.zoning import larger, reach
 from closeform.zones import Box, Ellipsoid, Sphere, Zone
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -3,7 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, product
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -12,8 +12,8 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import STAGES, Gather, StageTable
 from closeform.scenario.study import BUILT, Study
-from closeform.scenario.zoning import larger
 from closeform.zones import Zone
+from closeform.zoning import larger, pairwise
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
@@ -57,26 +57,8 @@ class Scenario:
         Raises ValueError naming two craft where neither zone holds the other (a checked scenario
         has none such).
         """
-        tables = list(dict.fromkeys(craft.keep_out for craft in self.craft if craft.keep_out is not None))
-        zones = [table.zone() for table in tables]
-        kind = np.array(
-            [-1 if craft.keep_out is None else tables.index(craft.keep_out) for craft in self.craft]
-        )
-        first, second = np.triu_indices(len(kind), 1)
-        winner = np.full(len(first), -1)
-        for one, other in product(range(-1, len(zones)), repeat=2):
-            those = (kind[first] == one) & (kind[second] == other)
-            if not those.any() or max(one, other) < 0:
-                continue
-            rivals = {k: zones[k] for k in (one, other) if k >= 0}
-            held = larger(*rivals.values())
-            if held is None:
-                k = int(np.argmax(those))
-                pair = f"{self.names[first[k]]} and {self.names[second[k]]}"
-                raise ValueError(f"{pair}: neither zone holds the other; give both one that holds both")
-            winner[those] = next(k for k, zone in rivals.items() if zone is held)
-        pairs = np.stack([first, second], axis=1)
-        return tuple((zones[k], pairs[winner == k]) for k in range(len(zones)) if (winner == k).any())
+        zones = [None if craft.keep_out is None else craft.keep_out.zone() for craft in self.craft]
+        return pairwise(zones, self.names)
 
     @property
     def common_zone(self) -> Zone | None:
