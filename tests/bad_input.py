@@ -117,6 +117,16 @@ FOR = 'for = "5 min"'
 TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
 COAST = 'do = "coast"\nfor = "5 min"'
 MOVE = f'name = "pass"\ndo = "avoid"\ncraft = "F3"\n{TO}\nwithin = "0.1 orbits"'
+PEARLS = 'do = "reconfigure"\nto = { string_of_pearls = { spacing = "15 m" } }\nwithin = "1 orbit"\n'
+TO_TWO = """\
+do = "reconfigure"
+within = "1 orbit"
+to = [
+  { position = "0 0 0 m", velocity = "0 0 0 m/s" },
+  { position = "0 100 0 m", velocity = "0 0 0 m/s" },
+]
+"""
+CLOSE = TO_TWO.replace("]\n", '  { position = "0 115 0 m", velocity = "0 0 0 m/s" },\n]\n')
 
 SCENARIOS = (
     # the file
@@ -424,6 +434,106 @@ SCENARIOS = (
         'do = "lock"',
         'sensor: missing; add [sensor] with half_angle = "70 deg"\nsearch: missing; add [search] with method = "modified"\ncraft.group: missing; add for example group = ["A", "B"]\norbit: a search is for deep space only; write deep_space = true instead',
     ),
+    # the whole formation
+    Bad(
+        "final states inside each other's zone",
+        COAST,
+        CLOSE,
+        "stage[1].to: F2 and F3 end inside each other's zone, at 0.75 x zone; move them apart or make keep_out smaller",
+    ),
+    Bad(
+        "slots inside each other's zone",
+        COAST,
+        PEARLS + "assign = true",
+        "stage[1].to: slot 1 and slot 2 end inside each other's zone, at 0.75 x zone; move them apart or make keep_out smaller\n"
+        "stage[1].to: slot 2 and slot 3 end inside each other's zone, at 0.75 x zone; move them apart or make keep_out smaller",
+    ),
+    Bad(
+        "fewer slots than craft",
+        COAST,
+        PEARLS + "assign = true\nslots = 2",
+        "stage[1].slots: 2 slots for 3 craft; give at least 3",
+    ),
+    Bad(
+        "fewer final states than craft",
+        COAST,
+        TO_TWO,
+        "stage[1].to: 2 slots for 3 craft; give at least 3",
+    ),
+    Bad(
+        "more final states than craft",
+        COAST,
+        TO_TWO + 'craft = ["F3"]',
+        "stage[1].to: 2 states for 1 craft; give one each, or write assign = true",
+    ),
+    Bad(
+        "slots without a choice",
+        COAST,
+        PEARLS + "slots = 5",
+        "stage[1]: slots goes with assign = true and a named formation only; remove slots",
+    ),
+    Bad(
+        "an order for a joint plan",
+        COAST,
+        PEARLS + 'order = ["F1"]',
+        'stage[1]: order goes with plan = "sequential" only; remove order',
+    ),
+    Bad(
+        "an order that repeats itself",
+        COAST,
+        PEARLS + 'plan = "sequential"\norder = ["F1", "F1"]',
+        "stage[1].order: F1 stands in it twice; name each craft once",
+    ),
+    Bad(
+        "a formation that is none",
+        COAST,
+        PEARLS.replace("string_of_pearls", "string_of_perls"),
+        "stage[1].to.string_of_perls: unknown key; did you mean string_of_pearls?",
+    ),
+    Bad(
+        "a line in an orbit",
+        COAST,
+        PEARLS.replace(
+            'string_of_pearls = { spacing = "15 m" }', 'line = { spacing = "50 m", direction = [0, 1, 0] }'
+        ),
+        "stage[1].to: a line is at rest in deep space only; give string_of_pearls or another relative orbit",
+    ),
+    Bad(
+        "a member that joins itself",
+        COAST,
+        'do = "reconfigure"\ncraft = ["F3"]\nto = { join = ["F1", "F3"] }\nwithin = "1 orbit"',
+        "stage[1].to.join: F3 cannot join itself; name the others",
+    ),
+    Bad(
+        "a stage that comes too late",
+        COAST,
+        'do = "regather"\nas_before = "pass"\nwithin = "1 orbit"',
+        "stage[1].as_before: stage pass does not come before this one; name an earlier stage",
+    ),
+    Bad(
+        "a scattering without a measure",
+        COAST,
+        'do = "scatter"\nwithin = "1 orbit"',
+        "stage[1]: needs one of factor, from; add for example factor = 3.0",
+    ),
+    Bad(
+        "a point without a distance",
+        COAST,
+        'do = "scatter"\nfrom = "0 0 0 m"\nwithin = "1 orbit"',
+        'stage[1]: from needs distance; add for example distance = "1 km"',
+    ),
+    Bad(
+        "propellant without specific impulse",
+        'mass = "150 kg"',
+        'mass = "150 kg"\npropellant = "2 kg"',
+        'craft: propellant needs specific_impulse; add for example specific_impulse = "220 s"',
+    ),
+    Bad(
+        "more propellant than craft",
+        'mass = "150 kg"',
+        'mass = "150 kg"\nspecific_impulse = "220 s"\npropellant = "200 kg"',
+        "craft: propellant of 200 kg leaves nothing of a mass of 150 kg; give less of it",
+    ),
     # study
     Bad(
         "a key that cannot vary",
@@ -469,16 +579,10 @@ SCENARIOS = (
     ),
     # not built yet
     Bad(
-        "a verb that is not built",
-        COAST,
-        'do = "scatter"\nfactor = 3.0\nwithin = "0.25 orbits"',
-        'stage[1].do: "scatter" is not built yet; this version runs coast, avoid, lock, gather',
-    ),
-    Bad(
         "a start that is not built",
         F1_F2 + '\nvelocity = "0 0 0 m/s"',
-        'start = { projected_circular = { radius = "150 m" } }',
-        'craft.start: "projected_circular" is not built yet; give position and velocity, or palmer',
+        'start = { oem = "F1.oem" }',
+        'craft.start: "oem" is not built yet; give position and velocity, or palmer',
     ),
 )
 
@@ -554,6 +658,27 @@ SEARCHES = (
         "rounds = 2",
         "rounds = 1_000_000",
         "stage[1].rounds: 1000000 is above 1000; write for example rounds = 3",
+    ),
+    lost(
+        "a move of craft that are lost",
+        'do = "gather"',
+        'do = "scatter"\nfactor = 2.0\nwithin = "1 h"\n\n[[stage]]\ndo = "gather"',
+        "stage[1].do: scatter needs craft that were found; put it after the gather\n"
+        'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }',
+    ),
+    lost(
+        "a return to where craft were lost",
+        'do = "gather"\nrounds = 2',
+        'name = "lost"\ndo = "gather"\n\n[[stage]]\ndo = "regather"\nas_before = "lost"\nwithin = "1 h"',
+        "stage[2].as_before: the craft were lost when stage lost began; name a stage after the gather\n"
+        'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }',
+    ),
+    lost(
+        "a relative orbit in deep space",
+        'do = "gather"\nrounds = 2',
+        'do = "gather"\n\n[[stage]]\ndo = "reconfigure"\nto = { remove = "eccentricity" }\nwithin = "1 h"',
+        'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }\n'
+        "stage[2].to: a relative orbit, but deep space has no orbits; give line",
     ),
     lost(
         "an imperfect search",

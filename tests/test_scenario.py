@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from bad_input import GOOD
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
-from closeform.scenario.craft import OrbitTable, ProjectedCircular, SearchTable, SensorTable, Start
+from closeform.scenario.craft import OrbitTable, SearchTable, SensorTable
+from closeform.scenario.formation import Formation, Goal, Shape, Start
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
@@ -196,7 +197,7 @@ def test_larger_does_not_depend_on_order() -> None:
     assert larger(Box([1.0, 9.0, 1.0]), Box([9.0, 1.0, 1.0])) is None
 
 
-@pytest.mark.parametrize("name", ["f6_scatter", "tpf", "robustness", "cluster"])
+@pytest.mark.parametrize("name", ["f6_scatter", "tpf", "robustness", "cluster", "swap", "find_then_fly"])
 def test_samples_are_accepted(name: str) -> None:
     assert load(EXAMPLES / f"{name}.toml").title
 
@@ -233,8 +234,9 @@ def test_every_key_is_documented() -> None:
     """Each key stands in a table row of docs/scenario.md, and each row's key is a key."""
     page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    tables = [OrbitTable, Craft, Start, ProjectedCircular, KeepOut, SensorTable, SearchTable, Study, Draw]
-    keys = {key for table in (*tables, *STAGES.values()) for key in table.examples()}
+    tables = [OrbitTable, Craft, Start, Goal, KeepOut, SensorTable, SearchTable, Study, Draw]
+    tables += [*Shape.__subclasses__(), *STAGES.values()]
+    keys = {key for table in tables for key in table.examples()}
     assert documented == keys | {"closeform", "title"}
 
 

@@ -10,7 +10,8 @@ _NAMES = {
     "zones": "Zone Box Ellipsoid Sphere",
     "conflicts": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
     "screening": "Screening screen",
-    "avoidance": "Avoidance Contact avoid end_gradients",
+    "avoidance": "Avoidance Contact Plan Status Touch avoid end_gradients reconfigure",
+    "limits": "shortest_transfer propellant",
     "frames": "relative_from_inertial inertial_from_relative",
     "elements": (
         "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "
@@ -29,12 +30,13 @@ _NAMES = {
     "campaign": "study",
     "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",
 }
+_MODULES = ("plots", "targets")
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:
-    if name == "plots":
-        return import_module("closeform.plots")
+    if name in _MODULES:
+        return import_module(f"closeform.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'closeform' has no attribute {name!r}")
     value = getattr(import_module(f"closeform.{_HOMES[name]}"), name)
@@ -43,4 +45,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOMES, "plots"])
+    return sorted([*globals(), *_HOMES, *_MODULES])

@@ -1,11 +1,15 @@
 """Every public name, and the module it lives in."""
 
-from closeform import plots as plots
+from closeform import plots as plots, targets as targets
 from closeform.avoidance import (
     Avoidance as Avoidance,
     Contact as Contact,
+    Plan as Plan,
+    Status as Status,
+    Touch as Touch,
     avoid as avoid,
     end_gradients as end_gradients,
+    reconfigure as reconfigure,
 )
 from closeform.campaign import study as study
 from closeform.ccsds import (
@@ -44,6 +48,7 @@ from closeform.frames import (
     inertial_from_relative as inertial_from_relative,
     relative_from_inertial as relative_from_inertial,
 )
+from closeform.limits import propellant as propellant, shortest_transfer as shortest_transfer
 from closeform.orbit import Orbit as Orbit
 from closeform.path import (
     Path as Path,

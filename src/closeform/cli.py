@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from closeform.zones import Zone
 
 CLEAR, CONFLICT, BAD_INPUT = 0, 1, 2
+TOGETHER = rb'^\s*do\s*=\s*"(reconfigure|scatter|regather)"'  # stages that plan all paths at once
 
 
 class UsageError(ValueError):
@@ -270,11 +271,17 @@ def read(file: Path) -> "Scenario | None":
     from closeform.compiled import compile_ahead
 
     try:
-        searches = re.search(rb"^\s*\[\s*search\s*\]", file.read_bytes(), re.MULTILINE) is not None
+        text = file.read_bytes()
     except OSError:
         pass  # load says what is wrong with it
     else:
-        compile_ahead("closeform.search.chain" if searches else "closeform.avoidance")
+        searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
+        if searches:
+            compile_ahead("closeform.search.chain")
+        if re.search(TOGETHER, text, re.MULTILINE) is not None:
+            compile_ahead("closeform.avoidance.formation")
+        elif not searches:
+            compile_ahead("closeform.avoidance")
     from closeform.scenario import ScenarioError, load
 
     try:

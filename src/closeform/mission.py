@@ -3,101 +3,49 @@
     scenario file -> Scenario -> fly -> Mission -> result folder, report, printed tables
 
 No mathematics: a stage asks the orbit for paths, `screen` for conflicts, `avoid` for the way
-around them, and `lock_times` and `gather` for who finds whom.
+around them, `reconfigure` for the paths of a whole formation, `lock_times` and `gather` for who
+finds whom.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from math import nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from closeform.arc import END, START
 from closeform.flight import Flight, watch
+from closeform.legs import Change, FirstLocks, Leg, Reshaping, called
 from closeform.orbit import Orbit
 from closeform.path import Path, stack
-from closeform.scenario import Avoid, Coast, Gather, Lock, Scenario, ScenarioError, StageTable, Target
-from closeform.search.gathering import Gathering, who_is_left
-from closeform.search.schedule import Search
-from closeform.zones import Floats, Zone
+from closeform.scenario import (
+    Avoid,
+    Coast,
+    Gather,
+    Goal,
+    Joint,
+    Lock,
+    Reconfigure,
+    Regather,
+    Scatter,
+    Scenario,
+    ScenarioError,
+    StageTable,
+    Target,
+)
+from closeform.zones import Floats
 
 if TYPE_CHECKING:
-    from closeform.avoidance import Avoidance
-    from closeform.search.locks import Locks
+    from closeform.avoidance.plan import Plan
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
-NAMED = 10  # pairs that are named where more have failed
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """What a move changed: the `direct` path of one craft and the way around the others."""
-
-    craft: str
-    others: tuple[str, ...]
-    zones: tuple[Zone, ...]  # one for each other
-    method: str
-    direct: Path
-    avoidance: "Avoidance"
-
-
-@dataclass(frozen=True, eq=False)
-class FirstLocks:
-    """The first locks of all `pairs` (P, 2) of a craft in group A and one in B, by index.
-
-    `search` begins, and times count, when the stage does.
-    """
-
-    search: Search
-    pairs: Any
-    locks: "Locks"
-
-    @property
-    def missing(self) -> Any:
-        """The pairs (Q, 2) that never lock."""
-        return self.pairs[self.locks.leg < 0]
-
-
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """A stage as flown, from `start` to `end` [s]: the flight `before` avoidance and `after` it.
-
-    The times of a Gathering or of FirstLocks count from the start of the stage.
-    """
-
-    number: int
-    stage: StageTable
-    start: float
-    end: float
-    before: Flight
-    after: Flight
-    deed: Change | Gathering | FirstLocks | None = None  # None: a coast
-
-    @property
-    def name(self) -> str:
-        """What the file calls it, or an empty text."""
-        return self.stage.name or ""
-
-    @property
-    def verb(self) -> str:
-        """What stands in `do`."""
-        return self.stage.verb
-
-    @property
-    def failure(self) -> str | None:
-        """Why the mission cannot go on after this stage; None where it can."""
-        names = self.after.names
-        if isinstance(self.deed, Change) and not self.deed.avoidance.ok:
-            return self.deed.avoidance.reason
-        if isinstance(self.deed, Gathering) and not self.deed.ok:
-            return who_is_left(self.deed.sets, self.deed.lost, self.deed.rounds, names)
-        if isinstance(self.deed, FirstLocks) and len(self.deed.missing):
-            shown = [f"{names[i]} - {names[j]}" for i, j in self.deed.missing[:NAMED]]
-            more = ", ..." if len(self.deed.missing) > NAMED else ""
-            never = f"{len(self.deed.missing)} of {len(self.deed.pairs)} pairs never lock"
-            return f"{never}: {', '.join(shown)}{more}"
-        return None
+OBSERVED = 1000.0  # times the duration of a move for which those that coast are looked at
+AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
+ROUNDING = 1e-9
+SLACK = 1.01  # by which later such times are stretched, so that they settle
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,20 +62,42 @@ class Mission:
         """Whether every stage was flown and no encounter remains."""
         return self.stopped is None and not any(leg.after.encounters for leg in self.legs)
 
+    @cached_property
+    def delta_v(self) -> Floats:
+        """What each craft spends in each leg (L, N) [m/s]."""
+        spent = [leg.after.paths.delta_v for leg in self.legs]
+        return np.array(spent).reshape(-1, len(self.scenario.craft))
+
+    @cached_property
+    def propellant(self) -> Floats:
+        """What each craft burns in each leg (L, N) [kg]; nan for one without mass and specific impulse."""
+        from closeform.limits import propellant
+
+        burnt = np.full(self.delta_v.shape, nan)
+        for k, craft in enumerate(self.scenario.craft):
+            if craft.mass is not None and craft.specific_impulse is not None:
+                so_far = propellant(craft.mass, np.cumsum(self.delta_v[:, k]), craft.specific_impulse)
+                burnt[:, k] = np.diff(so_far, prepend=0.0)
+        return burnt
+
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Craft that would need more than their thrust or delta-v, one line each."""
+        """Craft that would need more than their thrust, delta-v or propellant, one line each."""
         lines = []
         for k, craft in enumerate(self.scenario.craft):
-            paths = [leg.after.paths[k] for leg in self.legs]
-            spent = sum(path.delta_v for path in paths)
+            spent, burnt = self.delta_v[:, k].sum(), self.propellant[:, k].sum()
             if craft.delta_v_budget is not None and spent > craft.delta_v_budget:
                 lines.append(
                     f"{craft.name} needs {spent:.4g} m/s, its delta_v_budget is {craft.delta_v_budget:g} m/s"
                 )
+            if craft.propellant is not None and burnt > craft.propellant:
+                lines.append(
+                    f"{craft.name} needs {burnt:.4g} kg of propellant, it has {craft.propellant:g} kg"
+                )
             if craft.max_thrust is not None and craft.mass is not None:
-                force = max((path.peak_thrust for path in paths), default=0.0) * craft.mass
-                if force > craft.max_thrust:
+                peaks = (leg.after.paths[k].peak_thrust for leg in self.legs)
+                force = max(peaks, default=0.0) * craft.mass
+                if force > craft.max_thrust * (1.0 + ROUNDING):
                     lines.append(
                         f"{craft.name} needs {force:.4g} N, its max_thrust is {craft.max_thrust:g} N"
                     )
@@ -146,11 +116,15 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     orbit = scenario.orbit.build()
     states = np.array([craft.state(orbit) for craft in scenario.craft])
     legs: list[Leg] = []
+    past: dict[str, tuple[float, Floats]] = {}
     for number, stage in enumerate(scenario.stages, 1):
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
+        sky = Sky(scenario, orbit, states, legs[-1].end if legs else 0.0, past)
+        if stage.name is not None:
+            past[stage.name] = sky.time, states
         try:
-            leg = flown(Sky(scenario, orbit, states, legs[-1].end if legs else 0.0), number, stage)
+            leg = flown(sky, number, stage)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
         legs.append(leg)
@@ -162,12 +136,13 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
 
 @dataclass(frozen=True, eq=False)
 class Sky:
-    """Where everybody is when a stage begins, at `time` [s]."""
+    """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages."""
 
     scenario: Scenario
     orbit: Orbit
     states: Floats
     time: float
+    past: dict[str, tuple[float, Floats]]
 
     def flight(self, paths: list[Path]) -> Flight:
         """The paths, watched over their common time."""
@@ -183,6 +158,39 @@ class Sky:
             return self.orbit.coast(self.states[k], duration, self.time)
         return self.orbit.transfer(self.states[k], target.state(self.orbit), duration, self.time)
 
+    def mixed(self, who: list[int], paths: Path) -> Flight:
+        """The `paths` of the craft `who`; the others coast meanwhile."""
+        duration = float(np.max(paths.end)) - self.time
+        flying = {k: paths[place] for place, k in enumerate(who)}
+        rest = (k for k in range(len(self.states)) if k not in flying)
+        flying |= {k: self.goal(None, k, duration) for k in rest}
+        return self.flight([flying[k] for k in range(len(flying))])
+
+    def goals(self, stage: Joint, who: list[int], duration: float) -> Floats:
+        """Where the craft `who` are to be after a `duration` [s]: the slots (S, 6) of a joint stage."""
+        from closeform import targets
+
+        coasted = np.asarray(self.states @ self.orbit.transition(duration).T)
+        if isinstance(stage, Regather):
+            time, then = self.past[stage.as_before]
+            return targets.regathered(self.orbit, then, self.time + duration - time)
+        if isinstance(stage, Scatter) and stage.factor is not None:
+            return targets.scattered(self.orbit, self.states, duration, stage.factor)
+        if isinstance(stage, Scatter):
+            return targets.scattered_from(self.orbit, self.states, duration, *stage.away)
+        if not isinstance(stage, Reconfigure):
+            raise TypeError(f"{stage.verb} is not built")
+        slots, to = stage.known(self.orbit, len(who)), stage.to
+        if slots is not None:
+            centre = coasted[who].mean(axis=0) if isinstance(to, Goal) and to.line is not None else 0.0
+            return np.asarray(slots + centre)
+        if isinstance(to, Goal) and to.join is not None:
+            members = [self.scenario.names.index(name) for name in to.join]
+            return targets.added_member(self.orbit, coasted[members])[None]
+        if isinstance(to, Goal) and to.remove == "eccentricity":
+            return targets.without_eccentricity(self.orbit, coasted[who])
+        return targets.without_altitude_difference(self.orbit, coasted[who])
+
 
 def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
     """One stage as flown."""
@@ -191,6 +199,8 @@ def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
         return Leg(number, stage, sky.time, flight.end, flight, flight)
     if isinstance(stage, Avoid):
         return moved(sky, number, stage)
+    if isinstance(stage, Joint):
+        return reshaped(sky, number, stage)
     if isinstance(stage, Lock):
         return locked(sky, number, stage)
     if isinstance(stage, Gather):
@@ -225,6 +235,65 @@ def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
         avoidance,
     )
     return Leg(number, stage, sky.time, direct.end, before, after, change)
+
+
+def reshaped(sky: Sky, number: int, stage: Joint) -> Leg:
+    """A formation moves together; craft that do not move coast, and are kept clear of."""
+    names = sky.scenario.names
+    movers = stage.movers or names
+    others = tuple(name for name in names if name not in movers)
+    who = [names.index(name) for name in movers]
+    try:
+        plan, measures = planned(sky, stage, who, [names.index(name) for name in others])
+    except ValueError as error:
+        raise ValueError(called(str(error), movers + others)) from error
+    asked = stage.within.on(sky.orbit.mean_motion)
+    deed = Reshaping(movers, others, sky.scenario.zones, stage.plan, asked, plan, measures)
+    before = sky.mixed(who, plan.direct)
+    after = sky.mixed(who, plan.paths) if plan.paths is not None and plan.touches else before
+    return Leg(number, stage, sky.time, after.end, before, after, deed)
+
+
+def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["Plan", tuple[str, ...]]:
+    """The plan for the craft `who` around those that coast, and what was tried.
+
+    Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
+    """
+    from closeform.avoidance.formation import reconfigure
+    from closeform.avoidance.result import Status
+
+    scenario = sky.scenario
+    limits = np.array([scenario.craft[k].max_acceleration for k in who])
+    order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
+    order += [k for k in range(len(who)) if k not in order]
+    duration = stage.within.on(sky.orbit.mean_motion)
+    measures: tuple[str, ...] = ()
+    for attempt in range(AGAIN):
+        plan = reconfigure(
+            sky.orbit,
+            sky.states[who],
+            sky.goals(stage, who, duration),
+            duration,
+            [scenario.keep_out[k] for k in who + rest],
+            assign=stage.assigns,
+            start=sky.time,
+            obstacles=[sky.goal(None, k, OBSERVED * duration) for k in rest],
+            max_acceleration=limits if np.isfinite(limits).any() else None,
+            if_blocked=stage.if_blocked,
+            method=stage.plan,
+            order=order,
+        )
+        measures += plan.measures
+        took = float(np.max(plan.starts + plan.durations)) - sky.time
+        if not plan.ok or abs(took - duration) <= ROUNDING * duration:
+            return plan, measures
+        if np.array_equal(sky.goals(stage, who, took), sky.goals(stage, who, duration)):
+            return plan, measures  # they hold whenever craft arrive
+        duration = took * SLACK if attempt else took
+        measures += (f"aims at where the relative orbits are after {duration:.6g} s",)
+    reason = f"the relative orbits move on faster than craft arrive, up to {took:.6g} s"
+    late = replace(plan, paths=None, energy=nan, delta_v=nan, status=Status.TOO_WEAK, reason=reason)
+    return late, measures
 
 
 def locked(sky: Sky, number: int, stage: Lock) -> Leg:

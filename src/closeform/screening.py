@@ -53,18 +53,18 @@ def _chunks(count: int) -> Iterator[tuple[Any, Any]]:
         yield np.concatenate(first), np.concatenate(second)
 
 
-def _search(paths: Path, zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
-    """Conflicts of the pairs of one chunk: their pairs (M, 2) and rows (M, 4)."""
+def search_pairs(arcs: Floats, offsets: Any, zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
+    """Conflicts of some pairs, in order: their pairs (M, 2) and rows (M, 4) of start, end, time, ratio."""
     rows = np.empty((4096, COLUMNS))
     done = np.zeros(2, dtype=np.int64)
-    found = []
+    found = [np.empty((0, COLUMNS))]
     while done[0] < len(first):
         before = done[0]
         count = conflicts_of_pairs(
-            paths.arcs,
-            paths.offsets,
-            paths.arcs,
-            paths.offsets,
+            arcs,
+            offsets,
+            arcs,
+            offsets,
             first,
             second,
             before,
@@ -109,7 +109,7 @@ def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone) -> Iterator[tuple[
     """Results of the chunks in order, few of them under way at once."""
     waiting: deque[Any] = deque()
     for first, second in _chunks(len(paths)):
-        waiting.append(pool.submit(_search, paths, zone, first, second))
+        waiting.append(pool.submit(search_pairs, paths.arcs, paths.offsets, zone, first, second))
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
     while waiting:

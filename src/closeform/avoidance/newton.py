@@ -8,6 +8,8 @@ from math import inf, sqrt
 
 import numpy as np
 
+from numba import float64, int64, types
+
 from closeform.arc import END, START
 from closeform.avoidance.kernel import influences, relative, shape
 from closeform.compiled import kernel
@@ -15,6 +17,7 @@ from closeform.linear import solve
 from closeform.march import rate
 
 ROUNDS = 12
+SMALL = 80  # contacts of which the dense equations are solved
 ON_EDGE = 1e-7  # how nearly two faces are met at once
 TOUCHING, STEADY = 1e-11, 1e-8  # errors left in the norm, and in its rate times the duration
 
@@ -242,3 +245,52 @@ def newton(base, inverse, scene, contacts, windows, rows, pulls, blocks, rates):
                     motions[k, 0, i] = points[k, i]
                 outward(norm_powers[which[k]], motions[k], normals[k])
     return False
+
+
+@kernel(
+    float64(
+        int64[:, ::1],
+        float64[:, :, ::1],
+        float64[:, :, ::1],
+        float64[:, :, ::1],
+        types.UniTuple(float64[::1], 3),
+        types.UniTuple(float64[:, ::1], 2),
+        float64[:, :, ::1],
+        float64[::1],
+        float64[:, ::1],
+        float64[::1],
+    )
+)
+def conditions(links, blocks, rates, matrices, numbers, vectors, motions, durations, jacobian, rhs):
+    """Conditions of optimality of many contacts and their derivatives; returns the greatest error.
+
+    `numbers`: the contacts' powers, aims and forces; `vectors`: their normals and points; a duration of
+    0 says that a contact's time is given.  Fills `jacobian` (5K, 5K) and `rhs` (5K,); up to SMALL contacts
+    solves them too, which leaves the step in `rhs`.  -1 where a contact is the farthest, not the
+    closest, in time.
+    """
+    powers, aims, force = numbers
+    normals, points = vectors
+    count = len(force)
+    bends = np.empty((count, 3, 3))
+    error, farthest = 0.0, False
+    for k in range(count):
+        bend(powers[k], points, normals, k, bends[k])
+        own = own_terms(jacobian, rhs, k, normals, points, bends, motions[k], aims[k], durations[k])
+        error = max(error, own)
+        if durations[k] > 0.0 and closing(normals, bends, motions[k], k) < 0.0:
+            farthest = True
+    for link in range(len(links)):
+        k, m = links[link]
+        left, right = matrices[k], matrices[m]
+        cross_terms(jacobian, k, m, normals, bends, force, left, right, blocks[link], rates[link])
+    for k in range(count):
+        if durations[k] == 0.0:  # the time is given, whatever the speed along the normal
+            for column in range(5 * count):
+                jacobian[5 * k + 4, column] = 1.0 if column == 5 * k + 4 else 0.0
+            rhs[5 * k + 4] = 0.0
+    if error < TOUCHING:
+        return -1.0 if farthest else error
+    if count <= SMALL:
+        solve(jacobian, rhs, 5 * count)
+    return error

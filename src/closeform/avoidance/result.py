@@ -26,6 +26,7 @@ class Status(StrEnum):
     AVOIDED = "avoided"
     END_INSIDE = "end inside a zone"
     NOT_FOUND = "no clear path found"
+    TOO_WEAK = "thrust limit exceeded"
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,15 @@
 
 from math import pi
 
+from closeform.chapters.formations import reshaped
 from closeform.chapters.gatherings import conflicts_known, gathered
 from closeform.chapters.moves import coast, encounters, move, nearest
 from closeform.chapters.searches import locked
 from closeform.chapters.sheet import Chapter, Sheet, counted
-from closeform.mission import Change, FirstLocks, Leg, Mission
+from closeform.legs import Change, FirstLocks, Leg, Reshaping
+from closeform.mission import Mission
 from closeform.search.gathering import Gathering
+from closeform.zones import Floats
 
 __all__ = ["Chapter", "Sheet", "chapters", "conflicts_known", "encounters", "nearest", "opening", "verdict"]
 
@@ -36,19 +39,28 @@ def verdict(mission: Mission) -> str:
 
 def chapters(mission: Mission) -> tuple[Chapter, ...]:
     """One chapter for each stage flown."""
-    return tuple(chapter(leg) for leg in mission.legs)
+    return tuple(chapter(leg, burnt) for leg, burnt in zip(mission.legs, mission.propellant, strict=True))
 
 
-def chapter(leg: Leg) -> Chapter:
-    """A stage: what it set out with, what it did, what came of it."""
+def chapter(leg: Leg, burnt: Floats) -> Chapter:
+    """A stage: what it set out with, what it did, what came of it; `burnt` is each craft's propellant."""
     named = f' "{leg.name}"' if leg.name else ""
     deed = leg.deed
-    who = f", {deed.craft} moves" if isinstance(deed, Change) else ""
+    who = f", {movers(deed)}" if isinstance(deed, Change | Reshaping) else ""
     title = f"Stage {leg.number}{named}: {leg.verb}{who}, {leg.start:.1f} s to {leg.end:.1f} s"
     if isinstance(deed, Change):
         return move(title, leg, deed)
+    if isinstance(deed, Reshaping):
+        return reshaped(title, leg, deed, burnt)
     if isinstance(deed, Gathering):
         return gathered(title, leg, deed)
     if isinstance(deed, FirstLocks):
         return locked(title, leg, deed)
     return coast(title, leg)
+
+
+def movers(deed: Change | Reshaping) -> str:
+    """Who moves."""
+    if isinstance(deed, Change):
+        return f"{deed.craft} moves"
+    return f"{deed.movers[0]} moves" if len(deed.movers) == 1 else f"{len(deed.movers)} craft move"

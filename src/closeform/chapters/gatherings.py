@@ -9,7 +9,7 @@ from closeform.chapters.moves import nearest
 from closeform.chapters.searches import MOST_ROWS, facts, one_round, phases, since, stays
 from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
 from closeform.flight import Encounter
-from closeform.mission import Leg
+from closeform.legs import Leg
 from closeform.scenario import Gather
 from closeform.search.gathering import Event, EventKind, Gathering, listed
 

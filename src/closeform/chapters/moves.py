@@ -2,7 +2,7 @@
 
 from closeform.chapters.sheet import Chapter, Sheet
 from closeform.flight import Flight
-from closeform.mission import Change, Leg
+from closeform.legs import Change, Leg
 from closeform.path import Path
 
 MOST_PAIRS = 1000  # of closest approaches in a sheet; the table in Parquet has all

@@ -8,7 +8,7 @@ import numpy as np
 
 from closeform.chapters.moves import encounters, nearest
 from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
-from closeform.mission import FirstLocks, Leg
+from closeform.legs import FirstLocks, Leg
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Leg as Turn
 from closeform.search.schedule import Search

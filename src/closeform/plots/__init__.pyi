@@ -2,11 +2,14 @@
 
 from closeform.plots.attitudes import in_plane_search as in_plane_search
 from closeform.plots.attitudes import manoeuvres as manoeuvres
+from closeform.plots.closest import closest_pairs as closest_pairs
 from closeform.plots.cones import complementary_cones as complementary_cones
 from closeform.plots.film import animation as animation
+from closeform.plots.fleet import formation_paths as formation_paths
 from closeform.plots.formation import three_views as three_views
 from closeform.plots.hyperbola import lemma_2 as lemma_2
 from closeform.plots.lockings import histogram as histogram
+from closeform.plots.matrix import ratio_matrix as ratio_matrix
 from closeform.plots.nearness import ratios as ratios
 from closeform.plots.sides import two_ways as two_ways
 from closeform.plots.space import before_after as before_after

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from closeform.chapters.sheet import minutes
-from closeform.mission import Change, FirstLocks, Leg
+from closeform.legs import Change, FirstLocks, Leg, Reshaping
 from closeform.results import Folder
 from closeform.search.gathering import EventKind, Gathering
 
@@ -63,6 +63,9 @@ def figures(leg: Leg) -> Iterator[tuple[str, Any, str]]:
     """Name, figure and caption of every picture of a stage."""
     from closeform import plots
 
+    if isinstance(leg.deed, Reshaping):
+        yield from together(leg, leg.deed)
+        return
     if isinstance(leg.deed, FirstLocks):
         search = leg.deed.search
         yield "in-plane-search", plots.in_plane_search(search), "The in-plane search of both groups"
@@ -93,3 +96,22 @@ def figures(leg: Leg) -> Iterator[tuple[str, Any, str]]:
     caption = f"How near {one} comes to the zones of the others, before and after"
     yield "nearness", plots.ratios(path, around, others, close.zone, names=met), caption
     yield "thrust", plots.thrust([path, around], ["before", "after"]), f"Thrust of {one}"
+
+
+def together(leg: Leg, deed: Reshaping) -> Iterator[tuple[str, Any, str]]:
+    """The pictures of a formation that moved: all paths, and how near the craft come to each other."""
+    from closeform import plots
+
+    names, zones = leg.after.names, deed.zones
+    direct, flown = leg.before.paths, leg.after.paths
+    caption = "All paths, direct and of the plan" if flown is not direct else "The direct paths"
+    yield "paths", plots.formation_paths(direct, flown, names=names, zone=zones), caption
+    if not leg.after.nearest:
+        return
+    if leg.before.encounters and flown is not direct:
+        caption = "How near each two craft would come on their direct paths"
+        yield "ratios-before", plots.ratio_matrix(direct, zones, names=names), caption
+    caption = "How near each two craft come"
+    yield "ratios", plots.ratio_matrix(flown, zones, names=names), caption
+    caption = "The pairs that come closest, against time"
+    yield "closest-pairs", plots.closest_pairs(flown, zones, names=names), caption

@@ -7,7 +7,8 @@ from typing import Any
 from closeform.chapters import conflicts_known, verdict
 from closeform.chapters.searches import covered, one_round
 from closeform.flight import Flight
-from closeform.mission import Change, FirstLocks, Leg, Mission
+from closeform.legs import Change, FirstLocks, Leg, Reshaping
+from closeform.mission import Mission
 from closeform.scenario import Gather
 from closeform.search.gathering import EventKind, Gathering
 from closeform.search.schedule import Search
@@ -26,6 +27,8 @@ def summary(mission: Mission) -> dict[str, Any]:
         "warnings": list(mission.warnings),
         "mean_motion_rad_s": mission.orbit.mean_motion,
         "craft": list(scenario.names),
+        "delta_v_m_s": dict(zip(scenario.names, mission.delta_v.sum(axis=0).tolist(), strict=True)),
+        "propellant_kg": dict(zip(scenario.names, mission.propellant.sum(axis=0).tolist(), strict=True)),
         "stages": [leg_summary(leg) for leg in mission.legs],
     }
 
@@ -43,6 +46,8 @@ def leg_summary(leg: Leg) -> dict[str, Any]:
     }
     if isinstance(leg.deed, Change):
         figures["change"] = change_summary(leg.deed)
+    if isinstance(leg.deed, Reshaping):
+        figures["plan"] = plan_summary(leg.deed, leg.before)
     if isinstance(leg.deed, Gathering):
         rounds = leg.stage.rounds if isinstance(leg.stage, Gather) else 1
         figures["search"] = search_summary(one_round(leg.deed.search, rounds))
@@ -72,6 +77,45 @@ def change_summary(change: Change) -> dict[str, Any]:
         ],
         "direct": path_summary(change.direct),
         "around": path_summary(avoidance.path) if avoidance.path is not None else None,
+    }
+
+
+def plan_summary(deed: Reshaping, direct: Flight) -> dict[str, Any]:
+    """How a formation moved together; slots count from 1."""
+    plan = deed.plan
+    return {
+        "ok": plan.ok,
+        "status": str(plan.status),
+        "reason": deed.reason,
+        "method": deed.method,
+        "measures": list(deed.measures),
+        "blocked": list(deed.blocked) or None,
+        "asked_s": deed.asked,
+        "energy_m2_s3": plan.energy,
+        "delta_v_m_s": plan.delta_v,
+        "lower_bound_m2_s3": plan.lower_bound,
+        "gap": plan.gap,
+        "proven": plan.proven,
+        "tried": plan.tried,
+        "craft": {
+            name: {
+                "slot": int(plan.slots[k]) + 1,
+                "start_s": float(plan.starts[k]),
+                "end_s": float(plan.starts[k] + plan.durations[k]),
+                "direct": path_summary(direct.path(name)),
+                "flown": path_summary(plan.paths[k]) if plan.paths is not None else None,
+            }
+            for k, name in enumerate(deed.movers)
+        },
+        "touches": [
+            {
+                "pair": [deed.names[at.first], deed.names[at.second]],
+                "time_s": at.time,
+                "normal": at.normal.tolist(),
+                "force_m_s3": at.force,
+            }
+            for at in plan.touches
+        ],
     }
 
 

@@ -1,12 +1,14 @@
 """The tables of a run as columns, for Parquet."""
 
 from collections.abc import Iterator
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from closeform.flight import Flight
-from closeform.mission import FirstLocks, Leg, Mission
+from closeform.legs import FirstLocks, Leg, Reshaping
+from closeform.mission import Mission
 from closeform.report.summary import path_summary
 from closeform.search.gathering import Gathering
 
@@ -80,13 +82,17 @@ def approach_table(mission: Mission) -> dict[str, list[Any]]:
 
 
 def craft_table(mission: Mission) -> dict[str, list[Any]]:
-    """What every craft spends in every stage as flown."""
-    rows = [
-        (leg.number, name, *path_summary(leg.after.paths[k]).values())
-        for leg in mission.legs
-        for k, name in enumerate(mission.scenario.names)
-    ]
-    return columns(("stage", "craft", "energy_m2_s3", "delta_v_m_s", "peak_thrust_m_s2"), rows)
+    """What every craft spends in every stage as flown, and the slot it took, null where there is none."""
+    rows = []
+    for leg, burnt in zip(mission.legs, mission.propellant.tolist(), strict=True):
+        slots = {}
+        if isinstance(leg.deed, Reshaping):
+            slots = dict(zip(leg.deed.movers, (int(k) + 1 for k in leg.deed.plan.slots), strict=True))
+        for k, name in enumerate(mission.scenario.names):
+            mass = burnt[k] if isfinite(burnt[k]) else None
+            rows.append((leg.number, name, slots.get(name), *path_summary(leg.after.paths[k]).values(), mass))
+    keys = ("stage", "craft", "slot", "energy_m2_s3", "delta_v_m_s", "peak_thrust_m_s2", "propellant_kg")
+    return columns(keys, rows)
 
 
 def path_table(mission: Mission) -> dict[str, Any]:

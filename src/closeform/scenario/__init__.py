@@ -1,18 +1,34 @@
 """Scenario files: TOML as validated, frozen models. The only place where units are parsed."""
 
-from closeform.scenario.craft import Craft, KeepOut, Target
+from closeform.scenario.craft import Craft, KeepOut
 from closeform.scenario.errors import ScenarioError
+from closeform.scenario.formation import Goal, Target
 from closeform.scenario.load import load, parse
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import Avoid, Coast, Gather, Lock, StageTable
+from closeform.scenario.stages import (
+    Avoid,
+    Coast,
+    Gather,
+    Joint,
+    Lock,
+    Reconfigure,
+    Regather,
+    Scatter,
+    StageTable,
+)
 
 __all__ = [
     "Avoid",
     "Coast",
     "Craft",
     "Gather",
+    "Goal",
+    "Joint",
     "KeepOut",
     "Lock",
+    "Reconfigure",
+    "Regather",
+    "Scatter",
     "Scenario",
     "ScenarioError",
     "StageTable",

@@ -1,17 +1,21 @@
 """What must fit together between the tables of a scenario."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from math import nan
+from typing import Any
 
 import numpy as np
 
 from closeform.orbit import Orbit
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted
+from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import Gather
+from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter
 from closeform.scenario.study import draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
+from closeform.zones import Floats, Zone
+from closeform.zoning import pairwise
 
 MOST_SAMPLES = 1e7
 
@@ -26,10 +30,11 @@ def check(scenario: Scenario) -> list[str]:
             return [*lines, f"orbit: {error}; check its numbers"]
         if not orbit.mean_motion > 0.0:
             return [*lines, "orbit: so wide that nothing turns; write deep_space = true instead"]
+        lines += in_orbit(scenario)
     else:
         orbit = scenario.orbit.build()
         lines += deep_space(scenario)
-    return lines or list(zones(scenario, orbit))
+    return lines or [*zones(scenario, orbit)]
 
 
 def duplicates(scenario: Scenario) -> Iterator[str]:
@@ -51,17 +56,60 @@ def stages(scenario: Scenario) -> Iterator[str]:
             for name in names:
                 if name not in scenario.names:
                     yield f"stage[{number}].{key}: no craft {name}; {did_you_mean(name, scenario.names)}"
-        before = getattr(stage, "as_before", None)
-        if before is not None and before not in earlier:
-            remedy = did_you_mean(before, earlier) if earlier else "give an earlier stage a name"
-            yield f"stage[{number}].as_before: no earlier stage {before}; {remedy}"
+        if isinstance(stage, Regather):
+            yield from as_before(scenario, number, stage.as_before, earlier)
         earlier += [stage.name] if stage.name else []
+        if isinstance(stage, Joint):
+            yield from together(scenario, number, stage)
+        if isinstance(stage, Avoid | Joint) and any(s.verb == "gather" for s in scenario.stages[number:]):
+            yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
         if stage.keeps_out and any(craft.keep_out is None for craft in scenario.craft):
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
         if stage.searches:
             yield from searching(scenario)
+
+
+def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
+    """A stage to return to that is not there, comes later, or in which craft were lost."""
+    key = f"stage[{number}].as_before"
+    if name not in earlier:
+        if name in [stage.name for stage in scenario.stages]:
+            yield f"{key}: stage {name} does not come before this one; name an earlier stage"
+        else:
+            remedy = did_you_mean(name, earlier) if earlier else "give an earlier stage a name"
+            yield f"{key}: no earlier stage {name}; {remedy}"
+        return
+    then = [stage.name for stage in scenario.stages].index(name)
+    if any(stage.verb == "gather" for stage in scenario.stages[then : number - 1]):
+        yield f"{key}: the craft were lost when stage {name} began; name a stage after the gather"
+
+
+def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
+    """Whether every craft has its place, and its turn."""
+    movers = stage.movers or scenario.names
+    for name in dict.fromkeys(stage.order or ()):
+        if (stage.order or ()).count(name) > 1:
+            yield f"stage[{number}].order: {name} stands in it twice; name each craft once"
+        elif name in scenario.names and name not in movers:
+            yield f"stage[{number}].order: {name} does not move in this stage; leave it out"
+    if isinstance(stage, Scatter) and len(scenario.craft) < 2 and stage.factor is not None:
+        yield f"stage[{number}].factor: there is only one craft; give from and distance"
+    if not isinstance(stage, Reconfigure):
+        return
+    places, key = stage.slots, "slots"
+    if isinstance(stage.to, tuple):
+        places, key = len(stage.to), "to"
+    elif stage.to.join is not None and movers[0] in stage.to.join:
+        yield f"stage[{number}].to.join: {movers[0]} cannot join itself; name the others"
+    if places is not None and places < len(movers):
+        yield f"stage[{number}].{key}: {places} slots for {len(movers)} craft; give at least {len(movers)}"
+    elif places is not None and places > len(movers) and not stage.assign:
+        yield (
+            f"stage[{number}].{key}: {places} states for {len(movers)} craft; "
+            "give one each, or write assign = true"
+        )
 
 
 def searching(scenario: Scenario) -> Iterator[str]:
@@ -117,10 +165,10 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
 
 def deep_space(scenario: Scenario) -> Iterator[str]:
     """What only an orbit gives a meaning."""
-    orbital = ("palmer", "projected_circular")
-    remedy = "give position and velocity"
-    if any(craft.start is not None and craft.start.oem is None for craft in scenario.craft):
-        yield f"craft.start: a relative orbit, but deep space has no orbits; {remedy}"
+    if any(craft.start is not None and craft.start.orbital for craft in scenario.craft):
+        yield (
+            "craft.start: a relative orbit, but deep space has no orbits; give position and velocity, or line"
+        )
     for number, stage in enumerate(scenario.stages, 1):
         if getattr(stage, "method", None) == "sauter-palmer":
             yield f'stage[{number}].method: sauter-palmer needs an orbit; write method = "exact"'
@@ -129,28 +177,68 @@ def deep_space(scenario: Scenario) -> Iterator[str]:
                 name = "for" if key == "length" else key
                 yield f'stage[{number}].{name}: deep space has no orbits; give a time, for example "30 min"'
         for key, target in stage.targets.items():
-            if any(getattr(target, name) is not None for name in orbital):
-                yield f"stage[{number}].{key}: a relative orbit, but deep space has no orbits; {remedy}"
+            if target.orbital:
+                instead = "line" if isinstance(target, Goal) else "position and velocity"
+                yield f"stage[{number}].{key}: a relative orbit, but deep space has no orbits; give {instead}"
+
+
+def in_orbit(scenario: Scenario) -> Iterator[str]:
+    """What only deep space gives a meaning."""
+    remedy = "give string_of_pearls or another relative orbit"
+    if any(craft.start is not None and craft.start.orbital is False for craft in scenario.craft):
+        yield f"craft.start: a line is at rest in deep space only; {remedy}"
+    for number, stage in enumerate(scenario.stages, 1):
+        for key, target in stage.targets.items():
+            if target.orbital is False:
+                yield f"stage[{number}].{key}: a line is at rest in deep space only; {remedy}"
 
 
 def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Pairs without a larger zone, and craft that start inside another's zone."""
+    """Pairs without a larger zone, and craft that start or end inside another's zone."""
     try:
         groups = scenario.zones
     except ValueError as error:
         yield f"craft.keep_out: {error}"
         return
-    if scenario.scattered:
-        return  # every case has its own positions
-    positions = np.array([[nan] * 3 if craft.unbuilt else craft.state(orbit)[:3] for craft in scenario.craft])
-    for zone, pairs in groups:
-        ratios = zone.norm(positions[pairs[:, 1]] - positions[pairs[:, 0]])
-        for (one, other), ratio in zip(pairs[ratios <= 1.0], ratios[ratios <= 1.0], strict=True):
+    if not scenario.scattered:  # else every case has its own positions
+        places = np.array([[nan] * 6 if craft.unbuilt else craft.state(orbit) for craft in scenario.craft])
+        remedy = "move one of them or make keep_out smaller"
+        for one, other, ratio in inside(places, groups):
             names = f"{scenario.names[one]} and {scenario.names[other]}"
-            yield (
-                f"craft.position: {names} start inside each other's zone, at {ratio:.2f} x zone; "
-                "move one of them or make keep_out smaller"
-            )
+            yield f"craft.position: {names} start inside each other's zone, at {ratio:.2f} x zone; {remedy}"
+    for number, stage in enumerate(scenario.stages, 1):
+        if isinstance(stage, Reconfigure):
+            yield from ends(scenario, orbit, number, stage)
+
+
+def inside(states: Floats, groups: Iterable[tuple[Zone, Any]]) -> Iterator[tuple[int, int, float]]:
+    """The pairs that are inside each other's zone, and how deep."""
+    for zone, pairs in groups:
+        ratios = zone.norm(states[pairs[:, 1], :3] - states[pairs[:, 0], :3])
+        deep = ratios <= 1.0
+        for (one, other), ratio in zip(pairs[deep].tolist(), ratios[deep], strict=True):
+            yield one, other, float(ratio)
+
+
+def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
+    """Final states inside each other's zone, where they are known before the flight."""
+    movers = stage.movers or scenario.names
+    finals = stage.known(orbit, len(movers))
+    if finals is None or len(finals) < len(movers):
+        return
+    own = [scenario.keep_out[scenario.names.index(name)] for name in movers]
+    called: Sequence[str] = movers
+    if stage.assign:
+        # who takes which slot is open: their ends are known only if all slots are taken by like craft
+        kinds = {None if zone is None else (zone.box, zone.matrix.tobytes()) for zone in own}
+        if len(finals) > len(movers) or len(kinds) > 1:
+            return
+        called = [f"slot {k}" for k in range(1, len(finals) + 1)]
+    for one, other, ratio in inside(finals, pairwise(own, called)):
+        yield (
+            f"stage[{number}].to: {called[one]} and {called[other]} end inside each other's zone, "
+            f"at {ratio:.2f} x zone; move them apart or make keep_out smaller"
+        )
 
 
 def study(scenario: Scenario) -> Iterator[str]:

@@ -4,10 +4,11 @@ from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from closeform.elements import state_from_palmer
 from closeform.orbit import Orbit
+from closeform.scenario.formation import Six, Start
 from closeform.scenario.quantity import (
     ANGLE,
     AREA,
@@ -21,14 +22,13 @@ from closeform.scenario.quantity import (
     TIME,
     Reader,
 )
-from closeform.scenario.table import Angle, Length, Lengths, Name, Position, Table, Vector, Velocity
+from closeform.scenario.table import Length, Lengths, Name, Position, Table, Vector, Velocity
 from closeform.zones import Box, Ellipsoid, Floats, Sphere, Zone
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
     from closeform.search.sensor import Sensor
 
-Six = tuple[float, float, float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 
@@ -122,57 +122,6 @@ class KeepOut(Table):
         return Ellipsoid.from_covariance(self.covariance_matrix(), self.sigmas or 0.0)
 
 
-class ProjectedCircular(Table):
-    """A relative orbit whose projection along the radial is a circle; craft spread evenly."""
-
-    radius: Length = Field(examples=['"150 m"'])
-    first_phase: Angle = Field(0.0, examples=['"0 deg"'])
-
-
-class Start(Table):
-    """start: a relative orbit instead of a position and a velocity."""
-
-    palmer: Annotated[Six, BeforeValidator(Reader(LENGTH, 6))] | None = Field(
-        None, examples=['"0 0 0 100 0 20 m"']
-    )
-    projected_circular: ProjectedCircular | None = Field(None, examples=['{ radius = "150 m" }'])
-    oem: str | None = Field(None, min_length=1, examples=['"F1.oem"'])
-
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        return self.one_of("palmer", "projected_circular", "oem")
-
-
-class Target(Table):
-    """to: the state that a craft moves to, relative to the formation's origin."""
-
-    position: Position | None = Field(None, examples=['"0 100 0 m"'])
-    velocity: Velocity | None = Field(None, examples=['"0 0 0 m/s"'])
-    palmer: Annotated[Six, BeforeValidator(Reader(LENGTH, 6))] | None = Field(
-        None, examples=['"0 0 0 100 0 20 m"']
-    )
-    projected_circular: ProjectedCircular | None = Field(None, examples=['{ radius = "150 m" }'])
-
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        self.one_of("position", "palmer", "projected_circular")
-        self.only_with("velocity", "position")
-        if self.position is not None and self.velocity is None:
-            raise ValueError('position needs velocity; add for example velocity = "0 0 0 m/s"')
-        return self
-
-    @property
-    def unbuilt(self) -> str | None:
-        """The key whose work is not built yet, if this target needs it."""
-        return "projected_circular" if self.projected_circular is not None else None
-
-    def state(self, orbit: Orbit) -> Floats:
-        """The state (6,) in SI units."""
-        if self.palmer is not None:
-            return state_from_palmer(self.palmer, orbit.mean_motion)
-        return np.array([*(self.position or ()), *(self.velocity or ())])
-
-
 class Craft(Table):
     """One craft of [craft]."""
 
@@ -190,6 +139,12 @@ class Craft(Table):
     delta_v_budget: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
         None, examples=['"12 m/s"']
     )
+    specific_impulse: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
+        None, examples=['"220 s"']
+    )
+    propellant: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
+        None, examples=['"2 kg"']
+    )
     keep_out: KeepOut | None = Field(None, examples=['{ sphere = "20 m" }'])
     shade: Length | None = Field(None, examples=['"15 m"'])
     pointing_error: Annotated[Vector, BeforeValidator(Reader(ANGLE, 3))] = Field(
@@ -198,6 +153,7 @@ class Craft(Table):
     slew_rate_error: Annotated[float, BeforeValidator(Reader(SHARE))] = Field(0.0, examples=['"0.1 %"'])
     start_offset: Annotated[float, BeforeValidator(Reader(TIME))] = Field(0.0, examples=['"2 s"'])
     silent: bool = Field(False, examples=["false"])
+    _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
 
     @model_validator(mode="after")
     def complete(self) -> Self:
@@ -209,20 +165,45 @@ class Craft(Table):
             raise ValueError('no velocity; add for example velocity = "0 0 0 m/s"')
         if self.max_thrust is not None and self.mass is None:
             raise ValueError('max_thrust needs mass; add for example mass = "150 kg"')
+        if self.specific_impulse is not None and self.mass is None:
+            raise ValueError('specific_impulse needs mass; add for example mass = "150 kg"')
+        if self.propellant is not None and self.specific_impulse is None:
+            raise ValueError('propellant needs specific_impulse; add for example specific_impulse = "220 s"')
+        if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
+            raise ValueError(
+                f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
+                "give less of it"
+            )
         return self
+
+    def placed(self, place: int, count: int) -> Self:
+        """The craft that takes this place of so many where `start` names a formation."""
+        craft = self.model_copy()
+        craft._place = (place, count)
+        return craft
+
+    @property
+    def max_acceleration(self) -> float:
+        """What its engine gives the mass that it starts with [m/s^2]; inf without a limit."""
+        if self.max_thrust is None or self.mass is None:
+            return inf
+        return self.max_thrust / self.mass
 
     @property
     def unbuilt(self) -> str | None:
         """The key of `start` whose work is not built yet, if this craft needs it."""
-        if self.start is None or self.start.palmer is not None:
-            return None
-        return "oem" if self.start.oem is not None else "projected_circular"
+        return "oem" if self.start is not None and self.start.oem is not None else None
 
     def state(self, orbit: Orbit) -> Floats:
         """The state (6,) at the start, in SI units."""
-        if self.start is not None and self.start.palmer is not None:
+        if self.start is None:
+            return np.array([*(self.position or ()), *(self.velocity or ())])
+        if self.start.palmer is not None:
             return state_from_palmer(self.start.palmer, orbit.mean_motion)
-        return np.array([*(self.position or ()), *(self.velocity or ())])
+        if self.start.shape is None:
+            raise TypeError(f"{self.name}: start by oem is not built")
+        place, count = self._place
+        return np.array(self.start.shape.states(orbit, count)[place])
 
 
 class SensorTable(Table):

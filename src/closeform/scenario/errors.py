@@ -8,7 +8,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from closeform.scenario.quantity import shown
-from closeform.scenario.table import Table
+from closeform.scenario.table import ALL, EACH, Table
 
 Place = tuple[int | str, ...]
 
@@ -32,6 +32,8 @@ def dotted(place: Place) -> str:
     """A place in the file as one reads it: `stage[2].keep_out.sphere`, counted from one."""
     text = ""
     for part in place:
+        if part in (ALL, EACH):
+            continue
         if isinstance(part, int):
             text += f"[{part + 1}]"
         else:
@@ -56,7 +58,7 @@ def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Pla
 def message(found: Any, table: type[Table]) -> str:
     """One pydantic error as `what is wrong; remedy`."""
     place, kind, value, context = found["loc"], found["type"], found["input"], found.get("ctx", {})
-    key = next((str(part) for part in reversed(place) if isinstance(part, str)), "")
+    key = next(reversed(keys_in(place)), "")
     owner = owner_of(table, place)
     keys = owner.examples() if owner is not None else {}
     example = f"{key} = {keys[key]}" if keys.get(key) else "what docs/scenario.md says"
@@ -86,14 +88,19 @@ def message(found: Any, table: type[Table]) -> str:
     return f"{shown(value)} {what}; write for example {example}"
 
 
+def keys_in(place: Place) -> list[str]:
+    """The keys of a place, without numbers and the marks of a key that has two forms."""
+    return [part for part in place if isinstance(part, str) and part not in (ALL, EACH)]
+
+
 def owner_of(table: type[Table], place: Place) -> type[Table] | None:
     """The table that the last key of a place belongs to."""
     owner: type[Table] | None = table
-    keys = [part for part in place if isinstance(part, str)]
-    for key in keys[:-1]:
+    for key in keys_in(place)[:-1]:
         field = {f.alias or name: f for name, f in owner.model_fields.items()}.get(key) if owner else None
         if field is not None:  # else a key of a free mapping like [study.vary]
-            owner = next(tables_in(field.annotation), None)
+            tables = [*tables_in(field.annotation)]
+            owner = tables[-1 if EACH in place else 0] if tables else None
     return owner
 
 

@@ -134,7 +134,8 @@ class Reading:
         found = []
         for number in range(count):
             try:
-                found.append(Craft.model_validate({key: column[number] for key, column in columns.items()}))
+                craft = Craft.model_validate({key: column[number] for key, column in columns.items()})
+                found.append(craft.placed(number, count))
             except ValidationError as error:
                 for place, text in complaints(error, Craft):
                     listed = bool(place) and isinstance(self.raw["craft"].get(str(place[0])), list)

@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stages import STAGES, Gather, StageTable
+from closeform.scenario.stages import Gather, StageTable
 from closeform.scenario.study import BUILT, Study
 from closeform.zones import Zone
 from closeform.zoning import larger, pairwise
@@ -50,6 +50,11 @@ class Scenario:
         return tuple(craft.name for craft in self.craft)
 
     @cached_property
+    def keep_out(self) -> tuple[Zone | None, ...]:
+        """Each craft's own zone; None for a craft without one."""
+        return tuple(None if craft.keep_out is None else craft.keep_out.zone() for craft in self.craft)
+
+    @cached_property
     def zones(self) -> tuple[tuple[Zone, Any], ...]:
         """Every zone with the pairs (M, 2), i < j, for which it holds: the larger of their two.
 
@@ -57,8 +62,7 @@ class Scenario:
         Raises ValueError naming two craft where neither zone holds the other (a checked scenario
         has none such).
         """
-        zones = [None if craft.keep_out is None else craft.keep_out.zone() for craft in self.craft]
-        return pairwise(zones, self.names)
+        return pairwise(self.keep_out, self.names)
 
     @property
     def common_zone(self) -> Zone | None:
@@ -104,23 +108,12 @@ class Scenario:
 
     def unbuilt(self) -> tuple[str, ...]:
         """What a run would need and this version does not have, one line each."""
-        built = ", ".join(verb for verb, stage in STAGES.items() if stage.built)
-        instead = "give position and velocity, or palmer"
         lines = [
-            f'craft.start: "{craft.unbuilt}" is not built yet; {instead}'
+            f'craft.start: "{craft.unbuilt}" is not built yet; give position and velocity, or palmer'
             for craft in self.craft
             if craft.unbuilt
         ]
-        for number, stage in enumerate(self.stages, 1):
-            if not stage.built:
-                lines.append(
-                    f'stage[{number}].do: "{stage.verb}" is not built yet; this version runs {built}'
-                )
-            lines += [
-                f'stage[{number}].{key}: "{target.unbuilt}" is not built yet; {instead}'
-                for key, target in stage.targets.items()
-                if target.unbuilt
-            ]
+        for stage in self.stages:
             if stage.searches:
                 lines += [
                     f"craft.{key}: is not built yet; remove it"

@@ -1,15 +1,17 @@
 """What happens, in order: the tables of [[stage]], one model for each verb in `do`."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from closeform.scenario.craft import Target
-from closeform.scenario.table import Name, Span, Table
+from closeform.orbit import Orbit
+from closeform.scenario.formation import Goal, Target
+from closeform.scenario.table import ALL, EACH, Length, Name, Names, Position, Span, Table, Vector
+from closeform.zones import Floats
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]
-Names = Annotated[tuple[Name, ...], Field(strict=False)]
 ALL_FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 
@@ -17,11 +19,15 @@ FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 class StageTable(Table):
     """What every stage has."""
 
-    built: ClassVar[bool] = False  # whether this version can run it
     keeps_out: ClassVar[bool] = True  # whether it needs [craft] keep_out
     searches: ClassVar[bool] = False  # whether it needs [sensor], [search] and craft groups
 
     name: Name | None = Field(None, examples=['"threat"'])
+
+    @property
+    def assigns(self) -> bool:
+        """Whether it is left open who takes which place."""
+        return False
 
     @property
     def verb(self) -> str:
@@ -39,15 +45,14 @@ class StageTable(Table):
         return {}
 
     @property
-    def targets(self) -> dict[str, Target]:
-        """The states that craft move to, by key."""
+    def targets(self) -> dict[str, Target | Goal]:
+        """The states or formations that craft move to, by key."""
         return {}
 
 
 class Coast(StageTable):
     """Nobody burns."""
 
-    built = True
     do: Literal["coast"] = Field(examples=['"coast"'])
     length: Span = Field(alias="for", examples=['"0.5 orbits"'])
 
@@ -62,7 +67,6 @@ class Fellow(Table):
 class Avoid(StageTable):
     """One craft moves among the others, around their zones, at least energy."""
 
-    built = True
     do: Literal["avoid"] = Field(examples=['"avoid"'])
     craft: Name = Field(examples=['"F3"'])
     to: Target | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
@@ -86,8 +90,8 @@ class Avoid(StageTable):
         return {"craft": (self.craft,), **fellows}
 
     @property
-    def targets(self) -> dict[str, Target]:
-        own = {"to": self.to} if self.to is not None else {}
+    def targets(self) -> dict[str, Target | Goal]:
+        own: dict[str, Target | Goal] = {"to": self.to} if self.to is not None else {}
         return own | {f"meanwhile[{k}].to": fellow.to for k, fellow in enumerate(self.meanwhile, 1)}
 
 
@@ -106,6 +110,11 @@ class Joint(StageTable):
         return self
 
     @property
+    def movers(self) -> Names | None:
+        """Who moves, if not everybody; the others coast."""
+        return None
+
+    @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:
         return {"order": self.order} if self.order is not None else {}
 
@@ -114,7 +123,24 @@ class Scatter(Joint):
     """All craft spread out."""
 
     do: Literal["scatter"] = Field(examples=['"scatter"'])
-    factor: Annotated[float, Field(gt=1)] = Field(examples=["3.0"])
+    factor: Annotated[float, Field(gt=1, le=1e6)] | None = Field(None, examples=["3.0"])
+    point: Position | None = Field(None, alias="from", examples=['"0 0 0 m"'])
+    distance: Length | None = Field(None, examples=['"1 km"'])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        self.one_of("factor", "point")
+        self.only_with("distance", "point")
+        if self.point is not None and self.distance is None:
+            raise ValueError('from needs distance; add for example distance = "1 km"')
+        return self
+
+    @property
+    def away(self) -> tuple[Vector, float]:
+        """The point to scatter from and how far, where there is no factor."""
+        if self.point is None or self.distance is None:
+            raise TypeError("scatters by a factor")
+        return self.point, self.distance
 
 
 class Regather(Joint):
@@ -124,22 +150,73 @@ class Regather(Joint):
     as_before: Name = Field(examples=['"threat"'])
 
 
+def one_or_each(value: Any) -> str:
+    """Whether `to` is for all or has one for each."""
+    return EACH if isinstance(value, list | tuple) else ALL
+
+
+Goals = Annotated[
+    Annotated[Goal, Tag(ALL)] | Annotated[tuple[Target, ...], Field(strict=False, min_length=1), Tag(EACH)],
+    Discriminator(one_or_each),
+]
+
+
 class Reconfigure(Joint):
-    """All craft move to new relative orbits."""
+    """Craft move to new relative orbits: all, or those that are named."""
 
     do: Literal["reconfigure"] = Field(examples=['"reconfigure"'])
-    to: Target = Field(examples=['{ projected_circular = { radius = "300 m" } }'])
+    craft: Names | None = Field(None, examples=['["F9"]'])
+    to: Goals = Field(examples=['{ projected_circular = { radius = "300 m" } }'])
     assign: bool = Field(False, examples=["true"])
+    slots: Annotated[int, Field(ge=1, le=10_000)] | None = Field(None, examples=["10"])
+
+    @model_validator(mode="after")
+    def complete(self) -> Self:
+        for name in self.craft or ():
+            if (self.craft or ()).count(name) > 1:
+                raise ValueError(f"{name} moves twice in one stage; name each craft once")
+        if self.slots is not None and not (self.assign and isinstance(self.to, Goal) and self.to.shape):
+            raise ValueError("slots goes with assign = true and a named formation only; remove slots")
+        if isinstance(self.to, Goal) and self.to.join is not None and len(self.craft or ()) != 1:
+            raise ValueError('join is for one craft; name it, for example craft = ["F9"]')
+        return self
 
     @property
-    def targets(self) -> dict[str, Target]:
-        return {"to": self.to}
+    def movers(self) -> Names | None:
+        return self.craft
+
+    @property
+    def assigns(self) -> bool:
+        return self.assign
+
+    def known(self, orbit: Orbit, count: int) -> Floats | None:
+        """The slots (S, 6) as far as they do not depend on the flight so far; else None.
+
+        A line is centred on the origin here, and goes with the craft that form it.
+        """
+        if isinstance(self.to, tuple):
+            return np.array([target.state(orbit) for target in self.to])
+        return self.to.shape.states(orbit, self.slots or count) if self.to.shape is not None else None
+
+    @property
+    def craft_named(self) -> dict[str, tuple[str, ...]]:
+        named = super().craft_named
+        if self.craft is not None:
+            named["craft"] = self.craft
+        if isinstance(self.to, Goal) and self.to.join is not None:
+            named["to.join"] = self.to.join
+        return named
+
+    @property
+    def targets(self) -> dict[str, Target | Goal]:
+        if isinstance(self.to, Goal):
+            return {"to": self.to}
+        return {f"to[{k}]": target for k, target in enumerate(self.to, 1)}
 
 
 class Lock(StageTable):
     """The first lock of each A-B pair; nothing burns."""
 
-    built = True
     keeps_out = False
     searches = True
     do: Literal["lock"] = Field(examples=['"lock"'])
@@ -148,7 +225,6 @@ class Lock(StageTable):
 class Gather(StageTable):
     """Lost craft search, lock and join until one formation holds them all."""
 
-    built = True
     keeps_out = False
     searches = True
     do: Literal["gather"] = Field(examples=['"gather"'])

@@ -2,9 +2,11 @@
 
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from closeform.scenario.quantity import ANGLE, DURATION, LENGTH, SPEED, Duration, Reader, shown
+
+ALL, EACH = "<all>", "<each>"  # which of its two forms a key has: a table for all, or a list of one each
 
 
 class Table(BaseModel):
@@ -18,24 +20,31 @@ class Table(BaseModel):
     def examples(cls) -> dict[str, str]:
         """Every key of the table as the file writes it, with an example of its value."""
         return {
-            field.alias or name: str(field.examples[0]) if field.examples else ""
+            cls.key_of(name): str(field.examples[0]) if field.examples else ""
             for name, field in cls.model_fields.items()
         }
 
+    @classmethod
+    def key_of(cls, name: str) -> str:
+        """The key in the file of a field."""
+        return cls.model_fields[name].alias or name
+
     def one_of(self, *names: str) -> Self:
         """Itself, if exactly one of the keys was given."""
-        given = [name for name in names if getattr(self, name) is not None]
+        keys = {name: self.key_of(name) for name in names}
+        given = [key for name, key in keys.items() if getattr(self, name) is not None]
         if len(given) > 1:
             raise ValueError(f"{' and '.join(given)} exclude each other; keep one")
         if not given:
-            first = f"{names[0]} = {self.examples()[names[0]]}"
-            raise ValueError(f"needs one of {', '.join(names)}; add for example {first}")
+            first = f"{keys[names[0]]} = {self.examples()[keys[names[0]]]}"
+            raise ValueError(f"needs one of {', '.join(keys.values())}; add for example {first}")
         return self
 
     def only_with(self, key: str, *names: str) -> None:
         """Refuse `key` unless one of the keys that give it a meaning was given."""
         if key in self.model_fields_set and all(getattr(self, name) is None for name in names):
-            raise ValueError(f"{key} goes with {' or '.join(names)} only; remove {key}")
+            keys = " or ".join(self.key_of(name) for name in names)
+            raise ValueError(f"{key} goes with {keys} only; remove {key}")
 
 
 def as_name(value: Any) -> str:
@@ -50,6 +59,7 @@ def as_name(value: Any) -> str:
 
 
 Name = Annotated[str, BeforeValidator(as_name)]
+Names = Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
 Vector = tuple[float, float, float]
 Length = Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))]
 Lengths = Annotated[Vector, BeforeValidator(Reader(LENGTH, 3, "positive"))]

@@ -1,0 +1,164 @@
+"""What a reconfiguration is asked, checked: craft, slots, times, zones, obstacles and limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arc import WIDTH
+from closeform.avoidance.task import Task
+from closeform.orbit import Orbit
+from closeform.path import Path, stack
+from closeform.zones import LARGEST, Floats, Zone, numbers
+from closeform.zoning import pairwise
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """N craft with `initial` states (N, 6) at their `starts`, `finals` (N, 6) after their `durations`.
+
+    `places` (S, 6) are all slots, `slots` (N,) tells which is whose; `zones` as from `pairwise`.
+    """
+
+    orbit: Orbit
+    initial: Floats
+    places: Floats
+    slots: Any
+    finals: Floats
+    starts: Floats
+    durations: Floats
+    zones: tuple[tuple[Zone, Any], ...]
+    others: Path | None
+    limits: Floats | None
+    names: tuple[str, ...]
+
+    @classmethod
+    def of(
+        cls,
+        orbit: Orbit,
+        initial: ArrayLike,
+        final: ArrayLike,
+        duration: ArrayLike,
+        zone: Zone | Sequence[Zone | None],
+        assign: bool,
+        start: ArrayLike,
+        obstacles: Path | Sequence[Path],
+        max_acceleration: ArrayLike | None,
+        names: Sequence[str] | None,
+    ) -> "Asked":
+        """Raises ValueError naming the argument that does not fit."""
+        begins, places = _states("initial", initial), _states("final", final)
+        count = len(begins)
+        if assign and len(places) < count:
+            raise ValueError(f"final: {len(places)} slots are fewer than {count} craft; give one for each")
+        if not assign and len(places) != count:
+            raise ValueError(
+                f"final: {len(places)} states for {count} craft; give one for each, or assign=True for more"
+            )
+        others = _obstacles(orbit, obstacles)
+        extra = len(others) if others is not None else 0
+        called = tuple(names) if names is not None else tuple(f"craft {k}" for k in range(count))
+        if len(called) != count:
+            raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
+        called += tuple(f"obstacle {k}" for k in range(extra))
+        limits = None if max_acceleration is None else _each("max_acceleration", max_acceleration, count)
+        return cls(
+            orbit,
+            begins,
+            places,
+            np.arange(count),
+            places[:count],
+            _each("start", start, count, positive=False),
+            _each("duration", duration, count),
+            pairwise(_zones(zone, count, extra), called),
+            others,
+            limits,
+            called,
+        )
+
+    @property
+    def direct(self) -> Path:
+        """The unconstrained optima, over each craft's own time."""
+        return self.orbit.transfer(self.initial, self.finals, self.durations, self.starts)
+
+    @property
+    def costs(self) -> Floats:
+        """Energies (N, S) of all ways of craft to slots."""
+        times = self.durations[:, None], self.starts[:, None]
+        energies: Floats = self.orbit.transfer(self.initial[:, None], self.places, *times).energy
+        return energies
+
+    def task(self) -> Task:
+        """What is to be planned."""
+        arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
+        if self.others is not None:
+            arcs, offsets = self.others.arcs, self.others.offsets
+        return Task.of(self.direct.arcs, arcs, offsets, self.zones)
+
+    def assigned(self, slots: Any) -> "Asked":
+        """The same with other slots."""
+        return replace(self, slots=slots, finals=self.places[slots])
+
+    def longer(self, factor: float) -> "Asked":
+        """The same with longer durations; the final states hold at the later ends."""
+        return replace(self, durations=factor * self.durations)
+
+    def staggered(self, share: float) -> "Asked":
+        """Craft coast in turn before they start, the last for `share` of the longest duration.
+
+        The final states hold when the last has waited: those who are there before coast into them.
+        """
+        longest = share * self.durations.max()
+        waits = np.linspace(0.0, longest, len(self.initial))
+        initial = (self.orbit.transition(waits) @ self.initial[:, :, None])[..., 0]
+        finals = (self.orbit.transition(waits - longest) @ self.finals[:, :, None])[..., 0]
+        return replace(self, initial=initial, finals=finals, starts=self.starts + waits)
+
+
+def _states(name: str, value: ArrayLike) -> Floats:
+    states = numbers(name, value)
+    if states.ndim != 2 or states.shape[1] != 6 or not len(states):
+        raise ValueError(f"{name}: expected shape (N, 6), one state for each craft, got {states.shape}")
+    if not (np.abs(states) < LARGEST).all():
+        raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
+    return states
+
+
+def _each(name: str, value: ArrayLike, count: int, positive: bool = True) -> Floats:
+    values = numbers(name, value)
+    if values.shape not in ((), (count,)):
+        raise ValueError(f"{name}: expected one number or {count}, one for each craft, got {values.shape}")
+    if not np.isfinite(values).all() or (positive and not (values > 0).all()):
+        raise ValueError(f"{name}: must be finite{' and positive' * positive}, got {values.tolist()}")
+    return np.full(count, values) if values.shape == () else values
+
+
+def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
+    if isinstance(obstacles, Path):
+        batch = obstacles if obstacles.shape else stack([obstacles])
+    else:
+        chosen = list(obstacles)
+        if not all(isinstance(one, Path) for one in chosen):
+            raise ValueError("obstacles: expected paths")
+        if not chosen:
+            return None
+        batch = stack(chosen)
+    if len(batch.shape) != 1:
+        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
+    if batch.orbit.mean_motion != orbit.mean_motion:
+        raise ValueError("obstacles: must be in the given orbit")
+    return batch if len(batch) else None
+
+
+def _zones(zone: Zone | Sequence[Zone | None], count: int, extra: int) -> list[Zone | None]:
+    if isinstance(zone, Zone):
+        return [zone] * (count + extra)
+    zones = list(zone) if isinstance(zone, Sequence) else [False]
+    if not all(one is None or isinstance(one, Zone) for one in zones):
+        raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each craft, got {zone!r}")
+    if len(zones) not in (count, count + extra):
+        with_obstacles = f" or {count + extra} with the obstacles" * bool(extra)
+        raise ValueError(f"zone: {len(zones)} zones for {count} craft; give one, or {count}{with_obstacles}")
+    return zones + [None] * (count + extra - len(zones))

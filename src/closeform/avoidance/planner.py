@@ -1,0 +1,259 @@
+"""Joint shaping: the least-energy paths of many craft around each other, by forces at contacts.
+
+A round solves the quadratic program of the known contacts (the zones' supporting planes there),
+deflects all paths by its forces, and lets every contact slide to where its two paths now come
+closest.  A contact that slid far keeps its old time beside the new one, which damps the
+rounds.  Once paths are nearly clear, Newton's method takes the contacts to the conditions of optimality;
+where a path hugs a zone for a while it has no single contact to go to, and the planes are
+raised by the little that is missing.  The cheapest clear draft is never lost.    # theory 4, "many craft"
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from closeform.avoidance.joint import answers, seen
+from closeform.avoidance.meetings import dips, sample, settle
+from closeform.avoidance.newton import SMALL, TOUCHING, conditions
+from closeform.avoidance.pressing import press
+from closeform.avoidance.task import Contacts, Flown, Task
+from closeform.zones import Floats
+
+ROUNDS = 60
+SAMPLES = 128  # of the whole time, between which a dip may be missed until the march finds it
+SAME = 2e-4  # of the whole time: contacts of a pair that are closer are one
+SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
+CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
+NEARLY = 1e-2  # how deep inside the zone a draft may be to be raised out of it
+ENOUGH, STEADY = 1e-5, 1e-5  # depth and relative change of energy at which rounds end
+NEWTON = 12  # steps
+RAISES = 4
+MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
+TINY = 1e-300
+PINNED = 1e-9  # a contact this near to the aim after Newton's method is on it
+
+Sides = Callable[["Planner", Contacts, Floats], Floats]  # normals of new contacts at their motions
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """Paths, the contacts that shape them, and the energy beyond the unconstrained optima.
+
+    `clear`: no dip below the aim was seen.  `settled`: the conditions of optimality hold.
+    """
+
+    contacts: Contacts
+    flown: Flown
+    energy: float
+    clear: bool
+    settled: bool
+
+
+class Planner:
+    """Relaxes contacts for one task at one aim, `margin` zones; boxes are balls of a `power` norm."""
+
+    def __init__(self, task: Task, margin: float, power: float = np.inf, rounding: float = 1.0) -> None:
+        self.task = task
+        self.powers = np.where(task.boxes, power, 2.0)
+        self.aims = margin * np.where(task.boxes, rounding, 1.0)
+        widths = np.linalg.norm(np.linalg.inv(task.matrices), 2, axis=(1, 2))
+        self.radii = widths * np.where(task.boxes, np.sqrt(3.0), 1.0)
+        self.times = np.linspace(task.first, task.last, SAMPLES)
+        self.base = task.flown(Contacts.none())
+
+    def relaxed(self, contacts: Contacts, sides: Sides) -> Draft:
+        """The cheapest clear draft that contacts lead to, else the last draft."""
+        best: Draft | None = None
+        before, close = np.inf, CLOSE
+        for turn in range(ROUNDS):
+            contacts = self.pressed(contacts, 1.0, SOFT * FADE**turn)
+            flown = self.task.flown(contacts)
+            there = self.slid(flown, contacts)
+            shift = np.abs(there.times - contacts.times) / self.task.length
+            turned = np.abs(there.normals - contacts.normals).max(axis=1, initial=0.0)
+            moved = max(shift.max(initial=0.0), turned.max(initial=0.0))
+            found = self.dips(flown)
+            fresh = self.fresh(flown, found, there, sides)
+            short = self.shortfall(found)
+            if short < NEARLY:
+                if not len(fresh) and moved < close:
+                    polished = self.polished(self.merged(there))
+                    if polished is not None:
+                        return polished if best is None else min(polished, best, key=lambda one: one.energy)
+                    close = 0.5 * moved
+                raised = self.raised(contacts, short)
+                if raised is not None and (best is None or raised.energy < best.energy):
+                    best = raised
+                energy = raised.energy if raised is not None else np.inf
+                if best and short < ENOUGH and abs(energy - before) <= STEADY * energy:
+                    return best
+                before = energy
+            old = contacts.some(shift > SAME)
+            old = replace(old, normals=self.normals(self.motions(flown, old), old.kinds))
+            contacts = self.merged(there.joined(old)).joined(fresh)
+        return best or self.draft(contacts, clear=False)
+
+    def pressed(self, contacts: Contacts, lift: float, soft: float = 0.0) -> Contacts:
+        """Contacts with the forces that keep the paths `lift` times the aim away; idle ones go."""
+        if not len(contacts):
+            return contacts
+        reach = np.einsum("ki,ki->k", contacts.normals, self.motions(self.base, contacts)[:, 0])
+        gaps = self.aims[contacts.kinds] * lift - reach
+        force = np.empty(len(contacts))
+        press(self.gram(contacts), gaps, contacts.force > 0.0, soft, force)
+        return replace(contacts, force=force).some(force > 0.0)
+
+    def slid(self, flown: Flown, contacts: Contacts) -> Contacts:
+        """Contacts where their pairs come closest, downhill from where they are."""
+        times = contacts.times.copy()
+        windows = self.task.windows(contacts.pairs)
+        settle(
+            *flown, contacts.pairs, contacts.kinds, self.task.matrices, self.powers, windows, times
+        )
+        there = replace(contacts, times=times)
+        motions = self.motions(flown, there)
+        apart = self.norms(motions[:, 0], there.kinds) > MEET
+        turned = np.where(apart[:, None], self.normals(motions, there.kinds), contacts.normals)
+        return replace(there, normals=np.ascontiguousarray(turned))
+
+    def fresh(self, flown: Flown, found: Floats, contacts: Contacts, sides: Sides) -> Contacts:
+        """New contacts, without force, at dips that no contact is near."""
+        if not len(found):
+            return Contacts.none()
+        which = found[:, 0].astype(np.int64)
+        pairs = self.task.pairs[which]
+        windows = self.task.windows(pairs)
+        times = np.clip(found[:, 1], windows[:, 0], windows[:, 1])
+        near = np.abs(times[:, None] - contacts.times) < 2 * SAME * self.task.length
+        known = ((pairs[:, None] == contacts.pairs).all(axis=2) & near).any(axis=1)
+        empty = np.zeros((len(which), 3)), np.zeros(len(which))
+        new = Contacts(pairs, self.task.kinds[which], times, *empty).some(~known)
+        return replace(new, normals=sides(self, new, self.motions(flown, new))) if len(new) else new
+
+    def merged(self, contacts: Contacts) -> Contacts:
+        """One contact for those of a pair that have come together, at the time of the hardest pressed."""
+        order = np.lexsort((contacts.times, contacts.pairs[:, 1], contacts.pairs[:, 0]))
+        sorted_ = contacts.some(order)
+        new = np.ones(len(order), dtype=bool)
+        new[1:] = (sorted_.pairs[1:] != sorted_.pairs[:-1]).any(axis=1)
+        new[1:] |= np.diff(sorted_.times) >= SAME * self.task.length
+        if new.all():
+            return contacts
+        group = np.cumsum(new) - 1
+        force = np.bincount(group, sorted_.force)
+        hardest = np.lexsort((sorted_.force, group))
+        last = np.flatnonzero(np.append(np.diff(group[hardest]) > 0, True))
+        return replace(sorted_.some(hardest[last]), force=force)
+
+    def raised(self, contacts: Contacts, short: float) -> Draft | None:
+        """A clear draft with the contacts where they are, aimed a little higher; None where there is none."""
+        lift = 1.0
+        for _ in range(RAISES):
+            lift += 1.5 * short + 1e-11
+            higher = self.pressed(contacts, lift)
+            short = self.shortfall(self.dips(self.task.flown(higher)))
+            if short == 0.0:
+                return self.draft(higher)
+            if short > NEARLY:
+                return None
+        return None
+
+    def polished(self, contacts: Contacts) -> Draft | None:
+        """The draft that meets the conditions of optimality to rounding; None where Newton's method finds none."""
+        if not len(contacts):
+            return self.draft(contacts, settled=True)
+        task, kinds, count = self.task, contacts.kinds, len(contacts)
+        matrices, powers, aims = task.matrices[kinds], self.powers[kinds], self.aims[kinds]
+        early, late = task.windows(contacts.pairs).T
+        pinned = (contacts.times <= early) | (contacts.times >= late)
+        durations = np.where(pinned, 0.0, task.length)
+        points = self.motions(task.flown(contacts), contacts)[:, 0]
+        points = points * (aims / self.norms(points, kinds))[:, None]
+        jacobian, rhs = np.empty((5 * count, 5 * count)), np.empty(5 * count)
+        for _ in range(NEWTON):
+            flown = task.flown(contacts)
+            motions = self.motions(flown, contacts)
+            jacobian[:] = rhs[:] = 0.0
+            scalars, vectors = (powers, aims, contacts.force), (contacts.normals, points)
+            error = conditions(
+                *self.answers(contacts), matrices, scalars, vectors, motions, durations, jacobian, rhs
+            )
+            if 0.0 <= error < TOUCHING:
+                deep = self.shortfall(self.dips(flown)) > PINNED
+                return None if deep else self.draft(contacts, settled=True)
+            if not 0.0 <= error < 10.0:
+                return None
+            step = (rhs if count <= SMALL else solved(jacobian, rhs)).reshape(count, 5)
+            points = points + step[:, :3]
+            force, times = contacts.force + step[:, 3], contacts.times + step[:, 4]
+            if not ((force > 0.0) & (early <= times) & (times <= late)).all():
+                return None
+            contacts = replace(contacts, force=force, times=times, normals=self.normals(points[:, None], kinds))
+        return None
+
+    def draft(self, contacts: Contacts, clear: bool = True, settled: bool = False) -> Draft:
+        """The paths under the contacts' forces."""
+        extra = 0.5 * float(contacts.force @ self.gram(contacts) @ contacts.force)
+        return Draft(contacts, self.task.flown(contacts), extra, clear, settled)
+
+    def dips(self, flown: Flown) -> Floats:
+        """Rows (pair, time, norm) of the dips below the aim that samples show."""
+        task = self.task
+        states = np.empty((len(flown[1]) - 1, len(self.times), 6))
+        sample(*flown, self.times, states)
+        found = np.empty((4 * len(task.pairs) + 64, 3))
+        zones = task.matrices, self.radii, self.powers, self.aims
+        count = dips(*flown, self.times, states, task.pairs, task.kinds, *zones, found)
+        return found[: min(count, len(found))]
+
+    def shortfall(self, found: Floats) -> float:
+        """By how much the deepest of the dips misses the aim, as a share of it."""
+        aims = self.aims[self.task.kinds[found[:, 0].astype(np.int64)]]
+        return float((1.0 - found[:, 2] / aims).max(initial=0.0))
+
+    def answers(self, contacts: Contacts) -> tuple[Any, Floats, Floats]:
+        """Links (L, 2) of contacts that share a craft, what a force at m does at k (L, 6, 3), and its rate."""
+        movers = np.where(contacts.pairs < len(self.task.base), contacts.pairs, -1)
+        shared = (movers[:, None, :, None] == movers[None, :, None, :]) & (movers >= 0)[:, None, :, None]
+        links = np.ascontiguousarray(np.argwhere(shared.any(axis=(2, 3))))
+        blocks, rates = np.empty((len(links), 6, 3)), np.empty((len(links), 6, 3))
+        answers(self.task.base, self.task.inverses, contacts.pairs, contacts.times, links, blocks, rates)
+        return links, blocks, rates
+
+    def gram(self, contacts: Contacts) -> Floats:
+        """Compliance between the contacts along their normals (K, K)."""
+        links, blocks, _ = self.answers(contacts)
+        along = np.einsum("kji,kj->ki", self.task.matrices[contacts.kinds], contacts.normals)
+        gram = np.zeros((len(contacts), len(contacts)))
+        k, m = links.T
+        gram[k, m] = np.einsum("li,lij,lj->l", along[k], blocks[:, :3], along[m])
+        return gram
+
+    def motions(self, flown: Flown, contacts: Contacts) -> Floats:
+        """Relative position, velocity and acceleration (K, 3, 3) at the contacts, in zone coordinates."""
+        out = np.zeros((len(contacts), 3, 3))
+        seen(*flown, contacts.pairs, contacts.times, self.task.matrices[contacts.kinds], out)
+        return out
+
+    def norms(self, places: Floats, kinds: Any) -> Floats:
+        """Norms (K,) of places in zone coordinates (K, 3)."""
+        powers = self.powers[kinds]
+        size = np.abs(places).max(axis=1, initial=TINY)
+        shares = np.abs(places) / size[:, None]
+        return np.asarray(size * (shares ** powers[:, None]).sum(axis=1) ** (1.0 / powers))
+
+    def normals(self, motions: Floats, kinds: Any) -> Floats:
+        """Gradients (K, 3) of the norms at motions (K, >= 1, 3)."""
+        places = motions[:, 0]
+        shares = np.abs(places) / np.maximum(self.norms(places, kinds), TINY)[:, None]
+        return np.ascontiguousarray(np.sign(places) * shares ** (self.powers[kinds][:, None] - 1.0))
+
+
+def solved(matrix: Floats, rhs: Floats) -> Floats:
+    """Solution of many equations, each with few unknowns."""
+    from scipy.sparse import csc_matrix
+    from scipy.sparse.linalg import splu
+
+    return np.asarray(splu(csc_matrix(matrix)).solve(rhs))

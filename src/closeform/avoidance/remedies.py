@@ -1,0 +1,103 @@
+"""What is tried, openly, where no clear plan was found or a plan asks for more thrust than there is."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from math import nan
+from typing import Any, Literal
+
+import numpy as np
+
+from closeform.avoidance.asked import Asked
+from closeform.avoidance.plan import Plan
+from closeform.avoidance.result import Status
+
+Fallback = Literal["more sides", "longer", "stagger"]
+FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
+Attempt = Callable[[Asked, bool], Plan]  # plans what is asked; with True in more ways
+
+STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
+WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the craft that starts last
+REACH = 64.0  # stretch up to which a duration that respects a thrust limit is sought
+LEAST_STEP, HALVINGS = 1.02, 5
+FULL = 1 + 1e-9  # of a limit
+
+
+def remedied(
+    asked: Asked, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
+) -> tuple[Asked, Plan]:
+    """The first plan that works, with what was tried in `measures`; the last one where none does."""
+    done: list[str] = []
+    for fallback in if_blocked:
+        for changed, words in _changes(asked, fallback):
+            plan = attempt(changed, fallback == "more sides")
+            done.append(f"{words}: {plan.reason}")
+            if plan.ok:
+                return changed, replace(plan, measures=tuple(done))
+    return asked, replace(plan, measures=tuple(done))
+
+
+def _changes(asked: Asked, fallback: Fallback) -> Iterator[tuple[Asked, str]]:
+    if fallback == "more sides":
+        yield asked, "more sides"
+    elif fallback == "longer":
+        for factor in STRETCHES:
+            yield asked.longer(factor), f"longer, {factor:g} times the duration"
+    else:
+        for share in WAITS:
+            last = share * float(asked.durations.max())
+            yield asked.staggered(share), f"stagger, the last starts {last:.6g} s after the first"
+
+
+def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> Plan:
+    """A plan that respects the thrust limits: the shortest stretch of all durations that was found to.
+
+    TOO_WEAK where none up to REACH does, or where `longer` is not allowed.
+    """
+    excess = _excess(asked, plan)
+    if excess.max() <= FULL:
+        return plan
+    if not longer:
+        return _too_weak(asked, plan, excess, 'allow "longer", or give more time')
+    short, long = 1.0, 1.0
+    best: Plan | None = None
+    latest = plan
+    while best is None:
+        long *= max(LEAST_STEP, float(np.sqrt(excess.max())))  # thrust falls as the square of the time
+        if long > REACH:
+            return _too_weak(asked, latest, excess, f"nor does any duration up to {REACH:g} times it")
+        changed = asked.longer(long)
+        excess = _excess(changed, None)
+        if excess.max() <= FULL:
+            latest = attempt(changed, False)
+            if latest.ok:
+                excess = _excess(changed, latest)
+                best = latest if excess.max() <= FULL else None
+            else:
+                excess = np.ones(1)
+        if best is None:
+            short = long
+    for _ in range(HALVINGS):
+        middle = 0.5 * (short + long)
+        other = attempt(asked.longer(middle), False)
+        if other.ok and _excess(asked, other).max() <= FULL:
+            best, long = other, middle
+        else:
+            short = middle
+    words = f"longer, {long:.6g} times the duration: the thrust limit is kept"
+    return replace(best, measures=(*plan.measures, words))
+
+
+def _excess(asked: Asked, plan: Plan | None) -> Any:
+    """Peak thrust over its limit (N,), of a plan or of the unconstrained optima."""
+    paths = asked.direct if plan is None or plan.paths is None else plan.paths
+    return paths.peak_thrust / asked.limits
+
+
+def _too_weak(asked: Asked, plan: Plan, excess: Any, remedy: str) -> Plan:
+    worst = int(np.argmax(excess)) if len(excess) == len(asked.names) else 0
+    limit = asked.limits[worst] if asked.limits is not None else nan
+    reason = (
+        f"{asked.names[worst]} needs {excess[worst] * limit:.4g} m/s² in {asked.durations[worst]:.6g} s, "
+        f"its limit is {limit:.4g} m/s²; {remedy}"
+    )
+    return replace(plan, paths=None, energy=nan, delta_v=nan, touches=(), status=Status.TOO_WEAK, reason=reason)

@@ -1,0 +1,93 @@
+"""One craft after another: each plans alone around the published paths of those before it.
+
+The distributed setting of SP11: a craft needs to know the initial states, targets and durations of those
+before it, from which it works out their paths.  Its work grows with their number, not with its square.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from closeform.arc import END, START
+from closeform.avoidance.plan import Touch
+from closeform.avoidance.result import Obstacles
+from closeform.avoidance.shaping import shaped
+from closeform.avoidance.task import Contacts, Flown, Task
+from closeform.avoidance.ways import Outcome
+from closeform.orbit import Orbit
+from closeform.path import Path, join, stack
+from closeform.zones import Zone
+
+
+def one_by_one(orbit: Orbit, task: Task, order: Any, more: bool = False) -> Outcome:
+    """Paths of all craft planned in `order`; with `more`, who finds none goes first, and all begin anew."""
+    count, tried = len(task.base), 0
+    order = [int(k) for k in order]
+    for _ in range(count if more else 1):
+        outcome = _in_order(orbit, task, order)
+        tried += outcome.tried
+        if outcome.flown is not None or outcome.blocked is None:
+            break
+        last = outcome.blocked[0]
+        if order[0] == last:
+            break
+        order = [last, *(k for k in order if k != last)]
+    return Outcome(outcome.flown, outcome.touches, False, tried, outcome.blocked)
+
+
+def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:
+    base = Path(orbit, task.base, np.arange(len(task.base) + 1), (len(task.base),))
+    bodies = _bodies(orbit, task)
+    zones = _zones(task)
+    published: dict[int, Path] = {k: bodies[k] for k in range(len(base), len(bodies))}
+    touches: list[Touch] = []
+    tried = 0
+    for k in order:
+        path, tried = base[k], tried + 1
+        others = [j for j in published if (min(j, k), max(j, k)) in zones]
+        if others:
+            around = [zones[min(j, k), max(j, k)] for j in others]
+            known = Obstacles.of([published[j] for j in others], around)
+            if known.conflicts(path.arcs):
+                way = shaped(path, known)
+                tried += way.tried
+                if way.path is None:
+                    deepest = known.deepest(path.arcs)
+                    return Outcome(None, (), False, tried, (k, others[deepest[0] if deepest else 0]))
+                path = way.path
+                touches += [Touch(c.time, k, others[c.obstacle], c.normal, c.force) for c in way.contacts]
+        published[k] = _spanned(task, path)
+    flown = _together([published[k] for k in range(len(bodies))])
+    found = task.conflicts(flown)
+    if found:  # a craft that coasts cannot give way to those that planned before it
+        (i, j), _ = min(found, key=lambda one: one[1][3])
+        late = max(i, j, key=lambda k: order.index(k) if k < len(base) else -1)
+        return Outcome(None, (), False, tried, (late, i + j - late))
+    return Outcome(flown, tuple(sorted(touches, key=lambda one: one.time)), False, tried)
+
+
+def _bodies(orbit: Orbit, task: Task) -> Path:
+    arcs, offsets = task.flown(Contacts.none())
+    return Path(orbit, arcs, offsets, (len(offsets) - 1,))
+
+
+def _zones(task: Task) -> dict[tuple[int, int], Zone]:
+    rows = zip(task.pairs.tolist(), task.kinds.tolist(), strict=True)
+    return {(i, j): task.zones[kind] for (i, j), kind in rows}
+
+
+def _spanned(task: Task, path: Path) -> Path:
+    """A craft's path with the coasts before and after it."""
+    first, last = path.arcs[0, START], path.arcs[-1, END]
+    parts = [path]
+    if task.first < first:
+        back = path.orbit.transition(task.first - first) @ path.state(first)
+        parts.insert(0, path.orbit.coast(back, first - task.first, task.first))
+    if last < task.last:
+        parts.append(path.orbit.coast(path.state(last), task.last - last, last))
+    return join(parts)
+
+
+def _together(paths: list[Path]) -> Flown:
+    both = stack(paths)
+    return both.arcs, both.offsets

@@ -1,0 +1,61 @@
+"""Which craft takes which slot: least unconstrained energy, revised where avoidance changes the order."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from closeform.avoidance.asked import Asked
+from closeform.avoidance.plan import Plan
+from closeform.zones import Floats
+
+REVISIONS = 12  # other assignments that are planned
+
+
+def cheapest(costs: Floats) -> Any:
+    """Slots (N,) of least total cost."""
+    from scipy.optimize import linear_sum_assignment
+
+    return np.asarray(linear_sum_assignment(costs)[1])
+
+
+def revised(asked: Asked, plan: Plan, costs: Floats, attempt: Callable[[Asked], Plan]) -> Plan:
+    """The cheapest plan among those with one exchange of slots after another that could be cheaper."""
+    seen = {tuple(plan.slots)}
+    left = REVISIONS
+    while left > 0:
+        bar = plan.energy if plan.ok else np.inf
+        for slots in exchanges(plan.slots, costs, bar):
+            if tuple(slots) in seen:
+                continue
+            seen.add(tuple(slots))
+            left -= 1
+            other = attempt(asked.assigned(slots))
+            if other.ok and (not plan.ok or other.energy < plan.energy):
+                plan = other
+                break
+            if left == 0:
+                return plan
+        else:
+            return plan
+    return plan
+
+
+def exchanges(slots: Any, costs: Floats, bar: float) -> Iterator[Any]:
+    """Assignments one exchange away whose unconstrained energy is below `bar`, cheapest first."""
+    count, places = costs.shape
+    craft = np.arange(count)
+    total = costs[craft, slots].sum()
+    found = []
+    for i in range(count):
+        for j in range(i + 1, count):
+            change = costs[i, slots[j]] + costs[j, slots[i]] - costs[i, slots[i]] - costs[j, slots[j]]
+            found.append((total + change, i, int(slots[j]), j, int(slots[i])))
+        for free in set(range(places)) - set(slots.tolist()):
+            change = costs[i, free] - costs[i, slots[i]]
+            found.append((total + change, i, free, i, free))
+    for bound, i, here, j, there in sorted(found):
+        if bound < bar:
+            other = slots.copy()
+            other[i], other[j] = here, there
+            yield other

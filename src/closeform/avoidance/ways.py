@@ -1,0 +1,176 @@
+"""The ways in which a formation can pass each other: sides are chosen, relaxed, and the best kept."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from closeform.avoidance.plan import Touch
+from closeform.avoidance.planner import Draft, Planner, Sides
+from closeform.avoidance.result import PLANNED
+from closeform.avoidance.task import Contacts, Flown, Task
+from closeform.zones import Floats
+
+DEEP, ANY = 0.3, 1.0  # norm below which the side of a new contact is drawn, not the nearer one
+PUSH = 0.3  # of the zone, by which craft are set apart in thought before sides are drawn
+BLUNT = 8.0  # power of the norm that stands in for a box while sides are chosen
+SHARPER = (32.0, 128.0, 512.0, 2048.0, 8192.0)  # and the powers after it, of balls that hold the box
+WAYS = ((30, 6), (80, 3), (200, 2))  # contacts up to which so many ways are tried; beyond them one
+MORE = 24  # ways tried where the first had no clear one
+FINER = 3  # times that the march may find what samples missed
+PROVEN = 1e-9  # tolerance of the certificate of global optimality
+LARGE = 150  # contacts beyond which the certificate is not computed
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Clear paths and where they touch, or None and the pair that is deepest in conflict."""
+
+    flown: Flown | None
+    touches: tuple[Touch, ...]
+    proven: bool
+    tried: int
+    blocked: tuple[int, int] | None = None
+
+    @classmethod
+    def of(cls, task: Task, draft: Draft, proven: bool, tried: int) -> "Outcome":
+        """That of a clear draft."""
+        return cls(draft.flown, touches(task, draft.contacts), proven, tried)
+
+
+def drawn(seed: int, depth: float) -> Sides:
+    """Sides as though every craft were shifted a little, so that the choices for all pairs agree.
+
+    Only where the norm is below `depth`; beyond it the nearer side is taken.
+    """
+
+    def sides(planner: Planner, contacts: Contacts, motions: Floats) -> Floats:
+        places, speeds = motions[:, 0], motions[:, 1]
+        bodies = len(planner.task.base) + len(planner.task.other_offsets) - 1
+        shifts = np.random.default_rng(seed).normal(size=(bodies, 3))
+        apart = shifts[contacts.pairs[:, 0]] - shifts[contacts.pairs[:, 1]]
+        moved = places + PUSH * apart
+        pace = np.einsum("ki,ki->k", speeds, speeds)[:, None]
+        across = np.einsum("ki,ki->k", moved, speeds)[:, None] / np.maximum(pace, 1e-300)
+        moved = np.where(pace > 0.0, moved - across * speeds, moved)
+        deep = planner.norms(places, contacts.kinds) < depth
+        return planner.normals(np.where(deep[:, None], moved, places)[:, None], contacts.kinds)
+
+    return sides
+
+
+def searched(task: Task, more: bool = False) -> Outcome:
+    """The best of a number of ways, or of MORE: the nearer sides, single sides turned, all sides drawn anew."""
+    planner = Planner(task, PLANNED[0], BLUNT)
+    last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
+    best = certified(planner, last)
+    tried = 1
+    if best is not None and proven(planner, best):
+        return Outcome.of(task, best, True, tried)
+    count = MORE if more else next((ways for most, ways in WAYS if len(last.contacts) <= most), 1)
+    flipped: list[tuple[int, int]] = []
+    while tried < count:
+        start, sides = Contacts.none(), drawn(tried, ANY)
+        if best is not None and tried % 2:
+            turned = turn_one(best.contacts, flipped)
+            start, sides = (start, sides) if turned is None else (turned, drawn(0, DEEP))
+        draft = planner.relaxed(start, sides)
+        tried += 1
+        if best is None or draft.energy < best.energy:
+            other = certified(planner, draft)
+            if other is not None and proven(planner, other):
+                return Outcome.of(task, other, True, tried)
+            best = best if other is None else other
+    if best is None:
+        return Outcome(None, (), False, tried, deepest(task, last))
+    return Outcome.of(task, best, False, tried)
+
+
+def turn_one(contacts: Contacts, flipped: list[tuple[int, int]]) -> Contacts | None:
+    """Contacts of which the hardest pressed pair that was not turned yet passes on its other side."""
+    for k in np.argsort(-contacts.force):
+        pair = (int(contacts.pairs[k, 0]), int(contacts.pairs[k, 1]))
+        if pair not in flipped:
+            flipped.append(pair)
+            both = (contacts.pairs == contacts.pairs[k]).all(axis=1)
+            return replace(contacts, normals=np.where(both[:, None], -contacts.normals, contacts.normals))
+    return None
+
+
+def certified(planner: Planner, draft: Draft) -> Draft | None:
+    """A draft that the march finds clear, its boxes sharpened; None where there is none."""
+    task = planner.task
+    best: Draft | None = None
+    rounded = bool(task.boxes[draft.contacts.kinds].any())
+    stages = [planner]
+    if rounded:
+        stages = [Planner(task, PLANNED[0], power, 3.0 ** (1.0 / power)) for power in SHARPER]
+    for stage in stages:
+        for _ in range(FINER):
+            if rounded:
+                draft = stage.relaxed(draft.contacts, drawn(0, 0.0))
+            if not draft.clear:
+                break
+            found = task.conflicts(draft.flown)
+            if not found:
+                best = draft if best is None or draft.energy < best.energy else best
+                break
+            missed = at_conflicts(stage, draft, found)
+            draft = stage.relaxed(draft.contacts.joined(missed), drawn(0, 0.0))
+    return best
+
+
+def at_conflicts(planner: Planner, draft: Draft, found: list[tuple[tuple[int, int], Floats]]) -> Contacts:
+    """Contacts without force at the conflicts that the march has found; samples are doubled."""
+    task = planner.task
+    planner.times = np.linspace(task.first, task.last, 2 * len(planner.times))
+    pairs = np.array([pair for pair, _ in found])
+    index = {(int(i), int(j)): k for k, (i, j) in enumerate(task.pairs)}
+    kinds = task.kinds[[index[pair] for pair, _ in found]]
+    times = np.clip([row[2] for _, row in found], *task.windows(pairs).T)
+    new = Contacts(pairs, kinds, times, np.zeros((len(found), 3)), np.zeros(len(found)))
+    return replace(new, normals=planner.normals(planner.motions(draft.flown, new), kinds))
+
+
+def deepest(task: Task, draft: Draft) -> tuple[int, int] | None:
+    """The pair deepest in conflict in a draft."""
+    found = task.conflicts(draft.flown)
+    return min(found, key=lambda one: one[1][3])[0] if found else None
+
+
+def touches(task: Task, contacts: Contacts) -> tuple[Touch, ...]:
+    """Contacts in metres, in order of time."""
+    pushes = np.einsum("kji,kj->ki", task.matrices[contacts.kinds], contacts.normals)
+    sizes = np.linalg.norm(pushes, axis=1)
+    return tuple(
+        Touch(
+            float(contacts.times[k]),
+            int(contacts.pairs[k, 0]),
+            int(contacts.pairs[k, 1]),
+            pushes[k] / sizes[k],
+            float(contacts.force[k] * sizes[k]),
+        )
+        for k in np.argsort(contacts.times)
+    )
+
+
+def proven(planner: Planner, draft: Draft) -> bool:
+    """Whether no paths that are clear at the times of a draft's contacts can cost less.
+
+    The draft solves min |d|^2 / 2 subject to |q + d| >= aim at each contact, d in the span of the
+    kernel.  Where the forces are so weak that the Lagrangian is convex, it is the global optimum of
+    this relaxation, and so of the task.  Only for ellipsoids.                   # as shaping.proven
+    """
+    contacts, task = draft.contacts, planner.task
+    if not draft.settled or len(contacts) > LARGE or task.boxes[contacts.kinds].any():
+        return False
+    if not len(contacts):
+        return True
+    links, blocks, _ = planner.answers(contacts)
+    matrices = task.matrices[contacts.kinds]
+    k, m = links.T
+    gram = np.zeros((len(contacts), 3, len(contacts), 3))
+    gram[k, :, m, :] = np.einsum("lia,lab,ljb->lij", matrices[k], blocks[:, :3], matrices[m])
+    weight = np.repeat(np.sqrt(contacts.force / planner.aims[contacts.kinds]), 3)
+    size = 3 * len(contacts)
+    stiff = weight[:, None] * gram.reshape(size, size) * weight
+    return bool(np.linalg.eigvalsh(stiff)[-1] <= 1.0 + PROVEN)

@@ -1,0 +1,134 @@
+"""A stage as flown, and what was done in it."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from closeform.flight import Flight
+from closeform.path import Path
+from closeform.scenario import StageTable
+from closeform.search.gathering import Gathering, who_is_left
+from closeform.search.schedule import Search
+from closeform.zones import Zone
+
+if TYPE_CHECKING:
+    from closeform.avoidance import Avoidance
+    from closeform.avoidance.plan import Plan
+    from closeform.search.locks import Locks
+
+NAMED = 10  # pairs that are named where more have failed
+
+
+def called(text: str, names: Sequence[str]) -> str:
+    """A text that counts craft, "craft 0 and 3", with their names instead."""
+
+    def name(found: re.Match[str]) -> str:
+        return " and ".join(names[int(number)] for number in re.findall(r"\d+", found[0]))
+
+    return re.sub(r"\bcraft \d+(?: and \d+\b)?", name, text)
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a move changed: the `direct` path of one craft and the way around the others."""
+
+    craft: str
+    others: tuple[str, ...]
+    zones: tuple[Zone, ...]  # one for each other
+    method: str
+    direct: Path
+    avoidance: "Avoidance"
+
+
+@dataclass(frozen=True, eq=False)
+class Reshaping:
+    """What a formation did together by a `plan`: the craft `movers` flew, the `others` coasted.
+
+    The plan counts first those, then these.  `zones` holds each zone with the pairs (M, 2) of craft
+    of the scenario for which it holds.  The plan was made by `method`; the craft were asked to arrive
+    `asked` [s] after the start of the stage, and `measures` say what was tried beyond that.
+    """
+
+    movers: tuple[str, ...]
+    others: tuple[str, ...]
+    zones: tuple[tuple[Zone, Any], ...]
+    method: str
+    asked: float
+    plan: "Plan"
+    measures: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The craft as the plan counts them."""
+        return self.movers + self.others
+
+    @property
+    def reason(self) -> str:
+        """What the plan says, with the names of the craft."""
+        return called(self.plan.reason, self.names)
+
+    @property
+    def blocked(self) -> tuple[str, ...]:
+        """The two craft that stand in the way, if any."""
+        return tuple(self.names[k] for k in self.plan.blocked or ())
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLocks:
+    """The first locks of all `pairs` (P, 2) of a craft in group A and one in B, by index.
+
+    `search` begins, and times count, when the stage does.
+    """
+
+    search: Search
+    pairs: Any
+    locks: "Locks"
+
+    @property
+    def missing(self) -> Any:
+        """The pairs (Q, 2) that never lock."""
+        return self.pairs[self.locks.leg < 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A stage as flown, from `start` to `end` [s]: the flight `before` avoidance and `after` it.
+
+    The times of a Gathering or of FirstLocks count from the start of the stage.
+    """
+
+    number: int
+    stage: StageTable
+    start: float
+    end: float
+    before: Flight
+    after: Flight
+    deed: Change | Reshaping | Gathering | FirstLocks | None = None  # None: a coast
+
+    @property
+    def name(self) -> str:
+        """What the file calls it, or an empty text."""
+        return self.stage.name or ""
+
+    @property
+    def verb(self) -> str:
+        """What stands in `do`."""
+        return self.stage.verb
+
+    @property
+    def failure(self) -> str | None:
+        """Why the mission cannot go on after this stage; None where it can."""
+        names = self.after.names
+        if isinstance(self.deed, Change) and not self.deed.avoidance.ok:
+            return self.deed.avoidance.reason
+        if isinstance(self.deed, Reshaping) and not self.deed.plan.ok:
+            return f"{self.deed.plan.status}: {self.deed.reason}"
+        if isinstance(self.deed, Gathering) and not self.deed.ok:
+            return who_is_left(self.deed.sets, self.deed.lost, self.deed.rounds, names)
+        if isinstance(self.deed, FirstLocks) and len(self.deed.missing):
+            shown = [f"{names[i]} - {names[j]}" for i, j in self.deed.missing[:NAMED]]
+            more = ", ..." if len(self.deed.missing) > NAMED else ""
+            never = f"{len(self.deed.missing)} of {len(self.deed.pairs)} pairs never lock"
+            return f"{never}: {', '.join(shown)}{more}"
+        return None

@@ -1,0 +1,132 @@
+"""The closest pairs of a formation, against time."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from closeform.plots.look import (
+    AFTER,
+    ALONG,
+    ALTERNATIVE,
+    BEFORE,
+    CONFLICT,
+    CROSS,
+    DOTTED,
+    INK,
+    SMALL,
+    TEXT,
+    ZONE,
+    Clock,
+    clock,
+    dress,
+    headline,
+    instants,
+    page,
+    time_axes,
+)
+from closeform.plots.matrix import SURE, Pairs, asked, ratio_text, title
+from closeform.zones import Floats
+
+COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
+DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
+LINEAR = 6.0  # ratio up to which the whole axis is linear
+
+
+def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, count: int = 4) -> Figure:
+    """The ratio of the pairs that come closest, against time; below 1 is a conflict.
+
+    `paths` is a Path of shape (N,) or a sequence of paths; `zones` is one zone, one for each craft (or
+    None; of two the larger holds), or each with the pairs (M, 2) for which it holds, ((zone, pairs),
+    ...); `names` are the craft's, else they go by their indices; `count` is how many pairs are shown
+    at most.  Each line is the norm of one craft's position relative to the other, over their common
+    time, with a dot at the exact least ratio.  Where a line goes beyond 6 zones the axis is
+    logarithmic outside of the zone.
+
+    Raises ValueError for fewer than two craft, another number of names, a count below 1, or where
+    no two craft have a zone and share a time.
+    """
+    pairs, called = asked(paths, zones, names)
+    if count < 1:
+        raise ValueError(f"count: must be at least 1, got {count}")
+    shown = pairs.order[:count]
+    curves = [curve(pairs, k) for k in shown]
+    start = min((float(times[0]) for times, _ in curves), default=0.0)
+    end = max((float(times[-1]) for times, _ in curves), default=0.0)
+    if not start < end:
+        raise ValueError("paths: no two craft that have a zone share a time")
+    ticks = clock(pairs.paths, start, end)
+
+    figure = page(6.2 + 0.25 * (len(shown) > 4))
+    axes = figure.subplots()
+    dress(axes)
+    axes.axhspan(-1, 1, color=ZONE, alpha=0.2, linewidth=0)
+    axes.axhline(1, color=ZONE, linewidth=1.6)
+    for row, (k, (times, norms)) in enumerate(zip(shown, curves, strict=True)):
+        line(axes, row, ticks, pairs, k, called, times, norms)
+    ratio_axis(axes, float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves))
+    axes.set_ylabel("ratio [× zone]", fontsize=TEXT, color=INK)
+    axes.annotate(
+        "keep-out zone",
+        (0.008, 1.0),
+        (0, -5),
+        xycoords=("axes fraction", "data"),
+        textcoords="offset points",
+        va="top",
+        fontsize=SMALL,
+        color="#9a6a00",
+    )
+    time_axes([axes], ticks, start, end)
+    longest = max(len(str(word)) for word in axes.get_legend_handles_labels()[1])
+    columns = 2 if longest <= 52 else 1
+    figure.legend(loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL, handlelength=3.2)
+    headline(figure, title(pairs, called))
+    return figure
+
+
+def curve(pairs: Pairs, k: int) -> tuple[Floats, Floats]:
+    """Times [s] and norms of one pair over its common time, its least and the ends of stays among them."""
+    one, other = (pairs.paths[craft] for craft in pairs.craft[k].tolist())
+    start, end = max(one.start, other.start), min(one.end, other.end)
+    edges = [time for stay in pairs.stays[k] for time in (stay.start, stay.end)]
+    times = np.union1d(instants(start, end, one, other), [pairs.time[k], *edges])
+    return times, pairs.zone[k].norm(one.position(times) - other.position(times))
+
+
+def line(
+    axes: Axes, row: int, ticks: Clock, pairs: Pairs, k: int, called: list[str], times: Floats, norms: Floats
+) -> None:
+    """One pair, wide where it is in conflict, with a dot at its least ratio."""
+    colour, dashes = COLOURS[row % 4], DASHES[(row + row // 4) % 4]
+    one, other = (called[craft] for craft in pairs.craft[k])
+    when, least, order = float(pairs.time[k]), float(pairs.ratio[k]), 3.0 + 0.01 * row
+    label = f"{one} and {other}: {ratio_text(least)} × zone at {ticks.text(when)}"
+    axes.plot(ticks(times), norms, color=colour, linestyle=dashes, linewidth=2.2, label=label, zorder=order)
+    if pairs.stays[k]:
+        inside = np.where(norms <= 1.0 + SURE, norms, np.nan)
+        axes.plot(ticks(times), inside, color=CONFLICT, linewidth=5.0, alpha=0.55, zorder=order - 0.5)
+    dot: dict[str, Any] = {"color": colour, "markeredgecolor": "white", "markersize": 9}
+    axes.plot(ticks(when), least, "o", **dot, zorder=5.0 - 0.01 * row, clip_on=False)
+
+
+def ratio_axis(axes: Axes, least: float, most: float) -> None:
+    """From 0 to what is reached: linear, or logarithmic beyond the zone."""
+    bottom = 0.0 if least > 0.02 else -0.03  # so that a line at 0 is seen
+    if most <= LINEAR:
+        axes.set_ylim(bottom, 1.06 * max(most, 1.2))
+        return
+    axes.set_yscale("symlog", linthresh=1.0, linscale=0.7, subs=range(2, 10))
+    axes.set_ylim(bottom, 1.2 * most)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(1.2 * most)))
+    steps = (1, 2, 5) if len(decades) <= 3 else (1,)
+    ticks = [
+        0.0,
+        0.5,
+        *(step * decade for decade in decades for step in steps if step * decade <= 1.2 * most),
+    ]
+    axes.yaxis.set_major_locator(FixedLocator(ticks))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

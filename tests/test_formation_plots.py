@@ -1,0 +1,484 @@
+"""Pictures of a formation: what they draw is what straight lines, samples and the search say."""
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PatchCollection, PathCollection
+from matplotlib.colors import to_rgba
+
+import closeform as cf
+from closeform import plots
+from closeform.plots.fleet import COLOURS, OBLIQUE
+from closeform.plots.look import CONFLICT
+
+DEEP = cf.Orbit(0.0)
+ORBIT = cf.Orbit.circular(500e3)
+N = ORBIT.mean_motion
+END = 1000.0
+BALL = cf.Sphere(15.0)
+PLANES = {"radial": [1, 0], "cross-track": [1, 2]}  # components to the right and upwards
+
+
+def straight(count, seed=5, spread=150.0, miss=12.0):
+    """Craft that coast on straight lines through the middle: states (N, 6)."""
+    rng = np.random.default_rng(seed)
+    states = rng.uniform(-spread, spread, (count, 6))
+    states[:, 3:] = -states[:, :3] / (END / 2) + rng.normal(size=(count, 3)) * miss / (END / 2)
+    return states
+
+
+def meeting(states, i, j):
+    """Least distance of two straight lines over [0, END], when, and when they are within 15 m."""
+    r, v = states[j, :3] - states[i, :3], states[j, 3:] - states[i, 3:]
+    time = np.clip(-(r @ v) / (v @ v), 0.0, END)
+    roots = np.roots([v @ v, 2 * r @ v, r @ r - 15.0**2])
+    inside = None
+    if np.isrealobj(roots) and roots.max() > 0 and roots.min() < END:
+        inside = max(roots.min(), 0.0), min(roots.max(), END)
+    return np.linalg.norm(r + v * time), time, inside
+
+
+def meetings(states):
+    """All pairs: least ratios (N, N) to the 15 m, and the stays by pair."""
+    count = len(states)
+    least, stays = np.full((count, count), np.nan), {}
+    for i in range(count):
+        for j in range(i + 1, count):
+            distance, _, inside = meeting(states, i, j)
+            least[i, j] = least[j, i] = distance / 15.0
+            if inside is not None:
+                stays[i, j] = inside
+    return least, stays
+
+
+def swap(count, duration=0.5 * ORBIT.period):
+    """Craft of a ring that change places in an orbit, and a way around that need not be clear."""
+    phases = np.arange(count) * 2 * np.pi / count
+    cos, sin = np.cos(phases), np.sin(phases)
+    ring = 120 * np.stack([sin / 2, cos, sin, N * cos / 2, -N * sin, N * cos], axis=1)
+    final = np.roll(ring, count // 2, axis=0)
+    before = ORBIT.transfer(ring, final, duration)
+    middle = before.state(duration / 2)
+    middle[:, :3] += np.random.default_rng(8).normal(size=(count, 3)) * 40
+    first = ORBIT.transfer(ring, middle, duration / 2)
+    return before, cf.join([first, ORBIT.transfer(middle, final, duration / 2, duration / 2)]), ring, final
+
+
+def lines(axes, colour, width=None):
+    """Pieces of line (K, 2) of a colour."""
+    found = []
+    for collection in axes.collections:
+        if isinstance(collection, LineCollection):
+            segments = collection.get_segments()
+            looks = np.broadcast_to(collection.get_colors(), (len(segments), 4))
+            found += [
+                piece
+                for piece, look in zip(segments, looks, strict=True)
+                if np.allclose(look, to_rgba(colour))
+            ]
+    return found
+
+
+def marks(axes, label):
+    return next(
+        c.get_offsets() for c in axes.collections if isinstance(c, PathCollection) and c.get_label() == label
+    )
+
+
+def distance_to(points, curve):
+    """Greatest distance of points from the nearest of many points of a curve."""
+    return max(np.linalg.norm(curve - point, axis=1).min() for point in points)
+
+
+def sampled_conflicts(paths, zone, times):
+    """(N, T): which craft is within the zone of any other at which time."""
+    where = np.stack([paths[k].position(times) for k in range(len(paths))])
+    norms = zone.norm(where[:, None] - where)
+    norms[np.arange(len(where)), np.arange(len(where))] = np.inf
+    return (norms <= 1.0).any(axis=1), norms.min(axis=2)
+
+
+# formation_paths
+
+
+def test_tracks_in_the_planes_are_the_paths():
+    before, after, ring, final = swap(5)
+    figure = plots.formation_paths(before, after)
+    assert [a.get_ylabel().split(" [")[0] for a in figure.axes] == ["cross-track", "radial", "", ""]
+    times = np.linspace(before.start[0], before.end[0], 8001)
+    for column, paths in enumerate((before, after)):
+        for row, plane in enumerate(([1, 2], [1, 0])):
+            axes = figure.axes[2 * column + row]
+            for k in range(5):
+                drawn = np.vstack(lines(axes, COLOURS[k]))
+                curve = paths[k].position(times)[:, plane]
+                assert distance_to(drawn[::40], curve) < 0.1  # m: the samples are 0.08 m apart
+                assert distance_to(curve[::200], drawn) < 0.6  # as are those of the picture, 0.7 m
+            assert np.allclose(marks(axes, "start"), ring[:, plane], atol=1e-6)
+            assert np.allclose(marks(axes, "end"), final[:, plane], atol=1e-6)
+
+
+def test_both_sides_have_one_scale_in_both_planes():
+    before, after, _, _ = swap(5)
+    figure = plots.formation_paths(before, after, zone=BALL)
+    inches = figure.get_size_inches()
+    scales = set()
+    for axes in figure.axes:
+        box = axes.get_position()
+        scales.add(round(np.ptp(axes.get_xlim()) / box.width / inches[0], 6))
+        scales.add(round(np.ptp(axes.get_ylim()) / box.height / inches[1], 6))
+    assert len(scales) == 1
+    assert figure.axes[0].get_xlim() == figure.axes[3].get_xlim()
+
+
+def test_oblique_views_show_all_in_deep_space_at_one_scale():
+    states = straight(12)
+    paths = DEEP.coast(states, END)
+    figure = plots.formation_paths(paths, DEEP.coast(straight(12, seed=6), END), zone=BALL)
+    assert len(figure.axes) == 2
+    assert figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
+    assert np.allclose(OBLIQUE.basis @ OBLIQUE.basis.T, np.eye(3))
+    right, up = OBLIQUE.basis[:2]
+    assert up[2] > 0.8  # z is up
+    last = states[:, :3] + END * states[:, 3:]
+    assert np.allclose(marks(figure.axes[0], "end"), np.stack([last @ right, last @ up], axis=1))
+    for axes in figure.axes:
+        for point in marks(axes, "start"):
+            assert axes.get_xlim()[0] < point[0] < axes.get_xlim()[1]
+            assert axes.get_ylim()[0] < point[1] < axes.get_ylim()[1]
+
+
+def test_nearer_tracks_pass_over_farther_ones():
+    toward = OBLIQUE.basis[2]
+    across = OBLIQUE.basis[0]
+    states = np.zeros((2, 6))  # they cross after 250 s, craft 0 nearer by 10 m then, and farther from 300 s on
+    states[0, :3], states[0, 3:] = -50 * across + 60 * toward, 0.2 * across - 0.2 * toward
+    states[1, :3], states[1, 3:] = -50 * OBLIQUE.basis[1], 0.2 * OBLIQUE.basis[1]
+    paths = DEEP.coast(states, END)
+    axes = plots.formation_paths(paths, paths).axes[0]
+    collection = next(c for c in axes.collections if isinstance(c, LineCollection) and len(c.get_segments()))
+    looks = [tuple(look) for look in collection.get_colors()]
+    middle = [k for k, piece in enumerate(collection.get_segments()) if np.abs(piece).min(axis=0).max() < 3]
+    on_top = [looks[k] for k in middle if looks[k] != (1, 1, 1, 1)]
+    assert on_top[-1] == to_rgba(COLOURS[0])
+    assert on_top[0] == to_rgba(COLOURS[1])
+
+
+def test_stretches_in_conflict_end_where_straight_lines_meet_the_zone():
+    states = straight(6)
+    _, stays = meetings(states)
+    assert len(stays) > 3
+    paths = DEEP.coast(states, END)
+    axes = plots.formation_paths(paths, paths, zone=BALL).axes[0]
+    pieces = [piece for piece in lines(axes, CONFLICT) if len(piece) > 2]
+    covered = np.zeros((6, 20001), dtype=bool)
+    times = np.linspace(0, END, 20001)
+    for (i, j), (start, end) in stays.items():
+        covered[[i, j]] |= (times >= start) & (times <= end)
+    runs = np.diff(covered.astype(int), axis=1, prepend=0, append=0)
+    begin, finish = np.argwhere(runs == 1), np.argwhere(runs == -1)
+    assert len(pieces) == len(begin)
+    for piece, (k, first), (_, past) in zip(pieces, begin, finish, strict=True):
+        ends = states[k, :3] + times[[first, past - 1], None] * states[k, 3:]
+        assert np.allclose(piece[[0, -1]], OBLIQUE(ends), atol=0.05)  # m: 0.05 s at 0.6 m/s
+
+
+@pytest.mark.parametrize("count", [2, 5, 12, 50])
+def test_headline_counts_pairs_in_conflict(count):
+    states, others = straight(count), straight(count, seed=77, miss=200.0)
+    before, after = DEEP.coast(states, END), DEEP.coast(others, END)
+    figure = plots.formation_paths(before, after, zone=BALL)
+    counts = [len(meetings(one)[1]) for one in (states, others)]
+    title = figure.get_suptitle()
+    assert title.startswith(f"{count} craft, {count * (count - 1) // 2} pair")
+    said = [str(hits) if hits else "none" for hits in counts]
+    ending = f"{said[0]} in conflict before, {said[1]} after" if any(counts) else "all clear before and after"
+    assert title.endswith(ending)
+    figure.draw_without_rendering()
+
+
+def test_the_zone_is_drawn_where_the_closest_pair_is():
+    states = straight(5, seed=11)
+    least, _ = meetings(states)
+    i, j = np.unravel_index(np.nanargmin(least), least.shape)
+    _, time, _ = meeting(states, *sorted((i, j)))
+    paths = DEEP.coast(states, END)
+    figure = plots.formation_paths(paths, paths, zone=BALL)
+    (disc,) = figure.axes[0].patches[-1:] or [None]
+    outline = next(p.get_xy() for p in figure.axes[0].patches if len(p.get_path().vertices) > 100)
+    centre = OBLIQUE(states[max(i, j), :3] + time * states[max(i, j), 3:])
+    assert np.allclose(np.linalg.norm(outline - centre, axis=1), 15.0)
+    assert disc is not None
+    words = [text.get_text() for text in figure.axes[0].texts]
+    i, j = sorted((i, j))
+    assert f"closest {i} and {j}, {least[i, j]:.2f} × zone" in words
+
+
+def test_obstacles_are_drawn_and_conflicts_with_them_marked():
+    states = straight(4, seed=3)
+    paths = DEEP.coast(states, END)
+    hit = states[1].copy()
+    hit += [3.0, 4.0, 0.0, 1e-3, 0.0, 0.0]  # beside craft 1 all the time
+    still = np.array([[500.0, 0, 0, 0, 0, 0], [505.0, 0, 0, 0, 0, 0]])  # in each other's zone, far away
+    obstacles = DEEP.coast(np.vstack([hit, still]), END)
+    figure = plots.formation_paths(paths, paths, zone=BALL, obstacles=obstacles)
+    alone = plots.formation_paths(paths, paths, zone=BALL)
+    before, after = (
+        int(one.get_suptitle().split(": ")[1].split(" ")[0].replace("all", "0")) for one in (alone, figure)
+    )
+    close = [meeting(np.vstack([states, hit]), k, 4)[2] is not None for k in range(4)]
+    assert close[1]
+    assert after == before + sum(close)
+    assert figure.get_suptitle().startswith("4 craft, 18 pairs")  # 6 and 4 x 3, none of two obstacles
+    drawn = [c for c in figure.axes[0].collections if c.get_label() == "obstacles"]
+    assert len(drawn[0].get_segments()) == 3
+    whole = max(lines(figure.axes[0], CONFLICT), key=lambda piece: np.ptp(piece, axis=0).sum())
+    assert np.allclose(whole[[0, -1]], OBLIQUE(paths[1].position([0.0, END])))
+
+
+def test_names_stand_where_they_fit_and_nowhere_else():
+    for count, most in ((5, 5), (12, 12), (50, 0)):
+        states = straight(count, seed=2)
+        paths = DEEP.coast(states, END)
+        names = [f"Formation Flyer {k:02d}" for k in range(count)]
+        figure = plots.formation_paths(paths, paths, names, BALL)
+        shown = [text for text in figure.axes[0].texts if text.get_text().startswith("Format")]
+        assert {text.get_text() for text in shown} <= {f"Format…yer {k:02d}" for k in range(count)}
+        assert len(shown) <= most
+        assert len(shown) >= 0.5 * most
+        boxes = [text.get_window_extent() for text in shown]
+        assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+
+
+def test_craft_fly_at_their_own_times():
+    states = straight(4)
+    paths = cf.stack([DEEP.coast(state, 200.0 + 100 * k, 300.0 * k) for k, state in enumerate(states)])
+    later = cf.stack([DEEP.coast(state, 900.0) for state in states])
+    figure = plots.formation_paths(paths, later, zone=BALL)
+    ends = states[:, :3] + (200.0 + 100 * np.arange(4))[:, None] * states[:, 3:]
+    assert np.allclose(marks(figure.axes[0], "end"), OBLIQUE(ends))
+
+
+def test_pairs_without_a_zone_are_not_in_conflict():
+    same = DEEP.coast(np.zeros((3, 6)) + [5.0, 0, 0, 0, 0, 0.1], END)
+    groups = ((BALL, np.array([[0, 2]])),)
+    figure = plots.formation_paths(same, same, zone=groups)
+    assert figure.get_suptitle() == "3 craft, 1 pair: 1 in conflict"
+    assert len([piece for piece in lines(figure.axes[0], CONFLICT) if len(piece) > 2]) == 2
+    assert plots.formation_paths(same, same).get_suptitle() == "3 craft: all paths"
+
+
+# ratio_matrix
+
+
+def shown_matrix(figure):
+    return np.ma.filled(figure.axes[0].images[0].get_array().astype(float), np.nan)
+
+
+def test_matrix_holds_the_least_ratios_of_straight_lines():
+    states = straight(12)
+    least, stays = meetings(states)
+    figure = plots.ratio_matrix(DEEP.coast(states, END), BALL)
+    drawn = shown_matrix(figure)
+    assert np.allclose(drawn, least, rtol=2e-9, equal_nan=True)
+    assert np.array_equal(drawn, drawn.T, equal_nan=True)
+    axes = figure.axes[0]
+    numbers = {(t.get_position()[1], t.get_position()[0]): t.get_text() for t in axes.texts}
+    assert len(numbers) == 12 * 11
+    for (i, j), text in numbers.items():
+        assert float(text) == pytest.approx(least[i, j], abs=0.0051 if least[i, j] < 9.99 else 0.051)
+    frames = next(c for c in axes.collections if isinstance(c, PatchCollection) and len(c.get_edgecolor()))
+    centres = {tuple(np.round(p.vertices[:4].mean(axis=0)).astype(int)) for p in frames.get_paths()}
+    assert centres == {pair[::step] for pair in stays for step in (1, -1)}
+    i, j = min(zip(*np.nonzero(least == np.nanmin(least)), strict=True))
+    verdict = f"{len(stays)} of 66 pairs in conflict; closest {i} and {j}, {least[i, j]:.2f} × zone"
+    assert figure.get_suptitle() == verdict
+
+
+def test_one_is_the_border_of_two_colours():
+    states = straight(5)
+    image = plots.ratio_matrix(DEEP.coast(states, END), BALL).axes[0].images[0]
+    top = image.norm.vmax
+    assert np.allclose(image.norm([0.0, 0.5, 1.0, np.sqrt(top), top]), [0, 0.25, 0.5, 0.75, 1])
+    below, above = image.to_rgba(np.linspace(0, 0.999, 20)), image.to_rgba(np.linspace(1.001, top, 20))
+    assert (below[:, 0] > below[:, 2] + 0.2).all()  # orange
+    assert (above[:, 2] > above[:, 0]).all()  # blue
+
+
+def test_many_craft_have_crosses_and_no_numbers():
+    states = straight(20)
+    _, stays = meetings(states)
+    axes = plots.ratio_matrix(DEEP.coast(states, END), BALL, [f"C{k}" for k in range(20)]).axes[0]
+    crosses = next(line for line in axes.get_lines() if line.get_marker() == "x")
+    cells = set(zip(crosses.get_ydata().tolist(), crosses.get_xdata().tolist(), strict=True))
+    assert cells == {pair[::step] for pair in stays for step in (1, -1)}
+    assert not axes.texts
+    assert [label.get_text() for label in axes.get_yticklabels()] == [f"C{k}" for k in range(20)]
+
+
+def test_each_pair_has_the_zone_that_holds_for_it():
+    states = straight(4)
+    least, _ = meetings(states)
+    wide = cf.Sphere(30.0)
+    groups = ((BALL, np.array([[0, 1], [2, 3]])), (wide, np.array([[1, 2]])))
+    drawn = shown_matrix(plots.ratio_matrix(DEEP.coast(states, END), groups))
+    assert drawn[0, 1] == pytest.approx(least[0, 1])
+    assert drawn[3, 2] == pytest.approx(least[2, 3])
+    assert drawn[2, 1] == pytest.approx(least[1, 2] / 2)
+    assert np.isnan(drawn[[0, 0, 1], [2, 3, 3]]).all()
+
+
+def test_of_the_zones_of_each_craft_the_larger_holds():
+    states = straight(4)
+    least, _ = meetings(states)
+    drawn = shown_matrix(plots.ratio_matrix(DEEP.coast(states, END), [BALL, cf.Sphere(30.0), None, None]))
+    factor = np.array([[np.nan, 2, 1, 1], [2, np.nan, 2, 2], [1, 2, np.nan, np.nan], [1, 2, np.nan, np.nan]])
+    assert np.allclose(drawn, least / factor, equal_nan=True)
+
+
+def test_pairs_without_common_time_are_blank():
+    states = straight(3)
+    paths = cf.stack([DEEP.coast(state, 400.0, 500.0 * (k == 2)) for k, state in enumerate(states)])
+    figure = plots.ratio_matrix(paths, BALL)
+    assert np.isfinite(shown_matrix(figure)).tolist() == [
+        [False, True, False],
+        [True, False, False],
+        [False] * 3,
+    ]
+    blank = figure.axes[0].images[0].make_image(None, unsampled=True)[0]
+    assert blank[0, 2, 3] == 0  # transparent: the hatching behind is seen
+    assert len(figure.axes[0].texts) == 2
+
+
+def test_a_ratio_in_conflict_never_reads_as_one():
+    states = np.array([[0.0, 0, 0, 0, 0, 0], [14.999, 0, 0, 0, 0, 0], [30.0, 0, 0, 0, 0, 0]])
+    figure = plots.ratio_matrix(DEEP.coast(states, END), BALL)
+    texts = {t.get_position(): t.get_text() for t in figure.axes[0].texts}
+    assert texts[0, 1] == "<1"
+    assert texts[1, 2] == "1.00"  # 15.001 m
+    assert figure.get_suptitle() == "1 of 3 pairs in conflict; closest 0 and 1, <1 × zone"
+
+
+def test_identical_paths_meet_all_the_time():
+    same = DEEP.coast(np.ones((4, 6)), END)
+    assert np.nanmax(shown_matrix(plots.ratio_matrix(same, BALL))) == 0.0
+    figure = plots.closest_pairs(same, BALL)
+    curves = [line for line in figure.axes[0].get_lines() if " and " in str(line.get_label())]
+    assert all(not np.any(curve.get_ydata()) for curve in curves)
+    assert figure.axes[0].get_ylim()[0] < 0.0  # the lines are not hidden by the frame
+    figure.draw_without_rendering()
+
+
+# closest_pairs
+
+
+def pair_lines(figure):
+    """Curves by their labels."""
+    return {
+        str(line.get_label()): line for line in figure.axes[0].get_lines() if " and " in str(line.get_label())
+    }
+
+
+def test_the_closest_pairs_come_first_and_follow_their_distance():
+    states = straight(12)
+    least, _ = meetings(states)
+    figure = plots.closest_pairs(DEEP.coast(states, END), BALL, count=6)
+    upper = np.argwhere(np.triu(np.ones((12, 12)), 1))
+    ranked = sorted(upper.tolist(), key=lambda pair: least[tuple(pair)])[:6]
+    curves = pair_lines(figure)
+    for (i, j), (label, line) in zip(ranked, curves.items(), strict=True):
+        distance, time, _ = meeting(states, i, j)
+        assert label == f"{i} and {j}: {distance / 15:.2f} × zone at {time / 60:.2f} min"
+        times = np.asarray(line.get_xdata()) * 60
+        gap = states[j, :3] - states[i, :3] + times[:, None] * (states[j, 3:] - states[i, 3:])
+        assert np.allclose(line.get_ydata(), np.linalg.norm(gap, axis=1) / 15, atol=1e-9)
+        assert np.abs(times - time).min() < 1e-3  # s: the least is among the samples
+        assert min(line.get_ydata()) == pytest.approx(distance / 15, abs=1e-8)
+    dots = [line for line in figure.axes[0].get_lines() if line.get_marker() == "o"]
+    at = [[float(np.squeeze(v)) for v in (dot.get_xdata(), dot.get_ydata())] for dot in dots]
+    true = [[meeting(states, i, j)[1] / 60, least[i, j]] for i, j in ranked]
+    assert np.allclose(at, true, atol=1e-4)
+    assert (
+        len({(line.get_color(), line.get_linestyle(), str(line._dash_pattern)) for line in curves.values()})
+        == 6
+    )
+
+
+def test_wide_stretches_are_the_stays_in_the_zone():
+    states = straight(6)
+    _, stays = meetings(states)
+    figure = plots.closest_pairs(DEEP.coast(states, END), BALL, count=15)
+    wide = [line for line in figure.axes[0].get_lines() if line.get_color() == CONFLICT]
+    drawn = []
+    for line in wide:
+        times = np.asarray(line.get_xdata())[np.isfinite(line.get_ydata())] * 60
+        drawn.append((times.min(), times.max()))
+    assert np.allclose(sorted(drawn), sorted(stays.values()), atol=1e-6)
+
+
+def test_each_pair_is_drawn_over_its_common_time():
+    before, _, _, _ = swap(4)
+    parts = cf.stack([ORBIT.coast(before[k].state(0.0), 1000.0, 300.0 * k) for k in range(4)])
+    curves = pair_lines(plots.closest_pairs(parts, cf.Ellipsoid([15.0, 30.0, 15.0]), list("ABCD"), count=6))
+    assert len(curves) == 6
+    for label, line in curves.items():
+        i, j = "ABCD".index(label[0]), "ABCD".index(label[6])
+        assert np.asarray(line.get_xdata())[[0, -1]] * 60 == pytest.approx([300.0 * j, 1000.0 + 300.0 * i])
+
+
+def test_the_axis_is_linear_near_the_zone_and_logarithmic_far_out():
+    near = DEEP.coast([[0.0, 0, 0, 0, 0, 0], [20.0, 0, 0, 0.02, 0, 0]], END)
+    far = DEEP.coast([[0.0, 0, 0, 0, 0, 0], [20.0, 0, 0, 2.0, 0, 0]], END)
+    for paths, kind in ((near, "linear"), (far, "symlog")):
+        figure = plots.closest_pairs(paths, BALL)
+        axes = figure.axes[0]
+        assert axes.get_yscale() == kind
+        assert axes.get_ylim()[1] > max(next(iter(pair_lines(figure).values())).get_ydata())
+        figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("draw", [plots.ratio_matrix, plots.closest_pairs])
+def test_an_orbit_of_two_craft(draw):
+    before, _, _, _ = swap(2)
+    zone = cf.Ellipsoid([15.0, 30.0, 15.0])
+    times = np.linspace(before.start[0], before.end[0], 40001)
+    least = zone.norm(before[0].position(times) - before[1].position(times)).min()
+    figure = draw(before, zone, ["Mango", "Tango"])
+    assert figure.get_suptitle() == f"Mango and Tango: clear, {least:.2f} × zone"
+    figure.draw_without_rendering()
+
+
+SOME = DEEP.coast(straight(3), END)
+APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.0)])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: plots.formation_paths(SOME, SOME[:2]), r"before, after: must be .* got \(3,\) and \(2,\)"),
+        (lambda: plots.formation_paths(SOME[0], SOME[0]), r"before, after: must be .* got \(\) and \(\)"),
+        (lambda: plots.formation_paths(SOME, ORBIT.coast(straight(3), END)), "before, after: must be of one"),
+        (lambda: plots.formation_paths(SOME, SOME, ["A"]), "names: 1 names for 3 craft"),
+        (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
+        (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
+        (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
+        (
+            lambda: plots.ratio_matrix(SOME, ((BALL, [[0, 3]]),)),
+            "zones: pairs must be of two craft each, from 0 to 2",
+        ),
+        (lambda: plots.ratio_matrix(SOME, ((BALL, [[1, 1]]),)), "zones: pairs must be of two craft each"),
+        (lambda: plots.ratio_matrix(SOME, [BALL] * 2), "zones: 2 zones for 3 craft"),
+        (
+            lambda: plots.ratio_matrix(SOME, [(BALL, [[0, 1]]), BALL]),
+            "zones: expected a zone, one for each craft",
+        ),
+        (
+            lambda: plots.ratio_matrix(SOME, [cf.Box([1, 9, 1]), cf.Box([9, 1, 1]), None]),
+            "craft 0 and craft 1: neither zone holds the other",
+        ),
+        (lambda: plots.closest_pairs(SOME, BALL, count=0), "count: must be at least 1, got 0"),
+        (lambda: plots.closest_pairs(APART, BALL), "paths: no two craft that have a zone share a time"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,481 @@
+"""Formations that move in a mission, end to end, against an integrator, Kepler's numbers and brute force."""
+
+import re
+from itertools import combinations, permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import closeform as cf
+from bridge import hill
+from closeform.chapters import chapters
+from closeform.mission import fly
+from closeform.scenario import load, parse
+from closeform.terminal import WIDTH
+from reflown import faults
+from test_mission_search import Run, run_text
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+MILLIMETRE = 1e-3
+N = np.sqrt(398600.4418e9 / 6878137.0**3)  # rad/s at 500 km, Kepler
+TURN = 2 * np.pi / N
+
+FLEET = """\
+closeform = 1
+title = "A fleet"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["F1", "F2", "F3", "F4"]
+start = { string_of_pearls = { spacing = "100 m" } }
+mass = "100 kg"
+keep_out = { sphere = "20 m" }
+"""
+
+
+def fleet(*stages: str, text: str = FLEET, **changes: str) -> str:
+    for key, new in changes.items():
+        assert len(re.findall(rf"^{key} = .*$", text, re.MULTILINE)) == 1
+        text = re.sub(rf"^{key} = .*$", f"{key} = {new}", text, flags=re.MULTILINE)
+    return text + "".join(f"\n[[stage]]\n{stage}\n" for stage in stages)
+
+
+def coasted(states: np.ndarray, time: float, n: float = N) -> np.ndarray:
+    """Natural motion by the exponential of Hill's matrix."""
+    return states @ expm(hill(n) * time).T
+
+
+def begin(leg) -> np.ndarray:
+    return leg.after.paths.state(leg.start)
+
+
+def end(leg) -> np.ndarray:
+    return leg.after.paths.state(leg.end)
+
+
+def check_plan(mission, leg, finals: np.ndarray, **asked) -> None:
+    """The plan of a stage in which all move, flown again by an integrator, ends where it should."""
+    assert leg.deed.plan.ok
+    zones = list(mission.scenario.keep_out)
+    limits = np.array([craft.max_acceleration for craft in mission.scenario.craft])
+    if np.isfinite(limits).any():
+        asked["max_acceleration"] = limits
+    found = faults(
+        leg.deed.plan,
+        mission.orbit,
+        begin(leg),
+        finals,
+        leg.deed.asked,
+        zones,
+        start=leg.start,
+        **asked,
+    )
+    assert found == []
+
+
+@pytest.fixture(scope="module")
+def f6():
+    return fly(load(EXAMPLES / "f6_scatter.toml"))
+
+
+def test_f6_scatters_and_comes_back(f6) -> None:
+    """Eight craft on a circle of 150 m as seen from the Earth; the same relative orbits at the end."""
+    assert f6.clear
+    assert f6.warnings == ()
+    start = begin(f6.legs[0])
+    np.testing.assert_allclose(np.hypot(start[:, 1], start[:, 2]), 150.0, rtol=1e-12)
+    np.testing.assert_allclose(start[:, 0], start[:, 2] / 2, atol=1e-9)
+    angles = np.unwrap(np.arctan2(start[:, 2], start[:, 1]))
+    np.testing.assert_allclose(np.abs(np.diff(angles)), np.pi / 4, rtol=1e-12)
+    first, threat, wait, back = f6.legs
+    np.testing.assert_allclose([leg.end - leg.start for leg in f6.legs], np.array([0.5, 0.25, 2, 1]) * TURN)
+    for one, other in ((first, threat), (threat, wait), (wait, back)):
+        assert one.end == other.start
+        np.testing.assert_allclose(end(one), begin(other), atol=1e-9)  # m, rounding of some 100 m
+    spread = [
+        [np.linalg.norm(states[i, :3] - states[j, :3]) for i, j in combinations(range(8), 2)]
+        for states in (begin(threat), end(threat))
+    ]
+    shares = np.divide(*spread[::-1])
+    assert shares.min() == pytest.approx(3.0, abs=1e-9)  # every pair at least, and one of them just so
+    home = coasted(begin(threat), back.end - threat.start)
+    np.testing.assert_allclose(end(back)[:, :3], home[:, :3], atol=MILLIMETRE)
+    np.testing.assert_allclose(end(back)[:, 3:], home[:, 3:], atol=MILLIMETRE * N)
+    check_plan(f6, threat, end(threat))
+    check_plan(f6, back, home)
+    peak = max(leg.after.paths.peak_thrust.max() for leg in f6.legs)
+    assert 150.0 * peak <= 1.5  # N
+
+
+def test_f6_prints_what_it_leaves(tmp_path, monkeypatch, capsys) -> None:
+    run = run_text((EXAMPLES / "f6_scatter.toml").read_text(), tmp_path, monkeypatch, capsys)
+    assert run.status == 0
+    assert max(map(len, run.printed.splitlines()[:-1])) <= WIDTH
+    check_sheets(run, 2, "threat")
+    check_sheets(run, 4, "")
+    names = {path.name for path in run.folder.iterdir()}
+    assert names >= {f"stage-{k}-{name}.png" for k in (2, 4) for name in ("paths", "ratios", "closest-pairs")}
+    page = (run.folder / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == len([name for name in names if name.endswith(".png")])
+
+
+def check_sheets(run: Run, number: int, name: str) -> None:
+    """Every figure of the printed sheet of costs is in the summary and in the table of craft."""
+    plan = run.summary["stages"][number - 1]["plan"]
+    chapter = run.printed.split(f"Stage {number}")[1].split("Stage ")[0]
+    assert name in chapter
+    head, *rows = chapter.split("Paths of the plan")[1].strip().splitlines()
+    rows = [row.split() for row in rows[: len(plan["craft"]) + 1]]
+    assert [row[0] for row in rows] == [*plan["craft"], "all"]
+    flown = {row["craft"]: row for row in run.table("craft") if row["stage"] == number}
+    last = {"direct [m²/s³]": "lower_bound_m2_s3", "energy [m²/s³]": "energy_m2_s3"}
+    last |= {"delta-v [m/s]": "delta_v_m_s"}
+    assert [title for title in last if title not in head] == []
+    columns = [title for title in re.split(r"\s{2,}", head.strip()) if title != "craft"]
+    for craft, *figures in rows[:-1]:
+        for title, figure in zip(columns, figures, strict=True):
+            kind, key, unit = {
+                "slot": ("slot", None, 1),
+                "from [s]": ("start_s", None, 1),
+                "to [s]": ("end_s", None, 1),
+                "direct [m²/s³]": ("direct", "energy_m2_s3", 1),
+                "energy [m²/s³]": ("flown", "energy_m2_s3", 1),
+                "delta-v [m/s]": ("flown", "delta_v_m_s", 1),
+                "peak [mm/s²]": ("flown", "peak_thrust_m_s2", 1e3),
+                "propellant [g]": ("propellant_kg", None, 1e3),
+            }[title]
+            if kind == "propellant_kg":
+                truth = flown[craft][kind]
+            else:
+                truth = plan["craft"][craft][kind]
+                truth = truth if key is None else truth[key]
+                if kind == "flown":
+                    assert flown[craft][key] == pytest.approx(truth, rel=1e-12)
+            # six digits, tenths of a second, hundredths of a gram
+            assert float(figure) == pytest.approx(
+                unit * truth, rel=6e-6, abs=0.051 if "[s]" in title else 6e-3
+            )
+            if "²" in title or "m/s" in title:
+                assert float(figure) == pytest.approx(unit * truth, rel=6e-6)
+    for title, figure in zip(columns, rows[-1][1:], strict=False):
+        if title in last:
+            assert float(figure) == pytest.approx(plan[last[title]], rel=6e-6)
+
+
+def test_find_then_fly() -> None:
+    """TPF's five craft are found, then stand 75 m apart in a row across the sun line."""
+    mission = fly(load(EXAMPLES / "find_then_fly.toml"))
+    assert mission.clear
+    assert mission.warnings == ()
+    found, array, coast = mission.legs
+    alone = fly(load(EXAMPLES / "tpf.toml")).legs[0]
+    np.testing.assert_array_equal(end(found), end(alone))
+    assert array.start == found.end
+    assert array.end == coast.start == pytest.approx(found.end + 3600.0, abs=1e-9)
+    for leg, when in ((array, array.end), (coast, coast.end)):
+        states = leg.after.paths.state(when)
+        row = states[np.argsort(states[:, 0])]
+        steps = np.tile([75.0, 0, 0, 0, 0, 0], (4, 1))
+        np.testing.assert_allclose(np.diff(row, axis=0)[:, :3], steps[:, :3], atol=MILLIMETRE)
+        np.testing.assert_allclose(np.diff(row, axis=0)[:, 3:], 0.0, atol=1e-9)  # m/s, rounding
+    # It is where the middle of the five would have come to, and moves as that.
+    middle = coasted(begin(array), 3600.0, 0.0).mean(axis=0)
+    np.testing.assert_allclose(end(array).mean(axis=0), middle, atol=1e-6)
+    # Nobody's paths cross, so the slots are those of the least sum over all 120 ways to take them.
+    slots = end(array)[np.argsort(array.deed.plan.slots)]
+    costs = [[straight(one, slot, 3600.0) for slot in slots] for one in begin(array)]
+    totals = {way: sum(costs[k][slot] for k, slot in enumerate(way)) for way in permutations(range(5))}
+    best = min(totals, key=totals.__getitem__)
+    assert tuple(array.deed.plan.slots) == best
+    assert array.deed.plan.energy == pytest.approx(totals[best], rel=1e-9)
+    check_plan(mission, array, slots, assign=True)
+
+
+def straight(one: np.ndarray, other: np.ndarray, time: float) -> float:
+    """Energy of the optimal transfer in deep space.                                # theory 2"""
+    gap, change = other[:3] - one[:3] - one[3:] * time, other[3:] - one[3:]
+    return 0.5 * (12 * gap @ gap / time**3 - 12 * gap @ change / time**2 + 4 * change @ change / time)
+
+
+def test_swap(tmp_path, monkeypatch, capsys) -> None:
+    """All 66 pairs meet in the centre on their direct paths, and none on the plan's."""
+    text = (EXAMPLES / "swap.toml").read_text()
+    mission = fly(parse(text))
+    (leg,) = mission.legs
+    assert mission.clear
+    assert len({(met.first, met.second) for met in leg.before.encounters}) == 66
+    start = begin(leg)
+    np.testing.assert_allclose(np.linalg.norm(start[:, :3], axis=1), 120.0, rtol=1e-5)  # of the file's digits
+    check_plan(mission, leg, -start)
+    assert mission.propellant.sum(axis=0).max() < 0.2  # kg, what each has
+    run = run_text(text, tmp_path, monkeypatch, capsys)
+    assert run.status == 0
+    assert "Conflicts of the direct paths: 66, of 66 pairs; deepest are" in run.printed
+    check_sheets(run, 1, "swap")
+    plan = run.summary["stages"][0]["plan"]
+    assert len(plan["touches"]) == len(leg.deed.plan.touches) > 0
+    assert f"{100 * plan['gap']:.3f} % above it" in run.printed
+    assert (run.folder / "stage-1-ratios-before.png").exists()
+
+
+SPREAD = 'name = "spread"\ndo = "scatter"\nfactor = 2.0\nwithin = "0.5 orbits"'
+BACK = 'do = "regather"\nas_before = "spread"\nwithin = "0.5 orbits"'
+
+
+@pytest.mark.parametrize(
+    ("text", "goal"),
+    [
+        ('to = { remove = "eccentricity" }', [0, 0, 5, 100, 0, 60]),
+        ('to = { remove = "altitude difference" }', [50, -10, 0, 100, 0, 60]),
+    ],
+)
+def test_removed(text: str, goal: list[float]) -> None:
+    """One of Palmer's parts goes, and nothing else: theory (5) at the end of the stage."""
+    start = '[{ palmer = "50 -10 5 100 0 60 m" }, { palmer = "0 0 0 -400 0 0 m" }]'
+    stage = f'do = "reconfigure"\ncraft = ["F1"]\n{text}\nwithin = "0.3 orbits"'
+    mission = fly(parse(fleet(stage, name='["F1", "F2"]', start=start)))
+    (leg,) = mission.legs
+    e1, e2, d, along, h1, h2 = goal
+    t = N * leg.end
+    swing, phase = np.hypot(e1, e2), np.arctan2(e2, e1)
+    height, tilt = np.hypot(h1, h2), np.arctan2(h2, h1)
+    expected = [
+        2 * d - swing * np.cos(t + phase),
+        along - 3 * (5 * t) + 2 * swing * np.sin(t + phase),  # it drifted until the end
+        height * np.cos(t - tilt),
+    ]
+    np.testing.assert_allclose(end(leg)[0, :3], expected, atol=MILLIMETRE)
+    np.testing.assert_allclose(end(leg)[1], coasted(begin(leg)[1], leg.end), atol=1e-9)
+    assert leg.deed.movers == ("F1",)
+    assert leg.deed.others == ("F2",)
+
+
+def test_a_craft_joins_while_the_others_coast() -> None:
+    """F4 takes the gap of a ring that F1, F2 and F3 leave, and keeps clear of them on its way."""
+    ring = '{ projected_circular = { radius = "120 m" } }'
+    start = f'[{ring}, {ring}, {ring}, {{ palmer = "0 0 0 -300 0 0 m" }}]'
+    stage = 'do = "reconfigure"\ncraft = ["F4"]\nto = { join = ["F1", "F2", "F3"] }\nwithin = "0.5 orbits"'
+    mission = fly(parse(fleet(stage, start=start)))
+    (leg,) = mission.legs
+    assert mission.clear
+    states = end(leg)
+    np.testing.assert_allclose(states[:3], coasted(begin(leg)[:3], leg.end), atol=1e-9)
+    assert np.hypot(states[3, 1], states[3, 2]) == pytest.approx(120.0, abs=MILLIMETRE)
+    angles = np.degrees(np.arctan2(states[:, 2], states[:, 1]))
+    # places 1, 2 and 3 of four are a right angle apart, so that the fourth is free
+    assert sorted((angles - angles[0]) % 360.0) == pytest.approx([0.0, 90.0, 180.0, 270.0], abs=0.01)
+    assert [name for name in leg.after.names if leg.after.path(name).energy] == ["F4"]
+
+
+def test_scatter_from_a_point_and_regather() -> None:
+    stage = SPREAD.replace("factor = 2.0", 'from = "0 30 0 m"\ndistance = "300 m"')
+    mission = fly(parse(fleet(stage, BACK)))
+    out, back = mission.legs
+    assert mission.clear
+    away = np.linalg.norm(end(out)[:, :3] - [0.0, 30.0, 0.0], axis=1)
+    assert away.min() == pytest.approx(300.0, abs=1e-6)
+    home = coasted(begin(out), back.end)
+    check_plan(mission, out, end(out))
+    check_plan(mission, back, home)
+
+
+def test_more_slots_than_craft() -> None:
+    """Four craft at rest 100 m apart take four of seven pearls 50 m apart: those where they are."""
+    stage = 'do = "reconfigure"\nto = { string_of_pearls = { spacing = "50 m" } }\nwithin = "1 orbit"'
+    mission = fly(parse(fleet(f"{stage}\nassign = true\nslots = 7")))
+    (plan,) = [leg.deed.plan for leg in mission.legs]
+    assert plan.slots.tolist() == [0, 2, 4, 6]
+    assert plan.energy == pytest.approx(0.0, abs=1e-20)
+    (costs,) = [sheet for sheet in chapters(mission)[0].sheets if sheet.title == "Paths of the plan"]
+    assert [row[1] for row in costs.rows] == ["1", "3", "5", "7", ""]
+
+
+REVERSED = """\
+do = "reconfigure"
+within = "0.5 orbits"
+to = [
+  { position = "0 150 0 m", velocity = "0 0 0 m/s" },
+  { position = "0 50 0 m", velocity = "0 0 0 m/s" },
+  { position = "0 -50 0 m", velocity = "0 0 0 m/s" },
+  { position = "0 -150 0 m", velocity = "0 0 0 m/s" },
+]
+"""
+
+
+def test_one_craft_after_another() -> None:
+    """In the order that is asked for the first craft flies its own optimum; joint planning is not dearer."""
+    joint = fly(parse(fleet(REVERSED))).legs[0].deed.plan
+    mission = fly(parse(fleet(f'{REVERSED}plan = "sequential"\norder = ["F3"]')))
+    (leg,) = mission.legs
+    plan = leg.deed.plan
+    assert mission.clear
+    assert plan.paths[2].energy == pytest.approx(plan.direct[2].energy, rel=1e-9)
+    assert plan.energy >= joint.energy * (1 - 1e-9)
+    assert "one craft after another" in "\n".join(chapters(mission)[0].closing)
+
+
+def weak(*stages: str, thrust: str = '"0.2 N"') -> str:
+    return fleet(*stages).replace('mass = "100 kg"', f'mass = "100 kg"\nmax_thrust = {thrust}')
+
+
+def test_too_little_thrust_takes_longer() -> None:
+    """The four turn around later than asked for, on time for the relative orbits that they had."""
+    quick = SPREAD.replace("0.5 orbits", "0.05 orbits"), BACK.replace("0.5 orbits", "0.05 orbits")
+    mission = fly(parse(weak(*quick)))
+    out, back = mission.legs
+    assert mission.clear
+    assert mission.warnings == ()
+    for leg in (out, back):
+        assert leg.end - leg.start > 1.05 * leg.deed.asked == pytest.approx(1.05 * 0.05 * TURN)
+        assert leg.deed.measures
+        assert 100.0 * leg.after.paths.peak_thrust.max() <= 0.2 * (1 + 1e-9)
+        # the engines are used: 2 % faster than this they could not
+        assert 100.0 * leg.after.paths.peak_thrust.max() >= 0.2 * 0.93
+    np.testing.assert_allclose(end(back), coasted(begin(out), back.end), atol=MILLIMETRE)
+    told = "\n".join(chapters(mission)[0].lines)
+    assert "Tried: " in told
+
+
+def test_too_little_thrust_stops_the_mission_if_longer_is_forbidden(tmp_path, monkeypatch, capsys) -> None:
+    quick = SPREAD.replace("0.5 orbits", "0.05 orbits")
+    run = run_text(
+        weak(f"{quick}\nif_blocked = []", 'do = "coast"\nfor = "1 min"'), tmp_path, monkeypatch, capsys
+    )
+    assert run.status == 1
+    assert len(run.summary["stages"]) == 1
+    assert run.summary["stages"][0]["plan"]["status"] == "thrust limit exceeded"
+    verdict = run.summary["verdict"]
+    assert verdict.startswith("stopped in stage 1 (scatter): thrust limit exceeded: ")
+    assert re.search(r"\bF[1-4]\b", verdict)
+    assert not re.search(r"craft \d", verdict)
+    assert re.search(r"F[14] needs [0-9.]+ N, its max_thrust is 0.2 N", run.printed)
+
+
+def test_an_end_inside_a_zone_is_refused_by_name(tmp_path, monkeypatch, capsys) -> None:
+    """F4 coasts at 150 m; F1 is to go to 140 m, which is 0.5 x zone from there."""
+    stage = 'do = "reconfigure"\ncraft = ["F1"]\nwithin = "1 h"\n'
+    stage += 'to = [{ position = "0 140 0 m", velocity = "0 0 0 m/s" }]'
+    run = run_text(fleet(stage), tmp_path, monkeypatch, capsys)
+    assert run.status == 1
+    plan = run.summary["stages"][0]["plan"]
+    assert plan["status"] == "end inside a zone"
+    assert sorted(plan["blocked"]) == ["F1", "F4"]
+    for part in ("F1", "F4", "0.50"):
+        assert part in run.summary["verdict"]
+    assert "The direct paths are kept: there is no plan" in run.printed
+
+
+def test_propellant_and_its_warnings(tmp_path, monkeypatch, capsys) -> None:
+    """Mass flow -F/(g Isp) integrated along the thrust of every stage; F2 has too little on board."""
+    text = fleet(SPREAD, BACK).replace(
+        'mass = "100 kg"',
+        'mass = "100 kg"\nspecific_impulse = "70 s"\npropellant = ["1 kg", "1 g", "1 kg", "1 kg"]\n'
+        'delta_v_budget = ["1 cm/s", "10 m/s", "10 m/s", "10 m/s"]',
+    )
+    mission = fly(parse(text))
+    spent = np.zeros(4)
+    for k in range(4):
+        mass = 100.0
+        for leg in mission.legs:
+            path = leg.after.paths[k]
+
+            def flow(t, m, path=path):
+                return -m * np.linalg.norm(path.thrust(t[None] if np.ndim(t) else t)) / (9.80665 * 70.0)
+
+            mass = solve_ivp(flow, (leg.start, leg.end), [mass], rtol=1e-8, max_step=50.0).y[0, -1]
+        spent[k] = 100.0 - mass
+    np.testing.assert_allclose(mission.propellant.sum(axis=0), spent, rtol=1e-4)
+    run = run_text(text, tmp_path, monkeypatch, capsys)
+    assert run.status == 0
+    assert list(run.summary["propellant_kg"].values()) == pytest.approx(spent, rel=1e-4)
+    assert run.summary["warnings"] == list(mission.warnings)
+    over, empty = mission.warnings
+    assert re.fullmatch(r"F1 needs [0-9.]+ m/s, its delta_v_budget is 0.01 m/s", over)
+    assert re.fullmatch(r"F2 needs [0-9.]+ kg of propellant, it has 0.001 kg", empty)
+    assert over in run.printed
+    check_sheets(run, 1, "spread")
+    assert "propellant [g]" in run.printed
+
+
+def test_many_craft_are_summed_up(tmp_path, monkeypatch, capsys) -> None:
+    names = ", ".join(f'"C{k}"' for k in range(45))
+    run = run_text(fleet(SPREAD, name=f"[{names}]"), tmp_path, monkeypatch, capsys)
+    assert run.status == 0
+    assert len(run.printed.splitlines()) < 40
+    assert "Paths of the plan, all 45 craft" in run.printed
+    assert len(run.summary["stages"][0]["plan"]["craft"]) == 45
+
+
+def test_craft_take_their_places_in_the_formation_of_their_start() -> None:
+    """Pearls 100 m apart about the origin, the last one foremost; a list may mix them with states."""
+    scenario = parse(fleet(BACK.replace("regather", "coast").split("\n")[0] + '\nfor = "1 h"'))
+    orbit = scenario.orbit.build()
+    places = np.array([craft.state(orbit) for craft in scenario.craft])
+    np.testing.assert_allclose(places[:, 1], [-150.0, -50.0, 50.0, 150.0])
+    np.testing.assert_allclose(np.delete(places, 1, axis=1), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("formation", "function", "sizes"),
+    [
+        (
+            'projected_circular = { radius = "1 km", first_phase = "90 deg" }',
+            "projected_circular",
+            (1e3, np.pi / 2),
+        ),
+        (
+            'safety_ellipse = { radial = "2 m", cross_track = "1 m", along_track = "9 m", phase = "90 deg" }',
+            "safety_ellipse",
+            (2.0, 1.0, 9.0, np.pi / 2),
+        ),
+        ('string_of_pearls = { spacing = "70 m" }', "string_of_pearls", (70.0,)),
+        ('pendulum = { spacing = "70 m", cross_track = "30 m" }', "pendulum", (70.0, 30.0)),
+        (
+            'ring = { eccentricity = "100 m", inclination = "-90 m", first_phase = "180 deg" }',
+            "separated_ring",
+            (100.0, -90.0, np.pi),
+        ),
+    ],
+)
+def test_formations_by_their_keyword(formation: str, function: str, sizes: tuple[float, ...]) -> None:
+    """As a start and as a target they are those of `targets`."""
+    from closeform import targets
+
+    stage = f'do = "reconfigure"\nto = {{ {formation} }}\nwithin = "1 orbit"'
+    scenario = parse(fleet(stage, start=f"{{ {formation} }}"))
+    orbit = scenario.orbit.build()
+    expected = getattr(targets, function)(orbit, 4, *sizes)
+    np.testing.assert_array_equal([craft.state(orbit) for craft in scenario.craft], expected)
+    np.testing.assert_array_equal(scenario.stages[0].known(orbit, 4), expected)
+
+
+def test_stages_of_a_line_drift_with_their_craft() -> None:
+    """In deep space a line goes where the middle of its craft would coast to."""
+    text = FLEET.replace('altitude = "500 km"', "deep_space = true")
+    text = text.replace(
+        'start = { string_of_pearls = { spacing = "100 m" } }',
+        'position = ["0 0 0 m", "0 100 0 m", "100 0 0 m", "0 0 100 m"]\nvelocity = "1 2 3 cm/s"',
+    )
+    stage = (
+        'do = "reconfigure"\nto = { line = { spacing = "60 m", direction = [0, 3, 4] } }\nwithin = "1000 s"'
+    )
+    (leg,) = fly(parse(fleet(stage, text=text))).legs
+    middle = np.array([25.0, 25.0, 25.0]) + 1000.0 * np.array([0.01, 0.02, 0.03])
+    offsets = 60.0 * np.outer([-1.5, -0.5, 0.5, 1.5], [0.0, 0.6, 0.8])
+    np.testing.assert_allclose(end(leg)[:, :3], middle + offsets, atol=1e-9)
+    np.testing.assert_allclose(end(leg)[:, 3:], [[0.01, 0.02, 0.03]] * 4, atol=1e-12)
+
+
+def test_public_planner_gives_the_same() -> None:
+    """A stage adds nothing of its own to `reconfigure`."""
+    (leg,) = fly(parse(fleet(REVERSED))).legs
+    orbit = cf.Orbit.circular(500e3)
+    initial = np.zeros((4, 6))
+    initial[:, 1] = [-150.0, -50.0, 50.0, 150.0]
+    plan = cf.reconfigure(orbit, initial, -initial, 0.5 * orbit.period, cf.Sphere(20.0))
+    assert leg.deed.plan.energy == pytest.approx(plan.energy, rel=1e-9)

@@ -1,0 +1,111 @@
+"""Swaps and random reconfigurations from fixed seeds, every plan flown again.
+
+pytest takes a sample; `python tests/test_reconfigure_cases.py` takes all and says how they went.
+"""
+
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.avoidance import Status
+from formations import CASES, CONFLICTING, LOW_ORBIT, conflicting, random_case, swap
+from reflown import faults
+
+SAMPLE = range(0, CASES, 5)
+CONFLICTING_SAMPLE = range(0, CONFLICTING, 4)
+SWAP_GAP = 0.03  # of the unconstrained sum, for 12 craft through one point
+
+
+def complaints(task):
+    """What is wrong with the plan of a task whose ends are clear: lists of words."""
+    plan = cf.reconfigure(**task.arguments)
+    return plan, faults(plan, **task.arguments)
+
+
+def refusal(task):
+    """What is wrong with the answer to a task of which two craft conflict where they are held."""
+    plan = cf.reconfigure(**task.arguments)
+    said = []
+    if plan.status != Status.END_INSIDE:
+        said.append(f"{plan.status}: {plan.reason}")
+    elif plan.blocked is None or tuple(sorted(plan.blocked)) != task.pair:
+        said.append(f"blames {plan.blocked}, not {task.pair}")
+    elif "x zone" not in plan.reason or not named(task, plan.reason):
+        said.append(f"does not name them: {plan.reason}")
+    if plan.ok or plan.paths is not None or not np.isnan([plan.energy, plan.delta_v]).all():
+        said.append("has paths or energies all the same")
+    return plan, said
+
+
+def named(task, reason):
+    """Both of the pair are there by number; obstacles count from 0 in words."""
+    return all(str(k if k < task.count else k - task.count) in reason for k in task.pair)
+
+
+@pytest.mark.parametrize("seed", SAMPLE)
+def test_random_formations_are_planned(seed):
+    _, said = complaints(random_case(seed))
+    assert said == []
+
+
+@pytest.mark.parametrize("seed", CONFLICTING_SAMPLE)
+def test_ends_in_conflict_are_refused_with_the_pair(seed):
+    _, said = refusal(conflicting(seed))
+    assert said == []
+
+
+def test_twelve_swap_through_one_point():
+    plan, said = complaints(swap())
+    assert said == []
+    assert plan.gap <= SWAP_GAP
+    assert len(plan.touches) >= 12
+    assert not plan.measures
+
+
+def test_a_swap_in_orbit():
+    _, said = complaints(swap(orbit=LOW_ORBIT))
+    assert said == []
+
+
+def test_the_tasks_are_work():
+    """Or planning them shows nothing: their direct paths run into each other."""
+    conflicts = 0
+    for seed in SAMPLE[::4]:
+        task = random_case(seed)
+        direct = task.orbit.transfer(task.initial, task.final, task.duration, task.start)
+        zone = task.zone if isinstance(task.zone, cf.Zone) else task.zone[0]
+        conflicts += len(cf.screen(direct, zone).pairs)
+    assert conflicts > 5 * len(SAMPLE[::4])
+
+
+def main():
+    wrong, slow, gaps = 0, [], []
+    for kind, ask, tasks in (
+        ("random", complaints, map(random_case, range(CASES))),
+        ("in conflict", refusal, map(conflicting, range(CONFLICTING))),
+    ):
+        count = 0
+        for task in tasks:
+            begin = perf_counter()
+            cf.reconfigure(**task.arguments)
+            spent = perf_counter() - begin
+            plan, said = ask(task)
+            slow.append((spent, task.name))
+            count += not said
+            wrong += bool(said)
+            if plan.ok:
+                gaps.append(plan.gap)
+            for one in said or plan.measures:
+                print(f"{task.name}: {one}", flush=True)
+        print(f"{kind}: {count} as they must be", flush=True)
+    print(f"gap: median {np.median(gaps):.2%}, at most {np.max(gaps):.2%}")
+    print(f"time: median {np.median([s for s, _ in slow]):.3f} s, in all {sum(s for s, _ in slow):.1f} s")
+    for spent, name in sorted(slow)[-5:]:
+        print(f"  {spent:.2f} s for {name}")
+    return wrong
+
+
+if __name__ == "__main__":
+    raise SystemExit(main() > 0)
