@@ -236,10 +236,12 @@ def faults(
     start=0.0,
     obstacles=(),
     max_acceleration=None,
-    **choices,
+    method="joint",
+    order=None,
+    if_blocked=(),
 ):
     """What is wrong with a plan for what was asked: lists of words, empty where nothing is."""
-    del choices  # how it was to be found
+    del if_blocked  # what was done of it is in the plan's measures
     if not plan.ok:
         return [f"{plan.status}: {plan.reason}"]
     initial, final = np.asarray(initial, dtype=float), np.asarray(final, dtype=float)
@@ -267,7 +269,8 @@ def faults(
                 said.append(f"craft {i} and {j} come to {ratio!r} x zone")
             if not (abs(ratio - claim) <= RATIO * ratio or ratio == claim):
                 said.append(f"craft {i} and {j}: least ratio {ratio!r}, claimed {claim!r}")
-    return said + touch_faults(plan, flights, pairs)
+    rank = list(order if order is not None else range(craft)) if method == "sequential" else None
+    return said + touch_faults(plan, flights, pairs, rank)
 
 
 def _frame_faults(plan, craft, slots, assign, start, duration):
@@ -353,8 +356,11 @@ def _bound_faults(plan, orbit, initial, final, asked, assign):
     return said
 
 
-def touch_faults(plan, flights, pairs):
-    """At touches the pair is at its zone, and the thrust's rates jump by the forces; nowhere else."""
+def touch_faults(plan, flights, pairs, rank=None):
+    """At touches the pair is at its zone, and the thrust's rates jump by the forces; nowhere else.
+
+    With a `rank` of the craft (a sequential plan) the later one alone gives way.
+    """
     said = []
     length = plan.paths.end.max() - plan.paths.start.min()
     for touch in plan.touches:
@@ -378,12 +384,13 @@ def touch_faults(plan, flights, pairs):
         joints = np.unique(path.arcs[1:, 0][inner])
         forces = np.zeros((len(joints), 3))
         for touch in plan.touches:
-            if k in (touch.first, touch.second):
-                near = np.abs(joints - touch.time).argmin() if len(joints) else None
-                if near is None or abs(joints[near] - touch.time) > 1e-9 * length:
-                    said.append(f"no joint of craft {k} at its touch at {touch.time!r} s")
-                    continue
-                forces[near] += (1 if k == touch.first else -1) * touch.force * touch.normal
+            if k not in (touch.first, touch.second) or not _gives_way(plan, k, touch, rank):
+                continue
+            near = np.abs(joints - touch.time).argmin() if len(joints) else None
+            if near is None or abs(joints[near] - touch.time) > 1e-9 * length:
+                said.append(f"no joint of craft {k} at its touch at {touch.time!r} s")
+                continue
+            forces[near] += (1 if k == touch.first else -1) * touch.force * touch.normal
         size = np.abs(path.thrust(np.linspace(path.start, path.end, 50))).max() / length
         for joint, force in zip(joints, forces, strict=True):
             jump, steps = _rate_jump(path, joint, length)
@@ -392,6 +399,14 @@ def touch_faults(plan, flights, pairs):
             if np.abs(jump - force).max() > 1e-4 * max(np.abs(force).max(), np.abs(jump).max(), size):
                 said.append(f"craft {k}: the thrust's rate jumps by {jump} at {joint!r} s, not {force}")
     return said
+
+
+def _gives_way(plan, craft, touch, rank):
+    """Who coasts before its start or after its end does not, nor who has planned before the other."""
+    if not plan.starts[craft] < touch.time < plan.starts[craft] + plan.durations[craft]:
+        return False
+    other = touch.second if craft == touch.first else touch.first
+    return rank is None or other not in rank or rank.index(other) < rank.index(craft)
 
 
 def _rate_jump(path, joint, length):

@@ -150,7 +150,9 @@ def test_oblique_views_show_all_in_deep_space_at_one_scale():
 def test_nearer_tracks_pass_over_farther_ones():
     toward = OBLIQUE.basis[2]
     across = OBLIQUE.basis[0]
-    states = np.zeros((2, 6))  # they cross after 250 s, craft 0 nearer by 10 m then, and farther from 300 s on
+    states = np.zeros(
+        (2, 6)
+    )  # they cross after 250 s, craft 0 nearer by 10 m then, and farther from 300 s on
     states[0, :3], states[0, 3:] = -50 * across + 60 * toward, 0.2 * across - 0.2 * toward
     states[1, :3], states[1, 3:] = -50 * OBLIQUE.basis[1], 0.2 * OBLIQUE.basis[1]
     paths = DEEP.coast(states, END)
@@ -247,6 +249,9 @@ def test_names_stand_where_they_fit_and_nowhere_else():
         assert len(shown) >= 0.5 * most
         boxes = [text.get_window_extent() for text in shown]
         assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+        words = [text.get_window_extent() for text in figure.axes[0].texts if text not in shown]
+        assert len(words) > 4  # the title, which pair is closest, the scale and the axes' names
+        assert not any(a.overlaps(b) for a in boxes for b in words)
 
 
 def test_craft_fly_at_their_own_times():
@@ -457,6 +462,11 @@ APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.
         (lambda: plots.formation_paths(SOME, SOME[:2]), r"before, after: must be .* got \(3,\) and \(2,\)"),
         (lambda: plots.formation_paths(SOME[0], SOME[0]), r"before, after: must be .* got \(\) and \(\)"),
         (lambda: plots.formation_paths(SOME, ORBIT.coast(straight(3), END)), "before, after: must be of one"),
+        (
+            lambda: plots.formation_paths(SOME, None),
+            "after: expected a Path, got None; a plan that is not ok",
+        ),
+        (lambda: plots.closest_pairs(None, BALL), "paths: expected a Path, got None; a plan that is not ok"),
         (lambda: plots.formation_paths(SOME, SOME, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),

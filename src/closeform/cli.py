@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from closeform.zones import Zone
 
 CLEAR, CONFLICT, BAD_INPUT = 0, 1, 2
-TOGETHER = rb'^\s*do\s*=\s*"(reconfigure|scatter|regather)"'  # stages that plan all paths at once
+MOVES = rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"'  # stages that plan paths
 
 
 class UsageError(ValueError):
@@ -278,9 +278,7 @@ def read(file: Path) -> "Scenario | None":
         searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
         if searches:
             compile_ahead("closeform.search.chain")
-        if re.search(TOGETHER, text, re.MULTILINE) is not None:
-            compile_ahead("closeform.avoidance.formation")
-        elif not searches:
+        if not searches or re.search(MOVES, text, re.MULTILINE) is not None:
             compile_ahead("closeform.avoidance")
     from closeform.scenario import ScenarioError, load
 

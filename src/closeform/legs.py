@@ -13,20 +13,20 @@ from closeform.search.schedule import Search
 from closeform.zones import Zone
 
 if TYPE_CHECKING:
-    from closeform.avoidance import Avoidance
-    from closeform.avoidance.plan import Plan
+    from closeform.avoidance import Avoidance, Plan
     from closeform.search.locks import Locks
 
 NAMED = 10  # pairs that are named where more have failed
 
 
-def called(text: str, names: Sequence[str]) -> str:
-    """A text that counts craft, "craft 0 and 3", with their names instead."""
+def called(text: str, movers: Sequence[str], others: Sequence[str] = ()) -> str:
+    """A text that counts, "craft 0 and 3" or "obstacle 1", with the names of movers and others instead."""
 
-    def name(found: re.Match[str]) -> str:
-        return " and ".join(names[int(number)] for number in re.findall(r"\d+", found[0]))
+    def names(found: re.Match[str]) -> str:
+        known = movers if found[1] == "craft" else others
+        return " and ".join(known[int(number)] for number in re.findall(r"\d+", found[0]))
 
-    return re.sub(r"\bcraft \d+(?: and \d+\b)?", name, text)
+    return re.sub(r"\b(craft|obstacle) \d+(?: and \d+\b)?", names, text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ class Reshaping:
 
     @property
     def reason(self) -> str:
-        """What the plan says, with the names of the craft."""
-        return called(self.plan.reason, self.names)
+        """What the plan says."""
+        return called(self.plan.reason, self.movers, self.others)
 
     @property
     def blocked(self) -> tuple[str, ...]:

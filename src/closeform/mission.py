@@ -38,7 +38,7 @@ from closeform.scenario import (
 from closeform.zones import Floats
 
 if TYPE_CHECKING:
-    from closeform.avoidance.plan import Plan
+    from closeform.avoidance import Plan
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
@@ -246,7 +246,8 @@ def reshaped(sky: Sky, number: int, stage: Joint) -> Leg:
     try:
         plan, measures = planned(sky, stage, who, [names.index(name) for name in others])
     except ValueError as error:
-        raise ValueError(called(str(error), movers + others)) from error
+        raise ValueError(called(str(error), movers, others)) from error
+    measures = tuple(called(measure, movers, others) for measure in measures)
     asked = stage.within.on(sky.orbit.mean_motion)
     deed = Reshaping(movers, others, sky.scenario.zones, stage.plan, asked, plan, measures)
     before = sky.mixed(who, plan.direct)
@@ -259,13 +260,14 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
 
     Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
     """
-    from closeform.avoidance.formation import reconfigure
-    from closeform.avoidance.result import Status
+    from closeform.avoidance import Status, reconfigure
 
     scenario = sky.scenario
     limits = np.array([scenario.craft[k].max_acceleration for k in who])
-    order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
-    order += [k for k in range(len(who)) if k not in order]
+    order = None
+    if stage.plan == "sequential":
+        order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
+        order += [k for k in range(len(who)) if k not in order]
     duration = stage.within.on(sky.orbit.mean_motion)
     measures: tuple[str, ...] = ()
     for attempt in range(AGAIN):
@@ -282,6 +284,7 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
             if_blocked=stage.if_blocked,
             method=stage.plan,
             order=order,
+            names=[scenario.names[k] for k in who],
         )
         measures += plan.measures
         took = float(np.max(plan.starts + plan.durations)) - sky.time

@@ -60,9 +60,9 @@ class Asked:
         others = _obstacles(orbit, obstacles)
         extra = len(others) if others is not None else 0
         called = tuple(names) if names is not None else tuple(f"craft {k}" for k in range(count))
-        if len(called) != count:
+        if len(called) not in (count, count + extra):
             raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
-        called += tuple(f"obstacle {k}" for k in range(extra))
+        called += tuple(f"obstacle {k}" for k in range(count + extra - len(called)))
         limits = None if max_acceleration is None else _each("max_acceleration", max_acceleration, count)
         return cls(
             orbit,

@@ -23,8 +23,8 @@ SETTLED, UNSETTLED, IDLE = 0, 1, 2
 
 
 @kernel()
-def slide(rows, count, others, first, last, matrix, power, t, start, end, work, normal):
-    """The time near t, within [start, end], at which the norm is locally least."""
+def slide(rows, count, others, first, last, matrix, power, t, start, end, tolerance, work, normal):
+    """The time near t, within [start, end], at which the norm is locally least, to `tolerance` of that span."""
     step = 1e-3 * (end - start)
     relative(rows, count, others, first, last, matrix, t, work)
     here = approach_rate(power, work, normal)
@@ -50,7 +50,7 @@ def slide(rows, count, others, first, last, matrix, power, t, start, end, work, 
             a, here = middle, slope
         else:
             b, there = middle, slope
-        if abs(b - a) <= 1e-14 * abs(end - start):
+        if abs(b - a) <= tolerance * abs(end - start):
             break
     return b
 
@@ -142,6 +142,7 @@ def slide_all(base, rows, arcs, scene, contacts, windows, slid, turned):
             times[k],
             windows[k, 0],
             windows[k, 1],
+            1e-14,
             motion,
             turned[k],
         )

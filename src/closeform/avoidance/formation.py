@@ -140,17 +140,18 @@ def _blocked(asked: Asked, pair: tuple[int, int] | None, tried: int) -> str:
 
 def _held(task: Task) -> tuple[tuple[int, int], str] | None:
     """The two bodies deepest in conflict while neither can give way, and in words when and how deep."""
+    flown = task.flown(Contacts.none())
     found = []
-    for pair, (begin, end, _, ratio) in task.conflicts(task.flown(Contacts.none()), PLANNED[0]):
+    for pair, (begin, end, time, ratio) in task.conflicts(flown, PLANNED[0]):
         spans = sorted(tuple(task.base[c, [START, END]]) for c in pair if c < len(task.base))
         first, last = spans[0][0], max(span[1] for span in spans)
         if begin <= first:
-            found.append((ratio, pair, "their start"))
+            found.append((ratio if time <= first else task.ratio(flown, pair, first), pair, "their start"))
         elif end >= last:
-            found.append((ratio, pair, "their end"))
+            found.append((ratio if time >= last else task.ratio(flown, pair, last), pair, "their end"))
         elif spans[0][1] <= spans[-1][0] and begin <= spans[-1][0] and end >= spans[0][1]:
             found.append((ratio, pair, "a time when both coast"))
     if not found:
         return None
     ratio, pair, when = min(found)
-    return pair, f"come to {PLANNED[0] * ratio:.2f} x zone at {when}; move one of them"
+    return pair, f"come to {ratio:.2f} x zone at {when}; move one of them"

@@ -12,9 +12,12 @@ from numba import float64, int64, void
 from closeform.arc import END, START, state_at
 from closeform.avoidance.contacts import slide
 from closeform.avoidance.kernel import relative
-from closeform.avoidance.newton import p_norm
+from closeform.avoidance.newton import approach_rate, p_norm
 from closeform.compiled import kernel
-from closeform.march import locate
+from closeform.march import locate, norm
+
+LEVEL = 1e-13  # slope times width, in zones, at which a dip's lowest point is known
+SETTLED = 1e-8  # of its window, to which a contact's time is settled
 
 
 @kernel(void(float64[:, ::1], int64[::1], float64[::1], float64[:, :, ::1]))
@@ -32,7 +35,7 @@ def sample(arcs, offsets, times, states):
 
 
 @kernel()
-def apart(one, other, matrix, power):
+def apart(one, other, matrix, box):
     """Norm of two bodies' relative position, and its speed in zones a second."""
     if one[0] == inf or other[0] == inf:
         return inf, 0.0
@@ -41,7 +44,7 @@ def apart(one, other, matrix, power):
         gap, speed = one[j] - other[j], one[3 + j] - other[3 + j]
         x, y, z = x + matrix[0, j] * gap, y + matrix[1, j] * gap, z + matrix[2, j] * gap
         vx, vy, vz = vx + matrix[0, j] * speed, vy + matrix[1, j] * speed, vz + matrix[2, j] * speed
-    return p_norm(power, x, y, z), sqrt(vx * vx + vy * vy + vz * vz)
+    return norm(box, x, y, z), sqrt(vx * vx + vy * vy + vz * vz)
 
 
 @kernel()
@@ -70,6 +73,36 @@ def nearest_sample(one, other, squares):
     return least
 
 
+@kernel()
+def lowest_between(rows, others, first, last, matrix, power, start, end, work, normal):
+    """Time of the least norm between two times that hold one dip: false position (Illinois)."""
+    a, b = start, end
+    relative(rows, len(rows), others, first, last, matrix, a, work)
+    falling = approach_rate(power, work, normal)
+    if falling >= 0.0:
+        return a
+    relative(rows, len(rows), others, first, last, matrix, b, work)
+    rising = approach_rate(power, work, normal)
+    if rising <= 0.0:
+        return b
+    side = 0
+    for _ in range(40):
+        t = (a * rising - b * falling) / (rising - falling)
+        relative(rows, len(rows), others, first, last, matrix, t, work)
+        slope = approach_rate(power, work, normal)
+        if abs(slope) * (b - a) < LEVEL:
+            return t
+        if slope < 0.0:
+            a, falling = t, slope
+            rising *= 0.5 if side < 0 else 1.0
+            side = -1
+        else:
+            b, rising = t, slope
+            falling *= 0.5 if side > 0 else 1.0
+            side = 1
+    return t
+
+
 @kernel(
     int64(
         float64[:, ::1],
@@ -89,7 +122,7 @@ def dips(arcs, offsets, times, states, pairs, kinds, matrices, radii, powers, ai
     """Fill `found` with rows (pair, time, ratio) of dips below the aimed norm; how many there are.
 
     `kinds` (P,) is each pair's zone, `radii` the zones' greatest half-axes; more dips than rows are
-    counted, not kept.
+    counted, not kept.  A rounded box is sampled as the box that it is in, whose norm is less.
     """
     work, normal = np.empty((3, 3)), np.empty(3)
     step = times[1] - times[0]
@@ -103,12 +136,12 @@ def dips(arcs, offsets, times, states, pairs, kinds, matrices, radii, powers, ai
             continue
         matrix, power, aim = matrices[kinds[p]], powers[kinds[p]], aims[kinds[p]]
         before, here = inf, inf
-        after, speed = apart(states[i, 0], states[j, 0], matrix, power)
+        after, speed = apart(states[i, 0], states[j, 0], matrix, power > 2.0)
         for k in range(len(times)):
             before, here, pace = here, after, speed
             after = inf
             if k < last:
-                after, speed = apart(states[i, k + 1], states[j, k + 1], matrix, power)
+                after, speed = apart(states[i, k + 1], states[j, k + 1], matrix, power > 2.0)
             if here == inf or here > before or here > after or here - pace * step > aim:
                 continue
             start = max(times[max(k - 1, 0)], arcs[offsets[i], START], arcs[offsets[j], START])
@@ -117,7 +150,7 @@ def dips(arcs, offsets, times, states, pairs, kinds, matrices, radii, powers, ai
             a, b = offsets[j], offsets[j + 1]
             when = times[k]
             if start < end:
-                when = slide(rows, len(rows), arcs, a, b, matrix, power, when, start, end, work, normal)
+                when = lowest_between(rows, arcs, a, b, matrix, power, start, end, work, normal)
             relative(rows, len(rows), arcs, a, b, matrix, when, work)
             ratio = p_norm(power, work[0, 0], work[0, 1], work[0, 2])
             if ratio < aim:
@@ -156,6 +189,7 @@ def settle(arcs, offsets, pairs, kinds, matrices, powers, windows, times):
             times[k],
             windows[k, 0],
             windows[k, 1],
+            SETTLED,
             work,
             normal,
         )

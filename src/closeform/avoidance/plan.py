@@ -14,8 +14,9 @@ class Touch:
     """Where two paths of a plan touch the zone between them.
 
     `time` [s]; the craft `first` and `second` by index, N + k for obstacle k; the unit `normal` (3,) of
-    the zone, pointing from second to first; the `force` [m/s^3] along it, a jump of both craft's
-    thrust rate.
+    the zone, pointing from second to first; the `force` [m/s^3] along it, by which the thrust's rate
+    jumps: of the first along the normal, of the second against it.  Obstacles do not feel it, nor,
+    planned one after another, does the second.
     """
 
     time: float

@@ -30,6 +30,8 @@ NEARLY = 1e-2  # how deep inside the zone a draft may be to be raised out of it
 ENOUGH, STEADY = 1e-5, 1e-5  # depth and relative change of energy at which rounds end
 NEWTON = 12  # steps
 RAISES = 4
+GIVEN_UP = 1.1  # times the energy to beat
+TOO_FAR = 1e5  # zones that a contact alone would push its craft
 MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
 TINY = 1e-300
 PINNED = 1e-9  # a contact this near to the aim after Newton's method is on it
@@ -63,12 +65,16 @@ class Planner:
         self.times = np.linspace(task.first, task.last, SAMPLES)
         self.base = task.flown(Contacts.none())
 
-    def relaxed(self, contacts: Contacts, sides: Sides) -> Draft:
-        """The cheapest clear draft that contacts lead to, else the last draft."""
+    def relaxed(self, contacts: Contacts, sides: Sides, bar: float = np.inf) -> Draft:
+        """The cheapest clear draft that contacts lead to, else the last draft.
+
+        Given up where it costs well above `bar` when nearly clear.
+        """
         best: Draft | None = None
         before, close = np.inf, CLOSE
         for turn in range(ROUNDS):
-            contacts = self.pressed(contacts, 1.0, SOFT * FADE**turn)
+            harder, energy = self.pressed(contacts, 1.0, SOFT * FADE**turn)
+            contacts = harder if energy < np.inf else self.pressed(contacts, 1.0, SOFT)[0]
             flown = self.task.flown(contacts)
             there = self.slid(flown, contacts)
             shift = np.abs(there.times - contacts.times) / self.task.length
@@ -78,6 +84,8 @@ class Planner:
             fresh = self.fresh(flown, found, there, sides)
             short = self.shortfall(found)
             if short < NEARLY:
+                if energy > GIVEN_UP * bar:
+                    break
                 if not len(fresh) and moved < close:
                     polished = self.polished(self.merged(there))
                     if polished is not None:
@@ -87,7 +95,7 @@ class Planner:
                 if raised is not None and (best is None or raised.energy < best.energy):
                     best = raised
                 energy = raised.energy if raised is not None else np.inf
-                if best and short < ENOUGH and abs(energy - before) <= STEADY * energy:
+                if best is not None and short < ENOUGH and abs(energy - before) <= STEADY * energy:
                     return best
                 before = energy
             old = contacts.some(shift > SAME)
@@ -95,15 +103,22 @@ class Planner:
             contacts = self.merged(there.joined(old)).joined(fresh)
         return best or self.draft(contacts, clear=False)
 
-    def pressed(self, contacts: Contacts, lift: float, soft: float = 0.0) -> Contacts:
-        """Contacts with the forces that keep the paths `lift` times the aim away; idle ones go."""
+    def pressed(self, contacts: Contacts, lift: float, soft: float = 0.0) -> tuple[Contacts, float]:
+        """Contacts with the forces that keep the paths `lift` times the aim away, and the energy of that.
+
+        Idle ones go.  The energy is inf where contacts ask for what cannot be together: their forces
+        grow beyond all bounds.
+        """
         if not len(contacts):
-            return contacts
+            return contacts, 0.0
         reach = np.einsum("ki,ki->k", contacts.normals, self.motions(self.base, contacts)[:, 0])
         gaps = self.aims[contacts.kinds] * lift - reach
-        force = np.empty(len(contacts))
-        press(self.gram(contacts), gaps, contacts.force > 0.0, soft, force)
-        return replace(contacts, force=force).some(force > 0.0)
+        gram, force = self.gram(contacts), np.empty(len(contacts), dtype=float)
+        press(gram, gaps, contacts.force > 0.0, soft, force)
+        possible = bool((force * gram.diagonal() < TOO_FAR).all())
+        energy = 0.5 * float(force @ gram @ force) if possible else np.inf
+        pressing = replace(contacts, force=force).some(force > 0.0)
+        return pressing, energy if energy >= 0.0 else np.inf
 
     def slid(self, flown: Flown, contacts: Contacts) -> Contacts:
         """Contacts where their pairs come closest, downhill from where they are."""
@@ -152,10 +167,13 @@ class Planner:
         lift = 1.0
         for _ in range(RAISES):
             lift += 1.5 * short + 1e-11
-            higher = self.pressed(contacts, lift)
-            short = self.shortfall(self.dips(self.task.flown(higher)))
+            higher, energy = self.pressed(contacts, lift)
+            if energy == np.inf:
+                return None
+            flown = self.task.flown(higher)
+            short = self.shortfall(self.dips(flown))
             if short == 0.0:
-                return self.draft(higher)
+                return Draft(higher, flown, energy, clear=True, settled=False)
             if short > NEARLY:
                 return None
         return None
@@ -195,8 +213,8 @@ class Planner:
 
     def draft(self, contacts: Contacts, clear: bool = True, settled: bool = False) -> Draft:
         """The paths under the contacts' forces."""
-        extra = 0.5 * float(contacts.force @ self.gram(contacts) @ contacts.force)
-        return Draft(contacts, self.task.flown(contacts), extra, clear, settled)
+        energy = 0.5 * float(contacts.force @ self.gram(contacts) @ contacts.force)
+        return Draft(contacts, self.task.flown(contacts), energy, clear, settled)
 
     def dips(self, flown: Flown) -> Floats:
         """Rows (pair, time, norm) of the dips below the aim that samples show."""

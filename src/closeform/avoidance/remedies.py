@@ -100,4 +100,5 @@ def _too_weak(asked: Asked, plan: Plan, excess: Any, remedy: str) -> Plan:
         f"{asked.names[worst]} needs {excess[worst] * limit:.4g} m/s² in {asked.durations[worst]:.6g} s, "
         f"its limit is {limit:.4g} m/s²; {remedy}"
     )
-    return replace(plan, paths=None, energy=nan, delta_v=nan, touches=(), status=Status.TOO_WEAK, reason=reason)
+    nothing = {"paths": None, "energy": nan, "delta_v": nan, "touches": (), "proven": False}
+    return replace(plan, status=Status.TOO_WEAK, reason=reason, **nothing)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arc import END, START, WIDTH
-from closeform.avoidance.joint import deflect, prepare_all
+from closeform.avoidance.joint import deflect, prepare_all, seen
 from closeform.screening import search_pairs
 from closeform.zones import Floats, Zone
 
@@ -108,7 +108,7 @@ class Task:
         margin = MARGIN * (self.base[:, END] - self.base[:, START]).max()
         there = np.full(len(self.base), self.first), self.others[self.other_offsets[:-1], START]
         gone = np.full(len(self.base), self.last), self.others[self.other_offsets[1:] - 1, END]
-        windows = self.free(pairs) + np.array([margin, -margin])
+        windows: Floats = self.free(pairs) + np.array([margin, -margin])
         windows[:, 0] = np.maximum(windows[:, 0], np.concatenate(there)[pairs].max(axis=1))
         windows[:, 1] = np.minimum(windows[:, 1], np.concatenate(gone)[pairs].min(axis=1))
         return windows
@@ -134,6 +134,14 @@ class Task:
         own = offsets[-1]
         arcs[own : own + len(self.others)] = self.others
         return arcs[: own + len(self.others)], np.concatenate([offsets, own + self.other_offsets[1:]])
+
+    def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
+        """Norm of a pair at one instant."""
+        kind = self.kinds[(self.pairs == pair).all(axis=1)][0]
+        motion = np.zeros((1, 3, 3))
+        seen(*flown, np.array([pair]), np.array([time]), self.matrices[[kind]], motion)
+        place = np.abs(motion[0, 0])
+        return float(place.max() if self.zones[kind].box else np.linalg.norm(place))
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
         """Certified: every stay of a pair in its zone, `factor` times as large: pair and (start, end, time, ratio)."""

@@ -13,8 +13,9 @@ from closeform.zones import Floats
 DEEP, ANY = 0.3, 1.0  # norm below which the side of a new contact is drawn, not the nearer one
 PUSH = 0.3  # of the zone, by which craft are set apart in thought before sides are drawn
 BLUNT = 8.0  # power of the norm that stands in for a box while sides are chosen
-SHARPER = (32.0, 128.0, 512.0, 2048.0, 8192.0)  # and the powers after it, of balls that hold the box
-WAYS = ((30, 6), (80, 3), (200, 2))  # contacts up to which so many ways are tried; beyond them one
+SHARPER = (32.0, 512.0, 8192.0)  # and the powers after it, of balls that hold the box
+SHALLOW = 0.3  # of the zone, by which a contact must push a pair for its other side to be tried
+WAYS = ((30, 8), (80, 4), (200, 2))  # contacts up to which so many ways are tried; beyond them one
 MORE = 24  # ways tried where the first had no clear one
 FINER = 3  # times that the march may find what samples missed
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
@@ -59,38 +60,41 @@ def drawn(seed: int, depth: float) -> Sides:
 
 
 def searched(task: Task, more: bool = False) -> Outcome:
-    """The best of a number of ways, or of MORE: the nearer sides, single sides turned, all sides drawn anew."""
+    """The best of a number of ways, or of MORE: the nearer sides, then those with one pair's side turned.
+
+    While no way is clear, all sides are drawn anew.
+    """
     planner = Planner(task, PLANNED[0], BLUNT)
-    last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
-    best = certified(planner, last)
+    best = last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
     tried = 1
-    if best is not None and proven(planner, best):
-        return Outcome.of(task, best, True, tried)
+    sure = proven(planner, best)
     count = MORE if more else next((ways for most, ways in WAYS if len(last.contacts) <= most), 1)
-    flipped: list[tuple[int, int]] = []
-    while tried < count:
+    turned: list[tuple[int, int]] = []
+    while tried < count and not sure:
         start, sides = Contacts.none(), drawn(tried, ANY)
-        if best is not None and tried % 2:
-            turned = turn_one(best.contacts, flipped)
-            start, sides = (start, sides) if turned is None else (turned, drawn(0, DEEP))
-        draft = planner.relaxed(start, sides)
+        if best.clear:
+            other_side = turn_one(planner, best.contacts, turned)
+            if other_side is None:
+                break
+            start, sides = other_side, drawn(0, DEEP)
+        draft = planner.relaxed(start, sides, best.energy if best.clear else np.inf)
         tried += 1
-        if best is None or draft.energy < best.energy:
-            other = certified(planner, draft)
-            if other is not None and proven(planner, other):
-                return Outcome.of(task, other, True, tried)
-            best = best if other is None else other
-    if best is None:
+        if draft.clear and not (best.clear and best.energy <= draft.energy):
+            best = draft
+            sure = proven(planner, best)
+    sharp = certified(planner, best)
+    if sharp is None:
         return Outcome(None, (), False, tried, deepest(task, last))
-    return Outcome.of(task, best, False, tried)
+    return Outcome.of(task, sharp, sure and sharp is best, tried)
 
 
-def turn_one(contacts: Contacts, flipped: list[tuple[int, int]]) -> Contacts | None:
-    """Contacts of which the hardest pressed pair that was not turned yet passes on its other side."""
-    for k in np.argsort(-contacts.force):
+def turn_one(planner: Planner, contacts: Contacts, turned: list[tuple[int, int]]) -> Contacts | None:
+    """Contacts of which one pair passes on its other side: that which, left alone, would go nearest to it."""
+    depths = contacts.force * planner.gram(contacts).diagonal()
+    for k in np.argsort(-depths):
         pair = (int(contacts.pairs[k, 0]), int(contacts.pairs[k, 1]))
-        if pair not in flipped:
-            flipped.append(pair)
+        if depths[k] > SHALLOW and pair not in turned:
+            turned.append(pair)
             both = (contacts.pairs == contacts.pairs[k]).all(axis=1)
             return replace(contacts, normals=np.where(both[:, None], -contacts.normals, contacts.normals))
     return None

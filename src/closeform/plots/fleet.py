@@ -46,6 +46,7 @@ FEW = 8  # craft up to which colours are those of a list; more have shades from 
 COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
 SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
 NAMED = 20  # craft up to which names are tried
+LOWER = 0.86  # of a view in space, below its words
 PIECES = 48  # of a track, each as near to the viewer as its middle
 PLANES = (Camera(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])), Camera(np.eye(3)[[1, 2, 0]]))
 OBLIQUE = Camera.around(-1.0, 0.42, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
@@ -103,6 +104,8 @@ def formation_paths(
     Raises ValueError for paths that are not of one shape (N,), another number of names, or
     zones of which neither holds the other.
     """
+    if not isinstance(after, Path):
+        raise ValueError(f"after: expected a Path, got {after!r:.60}; a plan that is not ok has none")
     alike = before.shape == after.shape and before.orbit.mean_motion == after.orbit.mean_motion
     if not alike or len(before.shape) != 1 or not len(before):
         raise ValueError(
@@ -185,14 +188,15 @@ def oblique(stages: list[Formation], called: list[str]) -> Figure:
     wide, high = (WIDTH - 0.2) / len(stages) - 0.1, 5.4
     figure = sheet(high + 1.25)
     points = np.vstack([OBLIQUE(stage.points) for stage in stages])
-    middle, width = framing(points, wide, high, 1.22)
+    middle, width = framing(points, wide, LOWER * high, 1.12)
     width = width or 1.0
+    tall = width * high / wide
+    floor = middle[1] - LOWER * tall / 2
     for column, stage in enumerate(stages):
         left = 0.1 + column * (wide + 0.2)
         axes = area(figure, left, 0.6, wide, high)
         axes.set_xlim(middle[0] - width / 2, middle[0] + width / 2)
-        reach, rise = width * high / wide / 2, 0.03 * width  # room for words above
-        axes.set_ylim(middle[1] - reach + rise, middle[1] + reach + rise)
+        axes.set_ylim(floor, floor + tall)
         framed(axes, stage.title)
         axes.text(0.015, 0.935, stage.story, transform=axes.transAxes, va="top", fontsize=SMALL, color=INK)
         scale_bar(axes, width)
@@ -280,7 +284,7 @@ def weave(axes: Axes, camera: Camera, unit: float, tracks: list[Floats], tints: 
         seen = camera(track) / unit
         cuts = np.unique(np.linspace(0, len(track) - 1, PIECES + 1).astype(int))
         for first, last in zip(cuts[:-1], cuts[1:], strict=True):
-            pieces.append((seen[first + 1 : last], seen[first : last + 2]))  # closed where they meet
+            pieces.append((seen[first : last + 1], seen[max(first - 1, 0) : last + 2]))  # they overlap
             depths.append(float(camera.nearness(track[(first + last) // 2])))
             looks.append(tint)
     lines: list[Floats] = []
@@ -298,7 +302,7 @@ def name(axes: Axes, points: Floats, called: list[str], tints: Floats) -> None:
     renderer = FigureCanvasAgg(axes.get_figure(root=True)).get_renderer()
     inside = axes.get_window_extent()
     marks = axes.transData.transform(points)
-    taken: list[Any] = []
+    taken = [written.get_window_extent(renderer) for written in axes.texts]
     for point, text, tint in zip(points, called, tints, strict=True):
         label = word(axes, point, text, to_hex(0.75 * tint[:3]), va="baseline", zorder=6)
         for right, up, align in SPOTS:

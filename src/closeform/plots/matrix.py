@@ -163,6 +163,8 @@ def ratio_matrix(paths: Any, zones: Any, names: Sequence[str] | None = None) -> 
 
 def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
     """The pairs to show and what their craft are called."""
+    if paths is None:
+        raise ValueError("paths: expected a Path, got None; a plan that is not ok has none")
     flown = crafts(paths)
     if len(flown) < 2:
         raise ValueError(f"paths: give at least two craft, got {len(flown)}")
