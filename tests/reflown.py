@@ -177,10 +177,11 @@ class Pairs:
             lowest[rows] = norms.min(axis=1)
             jump = np.abs(np.diff(norms, axis=1))
             reach = lowest[rows] + np.where(jump < 1e3, jump, 0).max(axis=1)
-            low = (norms[:, 1:-1] <= norms[:, :-2]) & (norms[:, 1:-1] <= norms[:, 2:])
-            row, k = np.nonzero(low & (norms[:, 1:-1] <= reach[:, None]))
+            padded = np.pad(norms, ((0, 0), (1, 1)), constant_values=np.inf)
+            low = (norms <= padded[:, :-2]) & (norms <= padded[:, 2:])
+            row, k = np.nonzero(low & (norms <= reach[:, None]))
             which.append(rows[row])
-            when.append(times[k + 1])
+            when.append(times[k])
         return self.refined(lowest, np.concatenate(which), np.concatenate(when), np.diff(times).max())
 
     def refined(self, lowest, which, when, width):
@@ -251,6 +252,8 @@ def faults(
         return said
     asked = np.broadcast_to(np.asarray(start, dtype=float), craft)
     ends = plan.starts + plan.durations
+    if (plan.starts > asked).any():  # staggered: final states hold at the common end
+        ends = plan.paths.end
     flights = [fly(orbit, plan.paths[k], initial[k], asked[k]) for k in range(craft)]
     wanted = final[plan.slots]
     for k, flight in enumerate(flights):
@@ -258,7 +261,7 @@ def faults(
         if off[:3].max() > MILLIMETRE or off[3:].max() * plan.durations[k] > MILLIMETRE:
             said.append(f"craft {k} ends {off[:3].max():.3g} m and {off[3:].max():.3g} m/s from its slot")
     said += _effort_faults(plan, craft, max_acceleration)
-    said += _bound_faults(plan, orbit, initial, final, asked, assign)
+    said += _bound_faults(plan, orbit, initial, final, asked, ends, assign)
     others = obstacles_of(obstacles)
     window = min(asked.min(), plan.paths.start.min()), plan.paths.end.max()
     pairs = Pairs(flights, others, zones_of(zone, craft, len(others)), *window)
@@ -327,25 +330,24 @@ def _effort_faults(plan, craft, max_acceleration):
     return said
 
 
-def _bound_faults(plan, orbit, initial, final, asked, assign):
-    """The unconstrained optima over the times as flown; a craft coasts until its start."""
-    said = []
-    n = orbit.mean_motion
-    begun = [expm(hill(n) * wait) @ state for wait, state in zip(plan.starts - asked, initial, strict=True)]
-    own = np.array(
-        [optimum(n, begun[k], final[slot], plan.durations[k]) for k, slot in enumerate(plan.slots)]
-    )
+def _bound_faults(plan, orbit, initial, final, asked, ends, assign):
+    """The unconstrained optima over the times as flown: before and after them craft coast."""
+    said, system = [], hill(orbit.mean_motion)
+    begun = [
+        expm(system * (t - t0)) @ state for t, t0, state in zip(plan.starts, asked, initial, strict=True)
+    ]
+    early = [expm(system * (t - t1)) for t, t1 in zip(plan.starts + plan.durations, ends, strict=True)]
+
+    def cost(craft, slot):
+        return optimum(orbit.mean_motion, begun[craft], early[craft] @ final[slot], plan.durations[craft])
+
+    own = np.array([cost(k, slot) for k, slot in enumerate(plan.slots)])
     scale = own.max()
     if not np.allclose(plan.direct.energy, own, rtol=1e-8, atol=1e-10 * scale):
         said.append(f"direct energies {plan.direct.energy}, by the Gramian {own}")
     bound = own.sum()
     if assign:
-        costs = np.array(
-            [
-                [optimum(n, state, slot, time) for slot in final]
-                for state, time in zip(begun, plan.durations, strict=True)
-            ]
-        )
+        costs = np.array([[cost(k, slot) for slot in range(len(final))] for k in range(len(initial))])
         bound = costs[linear_sum_assignment(costs)].sum()
     if not np.isclose(plan.lower_bound, bound, rtol=1e-8, atol=1e-10 * scale):
         said.append(f"lower bound {plan.lower_bound}, by the Gramian {bound}")

@@ -296,12 +296,16 @@ def test_check(tmp_path, capsys) -> None:
     assert main(["check", str(CLUSTER)]) == 0
     assert "valid: 8 craft; stages: coast, avoid, coast" in capsys.readouterr().out
     assert main(["check", str(CLUSTER.with_name("f6_scatter.toml"))]) == 0
-    assert '"scatter" is not built yet' in capsys.readouterr().out
+    assert "valid: 8 craft; stages: coast, scatter, coast, regather" in capsys.readouterr().out
 
 
 def test_what_is_not_built_says_so(tmp_path, capsys) -> None:
-    out = tmp_path / "results"
-    assert main(["run", str(CLUSTER.with_name("f6_scatter.toml")), "--out", str(out)]) == 2
+    out, file = tmp_path / "results", tmp_path / "oem.toml"
+    text = CLUSTER.with_name("f6_scatter.toml").read_text()
+    start = 'projected_circular = { radius = "150 m", first_phase = "0 deg" }'
+    assert start in text
+    file.write_text(text.replace(start, 'oem = "F1.oem"'))
+    assert main(["run", str(file), "--out", str(out)]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert all("is not built yet; " in line for line in printed.err.splitlines())

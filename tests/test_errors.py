@@ -197,6 +197,7 @@ VALUES = st.one_of(
 )
 KEYS = sorted({found[1] for text in SAMPLES for line in text.splitlines() if (found := KEY.match(line))})
 KEYS += ["axes", "meanwhile", "mu", "order", "period", "pointing_error", "shade", "tip_angle", "x"]
+KEYS += ["craft", "direction", "distance", "from", "join", "remove", "ring", "slots", "to"]
 
 
 @given(st.sampled_from(SAMPLES), st.integers(0), st.sampled_from(KEYS), VALUES, st.booleans())

@@ -13,7 +13,7 @@ import closeform as cf
 from bridge import hill
 from closeform.chapters import chapters
 from closeform.mission import fly
-from closeform.scenario import load, parse
+from closeform.scenario import ScenarioError, load, parse
 from closeform.terminal import WIDTH
 from reflown import faults
 from test_mission_search import Run, run_text
@@ -118,16 +118,12 @@ def test_f6_scatters_and_comes_back(f6) -> None:
     assert 150.0 * peak <= 1.5  # N
 
 
-def test_f6_prints_what_it_leaves(tmp_path, monkeypatch, capsys) -> None:
+def test_f6_prints_what_it_leaves(pictureless, tmp_path, monkeypatch, capsys) -> None:
     run = run_text((EXAMPLES / "f6_scatter.toml").read_text(), tmp_path, monkeypatch, capsys)
     assert run.status == 0
     assert max(map(len, run.printed.splitlines()[:-1])) <= WIDTH
     check_sheets(run, 2, "threat")
     check_sheets(run, 4, "")
-    names = {path.name for path in run.folder.iterdir()}
-    assert names >= {f"stage-{k}-{name}.png" for k in (2, 4) for name in ("paths", "ratios", "closest-pairs")}
-    page = (run.folder / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == len([name for name in names if name.endswith(".png")])
 
 
 def check_sheets(run: Run, number: int, name: str) -> None:
@@ -226,7 +222,10 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     plan = run.summary["stages"][0]["plan"]
     assert len(plan["touches"]) == len(leg.deed.plan.touches) > 0
     assert f"{100 * plan['gap']:.3f} % above it" in run.printed
-    assert (run.folder / "stage-1-ratios-before.png").exists()
+    pictures = {path.name for path in run.folder.glob("*.png")}
+    names = "paths", "ratios-before", "ratios", "closest-pairs"
+    assert pictures == {f"stage-1-{name}.png" for name in names}
+    assert (run.folder / "report.html").read_text().count("data:image/png;base64,") == len(pictures)
 
 
 SPREAD = 'name = "spread"\ndo = "scatter"\nfactor = 2.0\nwithin = "0.5 orbits"'
@@ -486,3 +485,69 @@ def test_public_planner_gives_the_same() -> None:
     initial[:, 1] = [-150.0, -50.0, 50.0, 150.0]
     plan = cf.reconfigure(orbit, initial, -initial, 0.5 * orbit.period, cf.Sphere(20.0))
     assert leg.deed.plan.energy == pytest.approx(plan.energy, rel=1e-9)
+
+
+CAGED = """\
+closeform = 1
+title = "One craft in a cage"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["A", "W1", "W2", "W3", "W4"]
+position = ["0 0 0 m", "35 35 35 m", "35 -35 -35 m", "-35 35 -35 m", "-35 -35 35 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "59 m" }
+
+[[stage]]
+do = "reconfigure"
+craft = ["A"]
+to = [{ position = "300 0 0 m", velocity = "0 0 0 m/s" }]
+within = "1000 s"
+if_blocked = ["stagger", "more sides"]
+"""
+
+
+def test_no_way_out_names_the_wall_and_what_was_tried(pictureless, tmp_path, monkeypatch, capsys) -> None:
+    """Four walls 60.6 m off, each with 59 m around it, leave no gap: on any ray one is within 57.2 m."""
+    run = run_text(CAGED, tmp_path, monkeypatch, capsys)
+    assert run.status == 1
+    plan = run.summary["stages"][0]["plan"]
+    assert not plan["ok"]
+    assert plan["status"] == "no clear path found"
+    assert plan["blocked"][0] == "A"
+    assert re.fullmatch("W[1-4]", plan["blocked"][1])
+    assert plan["energy_m2_s3"] is None
+    words = [re.match("[a-z ]+", measure)[0] for measure in plan["measures"]]
+    assert list(dict.fromkeys(words)) == ["stagger", "more sides"]  # in the order that the file asks for
+    said = " ".join([run.summary["verdict"], *plan["measures"]])
+    assert plan["blocked"][1] in run.summary["verdict"]
+    assert "obstacle" not in said
+    assert run.printed.count("Tried: ") == len(plan["measures"])
+
+
+def test_an_engine_that_no_duration_suits(pictureless, tmp_path, monkeypatch, capsys) -> None:
+    """0.2 uN for 100 kg: named with what it would need, the outermost craft first."""
+    run = run_text(weak(SPREAD, thrust='"0.2 uN"'), tmp_path, monkeypatch, capsys)
+    assert run.status == 1
+    assert run.summary["stages"][0]["plan"]["status"] == "thrust limit exceeded"
+    found = re.search(r"\b(F[14]) needs ([0-9.e-]+) m/s² in ([0-9.]+) s", run.summary["verdict"])
+    peak = run.summary["stages"][0]["plan"]["craft"][found[1]]["direct"]["peak_thrust_m_s2"]
+    assert float(found[2]) == pytest.approx(peak, rel=1e-3)
+    assert float(found[3]) == pytest.approx(0.5 * TURN, rel=1e-5)
+    assert "2e-09 m/s²" in run.summary["verdict"]
+
+
+@pytest.mark.parametrize("how", ["factor = 2.0", 'from = "-100 0 0 m"\ndistance = "50 m"'])
+def test_craft_that_no_scale_parts(how: str) -> None:
+    """F2 coasts to where F1 is, and to the point, just when they are to be apart."""
+    text = FLEET.replace('altitude = "500 km"', "deep_space = true")
+    places = '["-100 0 0 m", "0 0 0 m", "0 300 0 m", "0 0 300 m"]'
+    speeds = '["0 0 0 m/s", "-1 0 0 m/s", "0 0 0 m/s", "0 0 0 m/s"]'
+    text = text.replace(
+        'start = { string_of_pearls = { spacing = "100 m" } }', f"position = {places}\nvelocity = {speeds}"
+    )
+    with pytest.raises(ScenarioError, match=r"stage\[1\]: .*\bF[12]\b.*; change within") as raised:
+        fly(parse(fleet(f'do = "scatter"\n{how}\nwithin = "100 s"', text=text)))
+    assert "craft" not in str(raised.value)

@@ -13,9 +13,8 @@ from closeform.avoidance import Status
 from formations import CASES, CONFLICTING, LOW_ORBIT, conflicting, random_case, swap
 from reflown import faults
 
-SAMPLE = range(0, CASES, 5)
-CONFLICTING_SAMPLE = range(0, CONFLICTING, 4)
-SWAP_GAP = 0.03  # of the unconstrained sum, for 12 craft through one point
+SAMPLE = range(0, CASES, 7)  # both parities: deep space and orbit
+CONFLICTING_SAMPLE = range(0, CONFLICTING, 3)
 
 
 def complaints(task):
@@ -57,16 +56,23 @@ def test_ends_in_conflict_are_refused_with_the_pair(seed):
 
 
 def test_twelve_swap_through_one_point():
-    plan, said = complaints(swap())
+    """In deep space all are at the centre at T/2, where room costs at least what follows from K = T^3/192.
+
+    Extra energy 96/T^3 sum |d|^2, sum |d|^2 >= sum over pairs |d_i - d_j|^2 / 12 >= 5.5 R^2, on top of
+    12 x 6 D^2/T^3 for zones of R = 15 m and ways of D = 240 m: 2.9 %.  The tightest cluster of
+    twelve that is known needs 10.7 R^2, which is 5.6 %.
+    """
+    task = swap()
+    plan, said = complaints(task)
     assert said == []
-    assert plan.gap <= SWAP_GAP
-    assert len(plan.touches) >= 12
+    assert 96 * 5.5 * 15**2 / (12 * 6 * 240**2) <= plan.gap <= 0.072
     assert not plan.measures
 
 
-def test_a_swap_in_orbit():
-    _, said = complaints(swap(orbit=LOW_ORBIT))
+def test_a_swap_in_orbit_costs_at_most_three_per_cent():
+    plan, said = complaints(swap(orbit=LOW_ORBIT))
     assert said == []
+    assert plan.gap <= 0.03
 
 
 def test_the_tasks_are_work():

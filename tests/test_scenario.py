@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bad_input import GOOD
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
 from closeform.scenario.craft import OrbitTable, SearchTable, SensorTable
-from closeform.scenario.formation import Formation, Goal, Shape, Start
+from closeform.scenario.formation import Goal, Shape, Start
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
@@ -28,8 +28,8 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
-from closeform.zoning import larger, reach
 from closeform.zones import Box, Ellipsoid, Sphere, Zone
+from closeform.zoning import larger, reach
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

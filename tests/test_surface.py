@@ -20,7 +20,7 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
-RESULTS |= {"Leg.attitude_at", "Search", "Stay", "TheoremCase"}
+RESULTS |= {"Leg.attitude_at", "Plan", "Search", "Stay", "TheoremCase", "Touch"}
 # Take and give objects that carry their own units.
 UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged", "EventKind", "GatherStatus", "Stay"}
 UNITLESS |= {"Search.coverage"}
@@ -39,6 +39,12 @@ def callables() -> dict[str, Any]:
     """Every public function, class and method by its full name."""
     public = {name: getattr(cf, name) for name in cf._HOMES}
     public |= {f"plots.{name}": getattr(cf.plots, name) for name in cf.plots.__all__}
+    own = [
+        name
+        for name, one in vars(cf.targets).items()
+        if inspect.isfunction(one) and one.__module__ == cf.targets.__name__
+    ]
+    public |= {f"targets.{name}": getattr(cf.targets, name) for name in own if not name.startswith("_")}
     found = {name: value for name, value in public.items() if callable(value)}
     for name, value in public.items():
         if inspect.isclass(value):
@@ -56,7 +62,8 @@ def arguments(function: Any) -> list[str]:
 
 
 def test_the_whole_surface_is_seen() -> None:
-    assert {"avoid", "Orbit.circular", "Path.state", "Zone.norm", "plots.distances"} <= set(CALLABLES)
+    seen = {"avoid", "Orbit.circular", "Path.state", "Zone.norm", "plots.distances", "targets.line"}
+    assert seen <= set(CALLABLES)
 
 
 @pytest.mark.parametrize("name", CALLABLES)
@@ -100,13 +107,13 @@ def test_stub_says_what_the_package_says() -> None:
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
     stated = {(alias.asname, node.module) for node in imports for alias in node.names}
     homes = {(name, f"closeform.{module}") for name, module in cf._HOMES.items()}
-    assert stated == homes | {("plots", "closeform")}
+    assert stated == homes | {(name, "closeform") for name in cf._MODULES}
 
 
 def test_names_are_where_they_are_said_to_be() -> None:
     for name, module in cf._HOMES.items():
         assert getattr(cf, name) is getattr(importlib.import_module(f"closeform.{module}"), name)
-    assert {*cf._HOMES, "plots"} <= set(dir(cf))
+    assert {*cf._HOMES, *cf._MODULES} <= set(dir(cf))
     with pytest.raises(AttributeError, match="has no attribute 'colide'"):
         _ = cf.colide
 

@@ -1,5 +1,6 @@
 """A whole formation at once: closeform jointly and craft after craft, and joint convex programs."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
@@ -16,8 +17,8 @@ from tables import Figure, Report, Table, seconds, times
 from timing import say
 
 SAME_TIMES = ("more sides",)  # no other measure: a longer plan would be another task
-NODES = (60, 120, 240)
-SECOND = 1.0  # a plan is timed again and again for about so long
+NODES = (60, 240)
+AGAIN = 0.3  # s; a plan is timed again and again for about so long
 
 
 @dataclass
@@ -50,7 +51,7 @@ class Row:
 
 def measure(quick: bool) -> Report:
     for method in ("joint", "sequential"):
-        planned(reconfiguration(8, 1, spacing=2.5), method, 1)  # compile
+        planned(reconfiguration(8, 1, spacing=3.0), method, 1)  # compile
     rows = [row(task, programs, quick) for task, programs in tasks(quick)]
     every = cases()[: 10 if quick else None]
     outcomes = [tried(task) for task in said("random case", every)]
@@ -76,10 +77,10 @@ def measure(quick: bool) -> Report:
 def tasks(quick: bool) -> list[tuple[Task, bool]]:
     """Tasks of the table, and whether the convex programs get them too."""
     if quick:
-        return [(swap(4, orbit=LOW_ORBIT), True), (reconfiguration(8, 1, spacing=2.5), True)]
+        return [(swap(4, orbit=LOW_ORBIT), True), (reconfiguration(8, 1, spacing=3.0), True)]
     some = [swap(orbit=LOW_ORBIT), swap()]
-    some += [reconfiguration(count, 1, spacing=2.5) for count in (8, 12, 20, 30)]
-    some += [reconfiguration(count, 1, LOW_ORBIT, spacing=2.5) for count in (4, 12, 30)]
+    some += [reconfiguration(count, 2, spacing=3.0) for count in (4, 8, 12, 20, 30)]
+    some += [reconfiguration(count, 2, LOW_ORBIT, spacing=3.0) for count in (4, 8, 12, 20)]
     many = [reconfiguration(count, 1, orbit) for count in (50, 200) for orbit in (cf.Orbit(0.0), LOW_ORBIT)]
     return [(task, True) for task in some] + [(task, False) for task in many]
 
@@ -98,7 +99,7 @@ def row(task: Task, programs: bool, quick: bool) -> Row:
     joint, sequential = (planned(task, method, 1 if quick else 20) for method in ("joint", "sequential"))
     made = Row(task, float(direct.energy.sum()), met, joint, sequential)
     if programs:
-        made.convex = programmed(task, starts=2 if quick else 4)
+        made.convex = programmed(task, starts=4 if task.count <= 12 and not quick else 2)
         if made.convex:
             instants = np.linspace(0.0, task.duration, joint_convex.NODES + 1)
             made.convex_ratio = least_ratio(task, task.orbit.sampled(instants, made.convex.states))
@@ -110,7 +111,7 @@ def row(task: Task, programs: bool, quick: bool) -> Row:
 def planned(task: Task, method: str, repeats: int) -> Outcome:
     """closeform's plan at the times asked for; its time is the whole call, median of its repeats."""
     runs: list[float] = []
-    while len(runs) < repeats and sum(runs) <= SECOND:
+    while len(runs) < repeats and sum(runs) <= AGAIN:
         begin = perf_counter()
         plan = cf.reconfigure(**task.arguments, method=method, if_blocked=SAME_TIMES)
         runs.append(perf_counter() - begin)
@@ -166,42 +167,57 @@ def nodes_of(task: Task, outcome: Outcome, nodes: int) -> Array:
 
 
 def above(energy: float, bound: float) -> str:
-    return f"{100 * (energy / bound - 1):+.3f} %" if np.isfinite(energy) else "no plan"
+    """By how much an energy exceeds a bound, in percent."""
+    return f"{100 * (energy / bound - 1):.3f}" if np.isfinite(energy) else "no plan"
+
+
+def brief(task: Task) -> str:
+    name = re.sub(", seed [0-9]+", "", task.name)
+    return re.sub(",? in (deep )?(?=space|orbit)", ", ", name)
 
 
 def formations(rows: list[Row]) -> Table:
     out = []
     for made in rows:
-        cells = [made.task.name.replace(", seed 1, in", ",").replace(" in ", ", "), f"{made.conflicts}"]
+        cells = [brief(made.task), f"{made.conflicts}"]
         for outcome in (made.joint, made.sequential):
             cells += [seconds(outcome.time), above(outcome.energy, made.bound)]
-        if made.convex:
-            faster = times(made.convex.one_start / made.joint.time)
-            cells += [seconds(made.convex.one_start), faster, above(made.convex.energy, made.bound)]
-        else:
-            cells += ["-", "-", "-"]
-        again = made.restarted
-        out.append([*cells, above(again.energy, made.bound) if again else "-"])
+        found = made.convex
+        if found:
+            cells += [seconds(found.solver_time), times(found.solver_time / made.joint.time)]
+            cells += [seconds(found.one_start), above(found.energy, made.bound)]
+        out.append(cells + ["-"] * (10 - len(cells)))
+    columns = ["task", "meet", "joint", "above", "in turn", "above", "convex", "takes", "best start", "above"]
+    title = "Formations: jointly, one craft in turn after another, and by convex programs; one core"
+    return Table(title, columns, out, notes([made for made in rows if made.convex]))
+
+
+def notes(rows: list[Row]) -> list[str]:
+    """What the columns mean, and the convex programs' settings and faults, of rows that have them."""
     solved = [made.convex for made in rows if made.convex]
     clear = sum(made.convex_ratio > 1.0 for made in rows)
-    free = max(abs(made.convex.free_energy / made.bound - 1) for made in rows if made.convex)
-    notes = [
-        "Energies are above the sum of the unconstrained optima, which is the bound. The convex programs' "
-        f"time is the solver's alone, for the best of {max(f.starts for f in solved)} starts and its "
-        f"inflation (all starts took {seconds(sum(f.solver_time for f in solved))}, "
-        f"{sum(f.programs for f in solved)} programs; the best alone "
-        f"{seconds(sum(f.one_start for f in solved))}); restarted: from closeform's plan instead.",
+    free = max(abs(found.free_energy / made.bound - 1) for made in rows if (found := made.convex))
+    again = [found.energy / made.joint.energy - 1 for made in rows if (found := made.restarted)]
+    alone = median(found.one_start / made.joint.time for made in rows if (found := made.convex))
+    each = median(
+        found.solver_time / found.starts * made.joint.plan.tried / made.joint.time
+        for made in rows
+        if (found := made.convex)
+    )
+    return [
+        "Meet: pairs whose unconstrained paths do. Above: energy over the sum of the unconstrained optima, "
+        "a bound, in percent. closeform's time is the whole call, search and certificate included, median "
+        "of its repeats; the convex programs' is the solver's, for 4 starts up to 12 craft, else 2, and for "
+        f"the best start alone: that takes {times(alone)} closeform's time in the median, a start "
+        f"{times(each)} one of the ways that closeform tries.",
         f"Convex programs: {joint_convex.NODES} nodes, thrust linear between them, Clarabel to "
         f"{joint_convex.TOLERANCE:g}, planes for near pairs only, taken anew until the energy settles to "
         f"{joint_convex.SETTLED:g}, each pair's zone then inflated until it is clear between nodes (by up to "
         f"{100 * max(f.inflation - 1 for f in solved):.1f} %). By closeform's march {clear} of {len(solved)} "
-        f"are clear. Without zones they cost {free:.1e} more than the optimum at most; thrust held constant "
-        "between nodes would cost 2.8e-4 more in deep space.",
-        "closeform's time is the whole call, median of its repeats, certificate included.",
+        f"are clear. Without zones they cost at most {free:.1e} more than the optimum (thrust held constant "
+        "between nodes: 2.8e-4 in deep space). Started at closeform's plans they end "
+        f"{100 * min(again, default=np.nan):+.4f} % to {100 * max(again, default=np.nan):+.4f} % from them.",
     ]
-    columns = ["task", "meet", "joint", "energy", "sequential", "energy"]
-    columns += ["convex", "takes", "energy", "restarted"]
-    return Table("Formations, joint, sequential and by convex programs, one core", columns, out, notes)
 
 
 def nodes_table(made: Row, counts: tuple[int, ...]) -> Table:
@@ -218,7 +234,8 @@ def nodes_table(made: Row, counts: tuple[int, ...]) -> Table:
         out.append([f"{nodes}", *cells, seconds(found.solver_time)])
     out.append(["closeform", "0", "-", "-", above(made.joint.energy, made.bound), seconds(made.joint.time)])
     columns = ["nodes", "without zones", "at nodes", "inflated by", "clear", "solver"]
-    return Table(f"Convex programs started at closeform's plan, {made.task.name}", columns, out)
+    note = "Without zones: over the exact optimum; at nodes and clear: percent above the bound."
+    return Table(f"Convex programs started at closeform's plan, {made.task.name}", columns, out, [note])
 
 
 def random_table(tasks: list[Task], outcomes: list[Outcome]) -> Table:
@@ -275,7 +292,7 @@ def figures(rows: list[Row]) -> list[Figure]:
             met = slowest <= most and all_clear
             found.append(Figure(f"reconfigure, {count} craft", f"<= {seconds(most)}", measured, met))
     compared = [made for made in rows if made.convex and made.conflicts]
-    faster = median(made.convex.one_start / made.joint.time for made in compared if made.convex)
+    faster = median(formed.solver_time / made.joint.time for made in compared if (formed := made.convex))
     dearer = [
         100 * (made.joint.energy / other.energy - 1)
         for made in compared

@@ -1,7 +1,5 @@
 """A stage as flown, and what was done in it."""
 
-import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -17,16 +15,6 @@ if TYPE_CHECKING:
     from closeform.search.locks import Locks
 
 NAMED = 10  # pairs that are named where more have failed
-
-
-def called(text: str, movers: Sequence[str], others: Sequence[str] = ()) -> str:
-    """A text that counts, "craft 0 and 3" or "obstacle 1", with the names of movers and others instead."""
-
-    def names(found: re.Match[str]) -> str:
-        known = movers if found[1] == "craft" else others
-        return " and ".join(known[int(number)] for number in re.findall(r"\d+", found[0]))
-
-    return re.sub(r"\b(craft|obstacle) \d+(?: and \d+\b)?", names, text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +50,6 @@ class Reshaping:
     def names(self) -> tuple[str, ...]:
         """The craft as the plan counts them."""
         return self.movers + self.others
-
-    @property
-    def reason(self) -> str:
-        """What the plan says."""
-        return called(self.plan.reason, self.movers, self.others)
 
     @property
     def blocked(self) -> tuple[str, ...]:
@@ -123,7 +106,7 @@ class Leg:
         if isinstance(self.deed, Change) and not self.deed.avoidance.ok:
             return self.deed.avoidance.reason
         if isinstance(self.deed, Reshaping) and not self.deed.plan.ok:
-            return f"{self.deed.plan.status}: {self.deed.reason}"
+            return f"{self.deed.plan.status}: {self.deed.plan.reason}"
         if isinstance(self.deed, Gathering) and not self.deed.ok:
             return who_is_left(self.deed.sets, self.deed.lost, self.deed.rounds, names)
         if isinstance(self.deed, FirstLocks) and len(self.deed.missing):

@@ -7,6 +7,7 @@ around them, `reconfigure` for the paths of a whole formation, `lock_times` and 
 finds whom.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,7 @@ import numpy as np
 
 from closeform.arc import END, START
 from closeform.flight import Flight, watch
-from closeform.legs import Change, FirstLocks, Leg, Reshaping, called
+from closeform.legs import Change, FirstLocks, Leg, Reshaping
 from closeform.orbit import Orbit
 from closeform.path import Path, stack
 from closeform.scenario import (
@@ -166,6 +167,17 @@ class Sky:
         flying |= {k: self.goal(None, k, duration) for k in rest}
         return self.flight([flying[k] for k in range(len(flying))])
 
+    def apart(self, stage: Scatter, duration: float) -> Floats:
+        """Where everybody scatters to; ValueError naming craft that no way leads apart."""
+        from closeform.targets import scattered, scattered_from
+
+        try:
+            if stage.factor is not None:
+                return scattered(self.orbit, self.states, duration, stage.factor)
+            return scattered_from(self.orbit, self.states, duration, *stage.away)
+        except ValueError as error:
+            raise ValueError(f"{named(str(error), self.scenario.names)}; change within") from None
+
     def goals(self, stage: Joint, who: list[int], duration: float) -> Floats:
         """Where the craft `who` are to be after a `duration` [s]: the slots (S, 6) of a joint stage."""
         from closeform import targets
@@ -174,10 +186,8 @@ class Sky:
         if isinstance(stage, Regather):
             time, then = self.past[stage.as_before]
             return targets.regathered(self.orbit, then, self.time + duration - time)
-        if isinstance(stage, Scatter) and stage.factor is not None:
-            return targets.scattered(self.orbit, self.states, duration, stage.factor)
         if isinstance(stage, Scatter):
-            return targets.scattered_from(self.orbit, self.states, duration, *stage.away)
+            return self.apart(stage, duration)
         if not isinstance(stage, Reconfigure):
             raise TypeError(f"{stage.verb} is not built")
         slots, to = stage.known(self.orbit, len(who)), stage.to
@@ -190,6 +200,15 @@ class Sky:
         if isinstance(to, Goal) and to.remove == "eccentricity":
             return targets.without_eccentricity(self.orbit, coasted[who])
         return targets.without_altitude_difference(self.orbit, coasted[who])
+
+
+def named(text: str, names: tuple[str, ...]) -> str:
+    """A text that counts, "craft 0 and 3", with names instead."""
+
+    def called(found: re.Match[str]) -> str:
+        return " and ".join(names[int(number)] for number in re.findall(r"\d+", found[0]))
+
+    return re.sub(r"\bcraft \d+(?: and \d+\b)?", called, text)
 
 
 def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
@@ -243,11 +262,7 @@ def reshaped(sky: Sky, number: int, stage: Joint) -> Leg:
     movers = stage.movers or names
     others = tuple(name for name in names if name not in movers)
     who = [names.index(name) for name in movers]
-    try:
-        plan, measures = planned(sky, stage, who, [names.index(name) for name in others])
-    except ValueError as error:
-        raise ValueError(called(str(error), movers, others)) from error
-    measures = tuple(called(measure, movers, others) for measure in measures)
+    plan, measures = planned(sky, stage, who, [names.index(name) for name in others])
     asked = stage.within.on(sky.orbit.mean_motion)
     deed = Reshaping(movers, others, sky.scenario.zones, stage.plan, asked, plan, measures)
     before = sky.mixed(who, plan.direct)
@@ -284,7 +299,7 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
             if_blocked=stage.if_blocked,
             method=stage.plan,
             order=order,
-            names=[scenario.names[k] for k in who],
+            names=[scenario.names[k] for k in who + rest],
         )
         measures += plan.measures
         took = float(np.max(plan.starts + plan.durations)) - sky.time

@@ -24,7 +24,7 @@ SETTLED, UNSETTLED, IDLE = 0, 1, 2
 
 @kernel()
 def slide(rows, count, others, first, last, matrix, power, t, start, end, tolerance, work, normal):
-    """The time near t, within [start, end], at which the norm is locally least, to `tolerance` of that span."""
+    """The time near t, within [start, end], of the locally least norm, to `tolerance` of that span."""
     step = 1e-3 * (end - start)
     relative(rows, count, others, first, last, matrix, t, work)
     here = approach_rate(power, work, normal)

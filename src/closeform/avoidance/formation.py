@@ -16,7 +16,7 @@ from closeform.avoidance.result import PLANNED, Status
 from closeform.avoidance.sequential import one_by_one
 from closeform.avoidance.slots import cheapest, revised
 from closeform.avoidance.task import Contacts, Flown, Task
-from closeform.avoidance.ways import searched
+from closeform.avoidance.ways import reshaped, searched
 from closeform.orbit import Orbit
 from closeform.path import Path
 from closeform.zones import Zone
@@ -54,9 +54,7 @@ def reconfigure(
     The result says how it ended; it raises ValueError for arguments that do not fit: shapes,
     fewer slots than craft, zones of which neither holds the other, unknown words.
     """
-    asked = Asked.of(
-        orbit, initial, final, duration, zone, assign, start, obstacles, max_acceleration, names
-    )
+    asked = Asked.of(orbit, initial, final, duration, zone, assign, start, obstacles, max_acceleration, names)
     count = len(asked.initial)
     if unknown := [word for word in if_blocked if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
@@ -94,9 +92,8 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
         task = asked.task()
         direct = _path(asked, task.flown(Contacts.none()))
         bound = float(np.sum(direct.energy))
-        plan = Plan(
-            None, direct, asked.slots, asked.starts, asked.durations, nan, nan, bound, (), Status.NOT_FOUND, ""
-        )
+        times = asked.starts, asked.durations
+        plan = Plan(None, direct, asked.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
         held = _held(task)
         if held is not None:
             pair, words = held
@@ -104,6 +101,8 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
         if method == "joint":
             outcome = searched(task, more)
+            if outcome.flown is None:
+                outcome = reshaped(task, one_by_one(asked.orbit, task, order), outcome)
         else:
             outcome = one_by_one(asked.orbit, task, order, more)
         plan = replace(plan, proven=outcome.proven, tried=outcome.tried, blocked=outcome.blocked)

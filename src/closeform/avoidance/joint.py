@@ -70,9 +70,7 @@ def answers(base, inverses, pairs, times, links, blocks, rates):
             if feels(base, c, times[k]):
                 n = base[c, MEAN_MOTION]
                 left = base[c, END] - times[k]
-                pull(
-                    n, left, inverses[c], matrix, jump, jump_rate, pulls[k, side], pull_rates[k, side]
-                )
+                pull(n, left, inverses[c], matrix, jump, jump_rate, pulls[k, side], pull_rates[k, side])
                 response(n, times[k] - base[c, START], responses[k, side])
     for link in range(len(links)):
         k, m = links[link]

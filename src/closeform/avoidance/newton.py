@@ -7,7 +7,6 @@ p lies on the path, the norm of p is the aimed one, and the path has no speed al
 from math import inf, sqrt
 
 import numpy as np
-
 from numba import float64, int64, types
 
 from closeform.arc import END, START

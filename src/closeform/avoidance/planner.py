@@ -27,7 +27,7 @@ SAME = 2e-4  # of the whole time: contacts of a pair that are closer are one
 SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
 CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
 NEARLY = 1e-2  # how deep inside the zone a draft may be to be raised out of it
-ENOUGH, STEADY = 1e-5, 1e-5  # depth and relative change of energy at which rounds end
+ENOUGH, STEADY = 1e-6, 1e-6  # depth and relative change of energy at which rounds end
 NEWTON = 12  # steps
 RAISES = 4
 GIVEN_UP = 1.1  # times the energy to beat
@@ -124,9 +124,7 @@ class Planner:
         """Contacts where their pairs come closest, downhill from where they are."""
         times = contacts.times.copy()
         windows = self.task.windows(contacts.pairs)
-        settle(
-            *flown, contacts.pairs, contacts.kinds, self.task.matrices, self.powers, windows, times
-        )
+        settle(*flown, contacts.pairs, contacts.kinds, self.task.matrices, self.powers, windows, times)
         there = replace(contacts, times=times)
         motions = self.motions(flown, there)
         apart = self.norms(motions[:, 0], there.kinds) > MEET
@@ -146,6 +144,15 @@ class Planner:
         empty = np.zeros((len(which), 3)), np.zeros(len(which))
         new = Contacts(pairs, self.task.kinds[which], times, *empty).some(~known)
         return replace(new, normals=sides(self, new, self.motions(flown, new))) if len(new) else new
+
+    def nearest(self, flown: Flown, pairs: Any, times: Floats) -> Contacts:
+        """Contacts of pairs at times, without force, on the sides on which paths pass."""
+        task, count = self.task, len(pairs)
+        index = {(int(i), int(j)): k for k, (i, j) in enumerate(task.pairs)}
+        kinds = task.kinds[[index[int(i), int(j)] for i, j in pairs]]
+        times = np.clip(times, *task.windows(pairs).T)
+        new = Contacts(pairs, kinds, times, np.zeros((count, 3)), np.zeros(count))
+        return replace(new, normals=self.normals(self.motions(flown, new), kinds))
 
     def merged(self, contacts: Contacts) -> Contacts:
         """One contact for those of a pair that have come together, at the time of the hardest pressed."""
@@ -179,7 +186,7 @@ class Planner:
         return None
 
     def polished(self, contacts: Contacts) -> Draft | None:
-        """The draft that meets the conditions of optimality to rounding; None where Newton's method finds none."""
+        """The draft that meets the conditions of optimality to rounding; None where Newton's method fails."""
         if not len(contacts):
             return self.draft(contacts, settled=True)
         task, kinds, count = self.task, contacts.kinds, len(contacts)
@@ -208,7 +215,8 @@ class Planner:
             force, times = contacts.force + step[:, 3], contacts.times + step[:, 4]
             if not ((force > 0.0) & (early <= times) & (times <= late)).all():
                 return None
-            contacts = replace(contacts, force=force, times=times, normals=self.normals(points[:, None], kinds))
+            normals = self.normals(points[:, None], kinds)
+            contacts = replace(contacts, force=force, times=times, normals=normals)
         return None
 
     def draft(self, contacts: Contacts, clear: bool = True, settled: bool = False) -> Draft:
@@ -232,7 +240,7 @@ class Planner:
         return float((1.0 - found[:, 2] / aims).max(initial=0.0))
 
     def answers(self, contacts: Contacts) -> tuple[Any, Floats, Floats]:
-        """Links (L, 2) of contacts that share a craft, what a force at m does at k (L, 6, 3), and its rate."""
+        """Links (L, 2) of contacts that share craft, what a force at m does at k (L, 6, 3), and its rate."""
         movers = np.where(contacts.pairs < len(self.task.base), contacts.pairs, -1)
         shared = (movers[:, None, :, None] == movers[None, :, None, :]) & (movers >= 0)[:, None, :, None]
         links = np.ascontiguousarray(np.argwhere(shared.any(axis=(2, 3))))

@@ -10,6 +10,7 @@ import numpy as np
 from closeform.avoidance.asked import Asked
 from closeform.avoidance.plan import Plan
 from closeform.avoidance.result import Status
+from closeform.path import Path
 
 Fallback = Literal["more sides", "longer", "stagger"]
 FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
@@ -17,8 +18,11 @@ Attempt = Callable[[Asked, bool], Plan]  # plans what is asked; with True in mor
 
 STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
 WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the craft that starts last
-REACH = 64.0  # stretch up to which a duration that respects a thrust limit is sought
-LEAST_STEP, HALVINGS = 1.02, 5
+STEPS, STRETCHINGS = (
+    (1.02, 2.0),
+    16,
+)  # by which and how often durations are stretched to respect a thrust limit
+HALVINGS = 5  # and how often the last stretch is halved
 FULL = 1 + 1e-9  # of a limit
 
 
@@ -51,35 +55,39 @@ def _changes(asked: Asked, fallback: Fallback) -> Iterator[tuple[Asked, str]]:
 def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> Plan:
     """A plan that respects the thrust limits: the shortest stretch of all durations that was found to.
 
-    TOO_WEAK where none up to REACH does, or where `longer` is not allowed.
+    TOO_WEAK where none does, or where `longer` is not allowed.
     """
-    excess = _excess(asked, plan)
+    excess = _excess(asked, plan.paths)
     if excess.max() <= FULL:
         return plan
     if not longer:
         return _too_weak(asked, plan, excess, 'allow "longer", or give more time')
-    short, long = 1.0, 1.0
+    weak = asked, plan, excess
+    short = long = 1.0
     best: Plan | None = None
-    latest = plan
-    while best is None:
-        long *= max(LEAST_STEP, float(np.sqrt(excess.max())))  # thrust falls as the square of the time
-        if long > REACH:
-            return _too_weak(asked, latest, excess, f"nor does any duration up to {REACH:g} times it")
+    for _ in range(STRETCHINGS):
+        short, long = (
+            long,
+            long * float(np.clip(np.sqrt(weak[2].max()), *STEPS)),
+        )  # thrust falls as time squared
         changed = asked.longer(long)
-        excess = _excess(changed, None)
+        excess = _excess(changed, changed.direct)
         if excess.max() <= FULL:
-            latest = attempt(changed, False)
-            if latest.ok:
-                excess = _excess(changed, latest)
-                best = latest if excess.max() <= FULL else None
-            else:
-                excess = np.ones(1)
-        if best is None:
-            short = long
+            other = attempt(changed, False)
+            if not other.ok:
+                continue
+            excess = _excess(changed, other.paths)
+            if excess.max() <= FULL:
+                best = other
+                break
+        weak = changed, plan, excess
+    if best is None:
+        words = f"longer, up to {long:.4g} times the duration: the thrust limit is not kept"
+        return _too_weak(weak[0], replace(plan, measures=(*plan.measures, words)), weak[2], "give it more")
     for _ in range(HALVINGS):
         middle = 0.5 * (short + long)
         other = attempt(asked.longer(middle), False)
-        if other.ok and _excess(asked, other).max() <= FULL:
+        if other.ok and _excess(asked, other.paths).max() <= FULL:
             best, long = other, middle
         else:
             short = middle
@@ -87,18 +95,17 @@ def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> P
     return replace(best, measures=(*plan.measures, words))
 
 
-def _excess(asked: Asked, plan: Plan | None) -> Any:
-    """Peak thrust over its limit (N,), of a plan or of the unconstrained optima."""
-    paths = asked.direct if plan is None or plan.paths is None else plan.paths
-    return paths.peak_thrust / asked.limits
+def _excess(asked: Asked, paths: Path | None) -> Any:
+    """Peak thrust over its limit (N,)."""
+    return np.zeros(1) if paths is None else paths.peak_thrust / asked.limits
 
 
 def _too_weak(asked: Asked, plan: Plan, excess: Any, remedy: str) -> Plan:
-    worst = int(np.argmax(excess)) if len(excess) == len(asked.names) else 0
+    worst = int(np.argmax(excess))
     limit = asked.limits[worst] if asked.limits is not None else nan
     reason = (
         f"{asked.names[worst]} needs {excess[worst] * limit:.4g} m/s² in {asked.durations[worst]:.6g} s, "
         f"its limit is {limit:.4g} m/s²; {remedy}"
     )
-    nothing = {"paths": None, "energy": nan, "delta_v": nan, "touches": (), "proven": False}
-    return replace(plan, status=Status.TOO_WEAK, reason=reason, **nothing)
+    plan = replace(plan, paths=None, energy=nan, delta_v=nan, touches=(), proven=False)
+    return replace(plan, status=Status.TOO_WEAK, reason=reason)

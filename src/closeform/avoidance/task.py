@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arc import END, START, WIDTH
+from closeform.arc import END, MEAN_MOTION, START, WIDTH
 from closeform.avoidance.joint import deflect, prepare_all, seen
+from closeform.effort import ENERGY, totals
 from closeform.screening import search_pairs
 from closeform.zones import Floats, Zone
 
@@ -17,7 +18,7 @@ Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Contacts by pair (K, 2), kind of zone (K,), time (K,), normal in zone coordinates (K, 3), force (K,)."""
+    """K contacts: pair (K, 2), kind of zone, time, normal in zone coordinates (K, 3), and force (K,)."""
 
     pairs: Any
     kinds: Any
@@ -135,6 +136,14 @@ class Task:
         arcs[own : own + len(self.others)] = self.others
         return arcs[: own + len(self.others)], np.concatenate([offsets, own + self.other_offsets[1:]])
 
+    def energy(self, flown: Flown) -> float:
+        """Of all craft together."""
+        arcs, offsets = flown
+        own = offsets[: len(self.base) + 1]
+        each = np.empty(len(self.base))
+        totals(np.ascontiguousarray(arcs[: own[-1]]), own, self.base[0, MEAN_MOTION], ENERGY, each)
+        return float(each.sum())
+
     def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
         """Norm of a pair at one instant."""
         kind = self.kinds[(self.pairs == pair).all(axis=1)][0]
@@ -144,7 +153,10 @@ class Task:
         return float(place.max() if self.zones[kind].box else np.linalg.norm(place))
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
-        """Certified: every stay of a pair in its zone, `factor` times as large: pair and (start, end, time, ratio)."""
+        """Every stay of a pair in its zone, made `factor` times as large: pair and (start, end, time, ratio).
+
+        Certified, see `find_conflicts`.
+        """
         found = []
         for kind, zone in enumerate(self.zones):
             pairs = np.ascontiguousarray(self.pairs[self.kinds == kind].T)

@@ -11,11 +11,11 @@ from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
 
 DEEP, ANY = 0.3, 1.0  # norm below which the side of a new contact is drawn, not the nearer one
-PUSH = 0.3  # of the zone, by which craft are set apart in thought before sides are drawn
+PUSH, FAR = 0.3, 1.0  # of the zone, by which craft are set apart in thought before sides are drawn
 BLUNT = 8.0  # power of the norm that stands in for a box while sides are chosen
 SHARPER = (32.0, 512.0, 8192.0)  # and the powers after it, of balls that hold the box
 SHALLOW = 0.3  # of the zone, by which a contact must push a pair for its other side to be tried
-WAYS = ((30, 8), (80, 4), (200, 2))  # contacts up to which so many ways are tried; beyond them one
+WAYS = ((6, 40), (12, 20), (30, 8), (80, 4), (200, 2))  # up to so many contacts, so many ways; else one
 MORE = 24  # ways tried where the first had no clear one
 FINER = 3  # times that the march may find what samples missed
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
@@ -47,9 +47,9 @@ def drawn(seed: int, depth: float) -> Sides:
     def sides(planner: Planner, contacts: Contacts, motions: Floats) -> Floats:
         places, speeds = motions[:, 0], motions[:, 1]
         bodies = len(planner.task.base) + len(planner.task.other_offsets) - 1
-        shifts = np.random.default_rng(seed).normal(size=(bodies, 3))
+        shifts = np.random.default_rng(seed).normal(size=(bodies, 3)) * (FAR if depth == ANY else PUSH)
         apart = shifts[contacts.pairs[:, 0]] - shifts[contacts.pairs[:, 1]]
-        moved = places + PUSH * apart
+        moved = places + apart
         pace = np.einsum("ki,ki->k", speeds, speeds)[:, None]
         across = np.einsum("ki,ki->k", moved, speeds)[:, None] / np.maximum(pace, 1e-300)
         moved = np.where(pace > 0.0, moved - across * speeds, moved)
@@ -60,9 +60,9 @@ def drawn(seed: int, depth: float) -> Sides:
 
 
 def searched(task: Task, more: bool = False) -> Outcome:
-    """The best of a number of ways, or of MORE: the nearer sides, then those with one pair's side turned.
+    """The best of a number of ways, or of MORE.
 
-    While no way is clear, all sides are drawn anew.
+    First the nearer sides; then one pair after another turned to its other side; then all sides drawn anew.
     """
     planner = Planner(task, PLANNED[0], BLUNT)
     best = last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
@@ -71,21 +71,34 @@ def searched(task: Task, more: bool = False) -> Outcome:
     count = MORE if more else next((ways for most, ways in WAYS if len(last.contacts) <= most), 1)
     turned: list[tuple[int, int]] = []
     while tried < count and not sure:
-        start, sides = Contacts.none(), drawn(tried, ANY)
-        if best.clear:
-            other_side = turn_one(planner, best.contacts, turned)
-            if other_side is None:
-                break
-            start, sides = other_side, drawn(0, DEEP)
-        draft = planner.relaxed(start, sides, best.energy if best.clear else np.inf)
+        start = turn_one(planner, best.contacts, turned) if best.clear else None
+        sides = drawn(0, DEEP) if start is not None else drawn(tried, ANY)
+        bar = best.energy if best.clear else np.inf
+        draft = planner.relaxed(start if start is not None else Contacts.none(), sides, bar)
         tried += 1
-        if draft.clear and not (best.clear and best.energy <= draft.energy):
+        if draft.clear and draft.energy < bar:
+            turned = turned if start is not None else []
             best = draft
             sure = proven(planner, best)
     sharp = certified(planner, best)
     if sharp is None:
         return Outcome(None, (), False, tried, deepest(task, last))
     return Outcome.of(task, sharp, sure and sharp is best, tried)
+
+
+def reshaped(task: Task, alone: Outcome, before: Outcome) -> Outcome:
+    """What craft found one after another, shaped jointly on the same sides; else `before`."""
+    tried = before.tried + alone.tried
+    if alone.flown is None:
+        return replace(before, tried=tried)
+    planner = Planner(task, PLANNED[0], BLUNT)
+    pairs = np.array([sorted((touch.first, touch.second)) for touch in alone.touches]).reshape(-1, 2)
+    times = np.array([touch.time for touch in alone.touches])
+    draft = planner.relaxed(planner.nearest(alone.flown, pairs, times), drawn(0, DEEP))
+    sharp = certified(planner, draft) if draft.clear else None
+    if sharp is None or task.energy(sharp.flown) > task.energy(alone.flown):
+        return replace(alone, tried=tried)
+    return Outcome.of(task, sharp, False, tried + 1)
 
 
 def turn_one(planner: Planner, contacts: Contacts, turned: list[tuple[int, int]]) -> Contacts | None:
@@ -128,11 +141,7 @@ def at_conflicts(planner: Planner, draft: Draft, found: list[tuple[tuple[int, in
     task = planner.task
     planner.times = np.linspace(task.first, task.last, 2 * len(planner.times))
     pairs = np.array([pair for pair, _ in found])
-    index = {(int(i), int(j)): k for k, (i, j) in enumerate(task.pairs)}
-    kinds = task.kinds[[index[pair] for pair, _ in found]]
-    times = np.clip([row[2] for _, row in found], *task.windows(pairs).T)
-    new = Contacts(pairs, kinds, times, np.zeros((len(found), 3)), np.zeros(len(found)))
-    return replace(new, normals=planner.normals(planner.motions(draft.flown, new), kinds))
+    return planner.nearest(draft.flown, pairs, np.array([row[2] for _, row in found]))
 
 
 def deepest(task: Task, draft: Draft) -> tuple[int, int] | None:

@@ -84,7 +84,7 @@ def worth(deed: Reshaping) -> Iterator[str]:
     """How good the plan is, and where craft touch each other's zones."""
     plan = deed.plan
     if not plan.ok:
-        yield f"Planned {how(deed)}: {plan.status}: {deed.reason}"
+        yield f"Planned {how(deed)}: {plan.status}: {plan.reason}"
         return
     best = "proven the global optimum" if plan.proven else f"best of {counted(plan.tried, 'way')} tried"
     yield f"Planned {how(deed)}: energy {plan.energy:.6g} m²/s³, delta-v {plan.delta_v:.6g} m/s in all"

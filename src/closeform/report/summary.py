@@ -86,7 +86,7 @@ def plan_summary(deed: Reshaping, direct: Flight) -> dict[str, Any]:
     return {
         "ok": plan.ok,
         "status": str(plan.status),
-        "reason": deed.reason,
+        "reason": plan.reason,
         "method": deed.method,
         "measures": list(deed.measures),
         "blocked": list(deed.blocked) or None,
