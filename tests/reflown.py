@@ -22,6 +22,7 @@ RATIO = 1e-6  # of the zone, and of a least ratio; planned is 1e-9 outside, so t
 ENERGY, DELTA_V = 1e-8, 1e-5  # relative; the integrand of delta-v has a kink where thrust vanishes
 SAMPLES = 1500  # at least, over the whole plan
 STRIDE = 0.2  # of the smallest zone, at most flown between two samples
+LOWS = 30  # of a pair, at most; where two keep their distance every sample is one
 NODES = np.polynomial.legendre.leggauss(24)
 PANELS = 12  # of quadrature between two jumps of the thrust's rate
 
@@ -56,8 +57,8 @@ def fly(orbit, path, state, time):
     system = hill(orbit.mean_motion)
     joints = np.unique(np.concatenate([path.arcs[:, 0], path.arcs[:, 1], [time]]))
     size = np.abs(path.state(np.linspace(path.start, path.end, 50))).max(axis=0)
-    lengths = max(size[:3].max(), 1e-3), max(size[3:].max(), 1e-9)
-    tolerance = 1e-13 * np.repeat(lengths, 3)
+    length = max(size[:3].max(), 1e-3)
+    tolerance = 1e-13 * np.repeat([length, max(size[3:].max(), length / (path.end - path.start))], 3)
     legs = {}
     for side in (joints[joints >= time], joints[joints <= time][::-1]):
         here = state
@@ -179,9 +180,11 @@ class Pairs:
             reach = lowest[rows] + np.where(jump < 1e3, jump, 0).max(axis=1)
             padded = np.pad(norms, ((0, 0), (1, 1)), constant_values=np.inf)
             low = (norms <= padded[:, :-2]) & (norms <= padded[:, 2:])
-            row, k = np.nonzero(low & (norms <= reach[:, None]))
+            norms[~low | (norms > reach[:, None])] = np.inf
+            lows = np.argsort(norms, axis=1)[:, :LOWS]
+            row, k = np.nonzero(np.isfinite(np.take_along_axis(norms, lows, axis=1)))
             which.append(rows[row])
-            when.append(times[k])
+            when.append(times[lows[row, k]])
         return self.refined(lowest, np.concatenate(which), np.concatenate(when), np.diff(times).max())
 
     def refined(self, lowest, which, when, width):

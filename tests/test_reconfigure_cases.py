@@ -13,7 +13,7 @@ from closeform.avoidance import Status
 from formations import CASES, CONFLICTING, LOW_ORBIT, conflicting, random_case, swap
 from reflown import faults
 
-SAMPLE = range(0, CASES, 7)  # both parities: deep space and orbit
+SAMPLE = range(0, CASES, 9)  # both parities: deep space and orbit
 CONFLICTING_SAMPLE = range(0, CONFLICTING, 3)
 
 

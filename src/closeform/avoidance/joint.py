@@ -166,3 +166,44 @@ def seen(arcs, offsets, pairs, times, matrices, motions):
         i, j = pairs[k]
         rows = arcs[offsets[i] : offsets[i + 1]]
         relative(rows, len(rows), arcs, offsets[j], offsets[j + 1], matrices[k], times[k], motions[k])
+
+
+@kernel(
+    void(float64[:, ::1], float64[:, :, ::1], int64[:, ::1], float64[::1], float64[:, ::1], float64[:, ::1])
+)
+def compliances(base, inverses, pairs, times, along, gram):
+    """How far a force along `along` (K, 3) at contact m moves the pair of contact k along its own.
+
+    Fills `gram` (K, K), symmetric: the kernel between the earlier time of two and the later one is
+    a product of what depends on the one and on the other alone.           # theory (12), t <= s
+    """
+    count = len(times)
+    felt = np.zeros((count, 2), dtype=np.bool_)
+    earlier, later = np.zeros((count, 2, 6)), np.zeros((count, 2, 6))
+    matrix, jump, jump_rate = np.empty((6, 6)), np.empty((6, 3)), np.empty((6, 3))
+    pulls, spare = np.empty((6, 3)), np.empty((6, 3))
+    for k in range(count):
+        for side in range(2):
+            c = pairs[k, side]
+            if not feels(base, c, times[k]):
+                continue
+            felt[k, side] = True
+            n = base[c, MEAN_MOTION]
+            pull(n, base[c, END] - times[k], inverses[c], matrix, jump, jump_rate, pulls, spare)
+            response(n, times[k] - base[c, START], matrix)
+            for j in range(6):
+                for i in range(3):
+                    earlier[k, side, j] += along[k, i] * matrix[i, j]
+                    later[k, side, j] += pulls[j, i] * along[k, i]
+    for k in range(count):
+        for m in range(k + 1):
+            first, last = (k, m) if times[k] <= times[m] else (m, k)
+            total = 0.0
+            for a in range(2):
+                for b in range(2):
+                    if pairs[first, a] == pairs[last, b] and felt[first, a] and felt[last, b]:
+                        part = 0.0
+                        for j in range(6):
+                            part += earlier[first, a, j] * later[last, b, j]
+                        total += part if a == b else -part
+            gram[k, m] = gram[m, k] = total

@@ -110,7 +110,6 @@ def lowest_between(rows, others, first, last, matrix, power, start, end, work, n
         float64[::1],
         float64[:, :, ::1],
         int64[:, ::1],
-        int64[::1],
         float64[:, :, ::1],
         float64[::1],
         float64[::1],
@@ -118,11 +117,11 @@ def lowest_between(rows, others, first, last, matrix, power, start, end, work, n
         float64[:, ::1],
     )
 )
-def dips(arcs, offsets, times, states, pairs, kinds, matrices, radii, powers, aims, found):
+def dips(arcs, offsets, times, states, pairs, matrices, radii, powers, aims, found):
     """Fill `found` with rows (pair, time, ratio) of dips below the aimed norm; how many there are.
 
-    `kinds` (P,) is each pair's zone, `radii` the zones' greatest half-axes; more dips than rows are
-    counted, not kept.  A rounded box is sampled as the box that it is in, whose norm is less.
+    Of each pair: the matrix, greatest half-axis, power and aimed norm of its zone.  More dips than rows
+    are counted, not kept.  A rounded box is sampled as the box that it is in, whose norm is less.
     """
     work, normal = np.empty((3, 3)), np.empty(3)
     step = times[1] - times[0]
@@ -131,10 +130,10 @@ def dips(arcs, offsets, times, states, pairs, kinds, matrices, radii, powers, ai
     fastest = spread(states, places)
     for p in range(len(pairs)):
         i, j = pairs[p]
-        reach = aims[kinds[p]] * radii[kinds[p]] + step * (fastest[i] + fastest[j])
+        reach = aims[p] * radii[p] + step * (fastest[i] + fastest[j])
         if nearest_sample(places[i], places[j], squares) > reach * reach:
             continue
-        matrix, power, aim = matrices[kinds[p]], powers[kinds[p]], aims[kinds[p]]
+        matrix, power, aim = matrices[p], powers[p], aims[p]
         before, here = inf, inf
         after, speed = apart(states[i, 0], states[j, 0], matrix, power > 2.0)
         for k in range(len(times)):
@@ -165,14 +164,13 @@ def dips(arcs, offsets, times, states, pairs, kinds, matrices, radii, powers, ai
         float64[:, ::1],
         int64[::1],
         int64[:, ::1],
-        int64[::1],
         float64[:, :, ::1],
         float64[::1],
         float64[:, ::1],
         float64[::1],
     )
 )
-def settle(arcs, offsets, pairs, kinds, matrices, powers, windows, times):
+def settle(arcs, offsets, pairs, matrices, powers, windows, times):
     """Move each contact's time to the dip of its pair's norm that lies downhill, within its window."""
     work, normal = np.empty((3, 3)), np.empty(3)
     for k in range(len(times)):
@@ -184,8 +182,8 @@ def settle(arcs, offsets, pairs, kinds, matrices, powers, windows, times):
             arcs,
             offsets[j],
             offsets[j + 1],
-            matrices[kinds[k]],
-            powers[kinds[k]],
+            matrices[k],
+            powers[k],
             times[k],
             windows[k, 0],
             windows[k, 1],

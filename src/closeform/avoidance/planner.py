@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.avoidance.joint import answers, seen
+from closeform.avoidance.joint import answers, compliances, seen
 from closeform.avoidance.meetings import dips, sample, settle
 from closeform.avoidance.newton import SMALL, TOUCHING, conditions
 from closeform.avoidance.pressing import press
@@ -22,7 +22,7 @@ from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
 
 ROUNDS = 60
-SAMPLES = 128  # of the whole time, between which a dip may be missed until the march finds it
+SAMPLES = 64  # of the whole time, between which a dip may be missed until the march finds it
 SAME = 2e-4  # of the whole time: contacts of a pair that are closer are one
 SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
 CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
@@ -60,8 +60,8 @@ class Planner:
         self.task = task
         self.powers = np.where(task.boxes, power, 2.0)
         self.aims = margin * np.where(task.boxes, rounding, 1.0)
-        widths = np.linalg.norm(np.linalg.inv(task.matrices), 2, axis=(1, 2))
-        self.radii = widths * np.where(task.boxes, np.sqrt(3.0), 1.0)
+        widths = np.array([np.linalg.norm(np.linalg.inv(zone.matrix), 2) for zone in task.zones])
+        self.radii = widths[task.kinds] * np.where(task.boxes, np.sqrt(3.0), 1.0)
         self.times = np.linspace(task.first, task.last, SAMPLES)
         self.base = task.flown(Contacts.none())
 
@@ -99,7 +99,7 @@ class Planner:
                     return best
                 before = energy
             old = contacts.some(shift > SAME)
-            old = replace(old, normals=self.normals(self.motions(flown, old), old.kinds))
+            old = replace(old, normals=self.normals(self.motions(flown, old), old.which))
             contacts = self.merged(there.joined(old)).joined(fresh)
         return best or self.draft(contacts, clear=False)
 
@@ -112,7 +112,7 @@ class Planner:
         if not len(contacts):
             return contacts, 0.0
         reach = np.einsum("ki,ki->k", contacts.normals, self.motions(self.base, contacts)[:, 0])
-        gaps = self.aims[contacts.kinds] * lift - reach
+        gaps = self.aims[contacts.which] * lift - reach
         gram, force = self.gram(contacts), np.empty(len(contacts), dtype=float)
         press(gram, gaps, contacts.force > 0.0, soft, force)
         possible = bool((force * gram.diagonal() < TOO_FAR).all())
@@ -122,52 +122,39 @@ class Planner:
 
     def slid(self, flown: Flown, contacts: Contacts) -> Contacts:
         """Contacts where their pairs come closest, downhill from where they are."""
-        times = contacts.times.copy()
-        windows = self.task.windows(contacts.pairs)
-        settle(*flown, contacts.pairs, contacts.kinds, self.task.matrices, self.powers, windows, times)
+        task, which, times = self.task, contacts.which, contacts.times.copy()
+        settle(*flown, task.pairs[which], task.forms[which], self.powers[which], task.windows[which], times)
         there = replace(contacts, times=times)
         motions = self.motions(flown, there)
-        apart = self.norms(motions[:, 0], there.kinds) > MEET
-        turned = np.where(apart[:, None], self.normals(motions, there.kinds), contacts.normals)
+        apart = self.norms(motions[:, 0], which) > MEET
+        turned = np.where(apart[:, None], self.normals(motions, which), contacts.normals)
         return replace(there, normals=np.ascontiguousarray(turned))
 
     def fresh(self, flown: Flown, found: Floats, contacts: Contacts, sides: Sides) -> Contacts:
         """New contacts, without force, at dips that no contact is near."""
-        if not len(found):
-            return Contacts.none()
         which = found[:, 0].astype(np.int64)
-        pairs = self.task.pairs[which]
-        windows = self.task.windows(pairs)
-        times = np.clip(found[:, 1], windows[:, 0], windows[:, 1])
-        near = np.abs(times[:, None] - contacts.times) < 2 * SAME * self.task.length
-        known = ((pairs[:, None] == contacts.pairs).all(axis=2) & near).any(axis=1)
-        empty = np.zeros((len(which), 3)), np.zeros(len(which))
-        new = Contacts(pairs, self.task.kinds[which], times, *empty).some(~known)
+        new = Contacts.unpressed(which, np.clip(found[:, 1], *self.task.windows[which].T))
+        near = np.abs(new.times[:, None] - contacts.times) < 2 * SAME * self.task.length
+        new = new.some(~((which[:, None] == contacts.which) & near).any(axis=1))
         return replace(new, normals=sides(self, new, self.motions(flown, new))) if len(new) else new
 
-    def nearest(self, flown: Flown, pairs: Any, times: Floats) -> Contacts:
+    def nearest(self, flown: Flown, which: Any, times: Floats) -> Contacts:
         """Contacts of pairs at times, without force, on the sides on which paths pass."""
-        task, count = self.task, len(pairs)
-        index = {(int(i), int(j)): k for k, (i, j) in enumerate(task.pairs)}
-        kinds = task.kinds[[index[int(i), int(j)] for i, j in pairs]]
-        times = np.clip(times, *task.windows(pairs).T)
-        new = Contacts(pairs, kinds, times, np.zeros((count, 3)), np.zeros(count))
-        return replace(new, normals=self.normals(self.motions(flown, new), kinds))
+        new = Contacts.unpressed(which, np.clip(times, *self.task.windows[which].T))
+        return replace(new, normals=self.normals(self.motions(flown, new), which))
 
     def merged(self, contacts: Contacts) -> Contacts:
         """One contact for those of a pair that have come together, at the time of the hardest pressed."""
-        order = np.lexsort((contacts.times, contacts.pairs[:, 1], contacts.pairs[:, 0]))
-        sorted_ = contacts.some(order)
-        new = np.ones(len(order), dtype=bool)
-        new[1:] = (sorted_.pairs[1:] != sorted_.pairs[:-1]).any(axis=1)
-        new[1:] |= np.diff(sorted_.times) >= SAME * self.task.length
+        ordered = contacts.some(np.lexsort((contacts.times, contacts.which)))
+        new = np.ones(len(ordered), dtype=bool)
+        new[1:] = np.diff(ordered.which) > 0
+        new[1:] |= np.diff(ordered.times) >= SAME * self.task.length
         if new.all():
             return contacts
         group = np.cumsum(new) - 1
-        force = np.bincount(group, sorted_.force)
-        hardest = np.lexsort((sorted_.force, group))
+        hardest = np.lexsort((ordered.force, group))
         last = np.flatnonzero(np.append(np.diff(group[hardest]) > 0, True))
-        return replace(sorted_.some(hardest[last]), force=force)
+        return replace(ordered.some(hardest[last]), force=np.bincount(group, ordered.force))
 
     def raised(self, contacts: Contacts, short: float) -> Draft | None:
         """A clear draft with the contacts where they are, aimed a little higher; None where there is none."""
@@ -189,13 +176,13 @@ class Planner:
         """The draft that meets the conditions of optimality to rounding; None where Newton's method fails."""
         if not len(contacts):
             return self.draft(contacts, settled=True)
-        task, kinds, count = self.task, contacts.kinds, len(contacts)
-        matrices, powers, aims = task.matrices[kinds], self.powers[kinds], self.aims[kinds]
-        early, late = task.windows(contacts.pairs).T
+        task, which, count = self.task, contacts.which, len(contacts)
+        forms, powers, aims = task.forms[which], self.powers[which], self.aims[which]
+        early, late = task.windows[which].T
         pinned = (contacts.times <= early) | (contacts.times >= late)
         durations = np.where(pinned, 0.0, task.length)
         points = self.motions(task.flown(contacts), contacts)[:, 0]
-        points = points * (aims / self.norms(points, kinds))[:, None]
+        points = points * (aims / self.norms(points, which))[:, None]
         jacobian, rhs = np.empty((5 * count, 5 * count)), np.empty(5 * count)
         for _ in range(NEWTON):
             flown = task.flown(contacts)
@@ -203,7 +190,7 @@ class Planner:
             jacobian[:] = rhs[:] = 0.0
             scalars, vectors = (powers, aims, contacts.force), (contacts.normals, points)
             error = conditions(
-                *self.answers(contacts), matrices, scalars, vectors, motions, durations, jacobian, rhs
+                *self.answers(contacts), forms, scalars, vectors, motions, durations, jacobian, rhs
             )
             if 0.0 <= error < TOUCHING:
                 deep = self.shortfall(self.dips(flown)) > PINNED
@@ -215,7 +202,7 @@ class Planner:
             force, times = contacts.force + step[:, 3], contacts.times + step[:, 4]
             if not ((force > 0.0) & (early <= times) & (times <= late)).all():
                 return None
-            normals = self.normals(points[:, None], kinds)
+            normals = self.normals(points[:, None], which)
             contacts = replace(contacts, force=force, times=times, normals=normals)
         return None
 
@@ -230,51 +217,51 @@ class Planner:
         states = np.empty((len(flown[1]) - 1, len(self.times), 6))
         sample(*flown, self.times, states)
         found = np.empty((4 * len(task.pairs) + 64, 3))
-        zones = task.matrices, self.radii, self.powers, self.aims
-        count = dips(*flown, self.times, states, task.pairs, task.kinds, *zones, found)
+        zones = task.forms, self.radii, self.powers, self.aims
+        count = dips(*flown, self.times, states, task.pairs, *zones, found)
         return found[: min(count, len(found))]
 
     def shortfall(self, found: Floats) -> float:
         """By how much the deepest of the dips misses the aim, as a share of it."""
-        aims = self.aims[self.task.kinds[found[:, 0].astype(np.int64)]]
-        return float((1.0 - found[:, 2] / aims).max(initial=0.0))
-
-    def answers(self, contacts: Contacts) -> tuple[Any, Floats, Floats]:
-        """Links (L, 2) of contacts that share craft, what a force at m does at k (L, 6, 3), and its rate."""
-        movers = np.where(contacts.pairs < len(self.task.base), contacts.pairs, -1)
-        shared = (movers[:, None, :, None] == movers[None, :, None, :]) & (movers >= 0)[:, None, :, None]
-        links = np.ascontiguousarray(np.argwhere(shared.any(axis=(2, 3))))
-        blocks, rates = np.empty((len(links), 6, 3)), np.empty((len(links), 6, 3))
-        answers(self.task.base, self.task.inverses, contacts.pairs, contacts.times, links, blocks, rates)
-        return links, blocks, rates
+        return float((1.0 - found[:, 2] / self.aims[found[:, 0].astype(np.int64)]).max(initial=0.0))
 
     def gram(self, contacts: Contacts) -> Floats:
         """Compliance between the contacts along their normals (K, K)."""
-        links, blocks, _ = self.answers(contacts)
-        along = np.einsum("kji,kj->ki", self.task.matrices[contacts.kinds], contacts.normals)
-        gram = np.zeros((len(contacts), len(contacts)))
-        k, m = links.T
-        gram[k, m] = np.einsum("li,lij,lj->l", along[k], blocks[:, :3], along[m])
+        task, count = self.task, len(contacts)
+        along = np.einsum("kji,kj->ki", task.forms[contacts.which], contacts.normals, order="C")
+        gram = np.empty((count, count))
+        compliances(task.base, task.inverses, task.pairs[contacts.which], contacts.times, along, gram)
         return gram
+
+    def answers(self, contacts: Contacts) -> tuple[Any, Floats, Floats]:
+        """Links (L, 2) of contacts that share craft, what a force at m does at k (L, 6, 3), and its rate."""
+        task, pairs = self.task, self.task.pairs[contacts.which]
+        movers = np.where(pairs < len(task.base), pairs, -1)
+        shared = (movers[:, None, :, None] == movers[None, :, None, :]) & (movers >= 0)[:, None, :, None]
+        links = np.ascontiguousarray(np.argwhere(shared.any(axis=(2, 3))))
+        blocks, rates = np.empty((len(links), 6, 3)), np.empty((len(links), 6, 3))
+        answers(task.base, task.inverses, pairs, contacts.times, links, blocks, rates)
+        return links, blocks, rates
 
     def motions(self, flown: Flown, contacts: Contacts) -> Floats:
         """Relative position, velocity and acceleration (K, 3, 3) at the contacts, in zone coordinates."""
         out = np.zeros((len(contacts), 3, 3))
-        seen(*flown, contacts.pairs, contacts.times, self.task.matrices[contacts.kinds], out)
+        which = contacts.which
+        seen(*flown, self.task.pairs[which], contacts.times, self.task.forms[which], out)
         return out
 
-    def norms(self, places: Floats, kinds: Any) -> Floats:
+    def norms(self, places: Floats, which: Any) -> Floats:
         """Norms (K,) of places in zone coordinates (K, 3)."""
-        powers = self.powers[kinds]
+        powers = self.powers[which]
         size = np.abs(places).max(axis=1, initial=TINY)
         shares = np.abs(places) / size[:, None]
         return np.asarray(size * (shares ** powers[:, None]).sum(axis=1) ** (1.0 / powers))
 
-    def normals(self, motions: Floats, kinds: Any) -> Floats:
+    def normals(self, motions: Floats, which: Any) -> Floats:
         """Gradients (K, 3) of the norms at motions (K, >= 1, 3)."""
         places = motions[:, 0]
-        shares = np.abs(places) / np.maximum(self.norms(places, kinds), TINY)[:, None]
-        return np.ascontiguousarray(np.sign(places) * shares ** (self.powers[kinds][:, None] - 1.0))
+        shares = np.abs(places) / np.maximum(self.norms(places, which), TINY)[:, None]
+        return np.ascontiguousarray(np.sign(places) * shares ** (self.powers[which][:, None] - 1.0))
 
 
 def solved(matrix: Floats, rhs: Floats) -> Floats:

@@ -48,12 +48,12 @@ def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:
         if others:
             around = [zones[min(j, k), max(j, k)] for j in others]
             known = Obstacles.of([published[j] for j in others], around)
-            if known.conflicts(path.arcs):
-                way = shaped(path, known)
-                tried += way.tried
-                if way.path is None:
-                    deepest = known.deepest(path.arcs)
-                    return Outcome(None, (), False, tried, (k, others[deepest[0] if deepest else 0]))
+            deepest = known.deepest(path.arcs)
+            if deepest is not None:
+                way = None if known.at_end(path) else shaped(path, known)  # its ends are where they are
+                tried += way.tried if way is not None else 0
+                if way is None or way.path is None:
+                    return Outcome(None, (), False, tried, (k, others[deepest[0]]))
                 path = way.path
                 touches += [Touch(c.time, k, others[c.obstacle], c.normal, c.force) for c in way.contacts]
         published[k] = _spanned(task, path)

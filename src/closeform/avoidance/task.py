@@ -1,6 +1,7 @@
 """What is planned jointly: craft on their base arcs, obstacles, zones of pairs, and contacts between them."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,18 +19,21 @@ Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """K contacts: pair (K, 2), kind of zone, time, normal in zone coordinates (K, 3), and force (K,)."""
+    """K contacts: which of a task's pairs, time, normal in zone coordinates (K, 3), and force (K,)."""
 
-    pairs: Any
-    kinds: Any
+    which: Any
     times: Floats
     normals: Floats
     force: Floats
 
     @classmethod
     def none(cls) -> "Contacts":
-        whole = np.empty(0, dtype=np.int64)
-        return cls(whole.reshape(0, 2), whole, np.empty(0), np.empty((0, 3)), np.empty(0))
+        return cls.unpressed(np.empty(0, dtype=np.int64), np.empty(0))
+
+    @classmethod
+    def unpressed(cls, which: Any, times: Floats) -> "Contacts":
+        """Contacts without normal and force."""
+        return cls(which, times, np.zeros((len(times), 3)), np.zeros(len(times)))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -45,7 +49,7 @@ class Contacts:
 
     @property
     def columns(self) -> tuple[Any, ...]:
-        return self.pairs, self.kinds, self.times, self.normals, self.force
+        return self.which, self.times, self.normals, self.force
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +68,6 @@ class Task:
     pairs: Any
     kinds: Any
     zones: tuple[Zone, ...]
-    matrices: Floats  # (Z, 3, 3)
     first: float
     last: float
 
@@ -82,7 +85,6 @@ class Task:
             np.concatenate([np.empty((0, 2), dtype=np.int64), *(pairs for pairs, _ in held)]),
             np.concatenate([np.empty(0, dtype=np.int64), *(np.full(len(p), k) for p, k in held)]),
             tuple(zone for zone, _ in zones),
-            np.array([zone.matrix for zone, _ in zones]).reshape(-1, 3, 3),
             float(base[:, START].min()),
             float(base[:, END].max()),
         )
@@ -92,39 +94,45 @@ class Task:
         """Of the time that is flown [s]."""
         return self.last - self.first
 
-    @property
+    @cached_property
     def boxes(self) -> Any:
-        """Which of the zones are boxes (Z,)."""
-        return np.array([zone.box for zone in self.zones], dtype=bool)
+        """For which pairs the zone is a box (P,)."""
+        return np.array([zone.box for zone in self.zones], dtype=bool)[self.kinds]
 
-    def free(self, pairs: Any) -> Floats:
-        """From when to when one of each pair at least can give way (K, 2)."""
+    @cached_property
+    def forms(self) -> Floats:
+        """The matrix of each pair's zone (P, 3, 3)."""
+        return np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3)[self.kinds]
+
+    @cached_property
+    def windows(self) -> Floats:
+        """Within which contacts of each pair can lie (P, 2): one can give way, and both are there."""
         never = np.full(len(self.other_offsets) - 1, np.inf)
-        starts = np.concatenate([self.base[:, START], never])[pairs]
-        ends = np.concatenate([self.base[:, END], -never])[pairs]
-        return np.stack([starts.min(axis=1), ends.max(axis=1)], axis=1)
-
-    def windows(self, pairs: Any) -> Floats:
-        """Within which contacts of each pair can lie (K, 2)."""
         margin = MARGIN * (self.base[:, END] - self.base[:, START]).max()
+        starts = np.concatenate([self.base[:, START] + margin, never])[self.pairs]
+        ends = np.concatenate([self.base[:, END] - margin, -never])[self.pairs]
         there = np.full(len(self.base), self.first), self.others[self.other_offsets[:-1], START]
         gone = np.full(len(self.base), self.last), self.others[self.other_offsets[1:] - 1, END]
-        windows: Floats = self.free(pairs) + np.array([margin, -margin])
-        windows[:, 0] = np.maximum(windows[:, 0], np.concatenate(there)[pairs].max(axis=1))
-        windows[:, 1] = np.minimum(windows[:, 1], np.concatenate(gone)[pairs].min(axis=1))
-        return windows
+        early = np.maximum(starts.min(axis=1), np.concatenate(there)[self.pairs].max(axis=1))
+        late = np.minimum(ends.max(axis=1), np.concatenate(gone)[self.pairs].min(axis=1))
+        return np.stack([early, late], axis=1)
+
+    @cached_property
+    def index(self) -> dict[tuple[int, int], int]:
+        """Where each pair stands among `pairs`."""
+        return {(i, j): k for k, (i, j) in enumerate(self.pairs.tolist())}
 
     def flown(self, contacts: Contacts) -> Flown:
         """The paths of all bodies under the contacts' forces."""
         arcs = np.zeros((3 * len(self.base) + 2 * len(contacts) + len(self.others), WIDTH))
         offsets = np.zeros(len(self.base) + 1, dtype=np.int64)
         pushes = np.einsum(
-            "kji,kj,k->ki", self.matrices[contacts.kinds], contacts.normals, contacts.force, order="C"
+            "kji,kj,k->ki", self.forms[contacts.which], contacts.normals, contacts.force, order="C"
         )
         deflect(
             self.base,
             self.inverses,
-            contacts.pairs,
+            self.pairs[contacts.which],
             contacts.times,
             pushes,
             self.first,
@@ -146,11 +154,11 @@ class Task:
 
     def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
         """Norm of a pair at one instant."""
-        kind = self.kinds[(self.pairs == pair).all(axis=1)][0]
+        which = [self.index[pair]]
         motion = np.zeros((1, 3, 3))
-        seen(*flown, np.array([pair]), np.array([time]), self.matrices[[kind]], motion)
+        seen(*flown, self.pairs[which], np.array([time]), self.forms[which], motion)
         place = np.abs(motion[0, 0])
-        return float(place.max() if self.zones[kind].box else np.linalg.norm(place))
+        return float(place.max() if self.boxes[which] else np.linalg.norm(place))
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
         """Every stay of a pair in its zone, made `factor` times as large: pair and (start, end, time, ratio).

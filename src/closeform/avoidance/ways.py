@@ -12,7 +12,7 @@ from closeform.zones import Floats
 
 DEEP, ANY = 0.3, 1.0  # norm below which the side of a new contact is drawn, not the nearer one
 PUSH, FAR = 0.3, 1.0  # of the zone, by which craft are set apart in thought before sides are drawn
-BLUNT = 8.0  # power of the norm that stands in for a box while sides are chosen
+BLUNT = 4.0  # power of the norm that stands in for a box while sides are chosen
 SHARPER = (32.0, 512.0, 8192.0)  # and the powers after it, of balls that hold the box
 SHALLOW = 0.3  # of the zone, by which a contact must push a pair for its other side to be tried
 WAYS = ((6, 40), (12, 20), (30, 8), (80, 4), (200, 2))  # up to so many contacts, so many ways; else one
@@ -48,13 +48,14 @@ def drawn(seed: int, depth: float) -> Sides:
         places, speeds = motions[:, 0], motions[:, 1]
         bodies = len(planner.task.base) + len(planner.task.other_offsets) - 1
         shifts = np.random.default_rng(seed).normal(size=(bodies, 3)) * (FAR if depth == ANY else PUSH)
-        apart = shifts[contacts.pairs[:, 0]] - shifts[contacts.pairs[:, 1]]
+        first, second = planner.task.pairs[contacts.which].T
+        apart = shifts[first] - shifts[second]
         moved = places + apart
         pace = np.einsum("ki,ki->k", speeds, speeds)[:, None]
         across = np.einsum("ki,ki->k", moved, speeds)[:, None] / np.maximum(pace, 1e-300)
         moved = np.where(pace > 0.0, moved - across * speeds, moved)
-        deep = planner.norms(places, contacts.kinds) < depth
-        return planner.normals(np.where(deep[:, None], moved, places)[:, None], contacts.kinds)
+        deep = planner.norms(places, contacts.which) < depth
+        return planner.normals(np.where(deep[:, None], moved, places)[:, None], contacts.which)
 
     return sides
 
@@ -69,7 +70,7 @@ def searched(task: Task, more: bool = False) -> Outcome:
     tried = 1
     sure = proven(planner, best)
     count = MORE if more else next((ways for most, ways in WAYS if len(last.contacts) <= most), 1)
-    turned: list[tuple[int, int]] = []
+    turned: list[int] = []
     while tried < count and not sure:
         start = turn_one(planner, best.contacts, turned) if best.clear else None
         sides = drawn(0, DEEP) if start is not None else drawn(tried, ANY)
@@ -92,24 +93,25 @@ def reshaped(task: Task, alone: Outcome, before: Outcome) -> Outcome:
     if alone.flown is None:
         return replace(before, tried=tried)
     planner = Planner(task, PLANNED[0], BLUNT)
-    pairs = np.array([sorted((touch.first, touch.second)) for touch in alone.touches]).reshape(-1, 2)
+    pairs = [(min(touch.first, touch.second), max(touch.first, touch.second)) for touch in alone.touches]
+    which = np.array([task.index[pair] for pair in pairs], dtype=np.int64)
     times = np.array([touch.time for touch in alone.touches])
-    draft = planner.relaxed(planner.nearest(alone.flown, pairs, times), drawn(0, DEEP))
+    draft = planner.relaxed(planner.nearest(alone.flown, which, times), drawn(0, DEEP))
     sharp = certified(planner, draft) if draft.clear else None
     if sharp is None or task.energy(sharp.flown) > task.energy(alone.flown):
         return replace(alone, tried=tried)
     return Outcome.of(task, sharp, False, tried + 1)
 
 
-def turn_one(planner: Planner, contacts: Contacts, turned: list[tuple[int, int]]) -> Contacts | None:
+def turn_one(planner: Planner, contacts: Contacts, turned: list[int]) -> Contacts | None:
     """Contacts of which one pair passes on its other side: that which, left alone, would go nearest to it."""
     depths = contacts.force * planner.gram(contacts).diagonal()
     for k in np.argsort(-depths):
-        pair = (int(contacts.pairs[k, 0]), int(contacts.pairs[k, 1]))
-        if depths[k] > SHALLOW and pair not in turned:
-            turned.append(pair)
-            both = (contacts.pairs == contacts.pairs[k]).all(axis=1)
-            return replace(contacts, normals=np.where(both[:, None], -contacts.normals, contacts.normals))
+        which = int(contacts.which[k])
+        if depths[k] > SHALLOW and which not in turned:
+            turned.append(which)
+            both = contacts.which[:, None] == which
+            return replace(contacts, normals=np.where(both, -contacts.normals, contacts.normals))
     return None
 
 
@@ -117,7 +119,7 @@ def certified(planner: Planner, draft: Draft) -> Draft | None:
     """A draft that the march finds clear, its boxes sharpened; None where there is none."""
     task = planner.task
     best: Draft | None = None
-    rounded = bool(task.boxes[draft.contacts.kinds].any())
+    rounded = bool(task.boxes[draft.contacts.which].any())
     stages = [planner]
     if rounded:
         stages = [Planner(task, PLANNED[0], power, 3.0 ** (1.0 / power)) for power in SHARPER]
@@ -140,8 +142,8 @@ def at_conflicts(planner: Planner, draft: Draft, found: list[tuple[tuple[int, in
     """Contacts without force at the conflicts that the march has found; samples are doubled."""
     task = planner.task
     planner.times = np.linspace(task.first, task.last, 2 * len(planner.times))
-    pairs = np.array([pair for pair, _ in found])
-    return planner.nearest(draft.flown, pairs, np.array([row[2] for _, row in found]))
+    which = np.array([task.index[pair] for pair, _ in found])
+    return planner.nearest(draft.flown, which, np.array([row[2] for _, row in found]))
 
 
 def deepest(task: Task, draft: Draft) -> tuple[int, int] | None:
@@ -152,13 +154,14 @@ def deepest(task: Task, draft: Draft) -> tuple[int, int] | None:
 
 def touches(task: Task, contacts: Contacts) -> tuple[Touch, ...]:
     """Contacts in metres, in order of time."""
-    pushes = np.einsum("kji,kj->ki", task.matrices[contacts.kinds], contacts.normals)
+    pushes = np.einsum("kji,kj->ki", task.forms[contacts.which], contacts.normals)
     sizes = np.linalg.norm(pushes, axis=1)
+    pairs = task.pairs[contacts.which]
     return tuple(
         Touch(
             float(contacts.times[k]),
-            int(contacts.pairs[k, 0]),
-            int(contacts.pairs[k, 1]),
+            int(pairs[k, 0]),
+            int(pairs[k, 1]),
             pushes[k] / sizes[k],
             float(contacts.force[k] * sizes[k]),
         )
@@ -174,16 +177,16 @@ def proven(planner: Planner, draft: Draft) -> bool:
     this relaxation, and so of the task.  Only for ellipsoids.                   # as shaping.proven
     """
     contacts, task = draft.contacts, planner.task
-    if not draft.settled or len(contacts) > LARGE or task.boxes[contacts.kinds].any():
+    if not draft.settled or len(contacts) > LARGE or task.boxes[contacts.which].any():
         return False
     if not len(contacts):
         return True
     links, blocks, _ = planner.answers(contacts)
-    matrices = task.matrices[contacts.kinds]
+    matrices = task.forms[contacts.which]
     k, m = links.T
     gram = np.zeros((len(contacts), 3, len(contacts), 3))
     gram[k, :, m, :] = np.einsum("lia,lab,ljb->lij", matrices[k], blocks[:, :3], matrices[m])
-    weight = np.repeat(np.sqrt(contacts.force / planner.aims[contacts.kinds]), 3)
+    weight = np.repeat(np.sqrt(contacts.force / planner.aims[contacts.which]), 3)
     size = 3 * len(contacts)
     stiff = weight[:, None] * gram.reshape(size, size) * weight
     return bool(np.linalg.eigvalsh(stiff)[-1] <= 1.0 + PROVEN)
