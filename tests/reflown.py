@@ -21,6 +21,8 @@ MILLIMETRE = 1e-3  # at the end; a velocity may be off by as much over the craft
 RATIO = 1e-6  # of the zone, and of a least ratio; planned is 1e-9 outside, so this is the integrator's
 ENERGY, DELTA_V = 1e-8, 1e-5  # relative; the integrand of delta-v has a kink where thrust vanishes
 SAMPLES = 1500  # at least, over the whole plan
+TOUCHING = 1e-5  # of an ellipsoid; weak touches settle last
+ROUNDED = 0.03  # of a box, whose edges are rounded first and then sharpened
 STRIDE = 0.2  # of the smallest zone, at most flown between two samples
 LOWS = 30  # of a pair, at most; where two keep their distance every sample is one
 NODES = np.polynomial.legendre.leggauss(24)
@@ -275,8 +277,12 @@ def faults(
                 said.append(f"craft {i} and {j} come to {ratio!r} x zone")
             if not (abs(ratio - claim) <= RATIO * ratio or ratio == claim):
                 said.append(f"craft {i} and {j}: least ratio {ratio!r}, claimed {claim!r}")
-    rank = list(order if order is not None else range(craft)) if method == "sequential" else None
-    return said + touch_faults(plan, flights, pairs, rank)
+    said += touch_faults(plan, pairs)
+    if method == "joint":
+        said += force_faults(plan)
+    elif not plan.measures:  # or they may have planned in another order
+        said += force_faults(plan, list(range(craft) if order is None else order))
+    return said
 
 
 def _frame_faults(plan, craft, slots, assign, start, duration):
@@ -361,27 +367,35 @@ def _bound_faults(plan, orbit, initial, final, asked, ends, assign):
     return said
 
 
-def touch_faults(plan, flights, pairs, rank=None):
-    """At touches the pair is at its zone, and the thrust's rates jump by the forces; nowhere else.
-
-    With a `rank` of the craft (a sequential plan) the later one alone gives way.
-    """
+def touch_faults(plan, pairs):
+    """At touches, in order of time, the pair is at its zone and pushed apart."""
     said = []
-    length = plan.paths.end.max() - plan.paths.start.min()
     for touch in plan.touches:
         i, j = touch.first, touch.second
         time = np.array([touch.time])
         gap = (pairs.places(i, time) - pairs.places(j, time))[0]
-        ratio = pairs.zone_of(i, j).norm(gap)
+        zone = pairs.zone_of(i, j)
+        ratio = zone.norm(gap)
         if not abs(np.linalg.norm(touch.normal) - 1) < 1e-9 or not touch.force > 0:
             said.append(f"touch of {i} and {j}: normal {touch.normal}, force {touch.force}")
         if not touch.normal @ gap > 0:
             said.append(f"touch of {i} and {j} pulls")
-        if not abs(ratio - 1) < 0.03:
+        if not abs(ratio - 1) < (ROUNDED if zone.box else TOUCHING):
             said.append(f"touch of {i} and {j} at {ratio!r} x zone")
     if [touch.time for touch in plan.touches] != sorted(touch.time for touch in plan.touches):
         said.append("touches out of order")
-    for k in range(len(flights)):
+    return said
+
+
+def force_faults(plan, rank=None):
+    """The rates of thrusts jump by the forces of touches and nowhere else, and thrusts do not.
+
+    So each path is the optimum for its touches.  With a `rank` of the craft (a sequential plan)
+    the later one of two alone gives way.
+    """
+    said = []
+    length = plan.paths.end.max() - plan.paths.start.min()
+    for k in range(len(plan.paths)):
         path = plan.paths[k]
         inner = (path.arcs[1:, 0] > plan.starts[k] + 1e-9 * length) & (
             path.arcs[1:, 0] < plan.starts[k] + plan.durations[k] - 1e-9 * length

@@ -360,7 +360,7 @@ def brute_force(task, plan, sides, seed=0):
 def test_brute_force_finds_nothing_cheaper(orbit, count, seed):
     task = asked(orbit, count, seed, cf.Sphere(20.0))
     plan = planned(task)
-    assert len(plan.touches) > 1
+    assert 1 < len(plan.touches) <= 12  # or brute force takes for ever
     extra = plan.energy - plan.lower_bound
     own, *others = brute_force(task, plan, sides=4)
     assert own == pytest.approx(extra, rel=1e-4)  # a local optimum

@@ -100,6 +100,11 @@ class Leg:
         return self.stage.verb
 
     @property
+    def flown(self) -> bool:
+        """Whether its paths count: a move without a clear path is not flown."""
+        return self.failure is None or not isinstance(self.deed, Change | Reshaping)
+
+    @property
     def failure(self) -> str | None:
         """Why the mission cannot go on after this stage; None where it can."""
         names = self.after.names

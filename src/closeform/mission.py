@@ -85,8 +85,9 @@ class Mission:
     def warnings(self) -> tuple[str, ...]:
         """Craft that would need more than their thrust, delta-v or propellant, one line each."""
         lines = []
+        flown = [leg.flown for leg in self.legs]
         for k, craft in enumerate(self.scenario.craft):
-            spent, burnt = self.delta_v[:, k].sum(), self.propellant[:, k].sum()
+            spent, burnt = self.delta_v[flown, k].sum(), self.propellant[flown, k].sum()
             if craft.delta_v_budget is not None and spent > craft.delta_v_budget:
                 lines.append(
                     f"{craft.name} needs {spent:.4g} m/s, its delta_v_budget is {craft.delta_v_budget:g} m/s"
@@ -96,7 +97,7 @@ class Mission:
                     f"{craft.name} needs {burnt:.4g} kg of propellant, it has {craft.propellant:g} kg"
                 )
             if craft.max_thrust is not None and craft.mass is not None:
-                peaks = (leg.after.paths[k].peak_thrust for leg in self.legs)
+                peaks = (leg.after.paths[k].peak_thrust for leg in self.legs if leg.flown)
                 force = max(peaks, default=0.0) * craft.mass
                 if force > craft.max_thrust * (1.0 + ROUNDING):
                     lines.append(

@@ -34,7 +34,7 @@ def safety_ellipse(
     around the origin: the separation across the track from a craft there is never below the
     smaller swing, however wrong their distance along-track; between two of N craft of the
     ellipse never below 2 sin(pi / N) times that.  The first craft is lowest at `phase` = 0 [rad];
-    the others are ahead of it in phase.
+    the others are ahead of it in phase.  orbit: of the origin.
     D'Amico and Montenbruck, J. Guidance, Control, and Dynamics 29(3), 554-563, 2006.
 
     Raises ValueError in deep space, for a count below 1, swings that are not positive and numbers
@@ -56,7 +56,7 @@ def separated_ring(
     The vectors of any two craft differ by parallel vectors too, so radial and cross-track
     separation never vanish together: 2 sin(pi / N) times the smaller of the lengths is left
     between any two, at any along-track offset.  The relative orbits are those of a `safety_ellipse`
-    around the origin.  first_phase: of the first craft's (e1, e2) [rad].
+    around the origin, whose path is `orbit`.  first_phase: of the first craft's (e1, e2) [rad].
     D'Amico and Montenbruck, J. Guidance, Control, and Dynamics 29(3), 554-563, 2006.
 
     Raises ValueError in deep space, for a count below 1, an eccentricity that is not positive, no
@@ -141,7 +141,7 @@ def without_eccentricity(orbit: Orbit, states: ArrayLike) -> Floats:
     """The `states` (..., 6) in m and m/s with no eccentricity difference to the origin, and no other change.
 
     Only Palmer's (e1, e2) become 0; d, l and the inclination stay.  The craft keeps its mean place
-    along-track and its drift, and swings radially no longer.
+    along-track and its drift, and swings radially no longer.  orbit: of the origin.
     Palmer, J. Guidance, Control, and Dynamics 29(3), 519-526, 2006.
 
     Raises ValueError in deep space, for other shapes and for numbers that are not finite.
@@ -153,7 +153,7 @@ def without_altitude_difference(orbit: Orbit, states: ArrayLike) -> Floats:
     """The `states` (..., 6) in m and m/s with no difference of mean altitude, and no other change.
 
     Only Palmer's d becomes 0: the craft drifts no longer; e- and i-vector and l stay, so its position
-    changes by 2 d radially.
+    changes by 2 d radially.  orbit: of the origin.
     Palmer, J. Guidance, Control, and Dynamics 29(3), 519-526, 2006.
 
     Raises ValueError in deep space, for other shapes and for numbers that are not finite.
@@ -193,7 +193,7 @@ def scattered(orbit: Orbit, states: ArrayLike, duration: float, factor: float) -
     """Final states (N, 6) at which every pair is at least `factor` times as far apart as in `states`.
 
     states: (N, 6) in m and m/s at the start; duration: from then to arrival [s].  The
-    states to which the craft would coast are enlarged about their centroid, positions and
+    states to which the craft would coast in `orbit` are enlarged about their centroid, positions and
     velocities alike, by the least scale, but at least 1, that keeps the promise for every pair.
     The relative motion afterwards is that of coasting, enlarged by the same scale: a formation
     that does not drift does not drift then, and no pair is ever closer than by coasting.  About no
@@ -258,7 +258,7 @@ def regathered(orbit: Orbit, states: ArrayLike, elapsed: float) -> Floats:
     """The relative orbits of `states` (..., 6), in m and m/s, `elapsed` [s] later.
 
     Final states for craft that return to the relative orbits that they had: each takes the place at
-    which it would be had it coasted ever since, so `elapsed` counts to the time of arrival.
+    which it would be had it coasted in `orbit` ever since, so `elapsed` counts to the time of arrival.
 
     Raises ValueError for a negative time, other shapes and numbers that are not finite.
     """

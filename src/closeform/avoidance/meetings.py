@@ -124,13 +124,13 @@ def dips(arcs, offsets, times, states, pairs, matrices, radii, powers, aims, fou
     are counted, not kept.  A rounded box is sampled as the box that it is in, whose norm is less.
     """
     work, normal = np.empty((3, 3)), np.empty(3)
-    step = times[1] - times[0]
+    widest = np.diff(times).max()
     count, last = 0, len(times) - 1
     places, squares = np.empty((len(states), 3, len(times))), np.empty(len(times))
     fastest = spread(states, places)
     for p in range(len(pairs)):
         i, j = pairs[p]
-        reach = aims[p] * radii[p] + step * (fastest[i] + fastest[j])
+        reach = aims[p] * radii[p] + widest * (fastest[i] + fastest[j])
         if nearest_sample(places[i], places[j], squares) > reach * reach:
             continue
         matrix, power, aim = matrices[p], powers[p], aims[p]
@@ -141,7 +141,7 @@ def dips(arcs, offsets, times, states, pairs, matrices, radii, powers, aims, fou
             after = inf
             if k < last:
                 after, speed = apart(states[i, k + 1], states[j, k + 1], matrix, power > 2.0)
-            if here == inf or here > before or here > after or here - pace * step > aim:
+            if here == inf or here > before or here > after or here - pace * widest > aim:
                 continue
             start = max(times[max(k - 1, 0)], arcs[offsets[i], START], arcs[offsets[j], START])
             end = min(times[min(k + 1, last)], arcs[offsets[i + 1] - 1, END], arcs[offsets[j + 1] - 1, END])

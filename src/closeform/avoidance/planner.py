@@ -113,11 +113,11 @@ class Planner:
             return contacts, 0.0
         reach = np.einsum("ki,ki->k", contacts.normals, self.motions(self.base, contacts)[:, 0])
         gaps = self.aims[contacts.which] * lift - reach
-        gram, force = self.gram(contacts), np.empty(len(contacts), dtype=float)
+        gram, force = self.gram(contacts), np.zeros(len(contacts))
         press(gram, gaps, contacts.force > 0.0, soft, force)
-        possible = bool((force * gram.diagonal() < TOO_FAR).all())
+        possible = bool(np.isfinite(force).all() and (force * gram.diagonal() < TOO_FAR).all())
         energy = 0.5 * float(force @ gram @ force) if possible else np.inf
-        pressing = replace(contacts, force=force).some(force > 0.0)
+        pressing = Contacts(contacts.which, contacts.times, contacts.normals, force).some(force > 0.0)
         return pressing, energy if energy >= 0.0 else np.inf
 
     def slid(self, flown: Flown, contacts: Contacts) -> Contacts:
@@ -154,7 +154,9 @@ class Planner:
         group = np.cumsum(new) - 1
         hardest = np.lexsort((ordered.force, group))
         last = np.flatnonzero(np.append(np.diff(group[hardest]) > 0, True))
-        return replace(ordered.some(hardest[last]), force=np.bincount(group, ordered.force))
+        return replace(
+            ordered.some(hardest[last]), force=np.asarray(np.bincount(group, ordered.force), dtype=float)
+        )
 
     def raised(self, contacts: Contacts, short: float) -> Draft | None:
         """A clear draft with the contacts where they are, aimed a little higher; None where there is none."""
@@ -242,6 +244,10 @@ class Planner:
         blocks, rates = np.empty((len(links), 6, 3)), np.empty((len(links), 6, 3))
         answers(task.base, task.inverses, pairs, contacts.times, links, blocks, rates)
         return links, blocks, rates
+
+    def rounded(self, contacts: Contacts) -> bool:
+        """Whether some contact is with a box."""
+        return bool(self.task.boxes[contacts.which].any())
 
     def motions(self, flown: Flown, contacts: Contacts) -> Floats:
         """Relative position, velocity and acceleration (K, 3, 3) at the contacts, in zone coordinates."""

@@ -102,7 +102,8 @@ class Task:
     @cached_property
     def forms(self) -> Floats:
         """The matrix of each pair's zone (P, 3, 3)."""
-        return np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3)[self.kinds]
+        matrices: Floats = np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3)
+        return np.ascontiguousarray(matrices[self.kinds])
 
     @cached_property
     def windows(self) -> Floats:

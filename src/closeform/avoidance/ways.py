@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from closeform.avoidance.plan import Touch
-from closeform.avoidance.planner import Draft, Planner, Sides
+from closeform.avoidance.planner import TINY, Draft, Planner, Sides
 from closeform.avoidance.result import PLANNED
 from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
@@ -17,6 +17,7 @@ SHARPER = (32.0, 512.0, 8192.0)  # and the powers after it, of balls that hold t
 SHALLOW = 0.3  # of the zone, by which a contact must push a pair for its other side to be tried
 WAYS = ((6, 40), (12, 20), (30, 8), (80, 4), (200, 2))  # up to so many contacts, so many ways; else one
 MORE = 24  # ways tried where the first had no clear one
+SHARPENED = 3  # of the best ways, until one is clear of its sharp boxes
 FINER = 3  # times that the march may find what samples missed
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
 LARGE = 150  # contacts beyond which the certificate is not computed
@@ -41,7 +42,8 @@ class Outcome:
 def drawn(seed: int, depth: float) -> Sides:
     """Sides as though every craft were shifted a little, so that the choices for all pairs agree.
 
-    Only where the norm is below `depth`; beyond it the nearer side is taken.
+    Only where the norm is below `depth`; beyond it the nearer side is taken.  Where any side is drawn, every
+    other seed takes those along the motion: to pass before or behind by being early or late.
     """
 
     def sides(planner: Planner, contacts: Contacts, motions: Floats) -> Floats:
@@ -50,10 +52,12 @@ def drawn(seed: int, depth: float) -> Sides:
         shifts = np.random.default_rng(seed).normal(size=(bodies, 3)) * (FAR if depth == ANY else PUSH)
         first, second = planner.task.pairs[contacts.which].T
         apart = shifts[first] - shifts[second]
-        moved = places + apart
         pace = np.einsum("ki,ki->k", speeds, speeds)[:, None]
-        across = np.einsum("ki,ki->k", moved, speeds)[:, None] / np.maximum(pace, 1e-300)
-        moved = np.where(pace > 0.0, moved - across * speeds, moved)
+        if depth == ANY and seed % 2 == 0:
+            moved = np.where(pace > 0.0, np.sign(apart[:, :1]) * speeds, apart)
+        else:
+            along = np.einsum("ki,ki->k", places + apart, speeds)[:, None] / np.maximum(pace, TINY)
+            moved = places + apart - along * speeds
         deep = planner.norms(places, contacts.which) < depth
         return planner.normals(np.where(deep[:, None], moved, places)[:, None], contacts.which)
 
@@ -66,25 +70,26 @@ def searched(task: Task, more: bool = False) -> Outcome:
     First the nearer sides; then one pair after another turned to its other side; then all sides drawn anew.
     """
     planner = Planner(task, PLANNED[0], BLUNT)
-    best = last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
+    last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
+    found = [draft for draft in [certified(planner, last)] if draft is not None]
     tried = 1
-    sure = proven(planner, best)
     count = MORE if more else next((ways for most, ways in WAYS if len(last.contacts) <= most), 1)
     turned: list[int] = []
-    while tried < count and not sure:
-        start = turn_one(planner, best.contacts, turned) if best.clear else None
+    while tried < count and not (found and proven(planner, found[0])):
+        start = turn_one(planner, found[0].contacts, turned) if found else None
         sides = drawn(0, DEEP) if start is not None else drawn(tried, ANY)
-        bar = best.energy if best.clear else np.inf
+        bar = found[0].energy if found else np.inf
         draft = planner.relaxed(start if start is not None else Contacts.none(), sides, bar)
         tried += 1
-        if draft.clear and draft.energy < bar:
+        better = certified(planner, draft) if draft.energy < bar else None
+        if better is not None and better.energy < bar:
             turned = turned if start is not None else []
-            best = draft
-            sure = proven(planner, best)
-    sharp = certified(planner, best)
-    if sharp is None:
-        return Outcome(None, (), False, tried, deepest(task, last))
-    return Outcome.of(task, sharp, sure and sharp is best, tried)
+            found.insert(0, better)
+    for draft in found[:SHARPENED]:
+        sharp = sharpened(planner, draft)
+        if sharp is not None:
+            return Outcome.of(task, sharp, proven(planner, sharp), tried)
+    return Outcome(None, (), False, tried, deepest(task, last))
 
 
 def reshaped(task: Task, alone: Outcome, before: Outcome) -> Outcome:
@@ -97,7 +102,8 @@ def reshaped(task: Task, alone: Outcome, before: Outcome) -> Outcome:
     which = np.array([task.index[pair] for pair in pairs], dtype=np.int64)
     times = np.array([touch.time for touch in alone.touches])
     draft = planner.relaxed(planner.nearest(alone.flown, which, times), drawn(0, DEEP))
-    sharp = certified(planner, draft) if draft.clear else None
+    clear = certified(planner, draft)
+    sharp = sharpened(planner, clear) if clear is not None else None
     if sharp is None or task.energy(sharp.flown) > task.energy(alone.flown):
         return replace(alone, tried=tried)
     return Outcome.of(task, sharp, False, tried + 1)
@@ -116,34 +122,42 @@ def turn_one(planner: Planner, contacts: Contacts, turned: list[int]) -> Contact
 
 
 def certified(planner: Planner, draft: Draft) -> Draft | None:
-    """A draft that the march finds clear, its boxes sharpened; None where there is none."""
+    """A draft that the march finds clear too; with boxes, which are rounded so far, as it is."""
+    for _ in range(FINER):
+        if not draft.clear:
+            return None
+        missed = planner.task.conflicts(draft.flown) if not planner.rounded(draft.contacts) else []
+        if not missed:
+            return draft
+        draft = planner.relaxed(draft.contacts.joined(at_conflicts(planner, draft, missed)), drawn(0, 0.0))
+    return None
+
+
+def sharpened(planner: Planner, draft: Draft) -> Draft | None:
+    """A certified draft with its boxes sharpened, ever closer to their edges while it stays clear."""
     task = planner.task
+    if not planner.rounded(draft.contacts):
+        return draft
     best: Draft | None = None
-    rounded = bool(task.boxes[draft.contacts.which].any())
-    stages = [planner]
-    if rounded:
-        stages = [Planner(task, PLANNED[0], power, 3.0 ** (1.0 / power)) for power in SHARPER]
-    for stage in stages:
+    for power in SHARPER:
+        finer = Planner(task, PLANNED[0], power, 3.0 ** (1.0 / power))
         for _ in range(FINER):
-            if rounded:
-                draft = stage.relaxed(draft.contacts, drawn(0, 0.0))
-            if not draft.clear:
+            draft = finer.relaxed(draft.contacts, drawn(0, 0.0))
+            missed = task.conflicts(draft.flown) if draft.clear else []
+            if not missed:
                 break
-            found = task.conflicts(draft.flown)
-            if not found:
-                best = draft if best is None or draft.energy < best.energy else best
-                break
-            missed = at_conflicts(stage, draft, found)
-            draft = stage.relaxed(draft.contacts.joined(missed), drawn(0, 0.0))
+            draft = replace(draft, contacts=draft.contacts.joined(at_conflicts(finer, draft, missed)))
+        if draft.clear and not missed and (best is None or draft.energy < best.energy):
+            best = draft
     return best
 
 
 def at_conflicts(planner: Planner, draft: Draft, found: list[tuple[tuple[int, int], Floats]]) -> Contacts:
-    """Contacts without force at the conflicts that the march has found; samples are doubled."""
-    task = planner.task
-    planner.times = np.linspace(task.first, task.last, 2 * len(planner.times))
-    which = np.array([task.index[pair] for pair, _ in found])
-    return planner.nearest(draft.flown, which, np.array([row[2] for _, row in found]))
+    """Contacts without force at the conflicts that the march has found, where samples are taken from now on."""
+    which = np.array([planner.task.index[pair] for pair, _ in found])
+    times = np.array([row[2] for _, row in found])
+    planner.times = np.union1d(planner.times, times)
+    return planner.nearest(draft.flown, which, times)
 
 
 def deepest(task: Task, draft: Draft) -> tuple[int, int] | None:

@@ -1,9 +1,11 @@
 """What a run has to say, the same for the terminal and for `report.html`: a chapter for each stage."""
 
+from dataclasses import replace
 from math import pi
 
 from closeform.chapters.formations import reshaped
 from closeform.chapters.gatherings import conflicts_known, gathered
+from closeform.chapters.limits import strained
 from closeform.chapters.moves import coast, encounters, move, nearest
 from closeform.chapters.searches import locked
 from closeform.chapters.sheet import Chapter, Sheet, counted
@@ -39,7 +41,13 @@ def verdict(mission: Mission) -> str:
 
 def chapters(mission: Mission) -> tuple[Chapter, ...]:
     """One chapter for each stage flown."""
-    return tuple(chapter(leg, burnt) for leg, burnt in zip(mission.legs, mission.propellant, strict=True))
+    written = []
+    for place, leg in enumerate(mission.legs):
+        found = chapter(leg, mission.propellant[place])
+        if leg.deed is not None and leg.flown:
+            found = replace(found, closing=found.closing + strained(mission, place))
+        written.append(found)
+    return tuple(written)
 
 
 def chapter(leg: Leg, burnt: Floats) -> Chapter:

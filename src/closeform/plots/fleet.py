@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
 
 from closeform.path import Path
 from closeform.plots.camera import Camera, framing, sheet, triad, word
@@ -274,7 +275,7 @@ def draw(axes: Axes, camera: Camera, unit: float, stage: Formation, called: list
     ring: dict[str, Any] = {"s": 1.6 * size, "facecolors": "none", "edgecolors": tints, "linewidths": 1.4}
     axes.scatter(starts[:, 0], starts[:, 1], **ring, zorder=4.1, label="start")
     if not many:
-        name(axes, starts, called, tints)
+        name(axes, starts, camera(np.vstack(stage.tracks)) / unit, called, tints)
 
 
 def weave(axes: Axes, camera: Camera, unit: float, tracks: list[Floats], tints: Floats, width: float) -> None:
@@ -297,25 +298,32 @@ def weave(axes: Axes, camera: Camera, unit: float, tracks: list[Floats], tints: 
     axes.add_collection(LineCollection(lines, colors=paint, linewidths=widths, zorder=2, capstyle="butt"))
 
 
-def name(axes: Axes, points: Floats, called: list[str], tints: Floats) -> None:
-    """Names beside points (N, 2), each at the first place where it covers no other; else none."""
+def name(axes: Axes, points: Floats, tracks: Floats, called: list[str], tints: Floats) -> None:
+    """Names beside points (N, 2), where they cover no other and least of the `tracks` (M, 2), else none."""
     renderer = FigureCanvasAgg(axes.get_figure(root=True)).get_renderer()
     inside = axes.get_window_extent()
-    marks = axes.transData.transform(points)
+    marks, lines = axes.transData.transform(points), axes.transData.transform(tracks)
     taken = [written.get_window_extent(renderer) for written in axes.texts]
     for point, text, tint in zip(points, called, tints, strict=True):
         label = word(axes, point, text, to_hex(0.75 * tint[:3]), va="baseline", zorder=6)
+        free: list[Any] = []
         for right, up, align in SPOTS:
-            label.xyann = (right, up)
-            label.set_ha(align)
+            label.set(position=(right, up), ha=align)
             box = label.get_window_extent(renderer)
-            covered = ((marks > box.min) & (marks < box.max)).all(axis=1).any()
             out = box.x0 < inside.x0 or box.x1 > inside.x1 or box.y0 < inside.y0 or box.y1 > inside.y1
-            if not (covered or out or any(box.overlaps(other) for other in taken)):
-                taken.append(box)
-                break
-        else:
+            if not (covered(marks, box) or out or any(box.overlaps(other) for other in taken)):
+                free.append((covered(lines, box), len(free), (right, up), align, box))
+        if not free:
             label.remove()
+            continue
+        _, _, spot, align, box = min(free)
+        label.set(position=spot, ha=align)
+        taken.append(box)
+
+
+def covered(points: Floats, box: Bbox) -> int:
+    """How many points (N, 2) a box covers."""
+    return int(((points > box.min) & (points < box.max)).all(axis=1).sum())
 
 
 def legend(figure: Figure, stages: list[Formation]) -> None:

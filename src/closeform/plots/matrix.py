@@ -19,6 +19,7 @@ from closeform.zones import Floats, Zone
 from closeform.zoning import pairwise
 
 SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
+TOUCH = 1e-6  # above 1: as good as on the zone's surface
 NUMBERED = 14  # craft up to which each pair has its number
 NAMED = 36  # craft up to which each has its name at the axes
 LONG = 13  # characters of a name
@@ -186,6 +187,9 @@ def title(pairs: Pairs, called: list[str]) -> str:
     if total == 1:
         return f"{one} and {other}: {'in conflict' if hits else 'clear'}, {least}"
     verdict = f"{hits} of {total} pairs in conflict" if hits else f"All {total} pairs clear"
+    touching = int((pairs.ratio <= 1.0 + TOUCH).sum())
+    if not hits and touching > 1:
+        return f"{verdict}; {touching} of them touch, {least}"
     return f"{verdict}; closest {one} and {other}, {least}"
 
 
