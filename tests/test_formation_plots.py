@@ -254,6 +254,24 @@ def test_names_stand_where_they_fit_and_nowhere_else():
         assert not any(a.overlaps(b) for a in boxes for b in words)
 
 
+def test_names_leave_the_tracks_free():
+    """Five tracks that lead to the upper right, where names stand first: they stand elsewhere."""
+    along, up, _ = OBLIQUE.basis
+    states = np.zeros((5, 6))
+    states[:, :3] = np.outer(-40.0 * np.arange(5), up)
+    states[:, 3:] = 0.2 * along + 0.16 * up
+    figure = plots.formation_paths(DEEP.coast(states, END), DEEP.coast(states, END), list("ABCDE"))
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    tracks = states[:, None, :3] + np.linspace(0.0, END, 2000)[:, None] * states[:, None, 3:]
+    seen = axes.transData.transform(OBLIQUE(tracks.reshape(-1, 3)))
+    names = [text for text in axes.texts if text.get_text() in list("ABCDE")]
+    assert len(names) == 5
+    for text in names:
+        box = text.get_window_extent()
+        assert not ((seen > box.min) & (seen < box.max)).all(axis=1).any()
+
+
 def test_craft_fly_at_their_own_times():
     states = straight(4)
     paths = cf.stack([DEEP.coast(state, 200.0 + 100 * k, 300.0 * k) for k, state in enumerate(states)])
@@ -492,3 +510,14 @@ APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_pairs_that_touch_are_counted():
+    """Three craft in a row 15 m apart stay so; the outer two are 30 m from each other."""
+    states = np.zeros((3, 6))
+    states[:, 1] = 15.0 * (1.0 + 1e-7) * np.arange(3)
+    figure = plots.ratio_matrix(DEEP.coast(states, END), cf.Sphere(15.0))
+    assert figure.get_suptitle() == "All 3 pairs clear; 2 of them touch, 1.00 × zone"
+    states[2, 1] *= 1.1
+    figure = plots.closest_pairs(DEEP.coast(states, END), cf.Sphere(15.0))
+    assert figure.get_suptitle() == "All 3 pairs clear; closest 0 and 1, 1.00 × zone"

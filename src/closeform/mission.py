@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
-OBSERVED = 1000.0  # times the duration of a move for which those that coast are looked at
+OBSERVED = 1e6  # times the duration of a move for which those that coast are looked at
 AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
 ROUNDING = 1e-9
 SLACK = 1.01  # by which later such times are stretched, so that they settle

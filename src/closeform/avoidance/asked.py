@@ -17,22 +17,24 @@ from closeform.zoning import pairwise
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """N craft with `initial` states (N, 6) at their `starts`, `finals` (N, 6) after their `durations`.
+    """N craft with `initial` states (N, 6) at their `starts`, to be in their slots after their `durations`.
 
-    `places` (S, 6) are all slots, `slots` (N,) tells which is whose; `zones` as from `pairwise`.
+    `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
+    coast into them.  `zones` as from `pairwise`.  With `assign` the slots are those of least energy.
     """
 
     orbit: Orbit
     initial: Floats
     places: Floats
     slots: Any
-    finals: Floats
+    early: Floats
     starts: Floats
     durations: Floats
     zones: tuple[tuple[Zone, Any], ...]
     others: Path | None
     limits: Floats | None
     names: tuple[str, ...]
+    assign: bool
 
     @classmethod
     def of(
@@ -63,31 +65,39 @@ class Asked:
         if len(called) not in (count, count + extra):
             raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
         called += tuple(f"obstacle {k}" for k in range(count + extra - len(called)))
-        limits = None if max_acceleration is None else _each("max_acceleration", max_acceleration, count)
+        limits = (
+            None
+            if max_acceleration is None
+            else _each("max_acceleration", max_acceleration, count, greatest=np.inf)
+        )
         return cls(
             orbit,
             begins,
             places,
             np.arange(count),
-            places[:count],
-            _each("start", start, count, positive=False),
+            np.zeros(count),
+            _each("start", start, count, least=-LARGEST),
             _each("duration", duration, count),
             pairwise(_zones(zone, count, extra), called),
             others,
             limits,
             called,
-        )
+            assign,
+        ).cheapest()
 
     @property
     def direct(self) -> Path:
         """The unconstrained optima, over each craft's own time."""
-        return self.orbit.transfer(self.initial, self.finals, self.durations, self.starts)
+        before = self.orbit.transition(-self.early)
+        finals = (before @ self.places[self.slots][:, :, None])[..., 0]
+        return self.orbit.transfer(self.initial, finals, self.durations, self.starts)
 
     @property
     def costs(self) -> Floats:
         """Energies (N, S) of all ways of craft to slots."""
+        finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
         times = self.durations[:, None], self.starts[:, None]
-        energies: Floats = self.orbit.transfer(self.initial[:, None], self.places, *times).energy
+        energies: Floats = self.orbit.transfer(self.initial[:, None], finals, *times).energy
         return energies
 
     def task(self) -> Task:
@@ -97,13 +107,25 @@ class Asked:
             arcs, offsets = self.others.arcs, self.others.offsets
         return Task.of(self.direct.arcs, arcs, offsets, self.zones)
 
+    def least_slots(self) -> tuple[Any, float]:
+        """Slots (N,) of least unconstrained energy, and that energy."""
+        from scipy.optimize import linear_sum_assignment
+
+        costs = self.costs
+        craft, slots = linear_sum_assignment(costs)
+        return slots, float(costs[craft, slots].sum())
+
+    def cheapest(self) -> "Asked":
+        """The same with the slots of least unconstrained energy, where they are not given."""
+        return replace(self, slots=self.least_slots()[0]) if self.assign else self
+
     def assigned(self, slots: Any) -> "Asked":
         """The same with other slots."""
-        return replace(self, slots=slots, finals=self.places[slots])
+        return replace(self, slots=slots)
 
     def longer(self, factor: float) -> "Asked":
         """The same with longer durations; the final states hold at the later ends."""
-        return replace(self, durations=factor * self.durations)
+        return replace(self, durations=factor * self.durations).cheapest()
 
     def staggered(self, share: float) -> "Asked":
         """Craft coast in turn before they start, the last for `share` of the longest duration.
@@ -113,8 +135,8 @@ class Asked:
         longest = share * self.durations.max()
         waits = np.linspace(0.0, longest, len(self.initial))
         initial = (self.orbit.transition(waits) @ self.initial[:, :, None])[..., 0]
-        finals = (self.orbit.transition(waits - longest) @ self.finals[:, :, None])[..., 0]
-        return replace(self, initial=initial, finals=finals, starts=self.starts + waits)
+        later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
+        return later.cheapest()
 
 
 def _states(name: str, value: ArrayLike) -> Floats:
@@ -126,12 +148,13 @@ def _states(name: str, value: ArrayLike) -> Floats:
     return states
 
 
-def _each(name: str, value: ArrayLike, count: int, positive: bool = True) -> Floats:
+def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest: float = LARGEST) -> Floats:
+    """One number for each craft, above `least` and below `greatest`."""
     values = numbers(name, value)
     if values.shape not in ((), (count,)):
         raise ValueError(f"{name}: expected one number or {count}, one for each craft, got {values.shape}")
-    if not np.isfinite(values).all() or (positive and not (values > 0).all()):
-        raise ValueError(f"{name}: must be finite{' and positive' * positive}, got {values.tolist()}")
+    if not ((values > least) & (values <= greatest)).all():
+        raise ValueError(f"{name}: must be finite{' and positive' * (least == 0.0)}, got {values.tolist()}")
     return np.full(count, values) if values.shape == () else values
 
 

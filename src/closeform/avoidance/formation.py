@@ -14,7 +14,7 @@ from closeform.avoidance.plan import Plan
 from closeform.avoidance.remedies import FALLBACKS, Attempt, Fallback, remedied, within_limits
 from closeform.avoidance.result import PLANNED, Status
 from closeform.avoidance.sequential import one_by_one
-from closeform.avoidance.slots import cheapest, revised
+from closeform.avoidance.slots import revised
 from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.avoidance.ways import reshaped, searched
 from closeform.orbit import Orbit
@@ -40,16 +40,18 @@ def reconfigure(
 ) -> Plan:
     """Paths of N craft from `initial` to `final` states, every pair certified clear of its zone.
 
-    `initial` (N, 6) holds at each craft's `start` [s], `final` (N, 6) a `duration` [s] later, one for all
-    or (N,) each; before and after their own time craft coast.  With `assign`, `final` (S, 6), S >= N,
-    are slots, and craft go to those of least total energy.  `zone`: one for all, or one for each craft
-    and, after them, obstacle (None: none of its own); of two zones the larger holds.  `obstacles`:
-    paths that do not give way.  `max_acceleration` [m/s^2], one for all or (N,), bounds the
-    thrust: a plan beyond it takes the shortest longer duration that was found to respect it.
+    In the frame of `orbit`, `initial` (N, 6) holds at each craft's `start` [s] and `final` (N, 6) a
+    `duration` [s] later, one for all or (N,) each; before and after their own time craft coast.  With
+    `assign`, `final` (S, 6), S >= N, are slots, and craft go to those of least total energy.  `zone`:
+    one for all, or one for each craft and, after them, obstacle (None: none of its own); of two zones
+    the larger holds.  `obstacles`: paths that do not give way, and are gone when they end.
+    `max_acceleration` [m/s^2], one for all or (N,), bounds the thrust: a plan beyond it takes the
+    shortest longer duration that was found to respect it.
 
-    "joint": all paths are deflected together, by forces between pairs (theory 4).  "sequential": craft
-    plan one after another in `order` (indices; 0, 1, ... unless given), as in SP11.  Where no clear
-    plan is found, `if_blocked` says what is tried, in order; () forbids all.  `names` are used in reasons.
+    `method` "joint": all paths are deflected together, by forces between pairs (theory 4).
+    "sequential": craft plan one after another in `order` (indices; 0, 1, ... unless given), as in
+    SP11.  Where no clear plan is found, `if_blocked` says what is tried, in order; () forbids all.
+    `names` are used in reasons.
 
     The result says how it ended; it raises ValueError for arguments that do not fit: shapes,
     fewer slots than craft, zones of which neither holds the other, unknown words.
@@ -64,25 +66,21 @@ def reconfigure(
         raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {list(order)}")
     attempt = _attempts(method, range(count) if order is None else order)
     if not assign:
-        return _followed(asked, attempt(asked, False), attempt, if_blocked)
-    costs = asked.costs
-    least = cheapest(costs)
-    asked = asked.assigned(least)
-    plan = revised(asked, attempt(asked, False), costs, lambda other: attempt(other, False))
-    asked = asked.assigned(plan.slots)
-    plan = _followed(asked, plan, attempt, if_blocked)
-    if not plan.measures:  # over longer times the bound is another
-        plan = replace(plan, lower_bound=float(costs[np.arange(len(costs)), least].sum()))
-    return plan
+        return _followed(asked, attempt(asked, False), attempt, if_blocked)[1]
+    plan = revised(asked, attempt(asked, False), lambda other: attempt(other, False))
+    flown, plan = _followed(asked.assigned(plan.slots), plan, attempt, if_blocked)
+    return replace(plan, lower_bound=flown.least_slots()[1])
 
 
-def _followed(asked: Asked, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]) -> Plan:
-    """A plan after what is to be done where it is blocked or beyond a limit."""
+def _followed(
+    asked: Asked, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
+) -> tuple[Asked, Plan]:
+    """A plan after what is to be done where it is blocked or beyond a limit, and what it answers."""
     if plan.status == Status.NOT_FOUND:
         asked, plan = remedied(asked, plan, attempt, if_blocked)
     if plan.ok and asked.limits is not None:
-        plan = within_limits(asked, plan, attempt, "longer" in if_blocked)
-    return plan
+        asked, plan = within_limits(asked, plan, attempt, "longer" in if_blocked)
+    return asked, plan
 
 
 def _attempts(method: str, order: Sequence[int]) -> Attempt:
@@ -102,7 +100,7 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
         if method == "joint":
             outcome = searched(task, more)
             if outcome.flown is None:
-                outcome = reshaped(task, one_by_one(asked.orbit, task, order), outcome)
+                outcome = reshaped(task, one_by_one(asked.orbit, task, order, more), outcome)
         else:
             outcome = one_by_one(asked.orbit, task, order, more)
         plan = replace(plan, proven=outcome.proven, tried=outcome.tried, blocked=outcome.blocked)
@@ -110,6 +108,8 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
             return replace(plan, reason=_blocked(asked, outcome.blocked, outcome.tried))
         paths = _path(asked, outcome.flown)
         ways = "proven the global optimum" if outcome.proven else f"the best of {outcome.tried} ways tried"
+        if outcome.order:
+            ways += f", one after another: {', '.join(asked.names[k] for k in outcome.order)}"
         number = len(outcome.touches)
         return replace(
             plan,

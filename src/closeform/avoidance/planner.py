@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from closeform.arc import END, MEAN_MOTION, START
 from closeform.avoidance.joint import answers, compliances, seen
 from closeform.avoidance.meetings import dips, sample, settle
 from closeform.avoidance.newton import SMALL, TOUCHING, conditions
@@ -21,16 +22,19 @@ from closeform.avoidance.pressing import press
 from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
 
-ROUNDS = 60
-SAMPLES = 64  # of the whole time, between which a dip may be missed until the march finds it
-SAME = 2e-4  # of the whole time: contacts of a pair that are closer are one
+ROUNDS, HOPELESS = 60, 15  # rounds, and those without getting nearer to clear that are waited for
+SAMPLES, A_TURN = (
+    64,
+    16,
+)  # of a craft's time and of an orbit, between which a dip may be missed until the march finds it
+SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
 SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
 CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
 NEARLY = 1e-2  # how deep inside the zone a draft may be to be raised out of it
 ENOUGH, STEADY = 1e-6, 1e-6  # depth and relative change of energy at which rounds end
 NEWTON = 12  # steps
 RAISES = 4
-GIVEN_UP = 1.1  # times the energy to beat
+GIVEN_UP = 1.5  # times the energy to beat
 TOO_FAR = 1e5  # zones that a contact alone would push its craft
 MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
 TINY = 1e-300
@@ -56,13 +60,20 @@ class Draft:
 class Planner:
     """Relaxes contacts for one task at one aim, `margin` zones; boxes are balls of a `power` norm."""
 
-    def __init__(self, task: Task, margin: float, power: float = np.inf, rounding: float = 1.0) -> None:
+    def __init__(
+        self, task: Task, margin: float, power: float, rounding: float = 1.0, which: Any = None
+    ) -> None:
+        """`which`: the pairs whose boxes are rounded, all unless given; a ball `rounding` times as large."""
         self.task = task
-        self.powers = np.where(task.boxes, power, 2.0)
-        self.aims = margin * np.where(task.boxes, rounding, 1.0)
+        rounded = (
+            task.boxes.copy() if which is None else task.boxes & np.isin(np.arange(len(task.pairs)), which)
+        )
+        self.powers = np.where(rounded, power, np.where(task.boxes, np.inf, 2.0))
+        self.aims = margin * np.where(rounded, rounding, 1.0)
         widths = np.array([np.linalg.norm(np.linalg.inv(zone.matrix), 2) for zone in task.zones])
         self.radii = widths[task.kinds] * np.where(task.boxes, np.sqrt(3.0), 1.0)
-        self.times = np.linspace(task.first, task.last, SAMPLES)
+        self.times = samples(task)
+        self.same = SAME * (task.windows[:, 1] - task.windows[:, 0])
         self.base = task.flown(Contacts.none())
 
     def relaxed(self, contacts: Contacts, sides: Sides, bar: float = np.inf) -> Draft:
@@ -72,17 +83,22 @@ class Planner:
         """
         best: Draft | None = None
         before, close = np.inf, CLOSE
+        least, latest = np.inf, 0
         for turn in range(ROUNDS):
             harder, energy = self.pressed(contacts, 1.0, SOFT * FADE**turn)
             contacts = harder if energy < np.inf else self.pressed(contacts, 1.0, SOFT)[0]
             flown = self.task.flown(contacts)
             there = self.slid(flown, contacts)
-            shift = np.abs(there.times - contacts.times) / self.task.length
+            shift = np.abs(there.times - contacts.times) * SAME / self.same[contacts.which]
             turned = np.abs(there.normals - contacts.normals).max(axis=1, initial=0.0)
             moved = max(shift.max(initial=0.0), turned.max(initial=0.0))
             found = self.dips(flown)
             fresh = self.fresh(flown, found, there, sides)
             short = self.shortfall(found)
+            if short < least:
+                least, latest = short, turn
+            elif turn - latest > HOPELESS:
+                break
             if short < NEARLY:
                 if energy > GIVEN_UP * bar:
                     break
@@ -98,7 +114,7 @@ class Planner:
                 if best is not None and short < ENOUGH and abs(energy - before) <= STEADY * energy:
                     return best
                 before = energy
-            old = contacts.some(shift > SAME)
+            old = contacts.some(shift > SAME)  # beside the new time
             old = replace(old, normals=self.normals(self.motions(flown, old), old.which))
             contacts = self.merged(there.joined(old)).joined(fresh)
         return best or self.draft(contacts, clear=False)
@@ -134,7 +150,7 @@ class Planner:
         """New contacts, without force, at dips that no contact is near."""
         which = found[:, 0].astype(np.int64)
         new = Contacts.unpressed(which, np.clip(found[:, 1], *self.task.windows[which].T))
-        near = np.abs(new.times[:, None] - contacts.times) < 2 * SAME * self.task.length
+        near = np.abs(new.times[:, None] - contacts.times) < 2.0 * self.same[contacts.which]
         new = new.some(~((which[:, None] == contacts.which) & near).any(axis=1))
         return replace(new, normals=sides(self, new, self.motions(flown, new))) if len(new) else new
 
@@ -148,7 +164,7 @@ class Planner:
         ordered = contacts.some(np.lexsort((contacts.times, contacts.which)))
         new = np.ones(len(ordered), dtype=bool)
         new[1:] = np.diff(ordered.which) > 0
-        new[1:] |= np.diff(ordered.times) >= SAME * self.task.length
+        new[1:] |= np.diff(ordered.times) >= self.same[ordered.which[1:]]
         if new.all():
             return contacts
         group = np.cumsum(new) - 1
@@ -182,7 +198,7 @@ class Planner:
         forms, powers, aims = task.forms[which], self.powers[which], self.aims[which]
         early, late = task.windows[which].T
         pinned = (contacts.times <= early) | (contacts.times >= late)
-        durations = np.where(pinned, 0.0, task.length)
+        durations = np.where(pinned, 0.0, self.same[which] / SAME)
         points = self.motions(task.flown(contacts), contacts)[:, 0]
         points = points * (aims / self.norms(points, which))[:, None]
         jacobian, rhs = np.empty((5 * count, 5 * count)), np.empty(5 * count)
@@ -275,4 +291,16 @@ def solved(matrix: Floats, rhs: Floats) -> Floats:
     from scipy.sparse import csc_matrix
     from scipy.sparse.linalg import splu
 
-    return np.asarray(splu(csc_matrix(matrix)).solve(rhs))
+    try:
+        return np.asarray(splu(csc_matrix(matrix)).solve(rhs))
+    except RuntimeError:  # singular
+        return np.full(len(rhs), np.nan)
+
+
+def samples(task: Task) -> Floats:
+    """Times that cover every craft's own time, and every turn of the orbit."""
+    spans = np.unique(task.base[:, [START, END]], axis=0)
+    turns = task.base[0, MEAN_MOTION] * np.ptp(spans, axis=1) / (2.0 * np.pi)
+    each = np.maximum(SAMPLES / np.sqrt(len(spans)), A_TURN * turns).astype(int) + 2
+    grids = [np.linspace(start, end, count) for (start, end), count in zip(spans, each, strict=True)]
+    return np.unique(np.concatenate([*grids, np.linspace(task.first, task.last, SAMPLES)]))

@@ -44,7 +44,7 @@ def press(gram, gaps, active, give, force):
     inside = np.empty(count, dtype=np.int64)
     wrong = np.empty(count, dtype=np.bool_)
     fewest, patience = count + 1, STALLED
-    for _ in range(20 * count + 20):
+    for _ in range(2 * count + 50):
         size = 0
         for k in range(count):
             force[k] = 0.0

@@ -18,10 +18,8 @@ Attempt = Callable[[Asked, bool], Plan]  # plans what is asked; with True in mor
 
 STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
 WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the craft that starts last
-STEPS, STRETCHINGS = (
-    (1.02, 2.0),
-    16,
-)  # by which and how often durations are stretched to respect a thrust limit
+LEAST_STEP, LARGEST_STEP = 1.02, 2.0  # by which durations are stretched at a time to respect a thrust limit
+STRETCHINGS = 16  # times at most
 HALVINGS = 5  # and how often the last stretch is halved
 FULL = 1 + 1e-9  # of a limit
 
@@ -29,14 +27,14 @@ FULL = 1 + 1e-9  # of a limit
 def remedied(
     asked: Asked, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
 ) -> tuple[Asked, Plan]:
-    """The first plan that works, with what was tried in `measures`; the last one where none does."""
+    """The first plan that works, and what it answers; else the one given.  `measures`: what was tried."""
     done: list[str] = []
     for fallback in if_blocked:
         for changed, words in _changes(asked, fallback):
-            plan = attempt(changed, fallback == "more sides")
-            done.append(f"{words}: {plan.reason}")
-            if plan.ok:
-                return changed, replace(plan, measures=tuple(done))
+            other = attempt(changed, fallback == "more sides")
+            done.append(f"{words}: {other.reason}")
+            if other.ok:
+                return changed, replace(other, measures=tuple(done))
     return asked, replace(plan, measures=tuple(done))
 
 
@@ -52,24 +50,22 @@ def _changes(asked: Asked, fallback: Fallback) -> Iterator[tuple[Asked, str]]:
             yield asked.staggered(share), f"stagger, the last starts {last:.6g} s after the first"
 
 
-def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> Plan:
+def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> tuple[Asked, Plan]:
     """A plan that respects the thrust limits: the shortest stretch of all durations that was found to.
 
     TOO_WEAK where none does, or where `longer` is not allowed.
     """
     excess = _excess(asked, plan.paths)
     if excess.max() <= FULL:
-        return plan
+        return asked, plan
     if not longer:
-        return _too_weak(asked, plan, excess, 'allow "longer", or give more time')
-    weak = asked, plan, excess
+        return asked, _too_weak(asked, plan, excess, 'allow "longer", or give more time')
+    weak, worst = asked, excess
     short = long = 1.0
     best: Plan | None = None
     for _ in range(STRETCHINGS):
-        short, long = (
-            long,
-            long * float(np.clip(np.sqrt(weak[2].max()), *STEPS)),
-        )  # thrust falls as time squared
+        short = long
+        long *= float(np.clip(np.sqrt(worst.max()), LEAST_STEP, LARGEST_STEP))  # thrust: as 1 / time^2
         changed = asked.longer(long)
         excess = _excess(changed, changed.direct)
         if excess.max() <= FULL:
@@ -80,10 +76,11 @@ def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> P
             if excess.max() <= FULL:
                 best = other
                 break
-        weak = changed, plan, excess
+        weak, worst = changed, excess
     if best is None:
         words = f"longer, up to {long:.4g} times the duration: the thrust limit is not kept"
-        return _too_weak(weak[0], replace(plan, measures=(*plan.measures, words)), weak[2], "give it more")
+        plan = replace(plan, measures=(*plan.measures, words))
+        return asked, _too_weak(weak, plan, worst, "give it more")
     for _ in range(HALVINGS):
         middle = 0.5 * (short + long)
         other = attempt(asked.longer(middle), False)
@@ -92,7 +89,7 @@ def within_limits(asked: Asked, plan: Plan, attempt: Attempt, longer: bool) -> P
         else:
             short = middle
     words = f"longer, {long:.6g} times the duration: the thrust limit is kept"
-    return replace(best, measures=(*plan.measures, words))
+    return asked.longer(long), replace(best, measures=(*plan.measures, words))
 
 
 def _excess(asked: Asked, paths: Path | None) -> Any:

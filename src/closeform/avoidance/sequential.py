@@ -23,16 +23,17 @@ def one_by_one(orbit: Orbit, task: Task, order: Any, more: bool = False) -> Outc
     """Paths of all craft planned in `order`; with `more`, who finds none goes first, and all begin anew."""
     count, tried = len(task.base), 0
     order = [int(k) for k in order]
+    changed = False
     for _ in range(count if more else 1):
         outcome = _in_order(orbit, task, order)
         tried += outcome.tried
-        if outcome.flown is not None or outcome.blocked is None:
+        if outcome.blocked is None or order[0] == outcome.blocked[0]:
             break
-        last = outcome.blocked[0]
-        if order[0] == last:
-            break
-        order = [last, *(k for k in order if k != last)]
-    return Outcome(outcome.flown, outcome.touches, False, tried, outcome.blocked)
+        if more:
+            last, changed = outcome.blocked[0], True
+            order = [last, *(k for k in order if k != last)]
+    blocked = outcome.blocked and (min(outcome.blocked), max(outcome.blocked))
+    return Outcome(outcome.flown, outcome.touches, False, tried, blocked, tuple(order) if changed else ())
 
 
 def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:

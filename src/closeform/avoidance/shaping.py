@@ -73,7 +73,7 @@ def view(
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Draft:
     """Contacts (obstacle, time, normal in zone coordinates) and the path that they shape."""
 
     which: Any
@@ -90,7 +90,7 @@ class Plan:
         more = np.append(self.which, obstacle), np.append(self.times, time)
         return *more, np.vstack([self.normals, normal])
 
-    def same(self, other: "Plan") -> bool:
+    def same(self, other: "Draft") -> bool:
         """Whether two plans touch the same obstacles at the same times and on the same sides."""
         return (
             len(self.which) == len(other.which)
@@ -118,7 +118,7 @@ class Shaping:
         self.inverse = np.empty((6, 6))
         prepare(base, self.inverse)
 
-    def relaxed(self, which: Any, times: Floats, normals: Floats, power: float) -> Plan | None:
+    def relaxed(self, which: Any, times: Floats, normals: Floats, power: float) -> Draft | None:
         """The plan that the given contacts slide to; None where their forces vanish.
 
         Boxes are rounded to balls of a `power` norm, enlarged so that they hold the edges.
@@ -144,21 +144,21 @@ class Shaping:
                     energy = float(0.5 * push @ gram @ push)
                 else:  # the contacts have moved on from those that shaped the path
                     energy = _energy(keep) - _energy(self.base[None])
-                return Plan(which, times, normals, force, keep, gram, energy, status == SETTLED)
+                return Draft(which, times, normals, force, keep, gram, energy, status == SETTLED)
             pressed = force > 0.0
             if pressed.all():
                 return None
             which, times, normals = which[pressed], times[pressed], normals[pressed]
         return None
 
-    def sharpened(self, plan: Plan) -> Plan:
+    def sharpened(self, plan: Draft) -> Draft:
         """A clear plan with its boxes sharpened, ever closer to their edges while it stays clear."""
         if not self.obstacles.boxes[plan.which].any():
             return plan
         ends = [self._sharpened(plan, [p for p in SHARPER[::stride] if p > self.blunt]) for stride in STRIDES]
         return min(ends, key=lambda end: end.energy)
 
-    def _sharpened(self, plan: Plan, powers: list[float]) -> Plan:
+    def _sharpened(self, plan: Draft, powers: list[float]) -> Draft:
         last = plan
         for power in (*powers, np.inf):
             following = self.relaxed(last.which, last.times, last.normals, power)
@@ -176,7 +176,7 @@ class Shaping:
                 last = following
         return plan
 
-    def proven(self, plan: Plan) -> bool:
+    def proven(self, plan: Draft) -> bool:
         """Whether no path that is clear at the times of a plan's contacts can cost less.
 
         With ellipsoids the plan solves min d.G^-1.d / 2 subject to |q + d|^2 >= aim^2 at each
@@ -203,22 +203,22 @@ class Shaping:
         view(self.base, self.inverse, rows, o.arcs, first, last, o.matrices[obstacle], time, motion, gram)
         return ways_out(bool(o.boxes[obstacle]), self.margin, motion[0], motion[1], gram)
 
-    def search(self) -> tuple[Plan | None, bool, int]:
+    def search(self) -> tuple[Draft | None, bool, int]:
         """Best clear plan, whether every side was searched, and how many plans were examined.
 
         Best first: a plan that still conflicts branches over the sides of its deepest conflict.
         """
         empty = np.empty((0, 3))
-        root = Plan(
+        root = Draft(
             np.empty(0, int), np.empty(0), empty, np.empty(0), self.base[None], np.empty((0, 0)), 0.0, True
         )
-        queue: list[tuple[float, int, Plan, int, float, Floats]] = []
-        seen: list[Plan] = []
-        best: Plan | None = None
+        queue: list[tuple[float, int, Draft, int, float, Floats]] = []
+        seen: list[Draft] = []
+        best: Draft | None = None
         bar = np.inf  # partial plans only get dearer; those with rounded boxes get cheaper at the end
         examined = order = 0
 
-        def branch(plan: Plan, obstacle: int, time: float) -> None:
+        def branch(plan: Draft, obstacle: int, time: float) -> None:
             nonlocal order
             for cost, normal in self.sides(plan.rows, obstacle, time):
                 order += 1
@@ -289,7 +289,7 @@ def shaped(path: Path, obstacles: Obstacles) -> Avoidance:
     )
 
 
-def _contacts(plan: Plan, path: Path, obstacles: Obstacles) -> tuple[Contact, ...]:
+def _contacts(plan: Draft, path: Path, obstacles: Obstacles) -> tuple[Contact, ...]:
     found = []
     for k in np.argsort(plan.times):
         matrix = obstacles.matrices[plan.which[k]]

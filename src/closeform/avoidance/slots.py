@@ -1,4 +1,4 @@
-"""Which craft takes which slot: least unconstrained energy, revised where avoidance changes the order."""
+"""Slots of least unconstrained energy, revised where avoidance makes others cheaper."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -12,15 +12,9 @@ from closeform.zones import Floats
 REVISIONS = 12  # other assignments that are planned
 
 
-def cheapest(costs: Floats) -> Any:
-    """Slots (N,) of least total cost."""
-    from scipy.optimize import linear_sum_assignment
-
-    return np.asarray(linear_sum_assignment(costs)[1])
-
-
-def revised(asked: Asked, plan: Plan, costs: Floats, attempt: Callable[[Asked], Plan]) -> Plan:
+def revised(asked: Asked, plan: Plan, attempt: Callable[[Asked], Plan]) -> Plan:
     """The cheapest plan among those with one exchange of slots after another that could be cheaper."""
+    costs = asked.costs
     seen = {tuple(plan.slots)}
     left = REVISIONS
     while left > 0:

@@ -109,7 +109,7 @@ class Task:
     def windows(self) -> Floats:
         """Within which contacts of each pair can lie (P, 2): one can give way, and both are there."""
         never = np.full(len(self.other_offsets) - 1, np.inf)
-        margin = MARGIN * (self.base[:, END] - self.base[:, START]).max()
+        margin = MARGIN * (self.base[:, END] - self.base[:, START])
         starts = np.concatenate([self.base[:, START] + margin, never])[self.pairs]
         ends = np.concatenate([self.base[:, END] - margin, -never])[self.pairs]
         there = np.full(len(self.base), self.first), self.others[self.other_offsets[:-1], START]

@@ -15,8 +15,14 @@ PUSH, FAR = 0.3, 1.0  # of the zone, by which craft are set apart in thought bef
 BLUNT = 4.0  # power of the norm that stands in for a box while sides are chosen
 SHARPER = (32.0, 512.0, 8192.0)  # and the powers after it, of balls that hold the box
 SHALLOW = 0.3  # of the zone, by which a contact must push a pair for its other side to be tried
-WAYS = ((6, 40), (12, 20), (30, 8), (80, 4), (200, 2))  # up to so many contacts, so many ways; else one
-MORE = 24  # ways tried where the first had no clear one
+WAYS = (
+    (6, 40),
+    (12, 20),
+    (30, 8),
+    (80, 4),
+    (200, 2),
+)  # up to so many pairs in contact, so many ways; else one
+MORE = 24  # ways tried beside them where none of the first is clear
 SHARPENED = 3  # of the best ways, until one is clear of its sharp boxes
 FINER = 3  # times that the march may find what samples missed
 PROVEN = 1e-9  # tolerance of the certificate of global optimality
@@ -25,13 +31,17 @@ LARGE = 150  # contacts beyond which the certificate is not computed
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Clear paths and where they touch, or None and the pair that is deepest in conflict."""
+    """Clear paths and where they touch, or None and the pair that is deepest in conflict.
+
+    `order`: that in which craft planned one after another, where it is not the one asked for.
+    """
 
     flown: Flown | None
     touches: tuple[Touch, ...]
     proven: bool
     tried: int
     blocked: tuple[int, int] | None = None
+    order: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, task: Task, draft: Draft, proven: bool, tried: int) -> "Outcome":
@@ -65,7 +75,7 @@ def drawn(seed: int, depth: float) -> Sides:
 
 
 def searched(task: Task, more: bool = False) -> Outcome:
-    """The best of a number of ways, or of MORE.
+    """The best of a number of ways, by how many pairs are in contact.
 
     First the nearer sides; then one pair after another turned to its other side; then all sides drawn anew.
     """
@@ -73,7 +83,8 @@ def searched(task: Task, more: bool = False) -> Outcome:
     last = planner.relaxed(Contacts.none(), drawn(0, DEEP))
     found = [draft for draft in [certified(planner, last)] if draft is not None]
     tried = 1
-    count = MORE if more else next((ways for most, ways in WAYS if len(last.contacts) <= most), 1)
+    pairs = len(np.unique(last.contacts.which))
+    count = next((ways for most, ways in WAYS if pairs <= most), 1) + (MORE if more else 0)
     turned: list[int] = []
     while tried < count and not (found and proven(planner, found[0])):
         start = turn_one(planner, found[0].contacts, turned) if found else None
@@ -140,7 +151,7 @@ def sharpened(planner: Planner, draft: Draft) -> Draft | None:
         return draft
     best: Draft | None = None
     for power in SHARPER:
-        finer = Planner(task, PLANNED[0], power, 3.0 ** (1.0 / power))
+        finer = Planner(task, PLANNED[0], power, 3.0 ** (1.0 / power), draft.contacts.which)
         for _ in range(FINER):
             draft = finer.relaxed(draft.contacts, drawn(0, 0.0))
             missed = task.conflicts(draft.flown) if draft.clear else []
@@ -153,7 +164,7 @@ def sharpened(planner: Planner, draft: Draft) -> Draft | None:
 
 
 def at_conflicts(planner: Planner, draft: Draft, found: list[tuple[tuple[int, int], Floats]]) -> Contacts:
-    """Contacts without force at the conflicts that the march has found, where samples are taken from now on."""
+    """Contacts without force at the conflicts that the march has found; samples are taken there too."""
     which = np.array([planner.task.index[pair] for pair, _ in found])
     times = np.array([row[2] for _, row in found])
     planner.times = np.union1d(planner.times, times)

@@ -44,7 +44,7 @@ def chapters(mission: Mission) -> tuple[Chapter, ...]:
     written = []
     for place, leg in enumerate(mission.legs):
         found = chapter(leg, mission.propellant[place])
-        if leg.deed is not None and leg.flown:
+        if leg.deed is not None:
             found = replace(found, closing=found.closing + strained(mission, place))
         written.append(found)
     return tuple(written)

@@ -72,6 +72,8 @@ def costs(leg: Leg, deed: Reshaping, burnt: Floats) -> Iterator[Sheet]:
         columns["propellant [g]"] = [f"{mass:.2f}" if np.isfinite(mass) else "-" for mass in grams]
     rows = tuple(zip(*columns.values(), strict=True))
     title = "Paths of the plan" if plan.ok else "Direct paths"
+    if len(who) == 1:
+        rows = rows[:1]  # that is all
     many = len(who) > MOST_ROWS
     if many:
         yield Sheet(f"{title}, all {len(who)} craft", tuple(columns), rows[-1:])

@@ -6,11 +6,13 @@ from closeform.mission import Mission
 
 
 def strained(mission: Mission, place: int) -> tuple[str, ...]:
-    """A line on the craft that use most of their limits in the leg at a `place`; none without limits."""
-    now, so_far = ", ".join(thrusts(mission, place)), ", ".join(spendings(mission, place))
-    if place and so_far:
-        so_far = f"so far {so_far}"
-    return (f"At most: {'; '.join(filter(None, (now, so_far)))}",) if now or so_far else ()
+    """Who uses most of the limits in the leg at a `place`, and of what is on board up to its end."""
+    lines = {"At most": ", ".join(thrusts(mission, place))}
+    if not mission.legs[place].flown:
+        lines = {"The direct paths would need": lines["At most"]}
+    else:
+        lines["So far at most"] = ", ".join(spendings(mission, place))
+    return tuple(f"{title}: {line}" for title, line in lines.items() if line)
 
 
 def thrusts(mission: Mission, place: int) -> Iterator[str]:
