@@ -261,6 +261,10 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
         assert delta_v[row].argmax() != 1  # F2 has the tightest budget, and spends less than others
         assert float(total[0]) == pytest.approx(delta_v[row, 1], rel=5e-4)
         assert float(total[1]) == pytest.approx(burnt[row].max(), rel=5e-4)
+        told = run.summary["stages"][row]["limits"]
+        assert told["thrust_N"] == {"craft": who, "used": pytest.approx(force[who]), "limit": 1.0}
+        assert told["delta_v_m_s"] == {"craft": "F2", "used": pytest.approx(delta_v[row, 1]), "limit": 0.9}
+        assert told["propellant_kg"]["used"] == pytest.approx(burnt[row].max())
 
 
 def test_swap_in_deep_space() -> None:

@@ -299,8 +299,8 @@ def solved(matrix: Floats, rhs: Floats) -> Floats:
 
 def samples(task: Task) -> Floats:
     """Times that cover every craft's own time, and every turn of the orbit."""
-    spans = np.unique(task.base[:, [START, END]], axis=0)
+    spans = np.unique([*task.base[:, [START, END]], [task.first, task.last]], axis=0)
     turns = task.base[0, MEAN_MOTION] * np.ptp(spans, axis=1) / (2.0 * np.pi)
-    each = np.maximum(SAMPLES / np.sqrt(len(spans)), A_TURN * turns).astype(int) + 2
+    each = np.maximum(SAMPLES / np.sqrt(len(spans)), A_TURN * turns).astype(int) + 1
     grids = [np.linspace(start, end, count) for (start, end), count in zip(spans, each, strict=True)]
-    return np.unique(np.concatenate([*grids, np.linspace(task.first, task.last, SAMPLES)]))
+    return np.unique(np.concatenate(grids))

@@ -32,6 +32,16 @@ def back(matrix, rhs, size):
         rhs[k] /= matrix[k, k]
 
 
+@kernel(boolean(float64[:, ::1]))
+def definite(matrix):
+    """Whether a symmetric matrix, which is spoilt, is positive definite."""
+    factor(matrix, len(matrix))
+    for k in range(len(matrix)):
+        if not matrix[k, k] > 0.0:
+            return False
+    return True
+
+
 @kernel(void(float64[:, ::1], float64[::1], boolean[::1], float64, float64[::1]))
 def press(gram, gaps, active, give, force):
     """Fill `force` >= 0 to minimise force.G.force / 2 - gaps.force, by block pivoting from `active`.

@@ -6,6 +6,7 @@ import numpy as np
 
 from closeform.avoidance.plan import Touch
 from closeform.avoidance.planner import TINY, Draft, Planner, Sides
+from closeform.avoidance.pressing import definite
 from closeform.avoidance.result import PLANNED
 from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
@@ -86,7 +87,8 @@ def searched(task: Task, more: bool = False) -> Outcome:
     pairs = len(np.unique(last.contacts.which))
     count = next((ways for most, ways in WAYS if pairs <= most), 1) + (MORE if more else 0)
     turned: list[int] = []
-    while tried < count and not (found and proven(planner, found[0])):
+    sure = bool(found) and proven(planner, found[0])
+    while tried < count and not sure:
         start = turn_one(planner, found[0].contacts, turned) if found else None
         sides = drawn(0, DEEP) if start is not None else drawn(tried, ANY)
         bar = found[0].energy if found else np.inf
@@ -96,6 +98,7 @@ def searched(task: Task, more: bool = False) -> Outcome:
         if better is not None and better.energy < bar:
             turned = turned if start is not None else []
             found.insert(0, better)
+            sure = proven(planner, better)
     for draft in found[:SHARPENED]:
         sharp = sharpened(planner, draft)
         if sharp is not None:
@@ -214,4 +217,4 @@ def proven(planner: Planner, draft: Draft) -> bool:
     weight = np.repeat(np.sqrt(contacts.force / planner.aims[contacts.which]), 3)
     size = 3 * len(contacts)
     stiff = weight[:, None] * gram.reshape(size, size) * weight
-    return bool(np.linalg.eigvalsh(stiff)[-1] <= 1.0 + PROVEN)
+    return bool(definite((1.0 + PROVEN) * np.eye(size) - stiff))

@@ -47,10 +47,11 @@ FEW = 8  # craft up to which colours are those of a list; more have shades from 
 COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
 SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
 NAMED = 20  # craft up to which names are tried
-LOWER = 0.86  # of a view in space, below its words
+SCENE, FOOT = 0.78, 0.08  # of a view in space: between its words and its scale, and below
 PIECES = 48  # of a track, each as near to the viewer as its middle
 PLANES = (Camera(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])), Camera(np.eye(3)[[1, 2, 0]]))
 OBLIQUE = Camera.around(-1.0, 0.42, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+CLEAR = 11.0  # pixels between a name and a mark
 SPOTS = (
     (6, 5, "left"),
     (-6, 5, "right"),
@@ -189,10 +190,10 @@ def oblique(stages: list[Formation], called: list[str]) -> Figure:
     wide, high = (WIDTH - 0.2) / len(stages) - 0.1, 5.4
     figure = sheet(high + 1.25)
     points = np.vstack([OBLIQUE(stage.points) for stage in stages])
-    middle, width = framing(points, wide, LOWER * high, 1.12)
+    middle, width = framing(points, wide, SCENE * high, 1.12)
     width = width or 1.0
     tall = width * high / wide
-    floor = middle[1] - LOWER * tall / 2
+    floor = middle[1] - (SCENE / 2 + FOOT) * tall
     for column, stage in enumerate(stages):
         left = 0.1 + column * (wide + 0.2)
         axes = area(figure, left, 0.6, wide, high)
@@ -275,7 +276,7 @@ def draw(axes: Axes, camera: Camera, unit: float, stage: Formation, called: list
     ring: dict[str, Any] = {"s": 1.6 * size, "facecolors": "none", "edgecolors": tints, "linewidths": 1.4}
     axes.scatter(starts[:, 0], starts[:, 1], **ring, zorder=4.1, label="start")
     if not many:
-        name(axes, starts, camera(np.vstack(stage.tracks)) / unit, called, tints)
+        name(axes, starts, ends, camera(np.vstack(stage.tracks)) / unit, called, tints)
 
 
 def weave(axes: Axes, camera: Camera, unit: float, tracks: list[Floats], tints: Floats, width: float) -> None:
@@ -298,11 +299,11 @@ def weave(axes: Axes, camera: Camera, unit: float, tracks: list[Floats], tints: 
     axes.add_collection(LineCollection(lines, colors=paint, linewidths=widths, zorder=2, capstyle="butt"))
 
 
-def name(axes: Axes, points: Floats, tracks: Floats, called: list[str], tints: Floats) -> None:
-    """Names beside points (N, 2), where they cover no other and least of the `tracks` (M, 2), else none."""
+def name(axes: Axes, points: Floats, ends: Floats, tracks: Floats, called: list[str], tints: Floats) -> None:
+    """Names beside points (N, 2), clear of each other and of `ends`, where they cover least `tracks`."""
     renderer = FigureCanvasAgg(axes.get_figure(root=True)).get_renderer()
     inside = axes.get_window_extent()
-    marks, lines = axes.transData.transform(points), axes.transData.transform(tracks)
+    marks, lines = axes.transData.transform(np.vstack([points, ends])), axes.transData.transform(tracks)
     taken = [written.get_window_extent(renderer) for written in axes.texts]
     for point, text, tint in zip(points, called, tints, strict=True):
         label = word(axes, point, text, to_hex(0.75 * tint[:3]), va="baseline", zorder=6)
@@ -311,7 +312,7 @@ def name(axes: Axes, points: Floats, tracks: Floats, called: list[str], tints: F
             label.set(position=(right, up), ha=align)
             box = label.get_window_extent(renderer)
             out = box.x0 < inside.x0 or box.x1 > inside.x1 or box.y0 < inside.y0 or box.y1 > inside.y1
-            if not (covered(marks, box) or out or any(box.overlaps(other) for other in taken)):
+            if not (covered(marks, box.padded(CLEAR)) or out or any(box.overlaps(other) for other in taken)):
                 free.append((covered(lines, box), len(free), (right, up), align, box))
         if not free:
             label.remove()

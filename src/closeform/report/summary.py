@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from closeform.chapters import conflicts_known, verdict
+from closeform.chapters.limits import spendings, thrusts
 from closeform.chapters.searches import covered, one_round
 from closeform.flight import Flight
 from closeform.legs import Change, FirstLocks, Leg, Reshaping
@@ -29,7 +30,7 @@ def summary(mission: Mission) -> dict[str, Any]:
         "craft": list(scenario.names),
         "delta_v_m_s": dict(zip(scenario.names, mission.delta_v.sum(axis=0).tolist(), strict=True)),
         "propellant_kg": dict(zip(scenario.names, mission.propellant.sum(axis=0).tolist(), strict=True)),
-        "stages": [leg_summary(leg) for leg in mission.legs],
+        "stages": [leg_summary(leg) | limits_summary(mission, k) for k, leg in enumerate(mission.legs)],
     }
 
 
@@ -56,6 +57,22 @@ def leg_summary(leg: Leg) -> dict[str, Any]:
         figures["search"] = search_summary(leg.deed.search)
         figures["locks"] = locks_summary(leg.deed, leg.after.names)
     return figures
+
+
+def limits_summary(mission: Mission, place: int) -> dict[str, Any]:
+    """Who comes closest to its limits: by thrust in this stage, by what is spent up to its end."""
+    if mission.legs[place].deed is None:
+        return {}
+    strains = (*thrusts(mission, place), *spendings(mission, place))
+    found = {
+        f"{at.what}_{at.unit}".replace("-", "_").replace("/", "_"): {
+            "craft": at.craft,
+            "used": at.used,
+            "limit": at.limit,
+        }
+        for at in strains
+    }
+    return {"limits": found} if found else {}
 
 
 def change_summary(change: Change) -> dict[str, Any]:
