@@ -78,11 +78,20 @@ def tasks(quick: bool) -> list[tuple[Task, bool]]:
     """Tasks of the table, and whether the convex programs get them too."""
     if quick:
         return [(swap(4, orbit=LOW_ORBIT), True), (reconfiguration(8, 1, spacing=3.0), True)]
-    some = [swap(orbit=LOW_ORBIT), swap()]
+    some = [swap(orbit=LOW_ORBIT), circle_swap(), swap()]
     some += [reconfiguration(count, 2, spacing=3.0) for count in (4, 8, 12, 20, 30)]
     some += [reconfiguration(count, 2, LOW_ORBIT, spacing=3.0) for count in (4, 8, 12, 20)]
     many = [reconfiguration(count, 1, orbit) for count in (50, 200) for orbit in (cf.Orbit(0.0), LOW_ORBIT)]
     return [(task, True) for task in some] + [(task, False) for task in many]
+
+
+def circle_swap() -> Task:
+    """Twelve craft on a projected circle of 120 m take the opposite places within a twentieth of an orbit."""
+    orbit, turn = LOW_ORBIT, 0.05
+    initial = cf.targets.projected_circular(orbit, 12, 120.0)
+    final = cf.targets.projected_circular(orbit, 12, 120.0, np.pi + 2 * np.pi * turn)
+    name = "swap of 12 on a projected circle"
+    return Task(name, orbit, initial, final, turn * orbit.period, cf.Sphere(15.0))
 
 
 def said(name: str, tasks: list[Task]) -> Any:
@@ -268,22 +277,22 @@ def random_table(tasks: list[Task], outcomes: list[Outcome]) -> Table:
     return Table("Random reconfigurations, one core", columns, out, [note])
 
 
-def figures(rows: list[Row]) -> list[Figure]:
-    first = rows[0]
-    pairs = first.task.count * (first.task.count - 1) // 2
-    clear = pairs
-    if first.joint.plan.ok:
-        clear -= len(np.unique(cf.screen(first.joint.plan.paths, first.task.zone).pairs, axis=0))
-    else:
-        clear = 0
-    over = first.joint.energy / first.bound
-    taken = first.joint.time
-    name = first.task.name
-    found = [
-        Figure(f"reconfigure, {name}", "<= 50 ms", seconds(taken), taken <= 50e-3),
+def swap_figures(made: Row) -> list[Figure]:
+    """Time, energy and pairs of one swap."""
+    name, taken, over = made.task.name, made.joint.time, made.joint.energy / made.bound
+    pairs = made.task.count * (made.task.count - 1) // 2
+    met = pairs
+    if made.joint.plan.ok:
+        met = len(np.unique(cf.screen(made.joint.plan.paths, made.task.zone).pairs, axis=0))
+    return [
+        Figure(f"{name} ({made.conflicts} pairs meet)", "<= 50 ms", seconds(taken), taken <= 50e-3),
         Figure(f"{name}: energy over the bound", "<= 1.03", f"{over:.4f}", bool(over <= 1.03)),
-        Figure(f"{name}: pairs certified clear", f"{pairs}", f"{clear}", clear == pairs),
+        Figure(f"{name}: pairs certified clear", f"{pairs}", f"{pairs - met}", met == 0),
     ]
+
+
+def figures(rows: list[Row]) -> list[Figure]:
+    found = [figure for made in rows if made.task.name.startswith("swap") for figure in swap_figures(made)]
     for count, most in ((50, 2.0), (200, 60.0)):
         own = [made.joint for made in rows if made.task.count == count]
         if own:
