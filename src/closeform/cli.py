@@ -344,7 +344,7 @@ def tell(mission: "Mission", place: Path) -> None:
                 show(console, sheet)
         if chapter.closing:
             say(console, "", *chapter.closing)
-    say(console, "", *mission.warnings)
+    say(console, "", *(f"Warning: {line}" for line in mission.warnings))
     end = f"{verdict(mission)}; "
     if len(end) > console.width:
         say(console, verdict(mission))

@@ -16,7 +16,7 @@ from closeform.avoidance.result import PLANNED, Status
 from closeform.avoidance.sequential import one_by_one
 from closeform.avoidance.slots import revised
 from closeform.avoidance.task import Contacts, Flown, Task
-from closeform.avoidance.ways import reshaped, searched
+from closeform.avoidance.ways import from_sequence, searched
 from closeform.orbit import Orbit
 from closeform.path import Path
 from closeform.zones import Zone
@@ -100,7 +100,7 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
         if method == "joint":
             outcome = searched(task, more)
             if outcome.flown is None:
-                outcome = reshaped(task, one_by_one(asked.orbit, task, order, more), outcome)
+                outcome = from_sequence(task, one_by_one(asked.orbit, task, order, more), outcome)
         else:
             outcome = one_by_one(asked.orbit, task, order, more)
         plan = replace(plan, proven=outcome.proven, tried=outcome.tried, blocked=outcome.blocked)
@@ -133,8 +133,8 @@ def _path(asked: Asked, flown: Flown) -> Path:
 
 def _blocked(asked: Asked, pair: tuple[int, int] | None, tried: int) -> str:
     """Why no plan was found."""
-    between = f" between {asked.names[pair[0]]} and {asked.names[pair[1]]}" if pair else ""
-    return f"no clear way{between} among {tried} tried; allow more time or staggered starts"
+    who = f"{asked.names[pair[0]]} and {asked.names[pair[1]]}" if pair else "craft"
+    return f"{who} are in each other's way in all of {tried} ways tried"
 
 
 def _held(task: Task) -> tuple[tuple[int, int], str] | None:

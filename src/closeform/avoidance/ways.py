@@ -23,6 +23,7 @@ WAYS = (
     (80, 4),
     (200, 2),
 )  # up to so many pairs in contact, so many ways; else one
+PATIENCE = 4  # ways without a better one after which the search ends
 MORE = 24  # ways tried beside them where none of the first is clear
 SHARPENED = 3  # of the best ways, until one is clear of its sharp boxes
 FINER = 3  # times that the march may find what samples missed
@@ -88,7 +89,8 @@ def searched(task: Task, more: bool = False) -> Outcome:
     count = next((ways for most, ways in WAYS if pairs <= most), 1) + (MORE if more else 0)
     turned: list[int] = []
     sure = bool(found) and proven(planner, found[0])
-    while tried < count and not sure:
+    improved = tried
+    while tried < count and not sure and (more or not found or tried - improved < PATIENCE):
         start = turn_one(planner, found[0].contacts, turned) if found else None
         sides = drawn(0, DEEP) if start is not None else drawn(tried, ANY)
         bar = found[0].energy if found else np.inf
@@ -97,6 +99,7 @@ def searched(task: Task, more: bool = False) -> Outcome:
         better = certified(planner, draft) if draft.energy < bar else None
         if better is not None and better.energy < bar:
             turned = turned if start is not None else []
+            improved = tried
             found.insert(0, better)
             sure = proven(planner, better)
     for draft in found[:SHARPENED]:
@@ -106,7 +109,7 @@ def searched(task: Task, more: bool = False) -> Outcome:
     return Outcome(None, (), False, tried, deepest(task, last))
 
 
-def reshaped(task: Task, alone: Outcome, before: Outcome) -> Outcome:
+def from_sequence(task: Task, alone: Outcome, before: Outcome) -> Outcome:
     """What craft found one after another, shaped jointly on the same sides; else `before`."""
     tried = before.tried + alone.tried
     if alone.flown is None:
