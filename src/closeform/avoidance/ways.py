@@ -16,13 +16,7 @@ PUSH, FAR = 0.3, 1.0  # of the zone, by which craft are set apart in thought bef
 BLUNT = 4.0  # power of the norm that stands in for a box while sides are chosen
 SHARPER = (32.0, 512.0, 8192.0)  # and the powers after it, of balls that hold the box
 SHALLOW = 0.3  # of the zone, by which a contact must push a pair for its other side to be tried
-WAYS = (
-    (6, 40),
-    (12, 20),
-    (30, 8),
-    (80, 4),
-    (200, 2),
-)  # up to so many pairs in contact, so many ways; else one
+WAYS = ((6, 40), (12, 20), (30, 8), (80, 4), (200, 2))  # most ways for so many pairs in contact; else one
 PATIENCE = 4  # ways without a better one after which the search ends
 MORE = 24  # ways tried beside them where none of the first is clear
 SHARPENED = 3  # of the best ways, until one is clear of its sharp boxes
