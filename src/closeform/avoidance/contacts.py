@@ -13,8 +13,8 @@ from numba import float64, int64, types
 from closeform.arc import END, START
 from closeform.avoidance.kernel import influences, relative, shape
 from closeform.avoidance.newton import TOUCHING, approach_rate, in_zone, newton, outward, push_back
+from closeform.avoidance.pressing import press
 from closeform.compiled import kernel
-from closeform.linear import solve
 
 ROUNDS = 40  # of the quadratic program with contacts moved
 CLOSE = 0.3  # how little contacts move in a round, in normals and times, before Newton is tried
@@ -53,47 +53,6 @@ def slide(rows, count, others, first, last, matrix, power, t, start, end, tolera
         if abs(b - a) <= tolerance * abs(end - start):
             break
     return b
-
-
-@kernel()
-def press(gram, gaps, count, force, work, rhs):
-    """The forces >= 0 that minimise force.G.force / 2 - gaps.force: an active-set method."""
-    active = np.ones(count, dtype=np.bool_)
-    for _ in range(4 * count + 4):
-        size = 0
-        for k in range(count):
-            if active[k]:
-                rhs[size] = gaps[k]
-                column = 0
-                for m in range(count):
-                    if active[m]:
-                        work[size, column] = gram[k, m] * (1.0 + (1e-13 if m == k else 0.0))
-                        column += 1
-                size += 1
-        solve(work, rhs, size)
-        size = 0
-        worst, drop = 0.0, -1
-        for k in range(count):
-            force[k] = 0.0
-            if active[k]:
-                force[k] = rhs[size]
-                size += 1
-                if force[k] < worst:
-                    worst, drop = force[k], k
-        if drop >= 0:
-            active[drop] = False
-            continue
-        worst = 0.0
-        for k in range(count):
-            if not active[k]:
-                short = gaps[k]
-                for m in range(count):
-                    short -= gram[k, m] * force[m]
-                if short > worst + 1e-12:
-                    worst, drop = short, k
-        if drop < 0:
-            return
-        active[drop] = True
 
 
 @kernel()
@@ -212,8 +171,8 @@ def relax(base, inverse, scene, contacts, rows, gram):
     blocks = np.empty((count, count, 6, 3))
     rates = np.empty((count, count, 6, 3))
     normal_gram = np.empty((count, count))
-    system = np.empty((count, count))
-    gaps, rhs, pushes = np.empty(count), np.empty(count), np.empty((count, 3))
+    pressing = np.empty(count, dtype=np.bool_)
+    gaps, pushes = np.empty(count), np.empty((count, 3))
     old_times, slid, turned = np.empty(count), np.empty(count), np.empty((count, 3))
     windows = np.empty((count, 2))
     margin = MARGIN * (base[END] - base[START])
@@ -226,7 +185,8 @@ def relax(base, inverse, scene, contacts, rows, gram):
     for _ in range(ROUNDS):
         influences(base, inverse, times, count, pulls, blocks, rates)
         touch(base, scene, contacts, blocks, normal_gram, gaps)
-        press(normal_gram, gaps, count, force, system, rhs)
+        pressing[:] = True
+        press(normal_gram, gaps, pressing, 0.0, force)
         push_back(contacts, matrices, pushes)
         arcs = shape(base, pulls, times, pushes, count, rows)
         before = moved
