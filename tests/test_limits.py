@@ -1,5 +1,7 @@
 """Shortest transfers against closed forms, roots of quartics, mpmath and dense scanning."""
 
+import warnings
+
 import mpmath as mp
 import numpy as np
 import pytest
@@ -28,6 +30,14 @@ def drifting(seed, count=2, spread=100.0):
     return states
 
 
+def horner(coefficients, x):
+    """A polynomial's value, highest power first."""
+    value = mp.mpf(0)
+    for coefficient in coefficients:
+        value = value * x + coefficient
+    return value
+
+
 def quartic_root(initial, final, limit):
     """Deep space: the least T at which thrust, linear in time, keeps the limit at both of its ends.
 
@@ -42,10 +52,12 @@ def quartic_root(initial, final, limit):
         squares = [sum(a * b for a, b in zip(*two, strict=True)) for two in ((p, p), (distance, p))]
         length = sum(c * c for c in distance)
         quartics.append([mp.mpf(limit) ** 2, 0, -squares[0], 12 * squares[1], -36 * length])
-        roots += mp.polyroots(quartics[-1], maxsteps=500, extraprec=200)
+        with warnings.catch_warnings():  # newer versions ask for another order of coefficients
+            warnings.simplefilter("ignore", DeprecationWarning)
+            roots += mp.polyroots(quartics[-1], maxsteps=500, extraprec=200)
     for root in sorted(r.real for r in roots if abs(r.imag) < mp.mpf(10) ** -20 * abs(r) and r.real > 0):
         later = root * (1 + mp.mpf(10) ** -25)
-        if all(mp.polyval(q, later) >= 0 for q in quartics):
+        if all(horner(q, later) >= 0 for q in quartics):
             return float(root)
     raise AssertionError("no root")
 

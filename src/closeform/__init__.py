@@ -10,7 +10,9 @@ _NAMES = {
     "zones": "Zone Box Ellipsoid Sphere",
     "conflicts": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
     "screening": "Screening screen",
-    "avoidance": "Avoidance Contact Plan Status Touch avoid end_gradients reconfigure",
+    "avoidance": "Avoidance Contact Status avoid end_gradients",
+    "avoidance.formation": "reconfigure",
+    "avoidance.plan": "Plan Touch",
     "limits": "shortest_transfer propellant",
     "frames": "relative_from_inertial inertial_from_relative",
     "elements": (

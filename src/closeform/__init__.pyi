@@ -4,13 +4,12 @@ from closeform import plots as plots, targets as targets
 from closeform.avoidance import (
     Avoidance as Avoidance,
     Contact as Contact,
-    Plan as Plan,
     Status as Status,
-    Touch as Touch,
     avoid as avoid,
     end_gradients as end_gradients,
-    reconfigure as reconfigure,
 )
+from closeform.avoidance.formation import reconfigure as reconfigure
+from closeform.avoidance.plan import Plan as Plan, Touch as Touch
 from closeform.campaign import study as study
 from closeform.ccsds import (
     CommonFrame as CommonFrame,

@@ -1,8 +1,8 @@
 """The command line. Exit status: 0 done and clear, 1 conflicts or lost craft remain, 2 bad input."""
 
-import re
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from closeform.zones import Zone
 
 CLEAR, CONFLICT, BAD_INPUT = 0, 1, 2
-MOVES = rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"'  # stages that plan paths
 
 
 class UsageError(ValueError):
@@ -268,18 +267,10 @@ def view(directory: Path, /) -> int:
 
 def read(file: Path) -> "Scenario | None":
     """The scenario, or None after saying everything that is wrong with it."""
-    from closeform.compiled import compile_ahead
+    from closeform.compiled import compile_for
 
-    try:
-        text = file.read_bytes()
-    except OSError:
-        pass  # load says what is wrong with it
-    else:
-        searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
-        if searches:
-            compile_ahead("closeform.search.chain")
-        if not searches or re.search(MOVES, text, re.MULTILINE) is not None:
-            compile_ahead("closeform.avoidance")
+    with suppress(OSError):  # load says what is wrong with it
+        compile_for(file.read_bytes())
     from closeform.scenario import ScenarioError, load
 
     try:

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -44,7 +45,7 @@ def cache_folder() -> Path:
 @cache
 def announce() -> None:
     """Say once, on standard error, that a compilation is under way."""
-    print("closeform: compiling its kernels, once for this version (some twenty seconds)", file=sys.stderr)
+    print("closeform: compiling its kernels, once for this version (half a minute)", file=sys.stderr)
 
 
 @cache
@@ -64,6 +65,18 @@ def compile_ahead(module: str) -> None:
     other = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     import_module("closeform.conflicts")
     other.wait()
+
+
+def compile_for(text: bytes) -> None:
+    """Compile ahead what the stages of a scenario file will need."""
+    searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
+    moves = set(re.findall(rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
+    if searches:
+        compile_ahead("closeform.search.chain")
+    if moves - {b"avoid"}:
+        compile_ahead("closeform.avoidance.formation")
+    elif moves or not searches:
+        compile_ahead("closeform.avoidance")
 
 
 @contextmanager

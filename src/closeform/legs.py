@@ -11,7 +11,8 @@ from closeform.search.schedule import Search
 from closeform.zones import Zone
 
 if TYPE_CHECKING:
-    from closeform.avoidance import Avoidance, Plan
+    from closeform.avoidance import Avoidance
+    from closeform.avoidance.plan import Plan
     from closeform.search.locks import Locks
 
 NAMED = 10  # pairs that are named where more have failed
@@ -50,6 +51,11 @@ class Reshaping:
     def names(self) -> tuple[str, ...]:
         """The craft as the plan counts them."""
         return self.movers + self.others
+
+    @property
+    def took(self) -> float:
+        """How long it takes [s]."""
+        return float(self.plan.durations.max() + self.plan.starts.max() - self.plan.starts.min())
 
     @property
     def blocked(self) -> tuple[str, ...]:
@@ -103,6 +109,16 @@ class Leg:
     def flown(self) -> bool:
         """Whether its paths count: a move without a clear path is not flown."""
         return self.failure is None or not isinstance(self.deed, Change | Reshaping)
+
+    @property
+    def late(self) -> str | None:
+        """That the stage takes longer than asked for, if it does."""
+        if not isinstance(self.deed, Reshaping) or not self.flown:
+            return None
+        asked, took = self.deed.asked, self.deed.took
+        if took <= asked * (1.0 + 1e-6):
+            return None
+        return f'stage {self.number} ({self.verb}) takes {took:.1f} s, not {asked:.1f} s; see "Tried"'
 
     @property
     def failure(self) -> str | None:

@@ -39,7 +39,7 @@ from closeform.scenario import (
 from closeform.zones import Floats
 
 if TYPE_CHECKING:
-    from closeform.avoidance import Plan
+    from closeform.avoidance.plan import Plan
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
@@ -83,8 +83,8 @@ class Mission:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Craft that would need more than their thrust, delta-v or propellant, one line each."""
-        lines = []
+        """Stages that take longer than asked, and craft that need more than they have, one line each."""
+        lines = [leg.late for leg in self.legs if leg.late]
         flown = [leg.flown for leg in self.legs]
         for k, craft in enumerate(self.scenario.craft):
             spent, burnt = self.delta_v[flown, k].sum(), self.propellant[flown, k].sum()
@@ -276,7 +276,8 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
 
     Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
     """
-    from closeform.avoidance import Status, reconfigure
+    from closeform.avoidance import Status
+    from closeform.avoidance.formation import reconfigure
 
     scenario = sky.scenario
     limits = np.array([scenario.craft[k].max_acceleration for k in who])

@@ -1,18 +1,16 @@
-"""Paths around keep-out zones, for one craft and for a whole formation."""
+"""Paths around keep-out zones, for one craft; for a whole formation see `formation`."""
 
 from collections.abc import Sequence
 from typing import Literal
 
 import closeform.avoidance.contacts  # noqa: F401  first, for `compiled.compile_ahead`
-from closeform.avoidance.formation import reconfigure
-from closeform.avoidance.plan import Plan, Touch
 from closeform.avoidance.result import Avoidance, Contact, Obstacles, Status, refused
 from closeform.avoidance.sauter_palmer import deviated, end_gradients
 from closeform.avoidance.shaping import shaped
 from closeform.path import Path
 from closeform.zones import Zone
 
-__all__ = ["Avoidance", "Contact", "Plan", "Status", "Touch", "avoid", "end_gradients", "reconfigure"]
+__all__ = ["Avoidance", "Contact", "Status", "avoid", "end_gradients"]
 
 
 def avoid(

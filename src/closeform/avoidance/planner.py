@@ -95,7 +95,7 @@ class Planner:
             found = self.dips(flown)
             fresh = self.fresh(flown, found, there, sides)
             short = self.shortfall(found)
-            if short < least:
+            if short < max(least, NEARLY):
                 least, latest = short, turn
             elif turn - latest > HOPELESS:
                 break
