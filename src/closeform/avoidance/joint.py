@@ -10,7 +10,7 @@ import numpy as np
 from numba import float64, int64, void
 
 from closeform.arc import END, MEAN_MOTION, START, STATE, state_at
-from closeform.avoidance.kernel import force_columns, invert_response, relative, shape
+from closeform.avoidance.kernel import force_columns, invert_response, pull, relative, shape
 from closeform.compiled import kernel
 from closeform.hill import drift, response
 
@@ -27,20 +27,6 @@ def prepare_all(base, inverses):
 def feels(base, c, t):
     """Whether craft c answers to a force at time t: obstacles do not, nor craft that coast."""
     return c < len(base) and base[c, START] < t < base[c, END]
-
-
-@kernel()
-def pull(n, duration, inverse, matrix, jump, jump_rate, out, out_rate):
-    """What a force adds to the start thrust and rate, `duration` before the end, and its rate."""
-    force_columns(n, duration, matrix, jump, jump_rate)
-    for i in range(6):
-        for k in range(3):
-            total, slope = 0.0, 0.0
-            for j in range(6):
-                total -= inverse[i, j] * jump[j, k]
-                slope += inverse[i, j] * jump_rate[j, k]
-            out[i, k] = total
-            out_rate[i, k] = slope
 
 
 @kernel(

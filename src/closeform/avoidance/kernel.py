@@ -56,6 +56,20 @@ def force_columns(n, t, matrix, jump, jump_rate):
 
 
 @kernel()
+def pull(n, duration, inverse, matrix, jump, jump_rate, out, out_rate):
+    """What a force adds to the start thrust and rate, `duration` before the end, and its rate."""
+    force_columns(n, duration, matrix, jump, jump_rate)
+    for i in range(6):
+        for k in range(3):
+            total, slope = 0.0, 0.0
+            for j in range(6):
+                total -= inverse[i, j] * jump[j, k]
+                slope += inverse[i, j] * jump_rate[j, k]
+            out[i, k] = total
+            out_rate[i, k] = slope
+
+
+@kernel()
 def influences(base, inverse, times, count, pulls, blocks, rates):
     """Influence of a force at each contact on the state at each, and its derivative in the force's time.
 
@@ -68,15 +82,7 @@ def influences(base, inverse, times, count, pulls, blocks, rates):
     jump_rate = np.empty((6, 3))
     pull_rate = np.empty((6, 3))
     for s in range(count):
-        force_columns(n, base[END] - times[s], matrix, jump, jump_rate)
-        for i in range(6):
-            for k in range(3):
-                total, slope = 0.0, 0.0
-                for j in range(6):
-                    total -= inverse[i, j] * jump[j, k]
-                    slope += inverse[i, j] * jump_rate[j, k]
-                pulls[s, i, k] = total
-                pull_rate[i, k] = slope
+        pull(n, base[END] - times[s], inverse, matrix, jump, jump_rate, pulls[s], pull_rate)
         for t in range(count):
             force_columns(n, times[t] - times[s], matrix, jump, jump_rate)
             response(n, times[t] - base[START], matrix)
