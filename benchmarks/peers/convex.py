@@ -50,6 +50,16 @@ class Shaped:
     wall_time: float
 
 
+def settings() -> clarabel.DefaultSettings:
+    """Quiet, to TOLERANCE, and such that a program's numbers can be changed."""
+    chosen = clarabel.DefaultSettings()
+    chosen.verbose = False
+    chosen.presolve_enable = False  # or they could not
+    for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
+        setattr(chosen, name, TOLERANCE)
+    return chosen
+
+
 class Program:
     """The quadratic program; variables are thrusts (NODES, 3), then states (NODES + 1, 6)."""
 
@@ -83,11 +93,7 @@ class Program:
         self.bound[6 * NODES + 6 : self.equalities] = np.asarray(final) / self.scale
         weights = np.concatenate([np.ones(thrusts), np.zeros(6 * (NODES + 1))])
         self.cost = sparse.diags(weights).tocsc()
-        self.settings = clarabel.DefaultSettings()
-        self.settings.verbose = False
-        self.settings.presolve_enable = False  # or the numbers could not be changed
-        for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-            setattr(self.settings, name, TOLERANCE)
+        self.settings = settings()
         self.solver: clarabel.DefaultSolver | None = None
 
     def solve(self, normals: Array, limits: Array) -> tuple[bool, float, Array, Array, float]:

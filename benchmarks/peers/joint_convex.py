@@ -20,11 +20,11 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import expm
 
+from peers.convex import settings
 from peers.motion import Array
 
 NODES = 60
 LENGTH = 100.0  # m
-TOLERANCE = 1e-8  # Clarabel's gap and feasibility
 SETTLED = 1e-6  # relative change of energy between two programs
 ROUNDS = 60  # programs from one start
 NEAR = 1.2  # pairs get planes at nodes where their norm is below
@@ -97,11 +97,7 @@ class Program:
         nothing = sparse.csr_matrix((2 * self.thrusts, 2 * self.thrusts))
         self.whole_cost = sparse.block_diag([cost, nothing]).tocsc()
         self.cost = sparse.triu(self.whole_cost).tocsc()
-        self.settings = clarabel.DefaultSettings()
-        self.settings.verbose = False
-        self.settings.presolve_enable = False  # or the numbers could not be changed
-        for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
-            setattr(self.settings, name, TOLERANCE)
+        self.settings = settings()
         self.solver: clarabel.DefaultSolver | None = None
         self.where: tuple[Array, Array, Array] | None = None
 

@@ -288,10 +288,11 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
     duration = stage.within.on(sky.orbit.mean_motion)
     measures: tuple[str, ...] = ()
     for attempt in range(AGAIN):
+        goals = sky.goals(stage, who, duration)
         plan = reconfigure(
             sky.orbit,
             sky.states[who],
-            sky.goals(stage, who, duration),
+            goals,
             duration,
             [scenario.keep_out[k] for k in who + rest],
             assign=stage.assigns,
@@ -307,7 +308,7 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
         took = float(np.max(plan.starts + plan.durations)) - sky.time
         if not plan.ok or abs(took - duration) <= ROUNDING * duration:
             return plan, measures
-        if np.array_equal(sky.goals(stage, who, took), sky.goals(stage, who, duration)):
+        if np.array_equal(sky.goals(stage, who, took), goals):
             return plan, measures  # they hold whenever craft arrive
         duration = took * SLACK if attempt else took
         measures += (f"aims at where the relative orbits are after {duration:.6g} s",)

@@ -53,9 +53,14 @@ def _chunks(count: int) -> Iterator[tuple[Any, Any]]:
         yield np.concatenate(first), np.concatenate(second)
 
 
-def search_pairs(arcs: Floats, offsets: Any, zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
-    """Conflicts of some pairs, in order: their pairs (M, 2) and rows (M, 4) of start, end, time, ratio."""
-    rows = np.empty((4096, COLUMNS))
+def search_pairs(
+    arcs: Floats, offsets: Any, others: Floats, other_offsets: Any, zone: Zone, first: Any, second: Any
+) -> tuple[Any, Floats]:
+    """Conflicts of some pairs, in order: their pairs (M, 2) and rows (M, 4) of start, end, time, ratio.
+
+    `first` (P,) are among the bodies of `arcs`, `second` among those of `others`.
+    """
+    rows = np.empty((min(4096, 64 + len(first)), COLUMNS))
     done = np.zeros(2, dtype=np.int64)
     found = [np.empty((0, COLUMNS))]
     while done[0] < len(first):
@@ -63,8 +68,8 @@ def search_pairs(arcs: Floats, offsets: Any, zone: Zone, first: Any, second: Any
         count = conflicts_of_pairs(
             arcs,
             offsets,
-            arcs,
-            offsets,
+            others,
+            other_offsets,
             first,
             second,
             before,
@@ -109,7 +114,8 @@ def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone) -> Iterator[tuple[
     """Results of the chunks in order, few of them under way at once."""
     waiting: deque[Any] = deque()
     for first, second in _chunks(len(paths)):
-        waiting.append(pool.submit(search_pairs, paths.arcs, paths.offsets, zone, first, second))
+        bodies = paths.arcs, paths.offsets
+        waiting.append(pool.submit(search_pairs, *bodies, *bodies, zone, first, second))
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
     while waiting:

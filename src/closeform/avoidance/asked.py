@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arc import WIDTH
+from closeform.avoidance.result import batch_of
 from closeform.avoidance.task import Task
 from closeform.orbit import Orbit
-from closeform.path import Path, stack
+from closeform.path import Path
 from closeform.zones import LARGEST, Floats, Zone, numbers
 from closeform.zoning import pairwise
 
@@ -159,17 +160,13 @@ def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest:
 
 
 def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
-    if isinstance(obstacles, Path):
-        batch = obstacles if obstacles.shape else stack([obstacles])
-    else:
-        chosen = list(obstacles)
-        if not all(isinstance(one, Path) for one in chosen):
+    if not isinstance(obstacles, Path):
+        obstacles = list(obstacles)
+        if not all(isinstance(one, Path) for one in obstacles):
             raise ValueError("obstacles: expected paths")
-        if not chosen:
+        if not obstacles:
             return None
-        batch = stack(chosen)
-    if len(batch.shape) != 1:
-        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
+    batch = batch_of(obstacles)
     if batch.orbit.mean_motion != orbit.mean_motion:
         raise ValueError("obstacles: must be in the given orbit")
     return batch if len(batch) else None

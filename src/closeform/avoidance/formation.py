@@ -15,7 +15,7 @@ from closeform.avoidance.remedies import FALLBACKS, Attempt, Fallback, remedied,
 from closeform.avoidance.result import PLANNED, Status
 from closeform.avoidance.sequential import one_by_one
 from closeform.avoidance.slots import revised
-from closeform.avoidance.task import Contacts, Flown, Task
+from closeform.avoidance.task import Flown, Task
 from closeform.avoidance.ways import from_sequence, searched
 from closeform.orbit import Orbit
 from closeform.path import Path
@@ -88,7 +88,7 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
 
     def attempt(asked: Asked, more: bool) -> Plan:
         task = asked.task()
-        direct = _path(asked, task.flown(Contacts.none()))
+        direct = _path(asked, task.direct)
         bound = float(np.sum(direct.energy))
         times = asked.starts, asked.durations
         plan = Plan(None, direct, asked.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
@@ -139,8 +139,7 @@ def _blocked(asked: Asked, pair: tuple[int, int] | None, tried: int) -> str:
 
 def _held(task: Task) -> tuple[tuple[int, int], str] | None:
     """The two bodies deepest in conflict while neither can give way, and in words when and how deep."""
-    flown = task.flown(Contacts.none())
-    found = []
+    found, flown = [], task.direct
     for pair, (begin, end, time, ratio) in task.conflicts(flown, PLANNED[0]):
         spans = sorted(tuple(task.base[c, [START, END]]) for c in pair if c < len(task.base))
         first, last = spans[0][0], max(span[1] for span in spans)

@@ -23,10 +23,8 @@ from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
 
 ROUNDS, HOPELESS = 60, 15  # rounds, and those without getting nearer to clear that are waited for
-SAMPLES, A_TURN = (
-    64,
-    16,
-)  # of a craft's time and of an orbit, between which a dip may be missed until the march finds it
+SAMPLES = 64  # of a craft's time, between which a dip may be missed until the march finds it
+A_TURN = 16  # samples of each turn of the orbit, where that is more
 SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
 SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
 CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
@@ -73,8 +71,7 @@ class Planner:
         widths = np.array([np.linalg.norm(np.linalg.inv(zone.matrix), 2) for zone in task.zones])
         self.radii = widths[task.kinds] * np.where(task.boxes, np.sqrt(3.0), 1.0)
         self.times = samples(task)
-        self.same = SAME * (task.windows[:, 1] - task.windows[:, 0])
-        self.base = task.flown(Contacts.none())
+        self.spans = task.windows[:, 1] - task.windows[:, 0]
 
     def relaxed(self, contacts: Contacts, sides: Sides, bar: float = np.inf) -> Draft:
         """The cheapest clear draft that contacts lead to, else the last draft.
@@ -89,7 +86,7 @@ class Planner:
             contacts = harder if energy < np.inf else self.pressed(contacts, 1.0, SOFT)[0]
             flown = self.task.flown(contacts)
             there = self.slid(flown, contacts)
-            shift = np.abs(there.times - contacts.times) * SAME / self.same[contacts.which]
+            shift = np.abs(there.times - contacts.times) / self.spans[contacts.which]
             turned = np.abs(there.normals - contacts.normals).max(axis=1, initial=0.0)
             moved = max(shift.max(initial=0.0), turned.max(initial=0.0))
             found = self.dips(flown)
@@ -127,7 +124,7 @@ class Planner:
         """
         if not len(contacts):
             return contacts, 0.0
-        reach = np.einsum("ki,ki->k", contacts.normals, self.motions(self.base, contacts)[:, 0])
+        reach = np.einsum("ki,ki->k", contacts.normals, self.motions(self.task.direct, contacts)[:, 0])
         gaps = self.aims[contacts.which] * lift - reach
         gram, force = self.gram(contacts), np.zeros(len(contacts))
         press(gram, gaps, contacts.force > 0.0, soft, force)
@@ -150,7 +147,7 @@ class Planner:
         """New contacts, without force, at dips that no contact is near."""
         which = found[:, 0].astype(np.int64)
         new = Contacts.unpressed(which, np.clip(found[:, 1], *self.task.windows[which].T))
-        near = np.abs(new.times[:, None] - contacts.times) < 2.0 * self.same[contacts.which]
+        near = np.abs(new.times[:, None] - contacts.times) < 2.0 * SAME * self.spans[contacts.which]
         new = new.some(~((which[:, None] == contacts.which) & near).any(axis=1))
         return replace(new, normals=sides(self, new, self.motions(flown, new))) if len(new) else new
 
@@ -164,7 +161,7 @@ class Planner:
         ordered = contacts.some(np.lexsort((contacts.times, contacts.which)))
         new = np.ones(len(ordered), dtype=bool)
         new[1:] = np.diff(ordered.which) > 0
-        new[1:] |= np.diff(ordered.times) >= self.same[ordered.which[1:]]
+        new[1:] |= np.diff(ordered.times) >= SAME * self.spans[ordered.which[1:]]
         if new.all():
             return contacts
         group = np.cumsum(new) - 1
@@ -198,7 +195,7 @@ class Planner:
         forms, powers, aims = task.forms[which], self.powers[which], self.aims[which]
         early, late = task.windows[which].T
         pinned = (contacts.times <= early) | (contacts.times >= late)
-        durations = np.where(pinned, 0.0, self.same[which] / SAME)
+        durations = np.where(pinned, 0.0, self.spans[which])
         points = self.motions(task.flown(contacts), contacts)[:, 0]
         points = points * (aims / self.norms(points, which))[:, None]
         jacobian, rhs = np.empty((5 * count, 5 * count)), np.empty(5 * count)

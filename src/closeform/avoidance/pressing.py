@@ -4,8 +4,10 @@ import numpy as np
 from numba import boolean, float64, void
 
 from closeform.compiled import kernel
+from closeform.zones import Floats
 
 STIFF = 1e-12  # of a contact's own compliance, added so that two like contacts share their force
+PROVEN = 1e-9  # tolerance of the certificate of global optimality
 SLACK = 1e-10  # of the zone, by which an idle contact may fall short
 STALLED = 5  # exchanges of all wrong contacts without progress, before one at a time
 
@@ -96,3 +98,13 @@ def press(gram, gaps, active, give, force):
             active[k] ^= wrong[k]
     for k in range(count):
         force[k] = max(force[k], 0.0)
+
+
+def convex(compliance: Floats, strength: Floats) -> bool:
+    """Whether the Lagrangian of contacts is convex: their path is the global optimum at their times.
+
+    `compliance` (3K, 3K) in zone coordinates, `strength` (K,) the forces over the aimed norms: I less the
+    one weighted by the other is positive definite.                                      # theory 4
+    """
+    weight = np.repeat(np.sqrt(strength), 3)
+    return bool(definite((1.0 + PROVEN) * np.eye(len(weight)) - weight[:, None] * compliance * weight))

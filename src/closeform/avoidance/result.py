@@ -10,8 +10,8 @@ import numpy as np
 
 from closeform.arc import END, START
 from closeform.orbit import Orbit
-from closeform.pairs import COLUMNS, conflicts_of_pairs
 from closeform.path import Path, stack
+from closeform.screening import search_pairs
 from closeform.zones import Floats, Zone
 
 # The optimum touches the zone: plan against a slightly larger one, so that the march can
@@ -79,6 +79,16 @@ def refused(status: Status, reason: str, tried: int = 0) -> Avoidance:
     return Avoidance(None, nan, nan, nan, (), status, reason, tried=tried)
 
 
+def batch_of(paths: Path | Sequence[Path]) -> Path:
+    """Obstacles as a Path of shape (M,); ValueError for a batch of another shape."""
+    if not isinstance(paths, Path):
+        return stack(paths)
+    batch = paths if paths.shape else stack([paths])
+    if len(batch.shape) != 1:
+        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
+    return batch
+
+
 @dataclass(frozen=True, eq=False)
 class Obstacles:
     """Paths to keep clear of, each with the matrix of its zone."""
@@ -98,12 +108,7 @@ class Obstacles:
             raise ValueError(
                 f"zone: expected a Box, Ellipsoid or Sphere, or one for each obstacle, got {zone!r}"
             )
-        if isinstance(paths, Path):
-            batch = paths if paths.shape else stack([paths])
-        else:
-            batch = stack(paths)
-        if len(batch.shape) != 1:
-            raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
+        batch = batch_of(paths)
         zones = [zone] * len(batch) if isinstance(zone, Zone) else list(zone)
         if len(zones) != len(batch):
             raise ValueError(
@@ -125,27 +130,9 @@ class Obstacles:
         ends = np.array([0, len(rows)])
         found = []
         for zone, members in self.groups:
-            table = np.empty((64, COLUMNS))
-            done = np.zeros(2, dtype=np.int64)
-            while done[0] < len(members):
-                count = conflicts_of_pairs(
-                    rows,
-                    ends,
-                    self.arcs,
-                    self.offsets,
-                    np.zeros(len(members), dtype=np.int64),
-                    members,
-                    done[0],
-                    zone.box,
-                    zone.matrix,
-                    table,
-                    done,
-                )
-                for row in table[:count]:
-                    found.append(np.array([members[int(row[0])], *row[1:]]))
-                if done[1]:
-                    table = np.empty((done[1], COLUMNS))
-                    done[1] = 0
+            own = np.zeros(len(members), dtype=np.int64)
+            pairs, table = search_pairs(rows, ends, self.arcs, self.offsets, zone, own, members)
+            found += [np.array([obstacle, *row]) for (_, obstacle), row in zip(pairs, table, strict=True)]
         return found
 
     def deepest(self, rows: Floats) -> tuple[int, float] | None:

@@ -12,10 +12,10 @@ from closeform.arc import END, START
 from closeform.avoidance.plan import Touch
 from closeform.avoidance.result import Obstacles
 from closeform.avoidance.shaping import shaped
-from closeform.avoidance.task import Contacts, Flown, Task
+from closeform.avoidance.task import Flown, Task
 from closeform.avoidance.ways import Outcome
 from closeform.orbit import Orbit
-from closeform.path import Path, join, stack
+from closeform.path import Path, stack
 from closeform.zones import Zone
 
 
@@ -38,7 +38,8 @@ def one_by_one(orbit: Orbit, task: Task, order: Any, more: bool = False) -> Outc
 
 def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:
     base = Path(orbit, task.base, np.arange(len(task.base) + 1), (len(task.base),))
-    bodies = _bodies(orbit, task)
+    arcs, offsets = task.direct
+    bodies = Path(orbit, arcs, offsets, (len(offsets) - 1,))
     zones = _zones(task)
     published: dict[int, Path] = {k: bodies[k] for k in range(len(base), len(bodies))}
     touches: list[Touch] = []
@@ -57,7 +58,7 @@ def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:
                     return Outcome(None, (), False, tried, (k, others[deepest[0]]))
                 path = way.path
                 touches += [Touch(c.time, k, others[c.obstacle], c.normal, c.force) for c in way.contacts]
-        published[k] = _spanned(task, path)
+        published[k] = _spanned(path, bodies[k])
     flown = _together([published[k] for k in range(len(bodies))])
     found = task.conflicts(flown)
     if found:  # a craft that coasts cannot give way to those that planned before it
@@ -67,26 +68,17 @@ def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:
     return Outcome(flown, tuple(sorted(touches, key=lambda one: one.time)), False, tried)
 
 
-def _bodies(orbit: Orbit, task: Task) -> Path:
-    arcs, offsets = task.flown(Contacts.none())
-    return Path(orbit, arcs, offsets, (len(offsets) - 1,))
-
-
 def _zones(task: Task) -> dict[tuple[int, int], Zone]:
     rows = zip(task.pairs.tolist(), task.kinds.tolist(), strict=True)
     return {(i, j): task.zones[kind] for (i, j), kind in rows}
 
 
-def _spanned(task: Task, path: Path) -> Path:
-    """A craft's path with the coasts before and after it."""
-    first, last = path.arcs[0, START], path.arcs[-1, END]
-    parts = [path]
-    if task.first < first:
-        back = path.orbit.transition(task.first - first) @ path.state(first)
-        parts.insert(0, path.orbit.coast(back, first - task.first, task.first))
-    if last < task.last:
-        parts.append(path.orbit.coast(path.state(last), task.last - last, last))
-    return join(parts)
+def _spanned(path: Path, direct: Path) -> Path:
+    """A craft's path with the coasts before and after it, which are those of its direct path."""
+    rows = direct.arcs
+    early, late = rows[:, END] <= path.start, rows[:, START] >= path.end
+    arcs = np.concatenate([rows[early], path.arcs, rows[late]])
+    return Path(path.orbit, arcs, np.array([0, len(arcs)]), ())
 
 
 def _together(paths: list[Path]) -> Flown:

@@ -10,6 +10,7 @@ from numba import float64, int64, void
 from closeform.arc import END, MEAN_MOTION, START, WIDTH
 from closeform.avoidance.contacts import IDLE, SETTLED, relax
 from closeform.avoidance.kernel import influences, invert_response, relative
+from closeform.avoidance.pressing import PROVEN, convex
 from closeform.avoidance.result import PLANNED, Avoidance, Contact, Obstacles, Status, refused
 from closeform.avoidance.sides import ways_out
 from closeform.compiled import kernel
@@ -24,7 +25,6 @@ SPREAD = 3.0  # of the energies of blunt plans, within which a dearer one may en
 BLUNT = (8.0, 27.0, 8.0)  # the first of them, for each of PLANNED
 CONTACTS = 16  # of one path
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
-PROVEN = 1e-9  # tolerance of the certificate of global optimality
 
 
 @kernel(void(float64[::1], float64[:, ::1]))
@@ -187,8 +187,7 @@ class Shaping:
         if not plan.settled:
             return False
         if not self.obstacles.boxes[plan.which].any():
-            weight = np.repeat(np.sqrt(plan.force / self.margin), 3)
-            return bool(np.linalg.eigvalsh(weight[:, None] * plan.gram * weight)[-1] <= 1.0 + PROVEN)
+            return convex(plan.gram, plan.force / self.margin)
         if len(plan.which) > 1:
             return False
         sides = self.sides(self.base[None], int(plan.which[0]), float(plan.times[0]))

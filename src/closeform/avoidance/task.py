@@ -89,11 +89,6 @@ class Task:
             float(base[:, END].max()),
         )
 
-    @property
-    def length(self) -> float:
-        """Of the time that is flown [s]."""
-        return self.last - self.first
-
     @cached_property
     def boxes(self) -> Any:
         """For which pairs the zone is a box (P,)."""
@@ -122,6 +117,11 @@ class Task:
     def index(self) -> dict[tuple[int, int], int]:
         """Where each pair stands among `pairs`."""
         return {(i, j): k for k, (i, j) in enumerate(self.pairs.tolist())}
+
+    @cached_property
+    def direct(self) -> Flown:
+        """The unconstrained optima, with the coasts before and after them."""
+        return self.flown(Contacts.none())
 
     def flown(self, contacts: Contacts) -> Flown:
         """The paths of all bodies under the contacts' forces."""
@@ -169,6 +169,6 @@ class Task:
         found = []
         for kind, zone in enumerate(self.zones):
             pairs = np.ascontiguousarray(self.pairs[self.kinds == kind].T)
-            table = search_pairs(*flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
+            table = search_pairs(*flown, *flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found

@@ -6,7 +6,7 @@ import numpy as np
 
 from closeform.avoidance.plan import Touch
 from closeform.avoidance.planner import TINY, Draft, Planner, Sides
-from closeform.avoidance.pressing import definite
+from closeform.avoidance.pressing import convex
 from closeform.avoidance.result import PLANNED
 from closeform.avoidance.task import Contacts, Flown, Task
 from closeform.zones import Floats
@@ -21,7 +21,6 @@ PATIENCE = 4  # ways without a better one after which the search ends
 MORE = 24  # ways tried beside them where none of the first is clear
 SHARPENED = 3  # of the best ways, until one is clear of its sharp boxes
 FINER = 3  # times that the march may find what samples missed
-PROVEN = 1e-9  # tolerance of the certificate of global optimality
 LARGE = 150  # contacts beyond which the certificate is not computed
 
 
@@ -211,7 +210,5 @@ def proven(planner: Planner, draft: Draft) -> bool:
     k, m = links.T
     gram = np.zeros((len(contacts), 3, len(contacts), 3))
     gram[k, :, m, :] = np.einsum("lia,lab,ljb->lij", matrices[k], blocks[:, :3], matrices[m])
-    weight = np.repeat(np.sqrt(contacts.force / planner.aims[contacts.which]), 3)
     size = 3 * len(contacts)
-    stiff = weight[:, None] * gram.reshape(size, size) * weight
-    return bool(definite((1.0 + PROVEN) * np.eye(size) - stiff))
+    return convex(gram.reshape(size, size), contacts.force / planner.aims[contacts.which])
