@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from bridge import Hindrance, cheapest, hill, least
-from closeform.avoidance import Status
+from closeform.planning.avoid import Status
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from cases import MEAN_MOTION, ZONE, passages

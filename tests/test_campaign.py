@@ -25,6 +25,7 @@ from closeform.campaign import (
 from closeform.campaign.draws import uniform
 from closeform.campaign.shares import estimate
 from closeform.cli import main
+from closeform.console import WIDTH
 from closeform.report.study import by_detection
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gather import gather
@@ -32,7 +33,6 @@ from closeform.search.locks import lock_times
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
-from closeform.terminal import WIDTH
 from test_cli import numbers
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 
-from closeform import ccsds
-from closeform.ccsds import Ephemeris, common_frame, read_oem, write_oem
-from closeform.elements import elements_from_inertial, inertial_from_elements
+from closeform.exchange import oem
+from closeform.exchange.oem import Ephemeris, common_frame, read_oem, write_oem
+from closeform.motion.elements import elements_from_inertial, inertial_from_elements
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 
@@ -211,9 +211,9 @@ def test_missing_extra_says_what_to_install(tmp_path):
     code = f"""
 import sys
 sys.modules["oem"] = None
-import closeform.ccsds
+import closeform.exchange.oem
 try:
-    closeform.ccsds.read_oem({str(written(tmp_path, GOOD))!r})
+    closeform.exchange.oem.read_oem({str(written(tmp_path, GOOD))!r})
 except ImportError as error:
     print(error)
 """
@@ -222,7 +222,7 @@ except ImportError as error:
 
 
 def test_importing_the_module_loads_no_heavy_package():
-    code = "import sys, closeform.ccsds; print({'oem', 'astropy', 'numba', 'lxml'} & set(sys.modules))"
+    code = "import sys, closeform.exchange.oem; print({'oem', 'astropy', 'numba', 'lxml'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "set()\n"
 
@@ -248,7 +248,7 @@ def test_common_frame_of_a_craft_ahead(along_track):
     assert not frame.states[0].any()
     assert frame.names == ("CHIEF", "DEPUTY")
     assert frame.radius == pytest.approx(7e6, rel=1e-12)
-    assert frame.mean_motion == pytest.approx(np.sqrt(ccsds.EARTH_MU / 7e6**3), rel=1e-12)
+    assert frame.mean_motion == pytest.approx(np.sqrt(oem.EARTH_MU / 7e6**3), rel=1e-12)
     assert frame.epoch == chief.epoch
     assert frame.time_system == chief.time_system
 

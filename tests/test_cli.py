@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from bad_input import GOOD
 from closeform.cli import main
-from closeform.results import FolderError, folder
+from closeform.console import WIDTH
+from closeform.result_folder import FolderError, folder
 from closeform.scenario import load
-from closeform.terminal import WIDTH
 from test_errors import contents, oem
 
 CLUSTER = Path(__file__).parents[1] / "examples" / "cluster.toml"

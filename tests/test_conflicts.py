@@ -518,7 +518,7 @@ def test_a_cache_that_cannot_be_written_is_no_obstacle(tmp_path):
 
     blocked = tmp_path / "file"
     blocked.write_text("a file stands where the cache folder would be")
-    code = "from closeform.compiled import cache_folder; print(cache_folder())"
+    code = "from closeform.compiled import cache_folder; print(cache_folder('closeform.motion.hill'))"
     folder = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         env={**os.environ, "HOME": str(blocked), "XDG_CACHE_HOME": str(blocked), "TMPDIR": str(tmp_path)},
@@ -529,5 +529,5 @@ def test_a_cache_that_cannot_be_written_is_no_obstacle(tmp_path):
     ).stdout.strip()
     assert folder.startswith(str(tmp_path)), folder
     assert os.access(folder, os.W_OK)
-    assert cache_folder() != folder
+    assert str(cache_folder("closeform.motion.hill")) != folder
     assert stat.S_IMODE(os.stat(folder).st_mode) == 0o700  # private: others must not plant code there

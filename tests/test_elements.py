@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from closeform.elements import (
+from closeform.motion.elements import (
     EARTH_MU,
     EARTH_RADIUS,
     altitude_from_mean_motion,
@@ -26,7 +26,7 @@ from closeform.elements import (
     state_from_palmer,
     state_from_roe,
 )
-from closeform.frames import inertial_from_relative, relative_from_inertial
+from closeform.motion.frames import inertial_from_relative, relative_from_inertial
 
 ROUND_TRIP = 1e-12  # of the scale of the state: 7 micrometres on an orbit, 1e-12 of an angle
 

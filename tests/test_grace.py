@@ -11,9 +11,9 @@ from astropy.time import Time, TimeDelta
 from astropy.utils import iers
 
 from closeform import Orbit
-from closeform.ccsds import common_frame, read_oem
-from closeform.elements import elements_from_inertial
-from closeform.frames import relative_from_inertial
+from closeform.exchange.oem import common_frame, read_oem
+from closeform.motion.elements import elements_from_inertial
+from closeform.motion.frames import relative_from_inertial
 
 ROOT = Path(__file__).parents[1]
 

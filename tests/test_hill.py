@@ -5,16 +5,16 @@ import numba
 import numpy as np
 import pytest
 
-from closeform import hill
+from closeform.motion import hill
 from truth import Reference
 
 N = 1.1e-3
 
 # Parts of kernels have no entry from Python: give them one.
-powers = numba.njit(lambda n, t: hill.powers(n, t))
+powers = numba.njit(lambda n, t: hill.inverse_transforms(n, t))
 oscillation = numba.njit(lambda n, t: hill.oscillation(n, t))
-drift = numba.njit(lambda n, t, x, y, z, u, v, w: hill.drift(n, t, x, y, z, u, v, w))
-forced = numba.njit(lambda n, t, x, y, z, u, v, w: hill.forced(n, t, x, y, z, u, v, w))
+drift = numba.njit(lambda n, t, x, y, z, u, v, w: hill.coast(n, t, x, y, z, u, v, w))
+forced = numba.njit(lambda n, t, x, y, z, u, v, w: hill.driven(n, t, x, y, z, u, v, w))
 costate = numba.njit(lambda n, x, y, z, u, v, w: hill.costate(n, x, y, z, u, v, w))
 response = numba.njit(lambda n, t, matrix: hill.response(n, t, matrix))
 

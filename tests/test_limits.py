@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, linprog
 
 import closeform as cf
-from closeform import limits
-from closeform.limits import propellant, shortest_transfer
+from closeform.planning import limits
+from closeform.planning.limits import propellant, shortest_transfer
 from truth import Reference
 
 N = 1.1e-3

@@ -12,9 +12,9 @@ from scipy.linalg import expm
 import closeform as cf
 from bridge import hill
 from closeform.chapters import chapters
+from closeform.console import WIDTH
 from closeform.mission import fly
 from closeform.scenario import ScenarioError, load, parse
-from closeform.terminal import WIDTH
 from reflown import faults
 from test_mission_search import Run, run_text
 
@@ -509,7 +509,7 @@ def test_craft_take_their_places_in_the_formation_of_their_start() -> None:
 )
 def test_formations_by_their_keyword(formation: str, function: str, sizes: tuple[float, ...]) -> None:
     """As a start and as a target they are those of `targets`."""
-    from closeform import targets
+    from closeform.planning import targets
 
     stage = f'do = "reconfigure"\nto = {{ {formation} }}\nwithin = "1 orbit"'
     scenario = parse(fleet(stage, start=f"{{ {formation} }}"))

@@ -16,11 +16,11 @@ import turns
 from bad_input import LOST
 from closeform.chapters import chapters
 from closeform.cli import main
+from closeform.console import WIDTH
 from closeform.mission import fly
 from closeform.report import leave
-from closeform.results import folder
+from closeform.result_folder import folder
 from closeform.scenario import load, parse
-from closeform.terminal import WIDTH
 from lost import BASIC, Sky, gathered
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

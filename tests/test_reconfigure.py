@@ -10,8 +10,8 @@ from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
 
 import closeform as cf
 from bridge import Hindrance, bridge, hill, settle
-from closeform.avoidance import Status
-from closeform.avoidance.plan import Plan
+from closeform.planning.avoid import Status
+from closeform.planning.plan import Plan
 from reflown import faults, fly
 
 N = 1.1e-3

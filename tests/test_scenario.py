@@ -28,8 +28,8 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
-from closeform.zones import Box, Ellipsoid, Sphere, Zone
-from closeform.zoning import larger, reach
+from closeform.zones.pair_zones import larger, reach
+from closeform.zones.zone import Box, Ellipsoid, Sphere, Zone
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

@@ -7,8 +7,8 @@ import pytest
 
 import closeform as cf
 from bridge import bridge
-from closeform.avoidance import kernel
-from closeform.avoidance.shaping import prepare
+from closeform.planning.avoid import kernel
+from closeform.planning.shaping import prepare
 from truth import Reference
 
 N = 1.1e-3

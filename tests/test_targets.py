@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform import targets
+from closeform.planning import targets
 
 N = 1.1e-3
 ORBIT = cf.Orbit(N)

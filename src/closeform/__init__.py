@@ -5,17 +5,17 @@ from typing import Any
 
 # Loaded at first use: `import closeform` costs nothing, and the command line starts at once.
 _NAMES = {
-    "orbit": "Orbit",
-    "path": "Path join stack",
-    "zones": "Zone Box Ellipsoid Sphere",
-    "conflicts": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
-    "screening": "Screening screen",
-    "avoidance": "Avoidance Contact Status avoid end_gradients",
-    "avoidance.formation": "reconfigure",
-    "avoidance.plan": "Plan Touch",
-    "limits": "shortest_transfer propellant",
-    "frames": "relative_from_inertial inertial_from_relative",
-    "elements": (
+    "motion.orbit": "Orbit",
+    "motion.path": "Path join stack",
+    "zones.zone": "Zone Box Ellipsoid Sphere",
+    "conflicts.two_paths": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
+    "conflicts.all_pairs": "Screening screen",
+    "planning.avoid": "Avoidance Contact Status avoid end_gradients",
+    "planning.formation": "reconfigure",
+    "planning.plan": "Plan Touch",
+    "planning.limits": "shortest_transfer propellant",
+    "motion.frames": "relative_from_inertial inertial_from_relative",
+    "motion.elements": (
         "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "
         "mean_motion_from_period semi_major_axis_from_mean_motion altitude_from_mean_motion "
         "period_from_mean_motion palmer_from_state state_from_palmer elements_from_inertial "
@@ -30,15 +30,15 @@ _NAMES = {
     "search.gathering": "Event EventKind GatherStatus Gathering Gatherings Stay",
     "search.gather": "gather gather_cases",
     "campaign": "study",
-    "ccsds": "Ephemeris CommonFrame read_oem write_oem common_frame",
+    "exchange.oem": "Ephemeris CommonFrame read_oem write_oem common_frame",
 }
-_MODULES = ("plots", "targets")
+_MODULES = {"plots": "plots", "targets": "planning.targets"}
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
-        return import_module(f"closeform.{name}")
+        return import_module(f"closeform.{_MODULES[name]}")
     if name not in _HOMES:
         raise AttributeError(f"module 'closeform' has no attribute {name!r}")
     value = getattr(import_module(f"closeform.{_HOMES[name]}"), name)

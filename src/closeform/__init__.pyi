@@ -1,31 +1,32 @@
 """Every public name, and the module it lives in."""
 
-from closeform import plots as plots, targets as targets
-from closeform.avoidance import (
+from closeform import plots as plots
+from closeform.planning import targets as targets
+from closeform.planning.avoid import (
     Avoidance as Avoidance,
     Contact as Contact,
     Status as Status,
     avoid as avoid,
     end_gradients as end_gradients,
 )
-from closeform.avoidance.formation import reconfigure as reconfigure
-from closeform.avoidance.plan import Plan as Plan, Touch as Touch
+from closeform.planning.formation import reconfigure as reconfigure
+from closeform.planning.plan import Plan as Plan, Touch as Touch
 from closeform.campaign import study as study
-from closeform.ccsds import (
+from closeform.exchange.oem import (
     CommonFrame as CommonFrame,
     Ephemeris as Ephemeris,
     common_frame as common_frame,
     read_oem as read_oem,
     write_oem as write_oem,
 )
-from closeform.conflicts import (
+from closeform.conflicts.two_paths import (
     Approach as Approach,
     Conflict as Conflict,
     closest_approach as closest_approach,
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
 )
-from closeform.elements import (
+from closeform.motion.elements import (
     EARTH_MU as EARTH_MU,
     EARTH_RADIUS as EARTH_RADIUS,
     altitude_from_mean_motion as altitude_from_mean_motion,
@@ -43,18 +44,18 @@ from closeform.elements import (
     state_from_palmer as state_from_palmer,
     state_from_roe as state_from_roe,
 )
-from closeform.frames import (
+from closeform.motion.frames import (
     inertial_from_relative as inertial_from_relative,
     relative_from_inertial as relative_from_inertial,
 )
-from closeform.limits import propellant as propellant, shortest_transfer as shortest_transfer
-from closeform.orbit import Orbit as Orbit
-from closeform.path import (
+from closeform.planning.limits import propellant as propellant, shortest_transfer as shortest_transfer
+from closeform.motion.orbit import Orbit as Orbit
+from closeform.motion.path import (
     Path as Path,
     join as join,
     stack as stack,
 )
-from closeform.screening import (
+from closeform.conflicts.all_pairs import (
     Screening as Screening,
     screen as screen,
 )
@@ -78,9 +79,4 @@ from closeform.search.theorem import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
-from closeform.zones import (
-    Box as Box,
-    Ellipsoid as Ellipsoid,
-    Sphere as Sphere,
-    Zone as Zone,
-)
+from closeform.zones.zone import Box as Box, Ellipsoid as Ellipsoid, Sphere as Sphere, Zone as Zone

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from closeform.terminal import complain, one_line, progress, say, show, stderr, stdout
+from closeform.console import complain, one_line, progress, say, show, stderr, stdout
 
 if TYPE_CHECKING:
     from closeform.mission import Mission
     from closeform.scenario import Scenario
-    from closeform.zones import Zone
+    from closeform.zones.zone import Zone
 
 CLEAR, CONFLICT, BAD_INPUT = 0, 1, 2
 
@@ -41,7 +41,7 @@ app = App(
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    from closeform.results import FolderError
+    from closeform.result_folder import FolderError
 
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -80,7 +80,7 @@ def run(
     overwrite
         Replace finished results.
     """
-    from closeform.results import check_free, folder
+    from closeform.result_folder import check_free, folder
 
     name = scenario.stem if case is None else f"{scenario.stem}-case-{case}"
     place = out if out is not None else Path(f"{name}-results")
@@ -156,10 +156,10 @@ def screen(
         raise UsageError(f"{missing}: no such file; check the path")
     import numpy as np
 
-    from closeform.ccsds import common_frame, read_oem
     from closeform.chapters import encounters, nearest
-    from closeform.flight import watch
-    from closeform.orbit import Orbit
+    from closeform.conflicts.flight import watch
+    from closeform.exchange.oem import common_frame, read_oem
+    from closeform.motion.orbit import Orbit
 
     try:
         frame = common_frame([read_oem(file) for file in files])
@@ -211,7 +211,7 @@ def study(
     scheduler
         Address of a Dask scheduler. Not built yet.
     """
-    from closeform.results import check_free, folder
+    from closeform.result_folder import check_free, folder
 
     place = out if out is not None else Path(f"{scenario.stem}-results")
     if scheduler is not None:
@@ -257,7 +257,7 @@ def view(directory: Path, /) -> int:
     """
     import webbrowser
 
-    from closeform.results import report_of
+    from closeform.result_folder import report_of
 
     report = report_of(directory).resolve()
     print(report)
@@ -267,7 +267,7 @@ def view(directory: Path, /) -> int:
 
 def read(file: Path) -> "Scenario | None":
     """The scenario, or None after saying everything that is wrong with it."""
-    from closeform.compiled import compile_for
+    from closeform.warmup import compile_for
 
     with suppress(OSError):  # load says what is wrong with it
         compile_for(file.read_bytes())
@@ -306,7 +306,7 @@ def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
 def zone_of(**shapes: str | None) -> "Zone":
     """The one zone that the options of `screen` describe."""
     from closeform.scenario.quantity import LENGTH, Reader
-    from closeform.zones import Box, Ellipsoid, Sphere
+    from closeform.zones.zone import Box, Ellipsoid, Sphere
 
     given = {shape: text for shape, text in shapes.items() if text is not None}
     if len(given) != 1:

@@ -3,13 +3,11 @@
 import hashlib
 import os
 import re
-import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,25 +18,39 @@ from platformdirs import user_cache_path
 
 
 @cache
-def cache_folder() -> Path:
-    """Folder of the compiled kernels: the user's cache, under a hash of all their sources.
+def digest(module: str) -> str:
+    """Hash of a module's source and of all that it imports from the package."""
+    own = Path(__file__).parent
+    source = own.joinpath(*module.split(".")[1:]).with_suffix(".py").read_bytes()
+    found = hashlib.sha256(source)
+    for imported in re.findall(rb"^from (closeform\.[a-z_.]+) import", source, re.MULTILINE):
+        name = imported.decode()
+        if own.joinpath(*name.split(".")[1:]).with_suffix(".py").is_file():
+            found.update(digest(name).encode())
+    return found.hexdigest()
+
+
+@cache
+def cache_folder(module: str) -> Path:
+    """Folder of a module's compiled kernels: the user's cache, under a hash of their sources.
 
     numba notices an edited kernel, but not an edited kernel that it inlined from another
-    file; a folder per state of the sources does. Where the user's cache cannot be written
-    (read-only home), a private temporary folder serves for this process.
+    file; a folder per state of the module and its imports does. Where the user's cache cannot
+    be written (read-only home), a private temporary folder serves for this process.
     """
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.rglob("*.py")):
-        text = source.read_bytes()
-        if b"kernel" in text:
-            digest.update(text)
-    folder = user_cache_path("closeform") / digest.hexdigest()[:16]
+    folder = user_cache_path("closeform") / f"numba-{numba.__version__}" / digest(module)[:16]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
             return folder
     except OSError:
         pass
+    return temporary_folder()
+
+
+@cache
+def temporary_folder() -> Path:
+    """A private folder for kernels of this process alone."""
     return Path(tempfile.mkdtemp(prefix="closeform-"))
 
 
@@ -49,41 +61,16 @@ def announce() -> None:
 
 
 @cache
-def nothing_compiled() -> bool:
-    """Whether this process found an empty cache."""
-    return not any(cache_folder().rglob("*.nbi"))
-
-
-def compile_ahead(module: str) -> None:
-    """Compile the kernels of `module`'s package now if they are not cached, beside those of conflicts."""
-    folder = cache_folder()
-    package = module.split(".")[1]
-    if any(folder.glob(f"{package}_*/*.nbi")) or user_cache_path("closeform") not in folder.parents:
-        return
-    announce()
-    command = [sys.executable, "-c", f"import {module}"]
-    other = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    import_module("closeform.conflicts")
-    other.wait()
-
-
-def compile_for(text: bytes) -> None:
-    """Compile ahead what the stages of a scenario file will need."""
-    searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
-    moves = set(re.findall(rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
-    if searches:
-        compile_ahead("closeform.search.chain")
-    if moves - {b"avoid"}:
-        compile_ahead("closeform.avoidance.formation")
-    elif moves or not searches:
-        compile_ahead("closeform.avoidance")
+def is_compiled(module: str) -> bool:
+    """Whether the cache held kernels of a module when it was first asked."""
+    return any(cache_folder(module).rglob("*.nbi"))
 
 
 @contextmanager
-def own_cache() -> Iterator[None]:
+def own_cache(module: str) -> Iterator[None]:
     """Point numba at our folder while one kernel is declared, and back for everybody else's."""
     others = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder())
+    config.CACHE_DIR = str(cache_folder(module))
     try:
         yield
     finally:
@@ -121,9 +108,9 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return lambda function: _by_type(numba.njit(no_cpython_wrapper=True, **options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
-        if nothing_compiled():
+        if not is_compiled(function.__module__):
             announce()
-        with own_cache():
+        with own_cache(function.__module__):
             return numba.njit(signature, cache=True, **options)(function)
 
     return declare

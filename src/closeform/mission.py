@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from closeform.arc import END, START
-from closeform.flight import Flight, watch
-from closeform.legs import Change, FirstLocks, Leg, Reshaping
-from closeform.orbit import Orbit
-from closeform.path import Path, stack
+from closeform.arrays import Floats
+from closeform.conflicts.flight import Flight, watch
+from closeform.motion.arc import END, START
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path, stack
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -36,10 +36,10 @@ from closeform.scenario import (
     StageTable,
     Target,
 )
-from closeform.zones import Floats
+from closeform.stage_results import Change, FirstLocks, Leg, Reshaping
 
 if TYPE_CHECKING:
-    from closeform.avoidance.plan import Plan
+    from closeform.planning.plan import Plan
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
@@ -72,7 +72,7 @@ class Mission:
     @cached_property
     def propellant(self) -> Floats:
         """What each craft burns in each leg (L, N) [kg]; nan for one without mass and specific impulse."""
-        from closeform.limits import propellant
+        from closeform.planning.limits import propellant
 
         burnt = np.full(self.delta_v.shape, nan)
         for k, craft in enumerate(self.scenario.craft):
@@ -170,7 +170,7 @@ class Sky:
 
     def apart(self, stage: Scatter, duration: float) -> Floats:
         """Where everybody scatters to; ValueError naming craft that no way leads apart."""
-        from closeform.targets import scattered, scattered_from
+        from closeform.planning.targets import scattered, scattered_from
 
         try:
             if stage.factor is not None:
@@ -181,7 +181,7 @@ class Sky:
 
     def goals(self, stage: Joint, who: list[int], duration: float) -> Floats:
         """Where the craft `who` are to be after a `duration` [s]: the slots (S, 6) of a joint stage."""
-        from closeform import targets
+        from closeform.planning import targets
 
         coasted = np.asarray(self.states @ self.orbit.transition(duration).T)
         if isinstance(stage, Regather):
@@ -230,7 +230,7 @@ def flown(sky: Sky, number: int, stage: StageTable) -> Leg:
 
 def moved(sky: Sky, number: int, stage: Avoid) -> Leg:
     """One craft moves; the others coast or fly their own transfers and do not give way."""
-    from closeform.avoidance import avoid
+    from closeform.planning.avoid import avoid
 
     names = sky.scenario.names
     duration = stage.within.on(sky.orbit.mean_motion)
@@ -276,8 +276,8 @@ def planned(sky: Sky, stage: Joint, who: list[int], rest: list[int]) -> tuple["P
 
     Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
     """
-    from closeform.avoidance import Status
-    from closeform.avoidance.formation import reconfigure
+    from closeform.planning.avoid import Status
+    from closeform.planning.formation import reconfigure
 
     scenario = sky.scenario
     limits = np.array([scenario.craft[k].max_acceleration for k in who])

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.campaign.draws import drawn
 from closeform.campaign.shares import Share, shares
 from closeform.scenario import Scenario, ScenarioError, load
@@ -24,7 +25,6 @@ from closeform.search.locks import lock_times
 from closeform.search.phases import labels, tally
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
-from closeform.zones import Floats
 
 MOST_CASES = 100_000_000  # arrays of this length still fit a workstation
 MOST_LOCKS = 500_000_000  # times with their legs: 8 GB

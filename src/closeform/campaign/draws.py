@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
+from closeform.arrays import Floats
 from closeform.scenario import Scenario, ScenarioError
 from closeform.scenario.study import Draw
-from closeform.zones import Floats
 
 PARTS = {"craft.position": slice(0, 3), "craft.velocity": slice(3, 6)}  # of a state
 WORDS = 4  # random numbers in one block of Philox

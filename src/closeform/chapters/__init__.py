@@ -3,16 +3,16 @@
 from dataclasses import replace
 from math import pi
 
+from closeform.arrays import Floats
 from closeform.chapters.formations import reshaped
 from closeform.chapters.gatherings import conflicts_known, gathered
 from closeform.chapters.limits import strained
 from closeform.chapters.moves import coast, encounters, move, nearest
 from closeform.chapters.searches import locked
 from closeform.chapters.sheet import Chapter, Sheet, counted
-from closeform.legs import Change, FirstLocks, Leg, Reshaping
 from closeform.mission import Mission
 from closeform.search.gathering import Gathering
-from closeform.zones import Floats
+from closeform.stage_results import Change, FirstLocks, Leg, Reshaping
 
 __all__ = ["Chapter", "Sheet", "chapters", "conflicts_known", "encounters", "nearest", "opening", "verdict"]
 

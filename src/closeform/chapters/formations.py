@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.chapters.moves import encounters, nearest
 from closeform.chapters.searches import MOST_ROWS
 from closeform.chapters.sheet import Chapter, Sheet, counted
-from closeform.flight import Flight
-from closeform.legs import Leg, Reshaping
+from closeform.conflicts.flight import Flight
 from closeform.scenario import Regather, Scatter
-from closeform.zones import Floats
+from closeform.stage_results import Leg, Reshaping
 
 MOST_TOUCHES = 6  # on one line; more are counted
 

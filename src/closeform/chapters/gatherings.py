@@ -8,10 +8,10 @@ import numpy as np
 from closeform.chapters.moves import nearest
 from closeform.chapters.searches import MOST_ROWS, facts, one_round, phases, since, stays
 from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
-from closeform.flight import Encounter
-from closeform.legs import Leg
+from closeform.conflicts.flight import Encounter
 from closeform.scenario import Gather
 from closeform.search.gathering import Event, EventKind, Gathering, listed
+from closeform.stage_results import Leg
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
 

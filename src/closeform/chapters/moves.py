@@ -1,9 +1,9 @@
 """Chapters of a coast and of a move: conflicts before, the change made, conflicts after."""
 
 from closeform.chapters.sheet import Chapter, Sheet
-from closeform.flight import Flight
-from closeform.legs import Change, Leg
-from closeform.path import Path
+from closeform.conflicts.flight import Flight
+from closeform.motion.path import Path
+from closeform.stage_results import Change, Leg
 
 MOST_PAIRS = 1000  # of closest approaches in a sheet; the table in Parquet has all
 

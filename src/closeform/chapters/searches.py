@@ -8,10 +8,10 @@ import numpy as np
 
 from closeform.chapters.moves import encounters, nearest
 from closeform.chapters.sheet import Chapter, Sheet, counted, minutes
-from closeform.legs import FirstLocks, Leg
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Leg as Turn
 from closeform.search.schedule import Search
+from closeform.stage_results import FirstLocks, Leg
 
 ROUNDING = 1e-9  # rad
 MOST_ROWS = 40  # of a table on the terminal; longer ones are summed up there

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from closeform.arrays import Floats
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -26,7 +27,6 @@ from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT,
 from closeform.plots.scene import CIRCLE
 from closeform.search.schedule import SUN, Leg, Search, rotation
 from closeform.search.theorem import regions_searched
-from closeform.zones import Floats
 
 ABOVE = Camera.around(-1.15, 0.38, -SUN, np.array([1.0, 0.0, 0.0]))  # n_z up, n_x to the right
 OPPOSITE = {"A": 1.0, "B": -1.0}

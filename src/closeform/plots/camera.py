@@ -12,10 +12,10 @@ from matplotlib.patches import FancyArrowPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
+from closeform.arrays import Floats
 from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL, page
 from closeform.plots.scene import CIRCLE
 from closeform.search.schedule import SUN
-from closeform.zones import Floats
 
 GROUP_COLOURS = {"A": AFTER, "B": CONFLICT}
 SUN_COLOUR = "#F2B705"

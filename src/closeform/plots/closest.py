@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from closeform.arrays import Floats
 from closeform.plots.look import (
     AFTER,
     ALONG,
@@ -29,7 +30,6 @@ from closeform.plots.look import (
     time_axes,
 )
 from closeform.plots.matrix import SURE, Pairs, asked, ratio_text, title
-from closeform.zones import Floats
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from closeform.arrays import Floats
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -31,7 +32,6 @@ from closeform.plots.look import (
 )
 from closeform.search.schedule import SUN, Search
 from closeform.search.theorem import regions_searched
-from closeform.zones import Floats
 
 REGION_COLOURS = {1: AFTER, 2: ZONE, 3: ALTERNATIVE, 4: "#AA4499"}
 ORIGIN = np.zeros(3)

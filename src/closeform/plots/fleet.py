@@ -15,7 +15,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
-from closeform.path import Path
+from closeform.arrays import Floats
+from closeform.motion.path import Path
 from closeform.plots.camera import Camera, framing, sheet, triad, word
 from closeform.plots.look import (
     AFTER,
@@ -41,7 +42,7 @@ from closeform.plots.look import (
 from closeform.plots.matrix import Pairs, labels, ratio_text
 from closeform.plots.panels import framed, scale_bar
 from closeform.plots.scene import place, shadow
-from closeform.zones import Floats, Zone
+from closeform.zones.zone import Zone
 
 FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green
 COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)

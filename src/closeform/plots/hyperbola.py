@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from closeform.arrays import Floats, numbers
 from closeform.plots.camera import (
     GROUP_COLOURS,
     Camera,
@@ -37,7 +38,6 @@ from closeform.plots.look import (
 )
 from closeform.search.locks import lock_times
 from closeform.search.schedule import SUN, Search
-from closeform.zones import Floats, numbers
 
 ORIGIN, LEVEL = np.zeros(3), np.array([1.0, 1.0, 0.0])
 CAMERA = Camera.around(-1.0, 0.55, -SUN, np.array([1.0, 0.0, 0.0]))

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
+from closeform.arrays import Floats, numbers
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,
@@ -20,7 +21,6 @@ from closeform.plots.look import (
     plain_unit,
 )
 from closeform.search.schedule import Search
-from closeform.zones import Floats, numbers
 
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
 

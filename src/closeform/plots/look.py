@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patheffects import withStroke
 
-from closeform.arc import START
-from closeform.path import Path
-from closeform.zones import Floats
+from closeform.arrays import Floats
+from closeform.motion.arc import START
+from closeform.motion.path import Path
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size

@@ -12,11 +12,12 @@ from matplotlib.colors import FuncNorm, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
-from closeform.conflicts import Conflict, closest_approach, find_conflicts
-from closeform.path import Path, stack
+from closeform.arrays import Floats
+from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
+from closeform.motion.path import Path, stack
 from closeform.plots.look import CONFLICT, FAINT, INK, OTHER, SMALL, TEXT, crafts, headline, page
-from closeform.zones import Floats, Zone
-from closeform.zoning import pairwise
+from closeform.zones.pair_zones import pairwise
+from closeform.zones.zone import Zone
 
 SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
 TOUCH = 1e-6  # above 1: as good as on the zone's surface

@@ -7,11 +7,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from closeform.arc import END, START
-from closeform.path import Path
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START
+from closeform.motion.path import Path
 from closeform.search.gathering import Event, EventKind, Gathering
 from closeform.search.schedule import Leg
-from closeform.zones import Floats
 
 SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock
 

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from closeform.conflicts import closest_approach
-from closeform.path import Path
+from closeform.arrays import Floats
+from closeform.conflicts.two_paths import closest_approach
+from closeform.motion.path import Path
 from closeform.plots.look import (
     AFTER,
     BEFORE,
@@ -31,7 +32,7 @@ from closeform.plots.look import (
     page,
     time_axes,
 )
-from closeform.zones import Floats, Zone
+from closeform.zones.zone import Zone
 
 
 @dataclass(frozen=True)

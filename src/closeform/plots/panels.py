@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
 
+from closeform.arrays import Floats
 from closeform.plots.camera import (
     GROUP_COLOURS,
     SUN_COLOUR,
@@ -28,7 +29,6 @@ from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.search.gathering import EventKind, Gathering
 from closeform.search.schedule import SUN
 from closeform.search.sets import FORMATION, LOST
-from closeform.zones import Floats
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as the sun sees it
 SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from closeform.zones import Floats, Zone
+from closeform.arrays import Floats
+from closeform.zones.zone import Zone
 
 PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upwards
 AROUND = np.linspace(0, 2 * np.pi, 145)

@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.avoidance.detour import ways_around
-from closeform.conflicts import closest_approach, find_conflicts
-from closeform.path import Path
+from closeform.arrays import Floats
+from closeform.conflicts.two_paths import closest_approach, find_conflicts
+from closeform.motion.path import Path
+from closeform.planning.detour import ways_around
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,
@@ -35,7 +36,7 @@ from closeform.plots.look import (
     speed,
 )
 from closeform.plots.scene import PLANES, place, section, shadow, spot, square
-from closeform.zones import Floats, Zone
+from closeform.zones.zone import Zone
 
 SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))
 

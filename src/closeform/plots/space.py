@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from closeform.conflicts import Approach, closest_approach, find_conflicts
-from closeform.path import Path
+from closeform.arrays import Floats
+from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
+from closeform.motion.path import Path
 from closeform.plots.look import (
     AFTER,
     BEFORE,
@@ -34,7 +35,7 @@ from closeform.plots.look import (
     page,
 )
 from closeform.plots.scene import PLANES, place, shadow, shell, spot
-from closeform.zones import Floats, Zone
+from closeform.zones.zone import Zone
 
 TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone
 SPACE = (1, 2, 0)  # along-track to the right, cross-track into the picture, radial upwards

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.path import Path
+from closeform.motion.path import Path
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.conflicts import Conflict, closest_approach, find_conflicts
-from closeform.path import Path
+from closeform.arrays import Floats
+from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
+from closeform.motion.path import Path
 from closeform.plots.look import (
     CONFLICT,
     DIRECTIONS,
@@ -26,7 +27,7 @@ from closeform.plots.look import (
     page,
     time_axes,
 )
-from closeform.zones import Box, Floats, Zone
+from closeform.zones.zone import Box, Zone
 
 FAR = 20.0  # zone extents, beyond which a distance is drawn on a logarithmic scale
 

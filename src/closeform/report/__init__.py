@@ -7,7 +7,7 @@ from closeform.report.figures import pictures
 from closeform.report.page import document, embedded, page, table
 from closeform.report.summary import summary
 from closeform.report.tables import STATE_COLUMNS, tables
-from closeform.results import REPORT, Folder
+from closeform.result_folder import REPORT, Folder
 
 __all__ = ["STATE_COLUMNS", "document", "embedded", "leave", "table"]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from closeform.chapters.sheet import minutes
-from closeform.legs import Change, FirstLocks, Leg, Reshaping
-from closeform.results import Folder
+from closeform.result_folder import Folder
 from closeform.search.gathering import EventKind, Gathering
+from closeform.stage_results import Change, FirstLocks, Leg, Reshaping
 
 MOMENTS = 6  # of a gathering that are shown
 FILMED, FRAMES = 200, 100  # craft at most in an animation, and its pictures beside those of locks

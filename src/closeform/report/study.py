@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate, GatherCampaign, LockCampaign, Share, drawn
 from closeform.campaign.campaign import relative
 from closeform.campaign.shares import estimate
@@ -15,11 +16,10 @@ from closeform.chapters.searches import facts, one_round
 from closeform.report.page import document, embedded, table
 from closeform.report.summary import search_summary
 from closeform.report.tables import STATE_COLUMNS
-from closeform.results import REPORT, Folder
+from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Gather
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
-from closeform.zones import Floats
 
 EACH_FILE = 100_000  # cases
 QUANTILES = (0.5, 0.95, 0.999)

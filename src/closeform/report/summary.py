@@ -7,12 +7,12 @@ from typing import Any
 from closeform.chapters import conflicts_known, verdict
 from closeform.chapters.limits import spendings, thrusts
 from closeform.chapters.searches import covered, one_round
-from closeform.flight import Flight
-from closeform.legs import Change, FirstLocks, Leg, Reshaping
+from closeform.conflicts.flight import Flight
 from closeform.mission import Mission
 from closeform.scenario import Gather
 from closeform.search.gathering import EventKind, Gathering
 from closeform.search.schedule import Search
+from closeform.stage_results import Change, FirstLocks, Leg, Reshaping
 
 
 def summary(mission: Mission) -> dict[str, Any]:

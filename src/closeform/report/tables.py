@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from closeform.flight import Flight
-from closeform.legs import FirstLocks, Leg, Reshaping
+from closeform.conflicts.flight import Flight
 from closeform.mission import Mission
 from closeform.report.summary import path_summary
 from closeform.search.gathering import Gathering
+from closeform.stage_results import FirstLocks, Leg, Reshaping
 
 SAMPLES = 201  # instants of each craft and stage in paths.parquet
 STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")

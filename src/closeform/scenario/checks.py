@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from closeform.orbit import Orbit
+from closeform.arrays import Floats
+from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted
 from closeform.scenario.formation import Goal
@@ -14,8 +15,8 @@ from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter
 from closeform.scenario.study import draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
-from closeform.zones import Floats, Zone
-from closeform.zoning import pairwise
+from closeform.zones.pair_zones import pairwise
+from closeform.zones.zone import Zone
 
 MOST_SAMPLES = 1e7
 

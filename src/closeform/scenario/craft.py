@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
-from closeform.elements import state_from_palmer
-from closeform.orbit import Orbit
+from closeform.arrays import Floats
+from closeform.motion.elements import state_from_palmer
+from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Six, Start
 from closeform.scenario.quantity import (
     ANGLE,
@@ -23,7 +24,7 @@ from closeform.scenario.quantity import (
     Reader,
 )
 from closeform.scenario.table import Length, Lengths, Name, Position, Table, Vector, Velocity
-from closeform.zones import Box, Ellipsoid, Floats, Sphere, Zone
+from closeform.zones.zone import Box, Ellipsoid, Sphere, Zone
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search

@@ -5,11 +5,11 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
-from closeform.elements import state_from_palmer
-from closeform.orbit import Orbit
+from closeform.arrays import Floats
+from closeform.motion.elements import state_from_palmer
+from closeform.motion.orbit import Orbit
 from closeform.scenario.quantity import LENGTH, Reader
 from closeform.scenario.table import Angle, Length, Names, Position, Table, Vector, Velocity
-from closeform.zones import Floats
 
 Six = tuple[float, float, float, float, float, float]
 Palmer = Annotated[Six, BeforeValidator(Reader(LENGTH, 6))]
@@ -23,7 +23,7 @@ class Shape(Table):
 
     def states(self, orbit: Orbit, count: int) -> Floats:
         """States (count, 6) of its places, in SI units."""
-        from closeform import targets  # whose kernels only a named formation needs
+        from closeform.planning import targets  # whose kernels only a named formation needs
 
         places: Floats = getattr(targets, self.function)(orbit, count, **self.model_dump())
         return places
@@ -90,7 +90,7 @@ class Line(Shape):
         return self
 
     def states(self, orbit: Orbit, count: int) -> Floats:
-        from closeform import targets
+        from closeform.planning import targets
 
         return targets.line(count, self.spacing, self.direction)
 

@@ -12,8 +12,8 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import Gather, StageTable
 from closeform.scenario.study import BUILT, Study
-from closeform.zones import Zone
-from closeform.zoning import larger, pairwise
+from closeform.zones.pair_zones import larger, pairwise
+from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search

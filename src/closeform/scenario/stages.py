@@ -5,10 +5,10 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from closeform.orbit import Orbit
+from closeform.arrays import Floats
+from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Goal, Target
 from closeform.scenario.table import ALL, EACH, Length, Name, Names, Position, Span, Table, Vector
-from closeform.zones import Floats
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numba import bool_, float64, int64, void
 
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, correction
 from closeform.search.locks import COSINE, END, NEVER, START, STEADY, first_lock
 from closeform.search.meetings import APART, count_meetings, look_around, look_between
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
-from closeform.zones import Floats
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.zones import Floats
+from closeform.arrays import Floats
 
 
 def covered(table: Floats, cosine: float) -> float:

@@ -9,9 +9,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arc import END, IMPULSE, START, STATE, WIDTH
-from closeform.orbit import Orbit
-from closeform.path import Path
+from closeform.arrays import LARGEST, Floats, numbers
+from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
 from closeform.search.chain import (
     END_LEG,
     END_TIME,
@@ -35,7 +36,7 @@ from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
-from closeform.zones import LARGEST, Floats, Zone, numbers
+from closeform.zones.zone import Zone
 
 Burns = Literal["least", "first", "second", "half"]
 Groups = Literal["alternating", "balanced"] | Sequence[Group]

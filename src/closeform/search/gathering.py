@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from closeform.conflicts import Conflict
-from closeform.path import Path
-from closeform.screening import screen
+from closeform.arrays import Floats
+from closeform.conflicts.all_pairs import screen
+from closeform.conflicts.two_paths import Conflict
+from closeform.motion.path import Path
 from closeform.search.schedule import Group, Search
 from closeform.search.sets import LOST
-from closeform.zones import Floats, Zone
+from closeform.zones.zone import Zone
 
 
 class EventKind(StrEnum):

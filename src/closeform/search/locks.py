@@ -21,9 +21,9 @@ import numpy as np
 from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
+from closeform.arrays import LARGEST, Floats, numbers
 from closeform.compiled import kernel
 from closeform.search.schedule import Search
-from closeform.zones import LARGEST, Floats, numbers
 
 START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs
 SEEN = 1e-12  # of the distance: a margin that small counts as a lock

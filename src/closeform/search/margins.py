@@ -15,11 +15,11 @@ import numpy as np
 from numba import float64, void
 from numpy.typing import ArrayLike
 
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.locks import END, SEEN, START, lock_in_leg, lock_times
 from closeform.search.schedule import Search
 from closeform.search.theorem import one_pair
-from closeform.zones import Floats
 
 PIECES = 32  # of a leg, each with a margin and a length of its own
 HALVINGS = 45

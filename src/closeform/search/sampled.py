@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numba import float64, int64, void
 
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.locks import in_parts, sight
 from closeform.search.schedule import Search
-from closeform.zones import Floats
 
 CHUNK = 16_384
 

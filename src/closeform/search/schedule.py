@@ -13,9 +13,9 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from closeform.arrays import Floats, numbers
 from closeform.search.coverage import covered, greatest
 from closeform.search.sensor import Sensor, positive
-from closeform.zones import Floats, numbers
 
 Group = Literal["A", "B"]
 

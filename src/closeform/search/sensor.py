@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from math import cos, inf, isfinite, pi
 
-from closeform.zones import numbers
+from closeform.arrays import numbers
 
 
 def one_number(name: str, value: float) -> float:

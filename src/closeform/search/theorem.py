@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from closeform.arrays import Floats, numbers
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Group, Search
-from closeform.zones import Floats, numbers
 
 Volume = Literal["in-plane", "complementary cone"]
 

@@ -1,0 +1,1 @@
+"""Who comes near whom, certified between any two instants."""

@@ -1,0 +1,157 @@
+"""Conflicts and closest approaches of two paths, certified between any two instants."""
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_of_pairs
+from closeform.motion.arc import MEAN_MOTION, START, STATE
+from closeform.motion.path import Path, broadcast
+from closeform.zones.zone import Zone
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """One stay inside a zone: `start` and `end` [s], and the `time` [s] of its least `ratio`.
+
+    The ratio is the least norm: below 1, and 0 where the two centres meet.
+    """
+
+    start: float
+    end: float
+    time: float
+    ratio: float
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """Closest approach: `time` [s], least norm `ratio`, and the `distance` [m] at that time.
+
+    Floats for two craft, arrays of the broadcast shape for batches.  Paths with no common time
+    have ratio and distance inf and time nan.
+    """
+
+    time: Any
+    ratio: Any
+    distance: Any
+
+
+def _same_orbit(path: Path, other: Path) -> None:
+    if path.orbit.mean_motion != other.orbit.mean_motion:
+        raise ValueError(
+            f"other: must be in the orbit of path, mean motion {path.orbit.mean_motion:g} rad/s, "
+            f"got {other.orbit.mean_motion:g}"
+        )
+
+
+def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
+    """Every stay [s] of `path` inside the `zone` around `other`, in order of time.
+
+    Certified: between two stays the norm of the relative position is above 1, with no time
+    step and however short a stay is, up to rounding: of positions, about 1e-15 of the largest
+    relative coordinate met; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
+    a conflict, one above 1 + 4e-13 is none.  At every start and end inside the common time
+    |norm - 1| <= 1e-12 where rounding allows (coordinates of some tens of zones, times whose
+    last place is small against zone / speed), so times are good to 1e-6 s wherever the norm
+    changes faster than 1e-6 per second.  The least ratio is certain to 1e-9.  A conflict that is
+    on at the edge of the common time starts or ends there; without a common time there is none.
+
+    Both paths are of one craft.  Raises ValueError for batches (use `screen`) or for paths in
+    different orbits.  Theory 3; the problem is that of SP11 section 3.
+    """
+    if path.shape or other.shape:
+        raise ValueError(
+            f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
+        )
+    _same_orbit(path, other)
+    one = np.zeros(1, dtype=np.int64)
+    rows = np.empty((16, COLUMNS))
+    done = np.zeros(2, dtype=np.int64)
+    while True:
+        count = conflicts_of_pairs(
+            path.arcs,
+            path.offsets,
+            other.arcs,
+            other.offsets,
+            one,
+            one,
+            0,
+            zone.box,
+            zone.matrix,
+            rows,
+            done,
+        )
+        if done[0]:
+            return tuple(Conflict(*map(float, row[1:])) for row in rows[:count])
+        rows = np.empty((done[1], COLUMNS))
+
+
+def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
+    """Least norm of `path` relative to `other` in the `zone`, over their common time.
+
+    The ratio is certain to 1e-9 of itself: nothing closer happens between any two instants.
+    Batch shapes broadcast.  Raises ValueError for paths in different orbits or shapes that do not broadcast.
+    """
+    _same_orbit(path, other)
+    shape = broadcast(path=path.shape, other=other.shape)
+    first = _index(path, shape)
+    second = _index(other, shape)
+    out = np.empty((len(first), 2))
+    approaches_of_pairs(
+        path.arcs, path.offsets, other.arcs, other.offsets, first, second, zone.box, zone.matrix, out
+    )
+    time, ratio = out[:, 0].reshape(shape), out[:, 1].reshape(shape)
+    distance = np.full(len(first), inf)
+    met = np.isfinite(out[:, 0])
+    gap = path._at(first[met], out[met, 0]) - other._at(second[met], out[met, 0])
+    distance[met] = np.linalg.norm(gap[:, :3], axis=1)
+    if not shape:
+        return Approach(float(time), float(ratio), float(distance[0]))
+    return Approach(time, ratio, distance.reshape(shape))
+
+
+def _index(path: Path, shape: tuple[int, ...]) -> Any:
+    craft = np.arange(len(path.offsets) - 1, dtype=np.int64).reshape(path.shape)
+    return np.broadcast_to(craft, shape).flatten()  # numba wants it writable
+
+
+def _drifted(path: Path, craft: Any, time: Floats) -> Any:
+    """States (M, 6) of coasting craft at any times (M,), carried on beyond their paths' ends."""
+    rows = path.arcs[path.offsets[craft]]
+    moved = path.orbit.transition(time - rows[:, START]) @ rows[:, STATE : STATE + 6, None]
+    return moved[..., 0]
+
+
+def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
+    """Latest time [s] at which coasting `path` can be within the `zone` around coasting `other`.
+
+    However long they coast.  SP11 eq. 15 as theory (6): drift carries them apart for good once
+    3 n |d| t exceeds |l| + 2E + the zone's along-track extent.  inf where their mean motions
+    agree (d = 0) and nothing carries them apart; -inf where they never come close radially
+    (|2d| - E above the zone's radial extent).  Shapes broadcast; times count from the later start.
+
+    Raises ValueError in deep space, for paths that thrust, or in different orbits.
+    """
+    _same_orbit(path, other)
+    n = path.orbit.mean_motion
+    if n == 0:
+        raise ValueError("path: the bound needs an orbit, in deep space use closest_approach")
+    if any(
+        p.arcs[:, 3:6].any() or p.arcs[:, 12:].any() or (p.arcs[:, MEAN_MOTION] != n).any()
+        for p in (path, other)
+    ):
+        raise ValueError("path, other: the bound is for coasting craft without impulses")
+    shape = broadcast(path=path.shape, other=other.shape)
+    first, second = _index(path, shape), _index(other, shape)
+    start = np.maximum(path.arcs[path.offsets[first], START], other.arcs[other.offsets[second], START])
+    x, y, _, vx, vy, _ = (_drifted(path, first, start) - _drifted(other, second, start)).T
+    e1, e2, d, along_track = 3 * x + 2 * vy / n, vx / n, 2 * x + vy / n, y - 2 * vx / n  # theory (2)
+    swing = np.hypot(e1, e2)
+    radial, transverse, _ = zone.extents
+    with np.errstate(divide="ignore", over="ignore"):
+        last = start + (np.abs(along_track) + 2 * swing + transverse) / (3 * n * np.abs(d))
+    last = np.where(np.abs(2 * d) - swing > radial, -inf, last)
+    return last.reshape(shape) if shape else float(last[0])

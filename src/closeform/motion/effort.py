@@ -1,0 +1,163 @@
+"""What an arc asks of the engine: thrust, energy, delta-v, peak thrust."""
+
+from math import sqrt
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.compiled import kernel
+from closeform.motion.arc import (
+    CONSTANT,
+    END,
+    MEAN_MOTION,
+    START,
+    acceleration,
+    has_primer,
+    primer_at,
+    pushes,
+    state_at,
+)
+from closeform.motion.extrema import maximum_norm
+from closeform.motion.hill import costate, driven
+
+
+@kernel()
+def thrust_at(arc, n, t):
+    """Thrust acceleration at time t that flies the arc in an orbit of mean motion n.
+
+    An interpolated arc (n = 0 in an orbit with n > 0) has the thrust that its motion asks for.
+    """
+    ux, uy, uz, _, _, _ = primer_at(arc, t)
+    ux, uy, uz = ux + arc[CONSTANT], uy + arc[CONSTANT + 1], uz + arc[CONSTANT + 2]
+    if arc[MEAN_MOTION] != n:
+        x, _, z, vx, vy, _ = state_at(arc, t)
+        ax, ay, az = acceleration(n, x, z, vx, vy)
+        ux, uy, uz = ux - ax, uy - ay, uz - az
+    return ux, uy, uz
+
+
+@kernel()
+def thrust_squared(arc, n, t):
+    x, y, z = thrust_at(arc, n, t)
+    return x * x + y * y + z * z
+
+
+@kernel()
+def gauss4(arc, n, middle, half):
+    """Integral of |thrust|^2 by four Gauss points: exact for a cubic thrust."""
+    a = 0.33998104358485626 * half
+    b = 0.8611363115940526 * half
+    inner = thrust_squared(arc, n, middle - a) + thrust_squared(arc, n, middle + a)
+    outer = thrust_squared(arc, n, middle - b) + thrust_squared(arc, n, middle + b)
+    return half * (0.6521451548625461 * inner + 0.34785484513745385 * outer)
+
+
+@kernel()
+def arc_energy(arc, n):
+    duration = arc[END] - arc[START]
+    if arc[MEAN_MOTION] != n:
+        return 0.5 * gauss4(arc, n, 0.5 * (arc[START] + arc[END]), 0.5 * duration)
+    energy = 0.5 * duration * (arc[18] ** 2 + arc[19] ** 2 + arc[20] ** 2)
+    if has_primer(arc):
+        # d(costate . state)/dt = |u|^2, with the state that the thrust alone produces
+        x, y, z, vx, vy, vz = driven(n, duration, arc[12], arc[13], arc[14], arc[15], arc[16], arc[17])
+        ux, uy, uz, wx, wy, wz = primer_at(arc, arc[END])
+        lx, ly, lz = costate(n, ux, uy, uz, wx, wy, wz)
+        energy += 0.5 * (lx * x + ly * y + lz * z + ux * vx + uy * vy + uz * vz)
+    return energy
+
+
+# Kronrod's 15 points and weights and the 7 Gauss weights among them (QUADPACK, positive half).
+NODES: tuple[float, ...] = (0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993945)
+NODES += (0.5860872354676911, 0.4058451513773972, 0.2077849550078985, 0.0)
+KRONROD: tuple[float, ...] = (0.0229353220105292, 0.0630920926299786, 0.1047900103222502, 0.1406532597159259)
+KRONROD += (0.1690047266392679, 0.1903505780647854, 0.2044329400752989, 0.2094821410847278)
+GAUSS = (0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.3818300505051189, 0.0, 0.4179591836734694)
+
+
+@kernel()
+def arc_delta_v(arc, n, stack):
+    """Integral of |thrust| by adaptive Gauss-Kronrod quadrature, to 1e-10 of itself."""
+    duration = arc[END] - arc[START]
+    if not has_primer(arc) and arc[MEAN_MOTION] == n:
+        return duration * sqrt(arc[18] ** 2 + arc[19] ** 2 + arc[20] ** 2)
+    total = 0.0
+    scale = 0.0
+    stack[0] = 0.0  # left edges of the intervals still to do; each is 2^-depth long
+    stack[1] = 0.0  # and their depths
+    top = 1
+    while top > 0:
+        top -= 1
+        left = stack[2 * top]
+        depth = stack[2 * top + 1]
+        half = 0.5 * duration * 0.5**depth
+        middle = arc[START] + left * duration + half
+        fine = 0.0
+        coarse = 0.0
+        for k in range(8):
+            f = sqrt(thrust_squared(arc, n, middle - half * NODES[k]))
+            if k < 7:
+                f += sqrt(thrust_squared(arc, n, middle + half * NODES[k]))
+            fine += KRONROD[k] * f
+            coarse += GAUSS[k] * f
+        if depth == 0.0:
+            scale = half * fine
+        if depth > 40.0 or half * abs(fine - coarse) <= 1e-11 * scale:
+            total += half * fine
+        else:
+            stack[2 * top] = left
+            stack[2 * top + 1] = depth + 1.0
+            stack[2 * top + 2] = left + 0.5 ** (depth + 1.0)
+            stack[2 * top + 3] = depth + 1.0
+            top += 2
+    return total
+
+
+@kernel()
+def arc_peak(arc, n, q):
+    """Greatest thrust along an arc: thrust is natural motion, or a cubic for an interpolated arc."""
+    duration = arc[END] - arc[START]
+    q[:] = 0.0
+    ux, uy, uz, wx, wy, wz = primer_at(arc, arc[START])
+    order_n = arc[MEAN_MOTION]
+    for k in range(4):
+        q[k, 0], q[k, 1], q[k, 2] = ux, uy, uz
+        ax, ay, az = acceleration(order_n, ux, uz, wx, wy)
+        ux, uy, uz, wx, wy, wz = wx, wy, wz, ax, ay, az
+    if order_n != n:
+        x, _, z, vx, vy, vz = state_at(arc, arc[START])
+        ux, uy, uz, wx, wy, wz = primer_at(arc, arc[START])
+        for k in range(4):
+            ax, ay, az = acceleration(n, x, z, vx, vy)
+            q[k, 0] -= ax
+            q[k, 1] -= ay
+            q[k, 2] -= az
+            x, _, z, vx, vy, vz = vx, vy, vz, ux, uy, uz
+            ux, uy, uz, wx, wy, wz = wx, wy, wz, 0.0, 0.0, 0.0
+    if pushes(arc):
+        q[0, 0] += arc[CONSTANT]
+        q[0, 1] += arc[CONSTANT + 1]
+        q[0, 2] += arc[CONSTANT + 2]
+    return maximum_norm(q, order_n, duration)
+
+
+ENERGY, DELTA_V, PEAK = 0, 1, 2
+
+
+@kernel(void(float64[:, ::1], int64[::1], float64, int64, float64[::1]))
+def totals(arcs, offsets, n, what, out):
+    """Energy, delta-v or peak thrust of every path; the impulses count in none of them."""
+    stack = np.empty(200)
+    q = np.empty((8, 3))
+    for p in range(len(offsets) - 1):
+        total = 0.0
+        for a in range(offsets[p], offsets[p + 1]):
+            arc = arcs[a]
+            if arc[END] > arc[START]:
+                if what == ENERGY:
+                    total += arc_energy(arc, n)
+                elif what == DELTA_V:
+                    total += arc_delta_v(arc, n, stack)
+                else:
+                    total = max(total, arc_peak(arc, n, q))
+        out[p] = total

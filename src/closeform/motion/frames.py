@@ -1,0 +1,120 @@
+"""Rotating frame: states of craft relative to a chief, from inertial states and back, exactly.
+
+The Hill frame of the chief: x radial outward, y in the orbital plane at right angles to it in the
+sense of the motion, z along the orbit normal (RTN, RSW, RIC; the `LVLH` of CCSDS is another).  It
+turns at the chief's true rate h / r^2 about z, also on an eccentric orbit.  A force f_z across the
+chief's orbital plane turns it about x as well, at r f_z / h; inertial states do not tell that
+force, so this rate is left out.  Earth's flattening makes it up to 2e-6 rad/s in low orbit (5e-8
+on a nearly polar one): at 1 km along-track the velocity along z is then off by 2 mm/s.
+"""
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.motion.elements import checked
+
+AlongTrack = Literal["straight", "arc"]
+
+
+def relative_from_inertial(
+    chief: ArrayLike,
+    deputy: ArrayLike,
+    along_track: AlongTrack = "straight",
+    radius: ArrayLike | None = None,
+) -> Floats:
+    """State (..., 6) in m and m/s of the deputy in the rotating Hill frame of the chief.
+
+    chief, deputy: inertial states (..., 6) in m and m/s of one epoch, in one frame centred on the
+    body they orbit.
+
+    along_track: "straight" gives the Cartesian components of the difference.  "arc" gives the
+    difference of the distances from the body's centre as x, and as y and z the angles of the
+    deputy ahead of the chief, in its plane and out of it, times `radius` [m]: lengths of arc on a
+    circle, which stay true to Hill's equations at separations of many kilometres (see
+    docs/validity.md).  `radius` is the chief's own distance by default, which varies; any other
+    is held constant.  With its semi-major axis a craft ahead on the same orbit obeys Hill's
+    equations to second order in the eccentricity.  Velocities are the rates of the coordinates.
+
+    Raises ValueError for shapes, values that are not finite, a chief without an orbital plane, or
+    with "arc" a deputy on the axis of the chief's orbit, where the angle along-track has no value.
+    """
+    axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
+    inertial = checked("deputy", deputy, last=6)
+    circle, growth = _circle(along_track, radius, distance, climb)
+    x, y, z = np.moveaxis(np.einsum("...ij,...j->...i", axes, inertial[..., :3]), -1, 0)
+    vx, vy, vz = np.moveaxis(np.einsum("...ij,...j->...i", axes, inertial[..., 3:]), -1, 0)
+    vx, vy = vx + turn * y, vy - turn * x  # seen from the turning axes
+    if along_track == "straight":
+        parts = (x - distance, y, z, vx - climb, vy, vz)
+        return np.stack(np.broadcast_arrays(*parts), axis=-1)
+    flat = np.hypot(x, y)
+    if not (flat > 0.0).all():
+        raise ValueError("deputy: on the axis of the chief's orbit; use along_track='straight'")
+    outward = (x * vx + y * vy) / flat
+    full = np.hypot(flat, z)
+    ahead, above = np.arctan2(y, x), np.arctan2(z, flat)
+    ahead_rate, above_rate = (x * vy - y * vx) / flat**2, (vz * flat - z * outward) / full**2
+    position = (full - distance, circle * ahead, circle * above)
+    velocity = (
+        (flat * outward + z * vz) / full - climb,
+        circle * ahead_rate + growth * ahead,
+        circle * above_rate + growth * above,
+    )
+    return np.stack(np.broadcast_arrays(*position, *velocity), axis=-1)
+
+
+def inertial_from_relative(
+    chief: ArrayLike,
+    relative: ArrayLike,
+    along_track: AlongTrack = "straight",
+    radius: ArrayLike | None = None,
+) -> Floats:
+    """Inertial state (..., 6) in m and m/s of the deputy: inverse of `relative_from_inertial`.
+
+    chief: inertial state (..., 6); relative: state (..., 6) in its Hill frame, in m and m/s, with
+    the same `along_track` and `radius` as it was made with.  Raises ValueError like its inverse.
+    """
+    axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
+    circle, growth = _circle(along_track, radius, distance, climb)
+    x, y, z, vx, vy, vz = np.moveaxis(checked("relative", relative, last=6), -1, 0)
+    x, vx = distance + x, climb + vx
+    if along_track == "arc":
+        full, full_rate, ahead, above = x, vx, y / circle, z / circle
+        ahead_rate, above_rate = (vy - growth * ahead) / circle, (vz - growth * above) / circle
+        flat, z = full * np.cos(above), full * np.sin(above)
+        outward = full_rate * np.cos(above) - z * above_rate
+        vz = full_rate * np.sin(above) + flat * above_rate
+        x, y = flat * np.cos(ahead), flat * np.sin(ahead)
+        vx = outward * np.cos(ahead) - y * ahead_rate
+        vy = outward * np.sin(ahead) + x * ahead_rate
+    vx, vy = vx - turn * y, vy + turn * x
+    position = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    velocity = np.stack(np.broadcast_arrays(vx, vy, vz), axis=-1)
+    inertial = [np.einsum("...ji,...j->...i", axes, part) for part in (position, velocity)]
+    return np.concatenate(np.broadcast_arrays(*inertial), axis=-1)
+
+
+def _frame(chief: Floats) -> tuple[Floats, Any, Any, Any]:
+    """Axes (..., 3, 3) as rows, distance [m], its rate [m/s] and the turn rate h / r^2 [rad/s]."""
+    position, velocity = chief[..., :3], chief[..., 3:]
+    momentum = np.cross(position, velocity)
+    r, h = np.linalg.norm(position, axis=-1), np.linalg.norm(momentum, axis=-1)
+    if not (h > 0.0).all():
+        raise ValueError("chief: position and velocity must span an orbital plane")
+    radial, normal = position / r[..., None], momentum / h[..., None]
+    axes = np.stack([radial, np.cross(normal, radial), normal], axis=-2)
+    return axes, r, (radial * velocity).sum(-1), h / r**2
+
+
+def _circle(along_track: str, radius: ArrayLike | None, distance: Any, climb: Any) -> tuple[Any, Any]:
+    """Radius [m] on which arcs are measured, and its rate [m/s]."""
+    if along_track not in ("straight", "arc"):
+        raise ValueError(f'along_track: "straight" or "arc", got {along_track!r}')
+    if radius is None:
+        return distance, climb
+    if along_track == "straight":
+        raise ValueError('radius: only used with along_track="arc"')
+    return checked("radius", radius, positive=True), 0.0

@@ -1,0 +1,178 @@
+"""Hill's equations in closed form, floats only, for any mean motion n >= 0.
+
+Rotating frame on a circular orbit: x radial outward, y along the velocity, z along the
+orbit normal.  With N = diag(3n^2, 0, -n^2) and S v = (2n vy, -2n vx, 0),
+
+    r'' = N r + S r' + u                                                       # theory (1)
+
+The thrust that minimises the integral of |u|^2 obeys u'' = N u + S u', so the optimal
+thrust is itself a natural motion, and an arc is fixed by its start state and by its start
+thrust and thrust rate.  Everything is built from the inverse Laplace transforms
+
+    P_m = 1/(s^m (s^2 + n^2)),    Q_m = 1/(s^m (s^2 + n^2)^2)
+
+which are smooth at n = 0 (P_m -> t^(m+1)/(m+1)!, Q_m -> t^(m+3)/(m+3)!) and enter with
+non-negative powers of n only: no digit is lost as n t -> 0, and n = 0 is no special case.
+"""
+
+from math import cos, sin
+
+from closeform.compiled import kernel
+
+# Coefficients in (n t)^2 of P_2, P_3 and P_4, Q_3, Q_4 over their leading power of t, by
+# term; at n t = SERIES_BELOW the first term left out is below 1e-19 of the sum.
+SERIES_BELOW = 2.0
+
+
+def _series(first: int, doubled: bool) -> tuple[float, ...]:
+    """(-1)^j (j+1 if doubled else 1) / (first + 2j)!, last term first (Horner's order)."""
+    terms = []
+    factorial = 1.0
+    for k in range(2, first + 1):
+        factorial *= k
+    for j in range(13):
+        terms.append((-1.0) ** j * (j + 1 if doubled else 1) / factorial)
+        factorial *= (first + 2 * j + 1) * (first + 2 * j + 2)
+    return tuple(reversed(terms))
+
+
+P2 = _series(3, doubled=False)
+P3 = _series(4, doubled=False)
+P4 = _series(5, doubled=False)
+Q3 = _series(6, doubled=True)
+Q4 = _series(7, doubled=True)
+
+
+@kernel()
+def horner(series, z):
+    total = 0.0
+    for coefficient in series:
+        total = total * z + coefficient
+    return total
+
+
+@kernel()
+def oscillation(n, t):
+    """sin(nt)/n, (1 - cos nt)/n^2 and (nt - sin nt)/n^3: P_0, P_1, P_2."""
+    angle = n * t
+    if abs(angle) < 1.0:
+        p2 = t * t * t * horner(P2, angle * angle)
+        half = 0.5 * t if abs(angle) < 1e-150 else sin(0.5 * angle) / n
+        return t - n * n * p2, 2.0 * half * half, p2
+    s = sin(angle)
+    c = cos(angle)
+    return s / n, (1.0 - c) / (n * n), (angle - s) / (n * n * n)
+
+
+@kernel()
+def inverse_transforms(n, t):
+    """P_0 ... P_4 and Q_-2 ... Q_4 at time t."""
+    nn = n * n
+    z = nn * t * t
+    tt = t * t
+    if z < SERIES_BELOW * SERIES_BELOW:  # downward recurrences, stable for small nt
+        p3 = tt * tt * horner(P3, z)
+        p4 = tt * tt * t * horner(P4, z)
+        q3 = tt * tt * tt * horner(Q3, z)
+        q4 = tt * tt * tt * t * horner(Q4, z)
+        p1 = 0.5 * tt - nn * p3
+        p2 = tt * t / 6.0 - nn * p4
+        p0 = t - nn * p2
+        q2 = p4 - nn * q4
+        q1 = p3 - nn * q3
+        q0 = p2 - nn * q2
+        qm1 = p1 - nn * q1
+        qm2 = p0 - nn * q0
+    else:  # upward, stable for large nt
+        s = sin(n * t)
+        c = cos(n * t)
+        p0 = s / n
+        p1 = (1.0 - c) / nn
+        p2 = (t - p0) / nn
+        p3 = (0.5 * tt - p1) / nn
+        p4 = (tt * t / 6.0 - p2) / nn
+        qm2 = 0.5 * (p0 + t * c)
+        qm1 = 0.5 * t * p0
+        q0 = (p0 - qm2) / nn
+        q1 = (p1 - qm1) / nn
+        q2 = (p2 - q0) / nn
+        q3 = (p3 - q1) / nn
+        q4 = (p4 - q2) / nn
+    return p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4
+
+
+@kernel()
+def coast(n, t, x, y, z, vx, vy, vz):
+    """Natural motion: the state after time t."""
+    p0, p1, p2 = oscillation(n, t)
+    c = 1.0 - n * n * p1
+    ax = n * (3.0 * n * x + 2.0 * vy)
+    moved = vx * p1 + ax * p2  # the integral of x - x(0)
+    return (
+        x + vx * p0 + ax * p1,
+        y + vy * t - 2.0 * n * moved,
+        z * c + vz * p0,
+        vx * c + ax * p0,
+        vy - 2.0 * n * (vx * p0 + ax * p1),
+        vz * c - n * n * z * p0,
+    )
+
+
+@kernel()
+def driven(n, t, ux, uy, uz, wx, wy, wz):
+    """State reached from rest at the origin under optimal thrust that starts at u with rate w."""
+    return _driven(n, t, inverse_transforms(n, t), ux, uy, uz, wx, wy, wz)
+
+
+@kernel()
+def _driven(n, t, transforms, ux, uy, uz, wx, wy, wz):
+    p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4 = transforms
+    m = 2.0 * n
+    a = n * (3.0 * n * ux + 2.0 * wy)
+    x = ux * p1 + wx * q0 + a * q1 + m * (uy * p2 + wy * p3 - m * (wx * q2 + a * q3))
+    vx = ux * p0 + wx * qm1 + a * q0 + m * (uy * p1 + wy * p2 - m * (wx * q1 + a * q2))
+    moved = ux * p2 + wx * q1 + a * q2 + m * (uy * p3 + wy * p4 - m * (wx * q3 + a * q4))
+    return (
+        x,
+        -m * moved + uy * t * t / 2.0 + wy * t * t * t / 6.0 - m * (wx * p3 + a * p4),
+        uz * qm1 + wz * q0,
+        vx,
+        -m * x + uy * t + wy * t * t / 2.0 - m * (wx * p2 + a * p3),
+        uz * qm2 + wz * qm1,
+    )
+
+
+@kernel()
+def pushed(n, t, cx, cy, cz):
+    """State reached from rest at the origin under a thrust constant in the rotating frame."""
+    p0, p1, p2 = oscillation(n, t)
+    m = 2.0 * n
+    x = cx * p1 + m * cy * p2
+    p3 = inverse_transforms(n, t)[3]
+    return (
+        x,
+        -m * (cx * p2 + m * cy * p3) + cy * t * t / 2.0,
+        cz * p1,
+        cx * p0 + m * cy * p1,
+        -m * x + cy * t,
+        cz * p0,
+    )
+
+
+@kernel()
+def response(n, t, matrix):
+    """Fill the 6x6 `matrix` that maps start thrust and thrust rate to the state of `forced`."""
+    transforms = inverse_transforms(n, t)
+    unit = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for k in range(6):
+        column = _driven(
+            n, t, transforms, unit[5 - k], unit[6 - k], unit[7 - k], unit[8 - k], unit[9 - k], unit[10 - k]
+        )
+        for i in range(6):
+            matrix[i, k] = column[i]
+
+
+@kernel()
+def costate(n, ux, uy, uz, wx, wy, wz):
+    """Costate of the position, S u - w; that of the velocity is the thrust itself."""
+    return 2.0 * n * uy - wx, -2.0 * n * ux - wy, -wz

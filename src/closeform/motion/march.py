@@ -1,0 +1,266 @@
+"""The certified march: how far along an arc nothing can happen.
+
+A norm s is convex, so from s(t) outside a zone, with rate D and an acceleration below A,
+
+    s(t + h) >= s(t) + D h - A h^2 / 2                                          # theory (10)
+
+and nothing happens before the right side falls to the target.  From inside, each face of a
+box and the square of an ellipsoid's norm are smooth, and the same bound serves upside down.
+Both converge like Newton's method at a crossing.  Where they stall (a norm that is almost
+constant, as between two craft on one circular relative orbit), a Taylor model takes over.
+
+Everything here is in zone coordinates: positions divided by the zone's half-axes, `q` the
+derivatives (8, 3) of the relative position at the start of a window (see `arc`).
+"""
+
+from math import inf, sqrt
+
+from closeform.compiled import kernel
+from closeform.motion.arc import (
+    ANGLE,
+    END,
+    MEAN_MOTION,
+    START,
+    acceleration,
+    derivatives_at,
+    state_at,
+    thrusts,
+)
+from closeform.motion.hill import inverse_transforms, oscillation
+
+# Steps in one window before the Taylor model is tried: at first, and once it has been needed.
+PATIENCE, LESS_PATIENCE = 60, 3
+TAYLOR_DEGREE = 14
+TAYLOR_ANGLE = 0.25  # reach in n t; the terms left out are below 1e-17 of the squared norm
+
+
+@kernel()
+def window(arcs, i, others, j, t, end, matrix, q):
+    """See arcs i and j from time t: fill `q`, return its order, mean motion and the window's end."""
+    a = arcs[i]
+    b = others[j]
+    na = a[MEAN_MOTION]
+    nb = b[MEAN_MOTION]
+    n = max(na, nb)
+    stop = min(end, a[END], b[END])
+    if na == nb and n > 0.0 and not (thrusts(a) or thrusts(b)):
+        ax, ay, az, avx, avy, avz = state_at(a, t)
+        x, y, z, vx, vy, vz = state_at(b, t)
+        x, y, z, vx, vy, vz = ax - x, ay - y, az - z, avx - vx, avy - vy, avz - vz
+        for k in range(4):  # the difference of two natural motions is one
+            store(q, k, matrix, x, y, z)
+            ax, ay, az = acceleration(n, x, z, vx, vy)
+            x, y, z, vx, vy, vz = vx, vy, vz, ax, ay, az
+        return 4, n, stop
+    order = 4 if n == 0.0 else 8  # n = 0 arcs are cubic in time whatever their thrust
+    if order == 8:
+        stop = min(stop, t + ANGLE / n)
+    q[:order] = 0.0
+    derivatives_at(a, t, order, q, 1.0)
+    derivatives_at(b, t, order, q, -1.0)
+    for k in range(order):
+        store(q, k, matrix, q[k, 0], q[k, 1], q[k, 2])
+    return order, n, stop
+
+
+@kernel()
+def store(q, k, matrix, x, y, z):
+    for axis in range(3):
+        q[k, axis] = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
+
+
+@kernel()
+def locate(arcs, first, last, t):
+    """The arc among [first, last) in which the motion goes on after time t."""
+    while last - first > 1:
+        middle = (first + last) // 2
+        if arcs[middle, START] <= t:
+            first = middle
+        else:
+            last = middle
+    return first
+
+
+@kernel()
+def relative_state(q, order, n, t):
+    """Position and velocity at time t after the window's start."""
+    if order == 4:
+        c2, c3, c4 = oscillation(n, t)
+        return (
+            q[0, 0] + q[1, 0] * t + q[2, 0] * c3 + q[3, 0] * c4,
+            q[0, 1] + q[1, 1] * t + q[2, 1] * c3 + q[3, 1] * c4,
+            q[0, 2] + q[1, 2] * t + q[2, 2] * c3 + q[3, 2] * c4,
+            q[1, 0] + q[2, 0] * c2 + q[3, 0] * c3,
+            q[1, 1] + q[2, 1] * c2 + q[3, 1] * c3,
+            q[1, 2] + q[2, 2] * c2 + q[3, 2] * c3,
+        )
+    p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4 = inverse_transforms(n, t)
+    b2 = 0.5 * t * t
+    b3 = b2 * t / 3.0
+    b4 = q1 + 2.0 * n * n * q3
+    b5 = q2 + 2.0 * n * n * q4
+    d4 = q0 + 2.0 * n * n * q2
+    x = q[0, 0] + q[1, 0] * t + q[2, 0] * b2 + q[3, 0] * b3
+    y = q[0, 1] + q[1, 1] * t + q[2, 1] * b2 + q[3, 1] * b3
+    z = q[0, 2] + q[1, 2] * t + q[2, 2] * b2 + q[3, 2] * b3
+    vx = q[1, 0] + q[2, 0] * t + q[3, 0] * b2 + q[4, 0] * d4
+    vy = q[1, 1] + q[2, 1] * t + q[3, 1] * b2 + q[4, 1] * d4
+    vz = q[1, 2] + q[2, 2] * t + q[3, 2] * b2 + q[4, 2] * d4
+    return (
+        x + q[4, 0] * b4 + q[5, 0] * b5 + q[6, 0] * q3 + q[7, 0] * q4,
+        y + q[4, 1] * b4 + q[5, 1] * b5 + q[6, 1] * q3 + q[7, 1] * q4,
+        z + q[4, 2] * b4 + q[5, 2] * b5 + q[6, 2] * q3 + q[7, 2] * q4,
+        vx + q[5, 0] * b4 + q[6, 0] * q2 + q[7, 0] * q3,
+        vy + q[5, 1] * b4 + q[6, 1] * q2 + q[7, 1] * q3,
+        vz + q[5, 2] * b4 + q[6, 2] * q2 + q[7, 2] * q3,
+    )
+
+
+@kernel()
+def bound(q, order, n, h, axis):
+    """Greatest |acceleration| and |velocity| along one axis over [0, h]."""
+    b = abs(q[2, axis])
+    c = abs(q[3, axis])
+    if order == 4:
+        if n == 0.0:
+            a = max(b, abs(q[2, axis] + q[3, axis] * h))
+            return a, abs(q[1, axis]) + a * h
+        if n * h < 0.1:
+            return b + c * h, abs(q[1, axis]) + (b + c * h) * h
+        swing = sqrt(b * b + c * c / (n * n))
+        mean = abs(q[1, axis] + q[3, axis] / (n * n))
+        a = min(swing, b + c * h)
+        return a, min(abs(q[1, axis]) + a * h, mean + swing / n)
+    # A cubic within the hull of its Bernstein coefficients, and the rest for n h <= 1:
+    # |b4'' - t^2/2| <= (nt)^4/360 t^2/2, |b5'' - t^3/6| <= (nt)^4/840 t^3/6, and the last
+    # two second derivatives are below t^4/24 and t^5/120.
+    c1 = q[3, axis] * h
+    c2 = 0.5 * q[4, axis] * h * h
+    c3 = q[5, axis] * h * h * h / 6.0
+    m0 = q[2, axis]
+    m1 = m0 + c1 / 3.0
+    m2 = m0 + (2.0 * c1 + c2) / 3.0
+    m3 = m0 + c1 + c2 + c3
+    rest = (abs(c2) + abs(c3)) * (n * h) ** 4 / 360.0
+    rest += abs(q[6, axis]) * h**4 / 24.0 + abs(q[7, axis]) * h**5 / 120.0
+    a = max(abs(m0), abs(m1), abs(m2), abs(m3)) + rest
+    return a, abs(q[1, axis]) + a * h
+
+
+@kernel()
+def bounds(q, order, n, h):
+    """Bounds over [0, h] of the acceleration along each axis, and of its norm and the speed's."""
+    ax, vx = bound(q, order, n, h, 0)
+    ay, vy = bound(q, order, n, h, 1)
+    az, vz = bound(q, order, n, h, 2)
+    return ax, ay, az, sqrt(ax * ax + ay * ay + az * az), sqrt(vx * vx + vy * vy + vz * vz)
+
+
+@kernel()
+def norm(box, x, y, z):
+    return max(abs(x), abs(y), abs(z)) if box else sqrt(x * x + y * y + z * z)
+
+
+@kernel()
+def rate(box, x, y, z, vx, vy, vz):
+    """Rate of the norm, to the right where it has a kink."""
+    if box:
+        s = norm(box, x, y, z)
+        steepest = -inf
+        if abs(x) == s:
+            steepest = abs(vx) if x == 0.0 else (vx if x > 0.0 else -vx)
+        if abs(y) == s:
+            steepest = max(steepest, abs(vy) if y == 0.0 else (vy if y > 0.0 else -vy))
+        if abs(z) == s:
+            steepest = max(steepest, abs(vz) if z == 0.0 else (vz if z > 0.0 else -vz))
+        return steepest
+    s = sqrt(x * x + y * y + z * z)
+    return (x * vx + y * vy + z * vz) / s if s > 0.0 else sqrt(vx * vx + vy * vy + vz * vz)
+
+
+@kernel()
+def time_to_level(gap, rate, curvature):
+    """First h > 0 with gap + rate h - curvature h^2 / 2 = 0, without cancellation."""
+    root = sqrt(rate * rate + 2.0 * curvature * gap)
+    if rate < 0.0:
+        return 2.0 * gap / (root - rate)
+    return (rate + root) / curvature if curvature > 0.0 else inf
+
+
+@kernel()
+def time_to_face(x, v, a, target):
+    """How long |x| certainly stays above the target; 0 where it is not above."""
+    if x > target:
+        return time_to_level(x - target, v, a)
+    if -x > target:
+        return time_to_level(-x - target, -v, a)
+    return 0.0
+
+
+@kernel()
+def outside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, target):
+    """How long the norm certainly stays above the target."""
+    if box:
+        return max(
+            time_to_face(x, vx, ax, target), time_to_face(y, vy, ay, target), time_to_face(z, vz, az, target)
+        )
+    s = sqrt(x * x + y * y + z * z)
+    return time_to_level(s - target, (x * vx + y * vy + z * vz) / s, a)
+
+
+@kernel()
+def leave_side(x, v, a, target):
+    return min(time_to_level(target - x, -v, a), time_to_level(target + x, v, a))
+
+
+@kernel()
+def inside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
+    """How long the norm certainly stays below the target."""
+    if box:
+        return min(
+            leave_side(x, vx, ax, target), leave_side(y, vy, ay, target), leave_side(z, vz, az, target)
+        )
+    gap = target * target - (x * x + y * y + z * z)
+    return time_to_level(gap, -2.0 * (x * vx + y * vy + z * vz), 2.0 * (speed * speed + target * a))
+
+
+@kernel()
+def taylor_step(q, order, n, longest, target, inside):
+    """How long from the window's start an ellipsoid's norm certainly stays on its side."""
+    c = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)
+    factorial = 1.0
+    d = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)
+    nn = n * n
+    for k in range(TAYLOR_DEGREE + 1):
+        if k < order:
+            d[k] = (q[k, 0], q[k, 1], q[k, 2])
+        elif order == 4:
+            e = d[k - 2]
+            d[k] = (-nn * e[0], -nn * e[1], -nn * e[2])
+        else:
+            e = d[k - 2]
+            g = d[k - 4]
+            d[k] = (
+                -nn * (2.0 * e[0] + nn * g[0]),
+                -nn * (2.0 * e[1] + nn * g[1]),
+                -nn * (2.0 * e[2] + nn * g[2]),
+            )
+        factorial *= max(k, 1)
+        c[k] = (d[k][0] / factorial, d[k][1] / factorial, d[k][2] / factorial)
+    sign = -1.0 if inside else 1.0
+    f = [0.0] * (TAYLOR_DEGREE + 1)
+    for k in range(TAYLOR_DEGREE + 1):
+        for i in range(k + 1):
+            f[k] += sign * (c[i][0] * c[k - i][0] + c[i][1] * c[k - i][1] + c[i][2] * c[k - i][2])
+    gap = f[0] - sign * target * target
+    h = longest if n == 0.0 else min(longest, TAYLOR_ANGLE / n)
+    for _ in range(80):
+        lowest = 0.0
+        power = 1.0
+        for k in range(1, TAYLOR_DEGREE + 1):
+            power *= h
+            lowest += min(0.0, f[k] * power)
+        if gap + lowest > 0.0:
+            return h
+        h *= 0.6
+    return 0.0

@@ -1,0 +1,268 @@
+"""Orbit: the frame in which craft move, and the paths that they can take in it."""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numba import float64, void
+from numpy.typing import ArrayLike
+
+from closeform.arrays import LARGEST, Floats, numbers
+from closeform.compiled import kernel
+from closeform.motion.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
+from closeform.motion.elements import (
+    EARTH_MU,
+    EARTH_RADIUS,
+    mean_motion_from_altitude,
+    mean_motion_from_period,
+    mean_motion_from_semi_major_axis,
+)
+from closeform.motion.hill import coast, response
+from closeform.motion.linear import solve
+from closeform.motion.path import Path, broadcast
+
+
+@kernel(void(float64, float64[:, ::1], float64[:, ::1]))
+def steer(n: float, arcs: Floats, finals: Floats) -> None:
+    """Set the optimal thrust of each arc so that it ends in its final state.        # theory (7, 8)"""
+    matrix = np.empty((6, 6))
+    work = np.empty((6, 6))
+    rhs = np.empty(6)
+    for p in range(len(arcs)):
+        arc = arcs[p]
+        t = arc[END] - arc[START]
+        response(n, t, matrix)
+        gap = np.empty(6)
+        reached = coast(n, t, arc[6], arc[7], arc[8], arc[9], arc[10], arc[11])
+        for i in range(6):
+            gap[i] = finals[p, i] - reached[i]
+        for _ in range(2):  # once more on what rounding left
+            for i in range(6):
+                rhs[i] = gap[i]
+                for j in range(6):
+                    rhs[i] -= matrix[i, j] * arc[THRUST + j]
+                    work[i, j] = matrix[i, j]
+            solve(work, rhs, 6)
+            for i in range(6):
+                arc[THRUST + i] += rhs[i]
+
+
+@kernel(void(float64, float64[:, ::1], float64[:, ::1]))
+def aim(n: float, arcs: Floats, finals: Floats) -> None:
+    """Set the start velocity of each arc so that it drifts to its final position."""
+    matrix = np.empty((3, 3))
+    rhs = np.empty(3)
+    for p in range(len(arcs)):
+        arc = arcs[p]
+        t = arc[END] - arc[START]
+        for k in range(3):
+            column = coast(n, t, 0.0, 0.0, 0.0, 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2))
+            for i in range(3):
+                matrix[i, k] = column[i]
+        reached = coast(n, t, arc[6], arc[7], arc[8], 0.0, 0.0, 0.0)
+        for i in range(3):
+            rhs[i] = finals[p, i] - reached[i]
+        solve(matrix, rhs, 3)
+        for i in range(3):
+            arc[STATE + 3 + i] = rhs[i]
+
+
+@kernel(void(float64, float64[::1], float64[:, :, ::1]))
+def transitions(n: float, times: Floats, out: Floats) -> None:
+    for p in range(len(times)):
+        for k in range(6):
+            column = coast(
+                n,
+                times[p],
+                1.0 * (k == 0),
+                1.0 * (k == 1),
+                1.0 * (k == 2),
+                1.0 * (k == 3),
+                1.0 * (k == 4),
+                1.0 * (k == 5),
+            )
+            for i in range(6):
+                out[p, i, k] = column[i]
+
+
+def _checked(name: str, value: ArrayLike, columns: int | None = None) -> Floats:
+    array = numbers(name, value)
+    if columns is not None and (array.ndim == 0 or array.shape[-1] != columns):
+        raise ValueError(f"{name}: expected shape (..., {columns}), got {array.shape}")
+    if not (np.abs(array) < LARGEST).all():
+        raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
+    return array
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A circular reference orbit by its `mean_motion` [rad/s], at least 0; 0 is deep space.
+
+    States are (..., 6): x radial outward, y along the velocity, z along the orbit normal [m],
+    then their rates [m/s], in the frame that turns with the orbit.  In deep space the frame
+    does not turn.  Raises ValueError for a mean motion that is negative or not finite.
+    """
+
+    mean_motion: float
+
+    def __post_init__(self) -> None:
+        value = numbers("mean_motion", self.mean_motion)
+        if value.shape or not (np.isfinite(value) and value >= 0):
+            raise ValueError(
+                f"mean_motion: must be one finite number, at least 0 rad/s, got {self.mean_motion}"
+            )
+        object.__setattr__(self, "mean_motion", float(value))
+
+    @classmethod
+    def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
+        """Orbit at `altitude` [m] above a body of `mu` [m^3/s^2] and `radius` [m].
+
+        Raises ValueError unless altitude + radius and mu are positive.
+        """
+        return cls(float(mean_motion_from_altitude(altitude, mu, radius)))
+
+    @classmethod
+    def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
+        """Orbit of `semi_major_axis` [m] around a body of `mu` [m^3/s^2].
+
+        Raises ValueError unless both are positive.
+        """
+        return cls(float(mean_motion_from_semi_major_axis(semi_major_axis, mu)))
+
+    @classmethod
+    def from_period(cls, period: float) -> Self:
+        """Orbit of `period` [s].  Raises ValueError unless it is positive."""
+        return cls(float(mean_motion_from_period(period)))
+
+    @property
+    def period(self) -> float:
+        """One turn [s]; inf in deep space."""
+        return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
+
+    def transition(self, duration: ArrayLike) -> Floats:
+        """State transition matrix of natural motion over `duration` [s], of any sign: (..., 6, 6).
+
+        Raises ValueError for numbers that are not finite.
+        """
+        times = _checked("duration", duration)
+        out = np.empty((times.size, 6, 6))
+        transitions(self.mean_motion, np.ravel(times), out)
+        return out.reshape(times.shape + (6, 6))
+
+    def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
+        """Natural motion from `state` (..., 6) at time `start` [s] for `duration` [s].
+
+        All arguments broadcast.  Raises ValueError for a duration that is not positive, wrong
+        shapes or non-finite numbers.
+        """
+        return self._path(self._arcs(duration, start, state=state))
+
+    def transfer(
+        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
+    ) -> Path:
+        """Energy-optimal path from `initial` to `final` (..., 6) in `duration` [s].   # theory 2
+
+        Least half-integral of |thrust|^2, from time `start` [s] on; all arguments broadcast, so
+        that `transfer(a[:, None], b, T).energy` is the matrix of costs from every a to every b.
+        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
+        """
+        arcs, finals = self._between(initial, final, duration, start)
+        steer(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
+        return self._path(arcs)
+
+    def two_impulse(
+        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
+    ) -> Path:
+        """Drift from `initial` to `final` (..., 6) in `duration` [s] between two impulses.
+
+        The first is at time `start` [s].  All arguments broadcast.  Raises ValueError for a
+        duration that is not positive or, for n > 0, singular (a multiple of half an orbit), wrong
+        shapes or non-finite numbers.
+        """
+        arcs, finals = self._between(initial, final, duration, start)
+        rows = arcs.reshape(-1, WIDTH)
+        turns = self.mean_motion * (rows[:, END] - rows[:, START]) / np.pi
+        if np.any((turns > 0.5) & (np.abs(turns - np.round(turns)) < 1e-9)):
+            raise ValueError("duration: no two impulses reach every point in a multiple of half an orbit")
+        before = rows[:, STATE + 3 : STATE + 6].copy()
+        aim(self.mean_motion, rows, finals)
+        rows[:, IMPULSE : IMPULSE + 3] = rows[:, STATE + 3 : STATE + 6] - before
+        arrived = self._path(rows)._evaluate_rows(rows[:, END : END + 1])[:, 0]
+        last = np.zeros_like(rows)
+        last[:, [START, END]] = rows[:, [END]]
+        last[:, MEAN_MOTION] = self.mean_motion
+        last[:, STATE : STATE + 6] = finals
+        last[:, IMPULSE : IMPULSE + 3] = finals[:, 3:] - arrived[:, 3:]
+        both = np.stack([rows, last], axis=1).reshape(-1, WIDTH)
+        return Path(self, both, 2 * np.arange(len(rows) + 1), arcs.shape[:-1])
+
+    def burn(
+        self, state: ArrayLike, acceleration: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
+    ) -> Path:
+        """Constant thrust `acceleration` (..., 3) [m/s^2], fixed in the rotating frame, from `state`.
+
+        It begins at time `start` [s] and lasts for `duration` [s].  All arguments broadcast.
+        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
+        """
+        push = _checked("acceleration", acceleration, 3)
+        arcs = self._arcs(duration, start, state=state, like=push.shape[:-1])
+        arcs[..., CONSTANT : CONSTANT + 3] = push
+        return self._path(arcs)
+
+    def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
+        """Path through `states` (..., T, 6) at `times` (T,) [s]: cubic Hermite arcs.
+
+        A cubic Hermite arc is exactly the n = 0 transfer between its two states.  It follows
+        positions and velocities at every sample; between two samples h apart its position is
+        off by at most h^4/384 max|r''''|, its velocity by at most h^3/124 max|r''''|, per axis:
+        for motion of eccentricity difference E in an orbit of mean motion n, 2 E (n h)^4/384.
+
+        Raises ValueError unless the times increase strictly and all numbers are finite.
+        """
+        instants = _checked("times", times)
+        nodes = _checked("states", states, 6)
+        if instants.ndim != 1 or len(instants) < 2 or nodes.shape[-2:-1] != instants.shape:
+            raise ValueError(
+                "states: expected shape (..., T, 6) for T >= 2 times, "
+                f"got {nodes.shape} for times of shape {instants.shape}"
+            )
+        if not (np.diff(instants) > 0).all():
+            raise ValueError("times: must increase strictly")
+        batch = nodes.shape[:-2]
+        arcs = np.zeros((*batch, len(instants) - 1, WIDTH))
+        arcs[..., START] = instants[:-1]
+        arcs[..., END] = instants[1:]
+        arcs[..., STATE : STATE + 6] = nodes[..., :-1, :]
+        rows = arcs.reshape(-1, WIDTH)
+        steer(0.0, rows, np.ascontiguousarray(nodes[..., 1:, :]).reshape(-1, 6))
+        count = int(np.prod(batch, dtype=int))
+        return Path(self, rows, np.arange(count + 1) * (len(instants) - 1), batch)
+
+    def _arcs(
+        self, duration: ArrayLike, start: ArrayLike, state: ArrayLike, like: tuple[int, ...] = ()
+    ) -> Floats:
+        states = _checked("state", state, 6)
+        lengths, starts = _checked("duration", duration), _checked("start", start)
+        if not (lengths > 0).all():
+            raise ValueError(f"duration: must be positive, got {lengths.min():g} s")
+        shape = broadcast(state=states.shape[:-1], duration=lengths.shape, start=starts.shape, other=like)
+        arcs = np.zeros((*shape, WIDTH))
+        arcs[..., START] = starts
+        arcs[..., END] = starts + lengths
+        if not (arcs[..., END] > arcs[..., START]).all():
+            raise ValueError(f"duration: {lengths.min():g} s vanishes beside a start of {starts.max():g} s")
+        arcs[..., MEAN_MOTION] = self.mean_motion
+        arcs[..., STATE : STATE + 6] = states
+        return arcs
+
+    def _between(
+        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
+    ) -> tuple[Floats, Floats]:
+        ends = _checked("final", final, 6)
+        begins = _checked("initial", initial, 6)
+        arcs = self._arcs(duration, start, state=begins, like=ends.shape[:-1])
+        return arcs, np.broadcast_to(ends, (*arcs.shape[:-1], 6)).reshape(-1, 6).copy()
+
+    def _path(self, arcs: Any) -> Path:
+        rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
+        return Path(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])

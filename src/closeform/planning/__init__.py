@@ -1,0 +1,1 @@
+"""The way around: a formation's cheapest paths, certified clear."""

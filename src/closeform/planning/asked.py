@@ -1,0 +1,185 @@
+"""What a reconfiguration is asked, checked: craft, slots, times, zones, obstacles and limits."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import LARGEST, Floats, numbers
+from closeform.motion.arc import WIDTH
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
+from closeform.planning.result import batch_of
+from closeform.planning.task import Task
+from closeform.zones.pair_zones import pairwise
+from closeform.zones.zone import Zone
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """N craft with `initial` states (N, 6) at their `starts`, to be in their slots after their `durations`.
+
+    `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
+    coast into them.  `zones` as from `pairwise`.  With `assign` the slots are those of least energy.
+    """
+
+    orbit: Orbit
+    initial: Floats
+    places: Floats
+    slots: Any
+    early: Floats
+    starts: Floats
+    durations: Floats
+    zones: tuple[tuple[Zone, Any], ...]
+    others: Path | None
+    limits: Floats | None
+    names: tuple[str, ...]
+    assign: bool
+
+    @classmethod
+    def of(
+        cls,
+        orbit: Orbit,
+        initial: ArrayLike,
+        final: ArrayLike,
+        duration: ArrayLike,
+        zone: Zone | Sequence[Zone | None],
+        assign: bool,
+        start: ArrayLike,
+        obstacles: Path | Sequence[Path],
+        max_acceleration: ArrayLike | None,
+        names: Sequence[str] | None,
+    ) -> "Asked":
+        """Raises ValueError naming the argument that does not fit."""
+        begins, places = _states("initial", initial), _states("final", final)
+        count = len(begins)
+        if assign and len(places) < count:
+            raise ValueError(f"final: {len(places)} slots are fewer than {count} craft; give one for each")
+        if not assign and len(places) != count:
+            raise ValueError(
+                f"final: {len(places)} states for {count} craft; give one for each, or assign=True for more"
+            )
+        others = _obstacles(orbit, obstacles)
+        extra = len(others) if others is not None else 0
+        called = tuple(names) if names is not None else tuple(f"craft {k}" for k in range(count))
+        if len(called) not in (count, count + extra):
+            raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
+        called += tuple(f"obstacle {k}" for k in range(count + extra - len(called)))
+        limits = (
+            None
+            if max_acceleration is None
+            else _each("max_acceleration", max_acceleration, count, greatest=np.inf)
+        )
+        return cls(
+            orbit,
+            begins,
+            places,
+            np.arange(count),
+            np.zeros(count),
+            _each("start", start, count, least=-LARGEST),
+            _each("duration", duration, count),
+            pairwise(_zones(zone, count, extra), called),
+            others,
+            limits,
+            called,
+            assign,
+        ).cheapest()
+
+    @property
+    def direct(self) -> Path:
+        """The unconstrained optima, over each craft's own time."""
+        before = self.orbit.transition(-self.early)
+        finals = (before @ self.places[self.slots][:, :, None])[..., 0]
+        return self.orbit.transfer(self.initial, finals, self.durations, self.starts)
+
+    @property
+    def costs(self) -> Floats:
+        """Energies (N, S) of all ways of craft to slots."""
+        finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
+        times = self.durations[:, None], self.starts[:, None]
+        energies: Floats = self.orbit.transfer(self.initial[:, None], finals, *times).energy
+        return energies
+
+    def task(self) -> Task:
+        """What is to be planned."""
+        arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
+        if self.others is not None:
+            arcs, offsets = self.others.arcs, self.others.offsets
+        return Task.of(self.direct.arcs, arcs, offsets, self.zones)
+
+    def least_slots(self) -> tuple[Any, float]:
+        """Slots (N,) of least unconstrained energy, and that energy."""
+        from scipy.optimize import linear_sum_assignment
+
+        costs = self.costs
+        craft, slots = linear_sum_assignment(costs)
+        return slots, float(costs[craft, slots].sum())
+
+    def cheapest(self) -> "Asked":
+        """The same with the slots of least unconstrained energy, where they are not given."""
+        return replace(self, slots=self.least_slots()[0]) if self.assign else self
+
+    def assigned(self, slots: Any) -> "Asked":
+        """The same with other slots."""
+        return replace(self, slots=slots)
+
+    def longer(self, factor: float) -> "Asked":
+        """The same with longer durations; the final states hold at the later ends."""
+        return replace(self, durations=factor * self.durations).cheapest()
+
+    def staggered(self, share: float) -> "Asked":
+        """Craft coast in turn before they start, the last for `share` of the longest duration.
+
+        The final states hold when the last has waited: those who are there before coast into them.
+        """
+        longest = share * self.durations.max()
+        waits = np.linspace(0.0, longest, len(self.initial))
+        initial = (self.orbit.transition(waits) @ self.initial[:, :, None])[..., 0]
+        later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
+        return later.cheapest()
+
+
+def _states(name: str, value: ArrayLike) -> Floats:
+    states = numbers(name, value)
+    if states.ndim != 2 or states.shape[1] != 6 or not len(states):
+        raise ValueError(f"{name}: expected shape (N, 6), one state for each craft, got {states.shape}")
+    if not (np.abs(states) < LARGEST).all():
+        raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
+    return states
+
+
+def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest: float = LARGEST) -> Floats:
+    """One number for each craft, above `least` and below `greatest`."""
+    values = numbers(name, value)
+    if values.shape not in ((), (count,)):
+        raise ValueError(f"{name}: expected one number or {count}, one for each craft, got {values.shape}")
+    if not ((values > least) & (values <= greatest)).all():
+        raise ValueError(f"{name}: must be finite{' and positive' * (least == 0.0)}, got {values.tolist()}")
+    return np.full(count, values) if values.shape == () else values
+
+
+def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
+    if not isinstance(obstacles, Path):
+        obstacles = list(obstacles)
+        if not all(isinstance(one, Path) for one in obstacles):
+            raise ValueError("obstacles: expected paths")
+        if not obstacles:
+            return None
+    batch = batch_of(obstacles)
+    if batch.orbit.mean_motion != orbit.mean_motion:
+        raise ValueError("obstacles: must be in the given orbit")
+    return batch if len(batch) else None
+
+
+def _zones(zone: Zone | Sequence[Zone | None], count: int, extra: int) -> list[Zone | None]:
+    if isinstance(zone, Zone):
+        return [zone] * (count + extra)
+    zones = list(zone) if isinstance(zone, Sequence) else [False]
+    if not all(one is None or isinstance(one, Zone) for one in zones):
+        raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each craft, got {zone!r}")
+    if len(zones) not in (count, count + extra):
+        with_obstacles = f" or {count + extra} with the obstacles" * bool(extra)
+        raise ValueError(f"zone: {len(zones)} zones for {count} craft; give one, or {count}{with_obstacles}")
+    return zones + [None] * (count + extra - len(zones))

@@ -1,0 +1,136 @@
+"""SP11's own method: one deviation point for each conflict, across the cost's gradients."""
+
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import CONSTANT, IMPULSE, MEAN_MOTION, THRUST
+from closeform.motion.elements import state_from_palmer
+from closeform.motion.path import Path, join
+from closeform.planning.detour import cost_of_moving
+from closeform.planning.result import PLANNED, Avoidance, Contact, Obstacles, Status, refused
+from closeform.planning.sides import ways_out
+
+LEGS = 12  # at most, of one path
+SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its legs are clear
+
+
+def end_gradients(path: Path) -> tuple[Floats, Floats]:
+    """First-order change of the energy with the initial and with the final state of a path.
+
+    Two arrays of the path's shape + (6,): dJ/d(initial) and dJ/d(final), for positions in
+    [m/s^3] and velocities in [m/s^2] (energy per unit mass).  They are the costates at the two
+    ends: SP11 eqs. 20-21, theory 4, in rectangular coordinates.
+
+    Raises ValueError for a path that is not energy-optimal between its ends (impulses, constant
+    thrust, sampled, or several arcs that were not shaped by `avoid`).
+    """
+    n = path.orbit.mean_motion
+    if (
+        path.arcs[:, IMPULSE : IMPULSE + 3].any()
+        or path.arcs[:, CONSTANT:].any()
+        or (path.arcs[:, MEAN_MOTION] != n).any()
+    ):
+        raise ValueError("path: the gradients are those of an energy-optimal path; plan one with transfer")
+    first, last = path.arcs[path.offsets[:-1]], path.arcs[path.offsets[1:] - 1]
+    begin = first[:, THRUST : THRUST + 6]
+    end = path.orbit.transition(last[:, 1] - last[:, 0]) @ last[:, THRUST : THRUST + 6, None]
+    return (-_costate(n, begin)).reshape(*path.shape, 6), _costate(n, end[..., 0]).reshape(*path.shape, 6)
+
+
+def _costate(n: float, steering: Floats) -> Floats:
+    thrust, rate = steering[:, :3], steering[:, 3:]
+    turned = 2.0 * n * np.stack([thrust[:, 1], -thrust[:, 0], 0.0 * thrust[:, 0]], axis=1)
+    return np.concatenate([turned - rate, thrust], axis=1)
+
+
+def _across(leg: Path, time: float) -> Floats:
+    """Three state deviations (3, 6), each across the gradient in one of Palmer's planes.
+
+    (e1, e2), (d, l) and (h1, h2) decouple, and in each the first-order cost vanishes along one
+    direction (SP11 section 4).  On an optimal path the gradients of the two legs at the
+    deviation point are equal and opposite, so both legs give the same directions.
+    """
+    n = leg.orbit.mean_motion
+    whole = leg.orbit.transfer(leg.state(leg.start), leg.state(time), time - leg.start)
+    columns = state_from_palmer(np.eye(6), n)  # rows: states of unit Palmer coordinates
+    gradient = columns @ end_gradients(whole)[1]
+    deviations = np.zeros((3, 6))
+    for plane in range(3):
+        a, b = gradient[2 * plane : 2 * plane + 2]
+        size = np.hypot(a, b)
+        deviations[plane, 2 * plane : 2 * plane + 2] = (-b / size, a / size) if size > 0.0 else (1.0, 0.0)
+    return state_from_palmer(deviations, n)
+
+
+def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
+    middle = leg.state(time) + deviation
+    before = leg.orbit.transfer(leg.state(leg.start), middle, time - leg.start, leg.start)
+    return join([before, leg.orbit.transfer(middle, leg.state(leg.end), leg.end - time, time)])
+
+
+def _deviation(leg: Path, obstacle: int, time: float, obstacles: Obstacles) -> tuple[Path, Contact] | None:
+    """The cheapest pair of legs through one deviation point that clears one obstacle."""
+    deviations = _across(leg, time)
+    flexibility = np.linalg.inv(deviations @ cost_of_moving(leg, time) @ deviations.T)
+    matrix = obstacles.matrices[obstacle]
+    reach = matrix @ deviations[:, :3].T
+    gap = matrix @ (leg.state(time) - obstacles.state(leg.orbit, obstacle, time)).reshape(2, 3).T
+    best: tuple[Path, Contact] | None = None
+    compliance = reach @ flexibility @ reach.T
+    for _, normal in ways_out(bool(obstacles.boxes[obstacle]), PLANNED[0], gap[:, 0], gap[:, 1], compliance):
+        force = (PLANNED[0] - normal @ gap[:, 0]) / (normal @ compliance @ normal)
+        weights = flexibility @ reach.T @ normal * force
+        for scale in SCALES:
+            legs = _two_legs(leg, time, scale * weights @ deviations)
+            if best is not None and legs.energy >= best[0].energy:
+                break
+            if not any(row[0] == obstacle for row in obstacles.conflicts(legs.arcs)):
+                push = matrix.T @ normal
+                size = float(np.linalg.norm(push))
+                where = legs.state(time)[:3]
+                best = legs, Contact(time, obstacle, where, push / size, float(force * scale * size))
+                break
+    return best
+
+
+def deviated(path: Path, obstacles: Obstacles) -> Avoidance:
+    """`avoid` by method "sauter-palmer"."""
+    orbit = path.orbit
+    if orbit.mean_motion == 0.0:
+        raise ValueError("method: 'sauter-palmer' needs an orbit, in deep space use 'exact'")
+    optimum = orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start, path.start)
+    legs = optimum
+    contacts: list[Contact] = []
+    while True:
+        deepest = obstacles.deepest(legs.arcs)
+        if deepest is None:
+            break
+        obstacle, time = deepest
+        k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
+        leg = _alone(legs, k)
+        if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
+            return refused(Status.NOT_FOUND, f"no way past obstacle {obstacle} at {time:.6g} s; use 'exact'")
+        found = _deviation(leg, obstacle, time, obstacles)
+        if found is None:
+            return refused(
+                Status.NOT_FOUND, f"no one deviation clears obstacle {obstacle} at {time:.6g} s; use 'exact'"
+            )
+        contacts.append(found[1])
+        parts: list[Any] = [_alone(legs, i) for i in range(len(legs.arcs)) if i != k]
+        legs = join(sorted([*parts, *(_alone(found[0], i) for i in range(2))], key=lambda part: part.start))
+    return Avoidance(
+        path=legs,
+        energy=legs.energy,
+        extra_energy=legs.energy - optimum.energy,
+        delta_v=legs.delta_v,
+        contacts=tuple(sorted(contacts, key=lambda contact: contact.time)),
+        status=Status.AVOIDED,
+        reason=f"{len(contacts)} deviation point{'s' * (len(contacts) != 1)} after Sauter & Palmer (2011)",
+        tried=len(contacts),
+    )
+
+
+def _alone(path: Path, arc: int) -> Path:
+    return Path(path.orbit, path.arcs[arc : arc + 1], np.array([0, 1]), ())

@@ -1,0 +1,1 @@
+"""Keep-out zones and which of them holds between two craft."""
