@@ -7,7 +7,7 @@ import pytest
 
 import closeform as cf
 from bridge import bridge
-from closeform.planning.avoid import kernel
+from closeform.planning import kernel
 from closeform.planning.shaping import prepare
 from truth import Reference
 

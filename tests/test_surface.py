@@ -107,7 +107,8 @@ def test_stub_says_what_the_package_says() -> None:
     imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
     stated = {(alias.asname, node.module) for node in imports for alias in node.names}
     homes = {(name, f"closeform.{module}") for name, module in cf._HOMES.items()}
-    assert stated == homes | {(name, "closeform") for name in cf._MODULES}
+    modules = {(name, f"closeform.{path}".rpartition(".")[0]) for name, path in cf._MODULES.items()}
+    assert stated == homes | modules
 
 
 def test_names_are_where_they_are_said_to_be() -> None:
