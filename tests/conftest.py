@@ -2,15 +2,19 @@
 
 import os
 
+import hypothesis
 import pytest
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# the first call of a kernel may compile it for seconds
+hypothesis.settings.register_profile("compiles", deadline=None)
+hypothesis.settings.load_profile("compiles")
+
 
 @pytest.fixture(scope="session", autouse=True)
-def compiled() -> None:
-    """Kernels are compiled before a test looks at what a command says on standard error."""
-    from closeform.warmup import compile_ahead
+def announced() -> None:
+    """That kernels are compiled is said before a test looks at what a command says on standard error."""
+    from closeform.compiled import announce
 
-    compile_ahead("closeform.planning.contacts")
-    compile_ahead("closeform.search.chain")
+    announce()

@@ -1,80 +1,79 @@
 """The one decorator that every compiled kernel passes through."""
 
-import hashlib
-import os
-import re
+import gc
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core import config
 from numba.core.types import unliteral
-from platformdirs import user_cache_path
 
+from closeform.kernel_cache import KernelCache, alone, parts
 
-@cache
-def digest(module: str) -> str:
-    """Hash of a module's source and of all that it imports from the package."""
-    own = Path(__file__).parent
-    source = own.joinpath(*module.split(".")[1:]).with_suffix(".py").read_bytes()
-    found = hashlib.sha256(source)
-    for imported in re.findall(rb"^from (closeform\.[a-z_.]+) import", source, re.MULTILINE):
-        name = imported.decode()
-        if own.joinpath(*name.split(".")[1:]).with_suffix(".py").is_file():
-            found.update(digest(name).encode())
-    return found.hexdigest()
-
-
-@cache
-def cache_folder(module: str) -> Path:
-    """Folder of a module's compiled kernels: the user's cache, under a hash of their sources.
-
-    numba notices an edited kernel, but not an edited kernel that it inlined from another
-    file; a folder per state of the module and its imports does. Where the user's cache cannot
-    be written (read-only home), a private temporary folder serves for this process.
-    """
-    folder = user_cache_path("closeform") / f"numba-{numba.__version__}" / digest(module)[:16]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    except OSError:
-        pass
-    return temporary_folder()
-
-
-@cache
-def temporary_folder() -> Path:
-    """A private folder for kernels of this process alone."""
-    return Path(tempfile.mkdtemp(prefix="closeform-"))
+ENTRIES: list[Any] = []  # the entry points of all modules that were imported
+before_first_compilation: list[Callable[[], None]] = []  # called when a kernel is found missing
 
 
 @cache
 def announce() -> None:
     """Say once, on standard error, that a compilation is under way."""
     print("closeform: compiling its kernels, once for this version (half a minute)", file=sys.stderr)
-
-
-@cache
-def is_compiled(module: str) -> bool:
-    """Whether the cache held kernels of a module when it was first asked."""
-    return any(cache_folder(module).rglob("*.nbi"))
+    for begin in before_first_compilation:
+        begin()
 
 
 @contextmanager
-def own_cache(module: str) -> Iterator[None]:
-    """Point numba at our folder while one kernel is declared, and back for everybody else's."""
-    others = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_folder(module))
+def uncollected() -> Iterator[None]:
+    """No search for unreachable objects: a compiler makes millions, and it costs a tenth of its time."""
+    was_on = gc.isenabled()
+    gc.disable()
     try:
         yield
     finally:
-        config.CACHE_DIR = others
+        if was_on:
+            gc.enable()
+
+
+def prepare(entry: Any, wait: bool = True) -> None:
+    """Load an entry point from the cache or compile it; nobody else does meanwhile.
+
+    One that another process is compiling is left to it, if not to `wait`.
+    """
+    cached = entry._cache
+    if entry.overloads or not isinstance(cached, KernelCache):
+        return
+    for part in parts(entry)[1:]:  # an entry point can be part of another
+        prepare(part)
+    with cached.lock:
+        if entry.overloads:
+            return
+        if cached.path.is_file():
+            entry.compile(cached.signature)
+        else:
+            announce()
+            with alone(cached.path, wait) as mine, uncollected():
+                if not mine:
+                    return
+                entry.compile(cached.signature)
+        entry.disable_compile()
+
+
+def _at_first_call(entry: Any) -> Callable[..., Any]:
+    """What numba asks for the compiled form that fits some arguments, as long as there is none."""
+
+    def first_call(*arguments: Any) -> Any:
+        prepare(entry)
+        ((declared, result),) = entry.overloads.items()
+        given = [entry.typeof_pyval(argument) for argument in arguments]
+        convert = entry.typingctx.can_convert
+        if len(given) == len(declared) and None not in map(convert, given, declared):
+            return result.entry_point
+        return entry(*arguments)  # says what does not fit
+
+    return first_call
 
 
 def _by_type(part: Any) -> Any:
@@ -91,7 +90,7 @@ def _by_type(part: Any) -> Any:
 def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function of floats and arrays.
 
-    With a `signature` it is an entry point: compiled at import, once for a version of the
+    With a `signature` it is an entry point: compiled at its first call, once for a version of the
     sources, then loaded from the cache. Without, it is a part that entry points inline, and
     that only they can call: it has no wrapper for Python, which saves time to compile.  A part
     that is `inline` is written into its callers at once: only then does a loop over it become
@@ -108,9 +107,10 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return lambda function: _by_type(numba.njit(no_cpython_wrapper=True, **options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
-        if not is_compiled(function.__module__):
-            announce()
-        with own_cache(function.__module__):
-            return numba.njit(signature, cache=True, **options)(function)
+        entry = numba.njit(**options)(function)
+        entry._cache = KernelCache(entry, signature)
+        entry._compile_for_args = _at_first_call(entry)
+        ENTRIES.append(entry)
+        return entry
 
     return declare

@@ -1,33 +1,40 @@
-"""What a verb or a scenario needs compiled, side by side in two processes."""
+"""What a scenario needs compiled, in two processes: this one as it flies, another ahead of it."""
 
+import atexit
 import re
 import subprocess
 import sys
 from importlib import import_module
 
-from platformdirs import user_cache_path
-
-from closeform.compiled import announce, cache_folder, is_compiled
-
-
-def compile_ahead(module: str) -> None:
-    """Compile the kernels that `module` imports now if they are not cached, beside those of conflicts."""
-    if is_compiled(module) or user_cache_path("closeform") not in cache_folder(module).parents:
-        return
-    announce()
-    command = [sys.executable, "-c", f"import {module}"]
-    other = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    import_module("closeform.conflicts.two_paths")
-    other.wait()
+from closeform.compiled import ENTRIES, before_first_compilation, prepare
 
 
 def compile_for(text: bytes) -> None:
-    """Compile ahead what the stages of a scenario file will need."""
+    """Have what the stages of a scenario file need compiled ahead, once a kernel is found missing."""
     searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
     moves = set(re.findall(rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
-    if searches:
-        compile_ahead("closeform.search.chain")
+    modules = []
     if moves - {b"avoid"}:
-        compile_ahead("closeform.planning.joint")
-    elif moves or not searches:
-        compile_ahead("closeform.planning.contacts")
+        modules.append("closeform.planning.formation")
+    if b"avoid" in moves:
+        modules.append("closeform.planning.avoid")
+    if searches:
+        modules.append("closeform.search.gather")
+    if modules:
+        before_first_compilation.append(lambda: compile_beside(modules))
+
+
+def compile_beside(modules: list[str]) -> None:
+    """Start a process that compiles what `modules` hold; it ends with this one at the latest."""
+    code = f"from closeform.warmup import compile_all; compile_all({modules})"
+    command = [sys.executable, "-c", code]
+    other = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    atexit.register(other.kill)
+
+
+def compile_all(modules: list[str]) -> None:
+    """Compile the entry points that `modules` bring along, last ones first: others begin with the first."""
+    for module in modules:
+        import_module(module)
+    for entry in reversed(ENTRIES):
+        prepare(entry, wait=False)

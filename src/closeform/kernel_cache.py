@@ -1,0 +1,179 @@
+"""Compiled kernels on disk: one file for each entry point, named by all that it is made from."""
+
+import hashlib
+import inspect
+import os
+import pickle
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cached_property
+from pathlib import Path
+from threading import Lock
+from types import CodeType, ModuleType
+from typing import Any
+
+import llvmlite
+import numba
+from numba.core import types
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
+from numba.core.serialize import dumps
+from platformdirs import user_cache_path
+
+try:
+    import fcntl
+except ImportError:  # Windows: two processes may compile the same kernel at once, and both are right
+    fcntl = None  # type: ignore[assignment]
+
+UNUSED = 30 * 86400.0  # [s] that a compiled kernel is kept without being used
+CHECKSUM = 32  # bytes at the start of a file: without it garbage would reach the unpickler
+
+
+def folder() -> Path:
+    """Where compiled kernels lie: the user's cache."""
+    return user_cache_path("closeform") / "kernels"
+
+
+class KernelCache(NullCache):  # type: ignore[misc]
+    """The compiled form of one entry point, kept where numba's own cache would be too careful.
+
+    numba notices an edited kernel, but not an edited part that it was compiled with; and it asks
+    for the same file at the same place.  Here the name of a file says all that the machine code
+    depends on, so equal kernels share it wherever their sources lie, and nothing else does.
+    """
+
+    def __init__(self, entry: Any, signature: Any) -> None:
+        self.entry, self.signature = entry, signature
+        self.lock = Lock()  # one thread prepares the entry point
+
+    @cached_property
+    def path(self) -> Path:
+        """The file of the compiled kernel, by a hash of all that it is made from."""
+        made = hashlib.sha256(repr(self.entry.targetctx.codegen().magic_tuple()).encode())
+        versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag
+        made.update(repr((versions, self.signature)).encode())
+        for part in parts(self.entry):
+            made.update(described(part).encode())
+        name = f"{self.entry.py_func.__module__}.{self.entry.py_func.__name__}"
+        return folder() / f"{name.removeprefix('closeform.')}-{made.hexdigest()[:20]}"
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The compiled kernel, None if there is none, or none that is whole."""
+        path = self.path
+        try:
+            content = path.read_bytes()
+        except OSError:
+            return None
+        checksum, data = content[:CHECKSUM], content[CHECKSUM:]
+        if hashlib.sha256(data).digest() != checksum:
+            print(f"closeform: {path} is damaged; compiling it anew", file=sys.stderr)
+            return None
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > UNUSED / 10:
+                os.utime(path)
+        rtsys.initialize(target)  # numba's cache registers all that a compiler needs: 0.3 s
+        return CompileResult._rebuild(target, *pickle.loads(data))
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Keep a compiled kernel, if the folder can be written."""
+        data = dumps(result._reduce())
+        path = self.path
+        written = path.with_name(f"{path.name}.{os.getpid()}")
+        with suppress(OSError):
+            try:
+                written.write_bytes(hashlib.sha256(data).digest() + data)
+                written.replace(path)
+            finally:
+                written.unlink(missing_ok=True)
+            drop_unused()
+
+
+def drop_unused() -> None:
+    """Delete what no process has used for a month; who wants it meanwhile compiles it again."""
+    for file in folder().iterdir():
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > UNUSED:
+                file.unlink()
+
+
+@contextmanager
+def alone(path: Path, wait: bool = True) -> Iterator[bool]:
+    """Hold the right to compile a kernel, against other processes; False without, if not to `wait`.
+
+    Where the folder cannot be written, everybody compiles for themselves.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_name(f"{path.name}.lock").open("wb")
+    except OSError:
+        yield True
+        return
+    with lock:
+        if fcntl is not None:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            except OSError:
+                yield False
+                return
+        yield True
+
+
+def parts(entry: Any) -> list[Any]:
+    """An entry point and all that is compiled into it, in an order that its code fixes."""
+    found: dict[Any, None] = {}
+    to_do = [entry]
+    while to_do:
+        part = to_do.pop()
+        if part not in found:
+            found[part] = None
+            to_do += [value for _, value in used(part.py_func) if isinstance(value, Dispatcher)]
+    return list(found)
+
+
+def used(function: Any) -> list[tuple[str, Any]]:
+    """What a kernel takes from its module or from a function around it, by name."""
+    names: list[str] = []
+    codes = [function.__code__]
+    while codes:
+        code = codes.pop()
+        names += code.co_names
+        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    closed = inspect.getclosurevars(function).nonlocals if function.__closure__ else {}
+    given = function.__globals__ | closed
+    return [(name, given[name]) for name in (*names, *closed) if name in given]
+
+
+def described(part: Any) -> str:
+    """A text that differs wherever two parts can compile to different code."""
+    function = part.py_func
+    taken = [(name, value) for name, value in used(function) if not isinstance(value, Dispatcher)]
+    return "\n".join(
+        [
+            f"{part.targetoptions} {function.__defaults__}",
+            code_text(function.__code__, function.__doc__),
+            *(f"{name} = {constant_text(function, name, value)}" for name, value in taken),
+        ]
+    )
+
+
+def code_text(code: CodeType, doc: str | None) -> str:
+    """Bytecode and what it refers to; neither comments, docstrings nor numbers of lines."""
+    constants = [
+        code_text(c, None) if isinstance(c, CodeType) else repr(c) for c in code.co_consts if c != doc
+    ]
+    return repr((code.co_name, code.co_argcount, code.co_code, constants, code.co_names, code.co_varnames))
+
+
+def constant_text(function: Any, name: str, value: Any) -> str:
+    """What a kernel makes of a global: a number, a type, or something of math or NumPy."""
+    if isinstance(value, (bool, int, float, str, tuple, types.Type)):
+        return repr(value)
+    if isinstance(value, ModuleType) and not value.__name__.startswith("closeform"):
+        return value.__name__
+    if callable(value) and hasattr(value, "__name__"):
+        return f"{value.__module__}.{value.__name__} {getattr(value, '_fields', '')}"
+    raise TypeError(f"{function.__qualname__}: {name} is a {type(value).__name__}; a kernel takes numbers")
