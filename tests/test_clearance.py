@@ -90,7 +90,7 @@ def test_a_pair_that_would_collide_corrects_by_the_least_burn(name):
         # certified, to the end of the search and beyond it
         assert cf.find_conflicts(g.paths[3], g.paths[2], zone) == ()
         assert not hits(zone, apart, (v + burn.delta_v)[None])[0]
-        assert g.collisions == ()
+        assert g.conflicts == ()
         corrected += 1
     assert corrected >= 5
 
@@ -124,7 +124,7 @@ def test_nobody_corrects_what_comes_after_the_search_or_passes():
         assert sum(e.kind == "correction" for e in g.events) == burns
     without = cf.gather(SEARCH, *with_kernel(positions, velocities), rounds=1)
     assert [e.kind for e in without.events] == ["lock", "lock"]
-    assert without.collisions == ()  # nothing to keep out of
+    assert without.conflicts == ()  # nothing to keep out of
 
 
 @pytest.mark.parametrize("name", ZONES)
@@ -150,9 +150,9 @@ def test_craft_that_are_inside_already_do_not_come_nearer(name):
             assert norm(burns[0].delta_v) <= norm(v) * (1.0 + 1e-12)  # to stop would do
             again = np.diff(path) < -1e-9  # once out it does not come back
             assert not (again & (path[:-1] >= 1.0)).any()
-        (stay,) = [s for s in g.collisions if s.first == 2]
-        assert not stay.known  # it began before they knew
-        assert stay.conflict.start == 0.0 or zone.norm(r) > 1.0
+        (stay,) = [s for s in g.conflicts if s.first == 2]
+        assert not g.known(stay.first, stay.second, stay.start)  # it began before they knew
+        assert stay.start == 0.0 or zone.norm(r) > 1.0
         kinds.append(nearing)
     assert {True, False} <= set(kinds)
 
@@ -170,7 +170,7 @@ def test_craft_that_know_each_other_do_not_collide(seed, n, name):
     zone = ZONES[name]
     positions, velocities = cloud(seed, n)
     g = cf.gather(SEARCH, *with_kernel(positions, velocities), keep_out=zone, rounds=1)
-    assert not [s for s in g.collisions if s.known]
+    assert not [s for s in g.conflicts if g.known(s.first, s.second, s.start)]
     for e in g.events:
         if e.kind == "correction":
             assert e.label >= 1
@@ -199,7 +199,7 @@ def test_a_cloud_that_one_round_of_corrections_left_in_conflict():
     ]
     g = cf.gather(SEARCH, *with_kernel(positions, velocities), keep_out=cf.Sphere(20.0), rounds=1)
     assert sum(e.kind == "correction" for e in g.events) >= 2
-    assert not [s for s in g.collisions if s.known]
+    assert not [s for s in g.conflicts if g.known(s.first, s.second, s.start)]
 
 
 # ---- who came too near whom
@@ -219,7 +219,7 @@ def test_stays_are_those_of_dense_samples(seed, name, half_angle):
     zone = ZONES[name]
     search = cf.Search.basic(cf.Sensor(np.radians(half_angle), 7.5), np.radians(0.25), np.radians(25.0))
     g = cf.gather(search, *cloud(seed, 7), keep_out=zone, rounds=1)
-    found = list(g.collisions)
+    found = list(g.conflicts)
     assert [(s.first, s.second) for s in found] == sorted((s.first, s.second) for s in found)
     if not g.duration:
         return
@@ -240,15 +240,15 @@ def test_stays_are_those_of_dense_samples(seed, name, half_angle):
             mine = [s for s in found if (s.first, s.second) == (i, j)]
             sampled = stays_by_sampling(g, zone, i, j, times)
             for s in mine:
-                assert s.known == (met.get(pair, np.inf) < s.conflict.start)
-                near = [k for k in sampled if abs(k[0] - s.conflict.start) <= step]
+                assert g.known(i, j, s.start) == (met.get(pair, np.inf) < s.start)
+                near = [k for k in sampled if abs(k[0] - s.start) <= step]
                 # shorter than two steps a stay may fall between samples
-                assert near or s.conflict.end - s.conflict.start < 2.0 * step
+                assert near or s.end - s.start < 2.0 * step
                 for begin, end, ratio in near:
-                    assert s.conflict.start <= begin
-                    assert end - 1e-9 <= s.conflict.end <= end + step
-                    assert s.conflict.ratio <= ratio + 1e-9
-            assert all(any(s.conflict.start <= k[0] <= s.conflict.end for s in mine) for k in sampled)
+                    assert s.start <= begin
+                    assert end - 1e-9 <= s.end <= end + step
+                    assert s.ratio <= ratio + 1e-9
+            assert all(any(s.start <= k[0] <= s.end for s in mine) for k in sampled)
 
 
 def test_an_unknown_collision_is_counted_and_a_gathering_at_once_counts_its_pairs():
@@ -257,13 +257,16 @@ def test_an_unknown_collision_is_counted_and_a_gathering_at_once_counts_its_pair
     positions = [[0, 0, 0], [0, 400.0, 0], [60.0, 0, 0]]
     velocities = [[0, 0, 0], [0, 0, 0], [-0.5, 0, 0]]
     g = cf.gather(search, positions, velocities, ["A", "B", "A"], keep_out=cf.Sphere(20.0))
-    (stay,) = g.collisions
-    assert (stay.first, stay.second, stay.known) == (0, 2, False)
-    assert stay.conflict.start == pytest.approx(80.0, abs=1e-6)  # 60 m to 20 m at 0.5 m/s
-    assert stay.conflict.end == pytest.approx(160.0, abs=1e-6)
+    (stay,) = g.conflicts
+    assert (stay.first, stay.second) == (0, 2)
+    assert not g.known(0, 2, stay.start)
+    assert stay.start == pytest.approx(80.0, abs=1e-6)  # 60 m to 20 m at 0.5 m/s
+    assert stay.end == pytest.approx(160.0, abs=1e-6)
     assert g.acquainted(0, 2) > 160.0
     with pytest.raises(IndexError, match="7"):
         g.acquainted(0, 7)
     at_once = cf.gather(SEARCH, [[0, 0, 0], [10.0, 0, 0]], np.zeros((2, 3)), keep_out=cf.Sphere(20.0))
     assert at_once.duration == 0.0
-    assert [(s.first, s.second, s.known) for s in at_once.collisions] == [(0, 1, False)]
+    (stay,) = at_once.conflicts
+    assert (stay.first, stay.second) == (0, 1)
+    assert not at_once.known(0, 1, stay.start)

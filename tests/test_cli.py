@@ -366,7 +366,7 @@ def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
 
     monkeypatch.chdir(tmp_path)
     Path("good.toml").write_text(GOOD)
-    monkeypatch.setattr("closeform.report.pictures", interrupted)
+    monkeypatch.setattr("closeform.report.run.drawn", interrupted)
     assert main(["run", "good.toml"]) == 130
     assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
     assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]

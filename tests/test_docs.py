@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 
-import closeform.report.figures
+import closeform.report.gather
 from closeform.cli import main
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +58,7 @@ def test_console_blocks_show_what_is_printed(
 ) -> None:
     """`$ closeform ...` and what follows; a line of `...` stands for lines left out."""
     monkeypatch.setattr(
-        closeform.report.figures, "FILMED", 0
+        closeform.report.gather, "FILMED", 0
     )  # animations, seconds each, have tests of their own
     for _, block in blocks(SESSIONS[name], "console"):
         command, *lines = block.splitlines()

@@ -571,7 +571,7 @@ def test_near_and_far_and_fast(size, pace):
     for search in (modified(), modified(7.5), modified(7.5, 100.0)):
         g = cf.gather(search, positions, velocities, keep_out=cf.Sphere(20.0), max_speed=0.2)
         assert np.isfinite(g.delta_v).all()
-        assert g.collisions is not None
+        assert g.conflicts is not None
         assert g.ok or g.reason
         assert np.isfinite(g.paths.position(g.duration)).all()
 
@@ -599,7 +599,7 @@ def test_a_search_without_events():
     positions = [[0, 0, 0], [1e4, 0, 0]]
     g = cf.gather(modified(0.0, 10.0), positions, np.zeros((2, 3)), rounds=1, keep_out=cf.Sphere(5.0))
     assert g.events == ()
-    assert g.collisions == ()
+    assert g.conflicts == ()
     assert g.sets == ()
     assert g.lost == (0, 1)
     assert g.reason == "craft 0 and 1 locked nobody in 1 round"
@@ -672,9 +672,11 @@ def test_meetings_in_a_batch_are_the_collisions_of_each(zone):
     batch = cf.gather_cases(narrow, positions, velocities, **flown)
     counts = []
     for r, v in zip(positions, velocities, strict=True):
-        stays = cf.gather(narrow, r, v, **flown).collisions
-        strangers = {(stay.first, stay.second) for stay in stays if not stay.known}
-        counts.append((len(strangers), len({(stay.first, stay.second) for stay in stays} - strangers)))
+        alone = cf.gather(narrow, r, v, **flown)
+        pairs = {(met.first, met.second) for met in alone.conflicts}
+        starts = [(met.first, met.second, met.start) for met in alone.conflicts]
+        strangers = {(i, j) for i, j, start in starts if not alone.known(i, j, start)}
+        counts.append((len(strangers), len(pairs - strangers)))
     assert np.column_stack([batch.met_unknown, batch.met_known]).tolist() == [list(pair) for pair in counts]
     assert batch.met_unknown.sum() > 5
     assert not cf.gather_cases(narrow, positions, velocities).met_unknown.any()  # no zone, nothing to meet in

@@ -11,9 +11,9 @@ from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
-from closeform.chapters import chapters
 from closeform.console import WIDTH
 from closeform.mission import fly
+from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from reflown import faults
 from test_mission_search import Run, run_text
@@ -41,7 +41,7 @@ keep_out = { sphere = "20 m" }
 @pytest.fixture
 def pictureless(monkeypatch):
     """Without pictures, a second each; what is in them is tested elsewhere."""
-    monkeypatch.setattr("closeform.report.figures.figures", lambda _: iter(()))
+    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
 
 
 def fleet(*stages: str, text: str = FLEET, **changes: str) -> str:
@@ -66,17 +66,17 @@ def end(leg) -> np.ndarray:
 
 def check_plan(mission, leg, finals: np.ndarray, **asked) -> None:
     """The plan of a stage in which all move, flown again by an integrator, ends where it should."""
-    assert leg.deed.plan.ok
+    assert leg.result.plan.ok
     zones = list(mission.scenario.keep_out)
     limits = np.array([craft.max_acceleration for craft in mission.scenario.craft])
     if np.isfinite(limits).any():
         asked["max_acceleration"] = limits
     found = faults(
-        leg.deed.plan,
+        leg.result.plan,
         mission.orbit,
         begin(leg),
         finals,
-        leg.deed.asked,
+        leg.result.asked,
         zones,
         start=leg.start,
         **asked,
@@ -93,13 +93,15 @@ def test_f6_scatters_and_comes_back(f6) -> None:
     """Eight craft on a circle of 150 m as seen from the Earth; the same relative orbits at the end."""
     assert f6.clear
     assert f6.warnings == ()
-    start = begin(f6.legs[0])
+    start = begin(f6.results[0])
     np.testing.assert_allclose(np.hypot(start[:, 1], start[:, 2]), 150.0, rtol=1e-12)
     np.testing.assert_allclose(start[:, 0], start[:, 2] / 2, atol=1e-9)
     angles = np.unwrap(np.arctan2(start[:, 2], start[:, 1]))
     np.testing.assert_allclose(np.abs(np.diff(angles)), np.pi / 4, rtol=1e-12)
-    first, threat, wait, back = f6.legs
-    np.testing.assert_allclose([leg.end - leg.start for leg in f6.legs], np.array([0.5, 0.25, 2, 1]) * TURN)
+    first, threat, wait, back = f6.results
+    np.testing.assert_allclose(
+        [leg.end - leg.start for leg in f6.results], np.array([0.5, 0.25, 2, 1]) * TURN
+    )
     for one, other in ((first, threat), (threat, wait), (wait, back)):
         assert one.end == other.start
         np.testing.assert_allclose(end(one), begin(other), atol=1e-9)  # m, rounding of some 100 m
@@ -114,7 +116,7 @@ def test_f6_scatters_and_comes_back(f6) -> None:
     np.testing.assert_allclose(end(back)[:, 3:], home[:, 3:], atol=MILLIMETRE * N)
     check_plan(f6, threat, end(threat))
     check_plan(f6, back, home)
-    peak = max(leg.after.paths.peak_thrust.max() for leg in f6.legs)
+    peak = max(leg.after.paths.peak_thrust.max() for leg in f6.results)
     assert 150.0 * peak <= 1.5  # N
 
 
@@ -178,8 +180,8 @@ def test_find_then_fly() -> None:
     mission = fly(load(EXAMPLES / "find_then_fly.toml"))
     assert mission.clear
     assert mission.warnings == ()
-    found, array, coast = mission.legs
-    alone = fly(load(EXAMPLES / "tpf.toml")).legs[0]
+    found, array, coast = mission.results
+    alone = fly(load(EXAMPLES / "tpf.toml")).results[0]
     np.testing.assert_array_equal(end(found), end(alone))
     assert array.start == found.end
     assert array.end == coast.start == pytest.approx(found.end + 3600.0, abs=1e-9)
@@ -193,12 +195,12 @@ def test_find_then_fly() -> None:
     middle = coasted(begin(array), 3600.0, 0.0).mean(axis=0)
     np.testing.assert_allclose(end(array).mean(axis=0), middle, atol=1e-6)
     # Nobody's paths cross, so the slots are those of the least sum over all 120 ways to take them.
-    slots = end(array)[np.argsort(array.deed.plan.slots)]
+    slots = end(array)[np.argsort(array.result.plan.slots)]
     costs = [[straight(one, slot, 3600.0) for slot in slots] for one in begin(array)]
     totals = {way: sum(costs[k][slot] for k, slot in enumerate(way)) for way in permutations(range(5))}
     best = min(totals, key=totals.__getitem__)
-    assert tuple(array.deed.plan.slots) == best
-    assert array.deed.plan.energy == pytest.approx(totals[best], rel=1e-9)
+    assert tuple(array.result.plan.slots) == best
+    assert array.result.plan.energy == pytest.approx(totals[best], rel=1e-9)
     check_plan(mission, array, slots, assign=True)
 
 
@@ -212,16 +214,16 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     """Each takes the place of the one opposite; 52 of 66 direct ways conflict, and none of the plan's."""
     text = (EXAMPLES / "swap.toml").read_text()
     mission = fly(parse(text))
-    (leg,) = mission.legs
+    (leg,) = mission.results
     assert mission.clear
     assert mission.warnings == ()
-    assert len({(met.first, met.second) for met in leg.before.encounters}) == 52
+    assert len({(met.first, met.second) for met in leg.before.conflicts}) == 52
     times = np.linspace(leg.start, leg.end, 2001)
     # The comment in the file says so, and a craft flies 0.2 m between two of these times.
     assert np.linalg.norm(leg.before.paths.position(times), axis=-1).min(axis=1).max() < 11.0
     # The place opposite is where the one opposite would have coasted to: on the file's circle, 198 deg on.
     check_plan(mission, leg, np.roll(coasted(begin(leg), leg.end), 6, axis=0))
-    plan = leg.deed.plan
+    plan = leg.result.plan
     assert plan.gap <= 0.03
     run = run_text(text, tmp_path, monkeypatch, capsys)
     assert run.status == 0
@@ -254,7 +256,7 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
     spent = r"^So far at most: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1 kg \((\S+)\)$"
     peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
     delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
-    for row, (leg, (peak, who), total) in enumerate(zip(mission.legs, peaks, totals, strict=True)):
+    for row, (leg, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
         force = dict(zip(mission.scenario.names, 100.0 * leg.after.paths.peak_thrust, strict=True))
         assert force[who] == pytest.approx(max(force.values()), rel=1e-9)  # two are as strong
         assert float(peak) == pytest.approx(force[who], rel=5e-4)  # four digits
@@ -270,16 +272,16 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
 def test_swap_in_deep_space() -> None:
     """All 66 pairs meet in the centre on their direct paths, and none on the plan's."""
     mission = fly(load(EXAMPLES / "swap_deep_space.toml"))
-    (leg,) = mission.legs
+    (leg,) = mission.results
     assert mission.clear
-    assert len({(met.first, met.second) for met in leg.before.encounters}) == 66
+    assert len({(met.first, met.second) for met in leg.before.conflicts}) == 66
     start = begin(leg)
     np.testing.assert_allclose(np.linalg.norm(start[:, :3], axis=1), 120.0, rtol=1e-5)  # of the file's digits
     check_plan(mission, leg, -start)
     assert mission.propellant.sum(axis=0).max() < 0.2  # kg, what each has
     # Of twelve points 15 m apart the best that is known has a sum of squares of 10.704 x 15^2 m^2 about
     # its centre; at half time a force moves a path by T^3 / 192: 96 / T^3 of that over 12 x 6 x 240^2 / T^3.
-    assert 96.0 * 10.704 * 15.0**2 / (12 * 6 * 240.0**2) - 1e-3 < leg.deed.plan.gap < 0.08
+    assert 96.0 * 10.704 * 15.0**2 / (12 * 6 * 240.0**2) - 1e-3 < leg.result.plan.gap < 0.08
 
 
 SPREAD = 'name = "spread"\ndo = "scatter"\nfactor = 2.0\nwithin = "0.5 orbits"'
@@ -298,7 +300,7 @@ def test_removed(text: str, goal: list[float]) -> None:
     start = '[{ palmer = "50 -10 5 100 0 60 m" }, { palmer = "0 0 0 -400 0 0 m" }]'
     stage = f'do = "reconfigure"\ncraft = ["F1"]\n{text}\nwithin = "0.3 orbits"'
     mission = fly(parse(fleet(stage, name='["F1", "F2"]', start=start)))
-    (leg,) = mission.legs
+    (leg,) = mission.results
     e1, e2, d, along, h1, h2 = goal
     t = N * leg.end
     swing, phase = np.hypot(e1, e2), np.arctan2(e2, e1)
@@ -310,8 +312,8 @@ def test_removed(text: str, goal: list[float]) -> None:
     ]
     np.testing.assert_allclose(end(leg)[0, :3], expected, atol=MILLIMETRE)
     np.testing.assert_allclose(end(leg)[1], coasted(begin(leg)[1], leg.end), atol=1e-9)
-    assert leg.deed.movers == ("F1",)
-    assert leg.deed.others == ("F2",)
+    assert leg.result.movers == ("F1",)
+    assert leg.result.others == ("F2",)
 
 
 def test_a_craft_joins_while_the_others_coast() -> None:
@@ -320,7 +322,7 @@ def test_a_craft_joins_while_the_others_coast() -> None:
     start = f'[{ring}, {ring}, {ring}, {{ palmer = "0 0 0 -300 0 0 m" }}]'
     stage = 'do = "reconfigure"\ncraft = ["F4"]\nto = { join = ["F1", "F2", "F3"] }\nwithin = "0.5 orbits"'
     mission = fly(parse(fleet(stage, start=start)))
-    (leg,) = mission.legs
+    (leg,) = mission.results
     assert mission.clear
     states = end(leg)
     np.testing.assert_allclose(states[:3], coasted(begin(leg)[:3], leg.end), atol=1e-9)
@@ -334,7 +336,7 @@ def test_a_craft_joins_while_the_others_coast() -> None:
 def test_scatter_from_a_point_and_regather() -> None:
     stage = SPREAD.replace("factor = 2.0", 'from = "0 30 0 m"\ndistance = "300 m"')
     mission = fly(parse(fleet(stage, BACK)))
-    out, back = mission.legs
+    out, back = mission.results
     assert mission.clear
     away = np.linalg.norm(end(out)[:, :3] - [0.0, 30.0, 0.0], axis=1)
     assert away.min() == pytest.approx(300.0, abs=1e-6)
@@ -347,11 +349,13 @@ def test_more_slots_than_craft() -> None:
     """Four craft at rest 100 m apart take four of seven pearls 50 m apart: those where they are."""
     stage = 'do = "reconfigure"\nto = { string_of_pearls = { spacing = "50 m" } }\nwithin = "1 orbit"'
     mission = fly(parse(fleet(f"{stage}\nassign = true\nslots = 7")))
-    (plan,) = [leg.deed.plan for leg in mission.legs]
+    (plan,) = [leg.result.plan for leg in mission.results]
     assert plan.slots.tolist() == [0, 2, 4, 6]
     assert plan.energy == pytest.approx(0.0, abs=1e-20)
-    (costs,) = [sheet for sheet in chapters(mission)[0].sheets if sheet.title == "Paths of the plan"]
-    assert [row[1] for row in costs.rows] == ["1", "3", "5", "7", ""]
+    (costs,) = [
+        table for table in RunReport(mission).sections[0].tables if table.title == "Paths of the plan"
+    ]
+    assert [row[1] for row in costs.texts] == ["1", "3", "5", "7", ""]
 
 
 REVERSED = """\
@@ -368,14 +372,14 @@ to = [
 
 def test_one_craft_after_another() -> None:
     """In the order that is asked for the first craft flies its own optimum; joint planning is not dearer."""
-    joint = fly(parse(fleet(REVERSED))).legs[0].deed.plan
+    joint = fly(parse(fleet(REVERSED))).results[0].result.plan
     mission = fly(parse(fleet(f'{REVERSED}plan = "sequential"\norder = ["F3"]')))
-    (leg,) = mission.legs
-    plan = leg.deed.plan
+    (leg,) = mission.results
+    plan = leg.result.plan
     assert mission.clear
     assert plan.paths[2].energy == pytest.approx(plan.direct[2].energy, rel=1e-9)
     assert plan.energy >= joint.energy * (1 - 1e-9)
-    assert "one craft after another" in "\n".join(chapters(mission)[0].closing)
+    assert "one craft after another" in "\n".join(RunReport(mission).sections[0].closing)
 
 
 def weak(*stages: str, thrust: str = '"0.2 N"') -> str:
@@ -386,20 +390,20 @@ def test_too_little_thrust_takes_longer() -> None:
     """The four turn around later than asked for, on time for the relative orbits that they had."""
     quick = SPREAD.replace("0.5 orbits", "0.05 orbits"), BACK.replace("0.5 orbits", "0.05 orbits")
     mission = fly(parse(weak(*quick)))
-    out, back = mission.legs
+    out, back = mission.results
     assert mission.clear
-    late = [leg.end - leg.start for leg in mission.legs]
+    late = [leg.end - leg.start for leg in mission.results]
     assert [
         f"takes {took:.1f} s, not 283.8 s" in line for took, line in zip(late, mission.warnings, strict=True)
     ] == [True, True]
     for leg in (out, back):
-        assert leg.end - leg.start > 1.05 * leg.deed.asked == pytest.approx(1.05 * 0.05 * TURN)
-        assert leg.deed.measures
+        assert leg.end - leg.start > 1.05 * leg.result.asked == pytest.approx(1.05 * 0.05 * TURN)
+        assert leg.result.measures
         assert 100.0 * leg.after.paths.peak_thrust.max() <= 0.2 * (1 + 1e-9)
         # the engines are used: 2 % faster than this they could not
         assert 100.0 * leg.after.paths.peak_thrust.max() >= 0.2 * 0.93
     np.testing.assert_allclose(end(back), coasted(begin(out), back.end), atol=MILLIMETRE)
-    told = "\n".join(chapters(mission)[0].lines)
+    told = "\n".join(RunReport(mission).sections[0].lines)
     assert "Tried: " in told
 
 
@@ -446,7 +450,7 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
     spent = np.zeros(4)
     for k in range(4):
         mass = 100.0
-        for leg in mission.legs:
+        for leg in mission.results:
             path = leg.after.paths[k]
 
             def flow(t, m, path=path):
@@ -529,7 +533,7 @@ def test_stages_of_a_line_drift_with_their_craft() -> None:
     stage = (
         'do = "reconfigure"\nto = { line = { spacing = "60 m", direction = [0, 3, 4] } }\nwithin = "1000 s"'
     )
-    (leg,) = fly(parse(fleet(stage, text=text))).legs
+    (leg,) = fly(parse(fleet(stage, text=text))).results
     middle = np.array([25.0, 25.0, 25.0]) + 1000.0 * np.array([0.01, 0.02, 0.03])
     offsets = 60.0 * np.outer([-1.5, -0.5, 0.5, 1.5], [0.0, 0.6, 0.8])
     np.testing.assert_allclose(end(leg)[:, :3], middle + offsets, atol=1e-9)
@@ -538,12 +542,12 @@ def test_stages_of_a_line_drift_with_their_craft() -> None:
 
 def test_public_planner_gives_the_same() -> None:
     """A stage adds nothing of its own to `reconfigure`."""
-    (leg,) = fly(parse(fleet(REVERSED))).legs
+    (leg,) = fly(parse(fleet(REVERSED))).results
     orbit = cf.Orbit.circular(500e3)
     initial = np.zeros((4, 6))
     initial[:, 1] = [-150.0, -50.0, 50.0, 150.0]
     plan = cf.reconfigure(orbit, initial, -initial, 0.5 * orbit.period, cf.Sphere(20.0))
-    assert leg.deed.plan.energy == pytest.approx(plan.energy, rel=1e-9)
+    assert leg.result.plan.energy == pytest.approx(plan.energy, rel=1e-9)
 
 
 CAGED = """\

@@ -14,11 +14,10 @@ import pytest
 
 import turns
 from bad_input import LOST
-from closeform.chapters import chapters
 from closeform.cli import main
 from closeform.console import WIDTH
 from closeform.mission import fly
-from closeform.report import leave
+from closeform.report.run import RunReport, leave
 from closeform.result_folder import folder
 from closeform.scenario import load, parse
 from lost import BASIC, Sky, gathered
@@ -48,9 +47,9 @@ def fly_file(tmp_path_factory):
     """Runs a scenario file as from the command line, with a short animation or none."""
 
     def run(file: Path, monkeypatch, capsys, filmed: int = 0) -> Run:
-        monkeypatch.setattr("closeform.report.figures.FILMED", filmed)
-        monkeypatch.setattr("closeform.report.figures.FRAMES", 2)
-        monkeypatch.setattr("closeform.report.figures.MOMENTS", 2)
+        monkeypatch.setattr("closeform.report.gather.FILMED", filmed)
+        monkeypatch.setattr("closeform.report.gather.FRAMES", 2)
+        monkeypatch.setattr("closeform.report.gather.MOMENTS", 2)
         folder = tmp_path_factory.mktemp("run") / "results"
         capsys.readouterr()
         status = main(["run", str(file), "--out", str(folder)])
@@ -70,7 +69,7 @@ def two_apart(stage: str) -> str:
 
 
 def run_text(text: str, tmp_path: Path, monkeypatch, capsys) -> Run:
-    monkeypatch.setattr("closeform.report.figures.views", lambda *_: iter(()))
+    monkeypatch.setattr("closeform.report.gather.pictures", lambda *_: ())
     (tmp_path / "case.toml").write_text(text)
     status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
     return Run(status, capsys.readouterr().out, tmp_path / "results")
@@ -262,9 +261,9 @@ def test_swarm_names_who_is_left(fly_file, monkeypatch, capsys) -> None:
     assert cheapest != figures["burns"]
     assert "leave more craft" in run.printed
     text = (EXAMPLES / "swarm.toml").read_text().replace("rounds = 4", f'rounds = 4\nburns = "{cheapest}"')
-    (leg,) = fly(parse(text)).legs
-    assert len(leg.deed.sets[0]) < len(figures["sets"][0])
-    assert sum(leg.deed.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
+    (leg,) = fly(parse(text)).results
+    assert len(leg.result.sets[0]) < len(figures["sets"][0])
+    assert sum(leg.result.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
 
 
 AFTER = """
@@ -299,18 +298,18 @@ def test_a_gathering_goes_on_from_where_the_last_stage_ended() -> None:
     late = fly(
         parse(searched(position='["0 0 0 m", "-99.9 0.2 0.3 m", "-0.2 90.1 199.6 m"]', velocity=MOVING))
     )
-    drift, gather, coast = both.legs
+    drift, gather, coast = both.results
     assert gather.start == drift.end == 10.0
-    assert gather.deed.duration > 0.0
-    assert gather.deed.duration == pytest.approx(late.legs[0].deed.duration, abs=1e-6)
-    assert gather.end == coast.start == pytest.approx(10.0 + gather.deed.duration, abs=1e-9)
+    assert gather.result.duration > 0.0
+    assert gather.result.duration == pytest.approx(late.results[0].result.duration, abs=1e-6)
+    assert gather.end == coast.start == pytest.approx(10.0 + gather.result.duration, abs=1e-9)
     assert coast.end == coast.start + 100.0
     for one, other in ((drift, gather), (gather, coast)):  # 1e-9 m, rounding of some 100 m
         ends = one.after.paths.state(one.end), other.after.paths.state(other.start)
         np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
     speeds = coast.after.paths.velocity(coast.end)
     np.testing.assert_allclose(speeds, speeds[:1].repeat(3, axis=0), atol=1e-12)
-    told = "\n".join(chapters(both)[1].lines)
+    told = "\n".join(RunReport(both).sections[1].lines)
     assert "Times count from the start of the search, at 10.0 s" in told
 
 
@@ -318,8 +317,8 @@ def test_all_at_once_takes_no_time() -> None:
     text = searched(FIRST, AFTER, position='["0 0 0 m", "100 0 0 m", "20 15 0 m"]')
     mission = fly(parse(text))
     assert mission.clear
-    assert [(leg.start, leg.end) for leg in mission.legs] == [(0.0, 10.0), (10.0, 10.0), (10.0, 110.0)]
-    assert chapters(mission)[1].lines[1].startswith("Gathered after 0.00 s (0 min 0.0 s)")
+    assert [(leg.start, leg.end) for leg in mission.results] == [(0.0, 10.0), (10.0, 10.0), (10.0, 110.0)]
+    assert RunReport(mission).sections[1].lines[1].startswith("Gathered after 0.00 s (0 min 0.0 s)")
 
 
 def test_an_incomplete_gathering_stops_the_mission(tmp_path, monkeypatch, capsys) -> None:
@@ -368,9 +367,9 @@ def test_each_pair_is_watched_with_its_own_zone() -> None:
     zones = '[{ sphere = "10 m" }, { sphere = "20 m" }, { sphere = "10 m" }]'
     scenario = parse(searched(keep_out=zones, velocity=MOVING))
     assert scenario.common_zone.norm([20.0, 0.0, 0.0]) == 1.0
-    (leg,) = fly(scenario).legs
+    (leg,) = fly(scenario).results
     assert {
-        (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0])) for near in leg.after.nearest
+        (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0])) for near in leg.after.approaches
     } == {
         ("L1", "L2"): 20.0,
         ("L1", "L3"): 10.0,
@@ -380,11 +379,11 @@ def test_each_pair_is_watched_with_its_own_zone() -> None:
 
 def test_a_long_timeline_is_summed_up() -> None:
     mission = fly(load(EXAMPLES / "swarm.toml"))
-    sheets = {sheet.title.split(",")[0]: sheet for sheet in chapters(mission)[0].sheets}
-    assert sheets["Timeline"].more
-    assert sheets["Delta-v of each craft"].more
-    assert not sheets["Progress"].more
-    assert len(sheets["Timeline"].rows) == len(mission.legs[0].deed.events)
+    tables = {table.title.split(",")[0]: table for table in RunReport(mission).sections[0].tables}
+    assert tables["Timeline"].folded
+    assert tables["Delta-v of each craft"].folded
+    assert not tables["Progress"].folded
+    assert len(tables["Timeline"].rows) == len(mission.results[0].result.events)
 
 
 def test_two_craft_in_each_others_near_field(tmp_path, monkeypatch, capsys) -> None:
@@ -403,17 +402,17 @@ def test_two_craft_in_each_others_near_field(tmp_path, monkeypatch, capsys) -> N
 
 
 def test_work_under_way_is_told(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("closeform.report.figures.FRAMES", 2)
-    monkeypatch.setattr("closeform.report.figures.MOMENTS", 1)
+    monkeypatch.setattr("closeform.report.gather.FRAMES", 2)
+    monkeypatch.setattr("closeform.report.gather.MOMENTS", 1)
     said: list[str] = []
     mission = fly(parse(searched(position=PLACES, velocity=MOVING)), said.append)
     with folder(tmp_path / "results") as under_way:
-        leave(mission, under_way, said.append)
+        leave(RunReport(mission), under_way, said.append)
     assert said[0] == "stage 1 of 1: gather"
     frames = [text.split()[-3:] for text in said if text.startswith("animation: picture")]
     assert [int(done) for done, _, _ in frames] == list(range(1, len(frames) + 1))
     assert {int(frames_in_all) for _, _, frames_in_all in frames} == {len(frames)}
-    assert said[-1] == "three views: 1 of 1"
+    assert said[-1] == "picture 2 of 2"
 
 
 def test_the_search_for_tpf_knows_its_own_states() -> None:

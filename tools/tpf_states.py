@@ -80,7 +80,7 @@ def score(states: np.ndarray) -> float:
     times = [event.time for event in run.events if event.kind == "lock"]
     pairs = [{event.first, event.second} for event in run.events if event.kind == "lock"]
     corrected = any(event.kind == "correction" for event in run.events)
-    if not run.ok or pairs != TOLD or corrected or run.collisions:
+    if not run.ok or pairs != TOLD or corrected or run.conflicts:
         return float("inf")
     wanted = [60.0 * minutes for minutes in MINUTES.values()]
     return float(np.abs(np.array(times) - wanted).sum())

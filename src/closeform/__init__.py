@@ -8,7 +8,9 @@ _NAMES = {
     "motion.orbit": "Orbit",
     "motion.path": "Path join stack",
     "zones.zone": "Zone Box Ellipsoid Sphere",
-    "conflicts.two_paths": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
+    "conflicts.two_paths": (
+        "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"
+    ),
     "conflicts.all_pairs": "Screening screen",
     "planning.avoid": "Avoidance Contact Status avoid end_gradients",
     "planning.formation": "reconfigure",
@@ -27,7 +29,7 @@ _NAMES = {
     "search.locks": "Locks lock_times",
     "search.margins": "LockMargins lock_margins",
     "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",
-    "search.gathering": "Event EventKind GatherStatus Gathering Gatherings Stay",
+    "search.gathering": "Event EventKind GatherStatus Gathering Gatherings",
     "search.gather": "gather gather_cases",
     "campaign": "study",
     "exchange.oem": "Ephemeris CommonFrame read_oem write_oem common_frame",

@@ -22,6 +22,7 @@ from closeform.exchange.oem import (
 from closeform.conflicts.two_paths import (
     Approach as Approach,
     Conflict as Conflict,
+    PairConflict as PairConflict,
     closest_approach as closest_approach,
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
@@ -66,7 +67,6 @@ from closeform.search.gathering import (
     GatherStatus as GatherStatus,
     Gathering as Gathering,
     Gatherings as Gatherings,
-    Stay as Stay,
 )
 from closeform.search.locks import Locks as Locks, lock_times as lock_times
 from closeform.search.margins import LockMargins as LockMargins, lock_margins as lock_margins

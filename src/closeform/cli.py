@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError, Parameter
 from closeform.console import complain, one_line, progress, say, show, stderr, stdout
 
 if TYPE_CHECKING:
-    from closeform.mission import Mission
+    from closeform.report.run import RunReport
     from closeform.scenario import Scenario
     from closeform.zones.zone import Zone
 
@@ -91,19 +91,20 @@ def run(
     if loaded is None:
         return BAD_INPUT
     from closeform.mission import fly
-    from closeform.report import leave
+    from closeform.report.run import RunReport, leave
     from closeform.scenario import ScenarioError
 
     notes = stderr()
     try:
         with notes.status("flying") as status:
             mission = fly(loaded, lambda text: status.update(text))
+            report = RunReport(mission)
             with folder(place, overwrite) as under_way:
-                leave(mission, under_way, lambda text: status.update(text))
+                leave(report, under_way, lambda text: status.update(text))
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
-    tell(mission, place)
+    tell(report, place)
     return CLEAR if mission.clear else CONFLICT
 
 
@@ -156,10 +157,10 @@ def screen(
         raise UsageError(f"{missing}: no such file; check the path")
     import numpy as np
 
-    from closeform.chapters import encounters, nearest
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
+    from closeform.report.flight import approaches, conflicts
 
     try:
         frame = common_frame([read_oem(file) for file in files])
@@ -176,11 +177,11 @@ def screen(
         f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
         f"on a circle of {frame.radius / 1e3:.3f} km",
     )
-    lines, sheets = encounters("Conflicts", flight)
+    lines, tables = conflicts("Conflicts", flight)
     say(console, *lines)
-    for sheet in (*sheets, *nearest("Closest approaches", flight)):
-        show(console, sheet)
-    return CONFLICT if flight.encounters else CLEAR
+    for table in (*tables, *approaches("Closest approaches", flight)):
+        show(console, table)
+    return CONFLICT if flight.conflicts else CLEAR
 
 
 @app.command(sort_key=3)
@@ -221,7 +222,7 @@ def study(
     if loaded is None:
         return BAD_INPUT
     from closeform.campaign import flown
-    from closeform.report.study import hint, leave, opening, sheets, verdict
+    from closeform.report.study import StudyReport, leave
     from closeform.scenario import ScenarioError
 
     notes = stderr()
@@ -234,14 +235,15 @@ def study(
         return BAD_INPUT
     except ValueError as error:  # cases or seed
         raise UsageError(f"--{error}") from None
+    report = StudyReport(campaign)
     with notes.status("writing results"), folder(place, overwrite) as under_way:
-        leave(campaign, under_way)
+        leave(report, under_way)
     console = stdout()
-    say(console, *opening(campaign))
-    for sheet in sheets(campaign):
-        show(console, sheet)
+    say(console, *report.opening)
+    for table in report.tables:
+        show(console, table)
     say(console, "")
-    for line in (*hint(campaign), f"{verdict(campaign)}; results in {place}"):
+    for line in (*report.hint, f"{report.verdict}; results in {place}"):
         console.print(line, soft_wrap=True)  # a path is not to be broken
     return CLEAR if campaign.ok else CONFLICT
 
@@ -321,23 +323,21 @@ def zone_of(**shapes: str | None) -> "Zone":
     return Box(size) if shape == "box" else Ellipsoid(size)
 
 
-def tell(mission: "Mission", place: Path) -> None:
+def tell(report: "RunReport", place: Path) -> None:
     """Print what a run found."""
-    from closeform.chapters import chapters, opening, verdict
-
-    console = stdout()
-    say(console, mission.scenario.title, opening(mission))
-    for chapter in chapters(mission):
-        console.print(f"\n{chapter.title}", style="bold")
-        say(console, *chapter.lines)
-        for sheet in chapter.sheets:
-            if not sheet.more:
-                show(console, sheet)
-        if chapter.closing:
-            say(console, "", *chapter.closing)
+    console, mission = stdout(), report.mission
+    say(console, mission.scenario.title, report.opening)
+    for section in report.sections:
+        console.print(f"\n{section.title}", style="bold")
+        say(console, *section.lines)
+        for table in section.tables:
+            if not table.folded:
+                show(console, table)
+        if section.closing:
+            say(console, "", *section.closing)
     say(console, "", *(f"Warning: {line}" for line in mission.warnings))
-    end = f"{verdict(mission)}; "
+    end = f"{report.verdict}; "
     if len(end) > console.width:
-        say(console, verdict(mission))
+        say(console, report.verdict)
         end = ""
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken

@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-    from closeform.chapters import Sheet
+    from closeform.report.table import Table
 
 WIDTH = 100  # columns of the output, on a terminal or not
 
@@ -46,14 +46,14 @@ def say(console: "Console", *lines: str) -> None:
         console.print(line)
 
 
-def show(console: "Console", sheet: "Sheet") -> None:
+def show(console: "Console", shown: "Table") -> None:
     """Print a small table: words to the left, numbers to the right."""
     from rich.table import Table
 
-    table = Table(title=f"\n{sheet.title}", title_justify="left", title_style="", box=None, pad_edge=False)
-    for place, column in enumerate(sheet.columns):
-        table.add_column(column, justify="left" if place in sheet.texts else "right", overflow="fold")
-    for row in sheet.rows:
+    table = Table(title=f"\n{shown.title}", title_justify="left", title_style="", box=None, pad_edge=False)
+    for column in shown.shown:
+        table.add_column(column.heading or "", justify="left" if column.words else "right", overflow="fold")
+    for row in shown.texts:
         table.add_row(*row)
     console.print(table)
 

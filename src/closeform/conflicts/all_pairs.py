@@ -11,6 +11,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
+from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path, stack
 from closeform.zones.zone import Zone
 
@@ -35,6 +36,14 @@ class Screening:
 
     def __len__(self) -> int:
         return len(self.ratio)
+
+    @property
+    def conflicts(self) -> tuple[PairConflict, ...]:
+        """The same rows one by one."""
+        values = np.column_stack([self.start, self.end, self.time, self.ratio]).tolist()
+        return tuple(
+            PairConflict(*value, *pair) for value, pair in zip(values, self.pairs.tolist(), strict=True)
+        )
 
 
 def _chunks(count: int) -> Iterator[tuple[Any, Any]]:

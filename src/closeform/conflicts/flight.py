@@ -1,44 +1,43 @@
 """Flight: a formation's paths with all that is to be said of their conflicts."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from closeform.conflicts.all_pairs import screen
-from closeform.conflicts.two_paths import Approach, Conflict, closest_approach
+from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
 
-@dataclass(frozen=True)
-class Encounter:
-    """One stay of two craft in their zone."""
-
-    first: str
-    second: str
-    conflict: Conflict
-
-
 @dataclass(frozen=True, eq=False)
-class Nearest:
-    """The closest approach of two craft, in terms of the zone that holds for them."""
+class PairApproach:
+    """The closest approach of the craft `first` and `second` in terms of the `zone` that holds for them.
 
-    first: str
-    second: str
-    approach: Approach
+    `time` [s], least norm `ratio`, and the `distance` [m] at that time.
+    """
+
+    first: Any
+    second: Any
+    time: float
+    ratio: float
+    distance: float
     zone: Zone
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """The formation's paths, shape (N,), with every encounter and each pair's closest approach."""
+    """The formation's paths, shape (N,), with every conflict and each pair's closest approach.
+
+    Where no zone holds for any pair there are neither.
+    """
 
     paths: Path
     names: tuple[str, ...]
-    encounters: tuple[Encounter, ...]
-    nearest: tuple[Nearest, ...]
+    conflicts: tuple[PairConflict, ...]
+    approaches: tuple[PairApproach, ...]
 
     def path(self, name: str) -> Path:
         """One craft's path."""
@@ -50,12 +49,9 @@ class Flight:
         return float(np.max(self.paths.end))
 
     @property
-    def closest(self) -> Nearest | None:
+    def closest(self) -> PairApproach | None:
         """The pair that comes closest in terms of its zone, the earliest of equals; None for one craft."""
-        ranked = [
-            (round(pair.approach.ratio, 6), pair.approach.time, k) for k, pair in enumerate(self.nearest)
-        ]
-        return self.nearest[min(ranked)[2]] if ranked else None
+        return min(self.approaches, key=lambda pair: (round(pair.ratio, 6), pair.time), default=None)
 
 
 def watch(paths: Path, names: Sequence[str], zones: Sequence[tuple[Zone, Any]]) -> Flight:
@@ -63,27 +59,22 @@ def watch(paths: Path, names: Sequence[str], zones: Sequence[tuple[Zone, Any]]) 
 
     `zones` holds each zone with the pairs (M, 2), i < j, for which it holds.
     """
-    encounters: list[tuple[int, int, Conflict]] = []
-    nearest: list[tuple[int, int, Approach, Zone]] = []
+    conflicts: list[PairConflict] = []
+    approaches: list[PairApproach] = []
     for zone, pairs in zones:
         holds = {tuple(pair) for pair in pairs.tolist()}
-        found = screen(paths, zone)
-        columns = zip(found.start, found.end, found.time, found.ratio, strict=True)
-        for (one, other), row in zip(found.pairs.tolist(), columns, strict=True):
-            if (one, other) in holds:
-                encounters.append((one, other, Conflict(*map(float, row))))
+        conflicts += [met for met in screen(paths, zone).conflicts if (met.first, met.second) in holds]
         close = closest_approach(paths[pairs[:, 0]], paths[pairs[:, 1]], zone)
-        values = zip(close.time, close.ratio, close.distance, strict=True)
-        for (one, other), value in zip(pairs.tolist(), values, strict=True):
-            nearest.append((one, other, Approach(*map(float, value)), zone))
-    return Flight(
-        paths,
-        tuple(names),
-        tuple(Encounter(names[i], names[j], met) for i, j, met in sorted(encounters, key=in_order)),
-        tuple(Nearest(names[i], names[j], near, zone) for i, j, near, zone in sorted(nearest, key=in_order)),
-    )
+        approaches += [
+            PairApproach(one, other, time, ratio, distance, zone)
+            for (one, other), time, ratio, distance in zip(
+                *(part.tolist() for part in (pairs, close.time, close.ratio, close.distance)), strict=True
+            )
+        ]
+    return Flight(paths, tuple(names), named(conflicts, names), named(approaches, names))
 
 
-def in_order(row: tuple[Any, ...]) -> tuple[int, int, float]:
-    """Sorts by pair, then time."""
-    return row[0], row[1], row[2].time
+def named(found: list[Any], names: Sequence[str]) -> tuple[Any, ...]:
+    """What pairs by index came to, by pair, then time, with their names."""
+    ordered = sorted(found, key=lambda pair: (pair.first, pair.second, pair.time))
+    return tuple(replace(pair, first=names[pair.first], second=names[pair.second]) for pair in ordered)

@@ -26,6 +26,17 @@ class Conflict:
     ratio: float
 
 
+@dataclass(frozen=True)
+class PairConflict(Conflict):
+    """A conflict of the craft `first` and `second`, given by index, or in a mission by name.
+
+    As in Conflict: `start`, `end` and `time` [s] of the least `ratio`.
+    """
+
+    first: Any
+    second: Any
+
+
 @dataclass(frozen=True, eq=False)
 class Approach:
     """Closest approach: `time` [s], least norm `ratio`, and the `distance` [m] at that time.

@@ -1,12 +1,12 @@
 """The result as one self-contained HTML page."""
 
 import base64
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
 
-from closeform.chapters import Chapter, Sheet, chapters, opening, verdict
-from closeform.mission import Mission
+from closeform.report.section import Section
+from closeform.report.table import Table
 
 STYLE = """
 :root { color-scheme: light dark; --ink: #1b1f24; --paper: #fdfdfc; --faint: #667; --line: #d5d8dc;
@@ -30,42 +30,44 @@ summary { cursor: pointer; margin: 1rem 0 .3rem; font-weight: 600; }
 """
 
 
-def page(mission: Mission, shown: dict[int, list[tuple[Path, str]]]) -> str:
-    """The whole report as one HTML page without references to other files."""
-    tone = "good" if mission.clear else "bad"
-    title = escape(mission.scenario.title)
-    parts = [
-        f"<h1>{title}</h1>",
-        f'<p class="faint">{escape(opening(mission))}; {escape(Path(mission.scenario.file).name)}</p>',
-        f'<p class="verdict {tone}">{escape(verdict(mission))}</p>',
-        *(f'<p class="bad">{escape(line)}</p>' for line in mission.warnings),
-    ]
-    for leg, chapter in zip(mission.legs, chapters(mission), strict=True):
-        parts += section(chapter, shown[leg.number])
-    return document(title, parts)
-
-
 def document(title: str, parts: list[str]) -> str:
-    """The parts of a page as one HTML document; `title` is HTML already."""
+    """The parts of a page as one HTML document without references to other files."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE}</style></head>\n<body>\n"
+        f"<title>{escape(title)}</title><style>{STYLE}</style></head>\n<body>\n"
         + "\n".join(parts)
         + "\n</body></html>\n"
     )
 
 
-def section(chapter: Chapter, shown: list[tuple[Path, str]]) -> Iterator[str]:
-    """One stage."""
-    yield f"<h2>{escape(chapter.title)}</h2>"
-    yield from (f"<p>{escape(line)}</p>" for line in chapter.lines)
-    yield from (f"<h3>{escape(sheet.title)}</h3>{table(sheet)}" for sheet in chapter.sheets if not sheet.more)
-    yield from (f"<p>{escape(line)}</p>" for line in chapter.closing)
-    yield from (embedded(file, caption) for file, caption in shown)
-    for sheet in chapter.sheets:
-        if sheet.more:
-            yield f"<details><summary>{escape(sheet.title)}</summary>{table(sheet)}</details>"
+def head(title: str, lines: Iterable[str], verdict: str, good: bool) -> list[str]:
+    """The title, what was flown, and how it ended."""
+    tone = "good" if good else "bad"
+    faint = (paragraph(line, "faint") for line in lines)
+    return [f"<h1>{escape(title)}</h1>", *faint, paragraph(verdict, f"verdict {tone}")]
+
+
+def paragraph(line: str, look: str = "") -> str:
+    """A line of words."""
+    return f'<p class="{look}">{escape(line)}</p>' if look else f"<p>{escape(line)}</p>"
+
+
+def section(told: Section, pictures: Iterable[tuple[Path, str]]) -> Iterator[str]:
+    """One stage with its pictures, each with a caption."""
+    yield f"<h2>{escape(told.title)}</h2>"
+    yield from map(paragraph, told.lines)
+    yield from (f"<h3>{escape(one.title)}</h3>{table(one)}" for one in told.tables if not one.folded)
+    yield from map(paragraph, told.closing)
+    yield from (embedded(file, caption) for file, caption in pictures)
+    for one in told.tables:
+        if one.folded:
+            yield f"<details><summary>{escape(one.title)}</summary>{table(one)}</details>"
+
+
+def titled(shown: Table) -> str:
+    """A table under a title of its own."""
+    return f"<h2>{escape(shown.title)}</h2>{table(shown)}"
 
 
 def embedded(file: Path, caption: str) -> str:
@@ -76,17 +78,14 @@ def embedded(file: Path, caption: str) -> str:
     return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
 
 
-def table(sheet: Sheet) -> str:
-    """A sheet as an HTML table."""
-    look = ['class="words"' if place in sheet.texts else "" for place in range(len(sheet.columns))]
+def table(shown: Table) -> str:
+    """A table; words to the left, numbers to the right."""
+    look = [' class="words"' if column.words else "" for column in shown.shown]
 
-    def row(tag: str, cells: tuple[str, ...]) -> str:
+    def row(tag: str, cells: Iterable[str]) -> str:
         parts = zip(look, cells, strict=True)
-        return (
-            "<tr>"
-            + "".join(f"<{f'{tag} {how}'.strip()}>{escape(cell)}</{tag}>" for how, cell in parts)
-            + "</tr>"
-        )
+        return f"<tr>{''.join(f'<{tag}{how}>{escape(cell)}</{tag}>' for how, cell in parts)}</tr>"
 
-    body = "".join(row("td", cells) for cells in sheet.rows)
-    return f'<div class="wide"><table>{row("th", sheet.columns)}{body}</table></div>'
+    top = row("th", (column.heading or "" for column in shown.shown))
+    body = "".join(row("td", cells) for cells in shown.texts)
+    return f'<div class="wide"><table>{top}{body}</table></div>'

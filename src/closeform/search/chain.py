@@ -155,7 +155,7 @@ def keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end):
     """Craft of a knowledge set that would come too near to others of it, as all now fly, until `end`, burn.
 
     One after another, the cheapest first: of the new ones, then of all.  What no burn is found for
-    stays, and is found again in Gathering.collisions.
+    remains, and is found again in Gathering.conflicts.
     """
     keeps, zone, looked, met, scratch = eyes
     box, matrix, half_axes = zone

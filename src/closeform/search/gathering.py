@@ -11,7 +11,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.all_pairs import screen
-from closeform.conflicts.two_paths import Conflict
+from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
 from closeform.search.schedule import Group, Search
 from closeform.search.sets import LOST
@@ -56,16 +56,6 @@ class Event:
     delta_v: Floats
 
 
-@dataclass(frozen=True)
-class Stay:
-    """A `conflict` of craft `first` and `second`; `known`: they knew each other before it began."""
-
-    first: int
-    second: int
-    conflict: Conflict
-    known: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Gathering:
     """What became of N lost craft.
@@ -100,21 +90,12 @@ class Gathering:
         return self.status is GatherStatus.GATHERED
 
     @cached_property
-    def collisions(self) -> tuple[Stay, ...]:
-        """Every stay of two craft in the keep-out zone, whether or not they knew each other.
+    def conflicts(self) -> tuple[PairConflict, ...]:
+        """Every conflict of two craft, by index, whether or not they were `known` to each other.
 
         Empty without a `keep_out`.  Only craft of one set can avoid each other.
         """
-        if self.keep_out is None:
-            return ()
-        found = screen(self.paths, self.keep_out)
-        rows = np.column_stack([found.pairs, found.start, found.end, found.time, found.ratio]).tolist()
-        stays = []
-        for one, other, *values in rows:
-            i, j = int(one), int(other)
-            conflict = Conflict(*map(float, values))
-            stays.append(Stay(i, j, conflict, self.known(i, j, conflict.start)))
-        return tuple(stays)
+        return () if self.keep_out is None else screen(self.paths, self.keep_out).conflicts
 
     @cached_property
     def history(self) -> Any:

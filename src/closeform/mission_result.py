@@ -1,0 +1,188 @@
+"""What a mission came to: every stage as flown, what was done in it, and how much the craft used up."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import nan
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.flight import Flight
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
+from closeform.scenario import Scenario, StageTable
+from closeform.search.schedule import Search
+from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.planning.avoid import Avoidance
+    from closeform.planning.plan import Plan
+    from closeform.search.locks import Locks
+
+ROUNDING = 1e-9  # of a thrust that a plan was to keep to
+
+AnyStage = TypeVar("AnyStage", bound=StageTable)
+AnyResult = TypeVar("AnyResult")
+
+
+@dataclass(frozen=True, eq=False)
+class StageResult(Generic[AnyStage, AnyResult]):
+    """A stage as flown, from `start` [s] on: the flight `before` avoidance and `after` it.
+
+    `result`: what was done, None of a coast; times in a Gathering or FirstLocks count from the start
+    of the stage.  `failure`: why the mission cannot go on after it; `flown`: whether its paths
+    count, which those of a plan that failed do not; `warning`: what is not as it was asked.
+    """
+
+    number: int
+    stage: AnyStage
+    start: float
+    before: Flight
+    after: Flight
+    result: AnyResult
+    failure: str | None = None
+    flown: bool = True
+    warning: str | None = None
+
+    @property
+    def end(self) -> float:
+        """When it ends [s]."""
+        return self.after.end
+
+
+@dataclass(frozen=True, eq=False)
+class AvoidResult:
+    """The `direct` path of one `craft` and the way around the `others`, each with its zone."""
+
+    craft: str
+    others: tuple[str, ...]
+    zones: tuple[Zone, ...]
+    direct: Path
+    avoidance: "Avoidance"
+
+
+@dataclass(frozen=True, eq=False)
+class ReconfigureResult:
+    """What a formation did together by a `plan`: the craft `movers` flew, the `others` coasted.
+
+    The plan counts first those, then these.  The craft were asked to arrive `asked` [s] after the
+    start of the stage, and `measures` say what was tried beyond that.
+    """
+
+    movers: tuple[str, ...]
+    others: tuple[str, ...]
+    asked: float
+    plan: "Plan"
+    measures: tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The craft as the plan counts them."""
+        return self.movers + self.others
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLocks:
+    """The first locks of all `pairs` (P, 2) of a craft in group A and one in B, by index.
+
+    `search` begins, and times count, when the stage does.
+    """
+
+    search: Search
+    pairs: Any
+    locks: "Locks"
+
+    @property
+    def missing(self) -> Any:
+        """The pairs (Q, 2) that never lock."""
+        return self.pairs[self.locks.leg < 0]
+
+
+@dataclass(frozen=True)
+class Use:
+    """How much of what it has a `craft` uses: `what` ("thrust", "delta-v", "propellant"), in one `unit`."""
+
+    what: str
+    unit: str
+    craft: str
+    used: float
+    limit: float
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether that is more than it has."""
+        return self.used > self.limit * (1.0 + ROUNDING * (self.what == "thrust"))
+
+    @property
+    def warning(self) -> str:
+        """The same in words, for a limit that is exceeded."""
+        has, of = {
+            "thrust": ("its max_thrust is", ""),
+            "delta-v": ("its delta_v_budget is", ""),
+            "propellant": ("it has", " of propellant"),
+        }[self.what]
+        return f"{self.craft} needs {self.used:.4g} {self.unit}{of}, {has} {self.limit:g} {self.unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class Mission:
+    """All stages flown; `stopped` says why there are fewer than in the file, else it is None."""
+
+    scenario: Scenario
+    orbit: Orbit
+    results: tuple[StageResult[Any, Any], ...]
+    stopped: str | None = None
+
+    @property
+    def clear(self) -> bool:
+        """Whether every stage was flown and no conflict remains."""
+        return self.stopped is None and not any(result.after.conflicts for result in self.results)
+
+    @cached_property
+    def delta_v(self) -> Floats:
+        """What each craft spends in each stage (S, N) [m/s]."""
+        spent = [result.after.paths.delta_v for result in self.results]
+        return np.array(spent).reshape(-1, len(self.scenario.craft))
+
+    @cached_property
+    def propellant(self) -> Floats:
+        """What each craft burns in each stage (S, N) [kg]; nan for one without mass and specific impulse."""
+        from closeform.planning.limits import propellant
+
+        burnt = np.full(self.delta_v.shape, nan)
+        for k, craft in enumerate(self.scenario.craft):
+            if craft.mass is not None and craft.specific_impulse is not None:
+                so_far = propellant(craft.mass, np.cumsum(self.delta_v[:, k]), craft.specific_impulse)
+                burnt[:, k] = np.diff(so_far, prepend=0.0)
+        return burnt
+
+    def thrusts(self, result: StageResult[Any, Any]) -> Iterator[Use]:
+        """The greatest thrust of each craft that has a limit, in one stage."""
+        for craft, peak in zip(self.scenario.craft, result.after.paths.peak_thrust.tolist(), strict=True):
+            if craft.max_thrust is not None and craft.mass is not None:
+                yield Use("thrust", "N", craft.name, peak * craft.mass, craft.max_thrust)
+
+    def spent(self, stages: Any) -> Iterator[Use]:
+        """What each craft that has a limit spends in some `stages`: all delta-v, then all propellant."""
+        for what, unit, key, spent in (
+            ("delta-v", "m/s", "delta_v_budget", self.delta_v),
+            ("propellant", "kg", "propellant", self.propellant),
+        ):
+            total = spent[stages].sum(axis=0).tolist()
+            for craft, used in zip(self.scenario.craft, total, strict=True):
+                if (has := getattr(craft, key)) is not None:
+                    yield Use(what, unit, craft.name, used, has)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Stages that take longer than asked, and craft that need more than they have, one line each."""
+        flown = [result for result in self.results if result.flown]
+        uses = [*self.spent([result.flown for result in self.results])]
+        thrusts = [use for result in flown for use in self.thrusts(result)]
+        for name in dict.fromkeys(use.craft for use in thrusts):
+            uses.append(max((use for use in thrusts if use.craft == name), key=lambda use: use.used))
+        uses.sort(key=lambda use: self.scenario.names.index(use.craft))
+        lines = [result.warning for result in flown if result.warning is not None]
+        return (*lines, *(use.warning for use in uses if use.exceeded))

@@ -1,0 +1,141 @@
+"""Of a flight: its conflicts, how near each two craft come, and what each craft spends."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import isfinite
+from typing import Any
+
+from closeform.conflicts.flight import Flight, PairApproach
+from closeform.conflicts.two_paths import PairConflict
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.path import Path
+from closeform.report.section import Picture
+from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
+
+MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all
+
+RATIO = Column("least", "ratio", "{:.4f} x zone".format)
+CONFLICT = (
+    PAIR,
+    Column("from [s]", "start_s", "{:.3f}".format),
+    Column("to [s]", "end_s", "{:.3f}".format),
+    Column("lasts [s]", None, "{:.3f}".format),
+    Column("deepest at [s]", "time_s", "{:.3f}".format),
+    RATIO,
+)
+APPROACH = (
+    PAIR,
+    RATIO,
+    Column("distance [m]", "distance_m", "{:.3f}".format),
+    Column("at [s]", "time_s", "{:.3f}".format),
+)
+EFFORT = (
+    Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format),
+    Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format),
+    Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3),
+)
+CRAFT = (Column("craft", "craft"), Column("slot", "slot"), *EFFORT, Column("propellant", "propellant_kg"))
+WHEN = Column("when", "when")
+
+
+def conflict_row(met: PairConflict) -> tuple[Any, ...]:
+    """A row of CONFLICT."""
+    return (met.first, met.second), met.start, met.end, met.end - met.start, met.time, met.ratio
+
+
+def approach_row(near: PairApproach) -> tuple[Any, ...]:
+    """A row of APPROACH."""
+    return (near.first, near.second), near.ratio, near.distance, near.time
+
+
+def effort(path: Path) -> tuple[float, float, float]:
+    """A row of EFFORT: energy [m^2/s^3], delta-v [m/s] and peak thrust [m/s^2]."""
+    return path.energy, path.delta_v, path.peak_thrust
+
+
+def conflicts(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """A table of conflicts, or a line that there are none, and how close the closest pair comes."""
+    if flight.conflicts:
+        return (), (Table(title, CONFLICT, [conflict_row(met) for met in flight.conflicts]),)
+    close = flight.closest
+    if close is None:
+        return (f"{title}: none, there is only one craft",), ()
+    return (
+        f"{title}: none; closest are {close.first} and {close.second}, {close.ratio:.4f} x zone "
+        f"({close.distance:.3f} m) at {close.time:.1f} s",
+    ), ()
+
+
+def summed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """Conflicts; where they are many, a line for the terminal and the table for the page."""
+    lines, tables = conflicts(title, flight)
+    if len(flight.conflicts) <= MOST_ROWS:
+        return lines, tables
+    pairs = len({(met.first, met.second) for met in flight.conflicts})
+    worst = min(flight.conflicts, key=lambda met: round(met.ratio, 6))
+    often = f"{len(flight.conflicts)} in " if len(flight.conflicts) > pairs else ""
+    line = (
+        f"{title}: {often}{pairs} of {len(flight.approaches)} pairs; deepest are {worst.first} and "
+        f"{worst.second}, {worst.ratio:.4f} x zone at {worst.time:.1f} s"
+    )
+    return (line,), tuple(replace(table, folded=True) for table in tables)
+
+
+def approaches(title: str, flight: Flight) -> tuple[Table, ...]:
+    """Every pair's closest approach; of very many pairs the closest."""
+    pairs = flight.approaches
+    if len(pairs) > MOST_PAIRS:
+        pairs = tuple(sorted(pairs, key=lambda pair: pair.ratio)[:MOST_PAIRS])
+        title += f", the {MOST_PAIRS} closest of {len(flight.approaches)}"
+    return (Table(title, APPROACH, [approach_row(near) for near in pairs], folded=True),) if pairs else ()
+
+
+def figures(flight: Flight) -> dict[str, Any]:
+    """Conflicts and the closest pair."""
+    close = flight.closest
+    return {
+        "conflicts": [record(CONFLICT, conflict_row(met)) for met in flight.conflicts],
+        "closest": None if close is None else record(APPROACH, approach_row(close)),
+    }
+
+
+def files(
+    mission: Mission, result: StageResult[Any, Any], slots: Mapping[str, int] | None = None
+) -> dict[str, Table]:
+    """Conflicts and closest approaches before avoidance and after it, and what every craft spends.
+
+    `slots`: those that craft took, counted from 1.
+    """
+    flights = {"before": result.before, "after": result.after}
+    burnt = mission.propellant[result.number - 1].tolist()
+    taken = slots or {}
+    return {
+        "conflicts": Table(
+            "",
+            (WHEN, *CONFLICT),
+            [(when, *conflict_row(met)) for when, flight in flights.items() for met in flight.conflicts],
+        ),
+        "approaches": Table(
+            "",
+            (WHEN, *APPROACH),
+            [(when, *approach_row(near)) for when, flight in flights.items() for near in flight.approaches],
+        ),
+        "craft": Table(
+            "",
+            CRAFT,
+            [
+                (name, taken.get(name), *effort(result.after.paths[k]), mass if isfinite(mass) else None)
+                for k, (name, mass) in enumerate(zip(result.after.names, burnt, strict=True))
+            ],
+        ),
+    }
+
+
+def pictures(flight: Flight) -> tuple[Picture, ...]:
+    """The two craft that come closest, where anybody is in conflict."""
+    close = flight.closest
+    if close is None or not flight.conflicts:
+        return ()
+    caption = f"{close.first} relative to {close.second}, before"
+    pair = flight.path(close.first), flight.path(close.second), close.zone
+    return (Picture("distances", caption, "distances", pair),)

@@ -1,0 +1,302 @@
+"""The section of a gathering: its search, its timeline, what everybody spent, who is where at the end."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from closeform.mission_result import Mission, StageResult
+from closeform.report import flight, search
+from closeform.report.section import Film, Picture, Section, heading
+from closeform.report.table import MOST_ROWS, PHASE, Column, Table, counted, minutes
+from closeform.scenario import Gather
+from closeform.search.gathering import Event, EventKind, Gathering, listed
+
+MOST_NAMES = 12  # of a set on one line; larger ones are counted
+MOMENTS = 6  # of a gathering that are shown
+FILMED, FRAMES = 200, 100  # craft at most in an animation, and its pictures beside those of locks
+BURNS = {
+    EventKind.BURN: "burn, nulls its relative velocity",
+    EventKind.CORRECTION: "correction, keeps clear of its set",
+    EventKind.NEAR_FIELD: "near-field burn against its boresight",
+}
+
+Gathered = StageResult[Gather, Gathering]
+
+
+def section(mission: Mission, result: Gathered) -> Section:
+    """A gathering."""
+    gathering, names, rounds = result.result, result.after.names, result.stage.rounds
+    history = timeline(gathering, names)
+    once = search.one_round(gathering.search, rounds)
+    knew = known(result)
+    told, conflicts = acquainted(result, knew)
+    spent = spendings(gathering, names)
+    return Section(
+        heading(result),
+        (*search.since(result), *outcome(result), *told),
+        (
+            *((progress(gathering),) if history.folded else ()),
+            *((history,) if history.rows else ()),
+            with_total(spent),
+            *ways(gathering, names),
+            *conflicts,
+            search.facts(once, gathering.duration),
+            search.phases(once, rounds),
+            search.turns(once),
+            *flight.approaches("Closest approaches", result.after),
+        ),
+        pictures=pictures(gathering, names),
+        figures={"search": search.figures(once), "gathering": figures(result, knew)},
+        files={"events": history, "sets": spent},
+    )
+
+
+@dataclass(frozen=True)
+class Moment:
+    """An event, the labels that its two craft had before it, and everybody's after it."""
+
+    event: Event
+    before: tuple[int, int]
+    labels: tuple[int, ...]
+
+
+def replayed(gathering: Gathering) -> Iterator[Moment]:
+    """Every event with the sets before and after it; -1 lost, 0 the formation set, k knowledge set k."""
+    history = gathering.history.tolist()
+    for event, before, after in zip(gathering.events, history[:-1], history[1:], strict=True):
+        yield Moment(event, (before[event.first], before[event.second]), tuple(after))
+
+
+def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
+    """Every event; times count from the start of the stage."""
+    columns = (
+        Column("at [s]", "time_s", "{:.2f}".format),
+        Column("[min:s]", None, minutes),
+        Column(None, "kind"),
+        Column(None, parts=("first", "second")),
+        PHASE,
+        Column(None, "case"),
+        Column(None, "label"),
+        Column("who", words=True),
+        Column("what", words=True),
+        replace(speed(gathering), absent=""),
+        Column(None, parts=("dvx_m_s", "dvy_m_s", "dvz_m_s")),
+    )
+    first = next((event.time for event in gathering.events if event.kind is EventKind.BURN), None)
+    rows = []
+    for moment in replayed(gathering):
+        event, size = moment.event, None
+        pair = names[event.first], names[event.second] if event.second >= 0 else None
+        if event.kind is EventKind.LOCK:
+            who, what = f"{pair[0]} - {pair[1]}", met(moment, pair)
+        else:
+            who, what, size = pair[0], BURNS[event.kind], float(np.linalg.norm(event.delta_v))
+        if event.kind is EventKind.BURN and gathering.burns == "half" and event.time == first:
+            what = "burn, nulls half of the relative velocity"
+        phase, kind, push = (event.phase, event.round), str(event.kind), event.delta_v.tolist()
+        rows.append(
+            (event.time, event.time, kind, pair, phase, event.case, event.label, who, what, size, push)
+        )
+    return Table("Timeline", columns, rows, folded=len(rows) > MOST_ROWS)
+
+
+def met(moment: Moment, pair: Sequence[str | None]) -> str:
+    """A lock in words."""
+    label, before = moment.event.label, moment.before
+    goal = f"knowledge set {label}" if label else "the formation set"
+    if max(before) < 0:
+        return f"lock, {goal} begins" if label else f"lock, kernel of {goal}"
+    if min(before) < 0:
+        return f"lock, {pair[before.index(-1)]} joins {goal}"
+    return f"lock, knowledge set {max(before)} joins {goal}"
+
+
+def progress(gathering: Gathering) -> Table:
+    """What happened in each phase, and who was where at its end."""
+    moments = list(replayed(gathering))
+    starts = {(name, number): start for name, number, start, _ in gathering.search.phases}
+    rows = []
+    for place in [None, *starts]:  # None: at once
+        some = [moment for moment in moments if place == came(moment.event)]
+        if not some:
+            continue
+        labels = some[-1].labels
+        burns = [moment.event for moment in some if moment.event.kind is not EventKind.LOCK]
+        spent = sum(float(np.linalg.norm(event.delta_v)) for event in burns)
+        inside, lost, sets = labels.count(0), labels.count(-1), len(set(labels) - {0, -1})
+        held = f"{len(labels) - inside - lost} in {sets}"
+        start = starts[place] if place else 0.0
+        rows.append((place, start, len(some) - len(burns), len(burns), spent, inside, held, lost))
+    columns = (
+        replace(PHASE, absent="at once"),
+        Column("from [s]", form="{:.1f}".format),
+        *(Column("locks"), Column("burns"), speed(gathering)),
+        *(Column("formation set"), Column("knowledge sets"), Column("lost")),
+    )
+    return Table("Progress, at the end of each phase in which something happened", columns, rows)
+
+
+def came(event: Event) -> tuple[str, int] | None:
+    """The phase of an event; None for what happens at once."""
+    return (event.phase, event.round) if event.time > 0.0 else None
+
+
+def spendings(gathering: Gathering, names: Sequence[str]) -> Table:
+    """What each craft spent, and its set at the end: 0 the formation set, k a knowledge set, -1 lost."""
+    burns = [0] * len(names)
+    for event in gathering.events:
+        burns[event.first] += event.kind is not EventKind.LOCK
+    label = {k: number for number, some in enumerate(gathering.sets) for k in some}
+    rows = [
+        (name, group, label.get(k, -1), burns[k], float(gathering.delta_v[k]))
+        for k, (name, group) in enumerate(zip(names, gathering.groups, strict=True))
+    ]
+    columns = (
+        Column("craft", "craft", words=True),
+        Column("group", "group"),
+        Column(None, "set"),
+        Column("burns"),
+        replace(speed(gathering), key="delta_v_m_s"),
+    )
+    return Table("Delta-v of each craft", columns, rows, folded=len(names) > MOST_ROWS)
+
+
+def with_total(spent: Table) -> Table:
+    """The same with a last row for all craft."""
+    burns, speeds = (sum(row[k] for row in spent.rows) for k in (3, 4))
+    return replace(spent, rows=[*spent.rows, ("all", "", None, burns, speeds)])
+
+
+def ways(gathering: Gathering, names: Sequence[str]) -> tuple[Table, ...]:
+    """What all craft spend for each way in which the first pair can burn."""
+    first = next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
+    if first is None:
+        return ()
+    low, high = names[first.first], names[first.second]
+    words = {"second": f"second: {high} burns, {low} holds", "first": f"first: {low} burns, {high} holds"}
+    rows = [
+        (words.get(way, "half: half each"), total, "flown" if way == gathering.burns else "")
+        for way, total in gathering.totals.items()
+    ]
+    columns = Column("the first pair", words=True), speed(gathering, " of all craft"), Column("")
+    return (Table("Three ways of the first pair", columns, rows),)
+
+
+def known(result: Gathered) -> list[bool]:
+    """Of every conflict, whether the two craft were in one set by then."""
+    place = {name: k for k, name in enumerate(result.after.names)}
+    return [
+        result.result.known(place[met.first], place[met.second], met.start - result.start)
+        for met in result.after.conflicts
+    ]
+
+
+def acquainted(result: Gathered, knew: list[bool]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """Conflicts as a line, and as a table that says whether the two craft knew each other."""
+    lines, tables = search.conflicts(result)
+    if not tables:
+        return lines, tables
+    (table,) = tables
+    columns = *table.columns, Column("known", form=lambda yes: "yes" if yes else "no")
+    rows = [(*row, yes) for row, yes in zip(table.rows, knew, strict=True)]
+    line = f"{counted(len(knew), 'conflict')}, {knew.count(False)} with craft still unknown"
+    return (line,), (Table(table.title, columns, rows, folded=len(rows) > MOST_ROWS),)
+
+
+def outcome(result: Gathered) -> Iterator[str]:
+    """How it ended, and who is where."""
+    gathering, names = result.result, result.after.names
+    whole, rest = divmod(gathering.duration, 60.0)
+    begun = f"round {gathering.rounds} of at most {result.stage.rounds}"
+    time = f"after {gathering.duration:.2f} s ({whole:.0f} min {rest:.1f} s), {begun}"
+    if gathering.ok:
+        last = gathering.events[-1]
+        yield f"Gathered {time}, in {last.phase} {last.round}"
+        yield f"One formation set of all {len(names)} craft"
+    else:
+        yield from incomplete(gathering, names, time)
+    cheapest = min(gathering.totals.values())
+    if result.stage.burns == "least" and gathering.totals[gathering.burns] > cheapest * (1.0 + 1e-9):
+        yield "The way flown is not the cheapest of three because the cheaper ones leave more craft"
+    if len(names) > MOST_ROWS:
+        yield share(gathering, names)
+
+
+def incomplete(gathering: Gathering, names: Sequence[str], time: str) -> Iterator[str]:
+    """Who is where at the end."""
+    yield f"Incomplete {time}"
+    for k, some in enumerate(gathering.sets):
+        who = f"{len(some)} craft" if len(some) > MOST_NAMES else listed([names[i] for i in some])
+        yield f"Knowledge set: {who}" if k else f"Formation set: {who}"
+    if gathering.lost:
+        yield f"Lost: {listed([names[k] for k in gathering.lost])}"
+
+
+def share(gathering: Gathering, names: Sequence[str]) -> str:
+    """What craft spend on average and at most."""
+    size, unit = speed_unit(gathering)
+    each = gathering.delta_v / size
+    most = int(np.argmax(each))
+    shares = f"{each.mean():.1f} {unit} each on average, {each[most]:.1f} {unit} at most ({names[most]})"
+    return f"Delta-v: {each.sum():.1f} {unit} in all, {shares}"
+
+
+def speed_unit(gathering: Gathering) -> tuple[float, str]:
+    """The unit for what is spent: its size in m/s and its name."""
+    return (1.0, "m/s") if gathering.delta_v.sum() >= 100.0 else (1e-3, "mm/s")
+
+
+def speed(gathering: Gathering, whose: str = "") -> Column:
+    """A column of what is spent."""
+    size, unit = speed_unit(gathering)
+    return Column(f"delta-v{whose} [{unit}]", None, "{:.1f}".format, 1.0 / size)
+
+
+def figures(result: Gathered, knew: list[bool]) -> dict[str, Any]:
+    """A gathering; times count from the start of the stage."""
+    gathering, names = result.result, result.after.names
+    return {
+        "ok": gathering.ok,
+        "status": str(gathering.status),
+        "reason": result.failure,
+        "duration_s": gathering.duration,
+        "rounds": gathering.rounds,
+        "sun_motion_rad": gathering.search.sun_drift * gathering.duration / gathering.search.duration,
+        "burns": gathering.burns,
+        "totals_m_s": gathering.totals,
+        "delta_v_m_s": dict(zip(names, gathering.delta_v.tolist(), strict=True)),
+        "total_delta_v_m_s": float(gathering.delta_v.sum()),
+        "sets": [[names[k] for k in some] for some in gathering.sets],
+        "lost": [names[k] for k in gathering.lost],
+        "locks": sum(event.kind is EventKind.LOCK for event in gathering.events),
+        "burns_count": sum(event.kind is not EventKind.LOCK for event in gathering.events),
+        "conflicts_known": knew,
+    }
+
+
+def moments(gathering: Gathering) -> list[float]:
+    """When something is to be seen, at most MOMENTS times [s].
+
+    The first pair of the formation set, the end, then the locks by which most craft join the formation
+    set, then those that begin another set, then the rest.
+    """
+    locks = [event for event in gathering.events if event.kind is EventKind.LOCK]
+    joins = [event.time for event in gathering.events if event.kind is EventKind.BURN]
+    ranked = sorted(locks, key=lambda lock: (-joins.count(lock.time), lock.case != 1, lock.time))
+    times = [*(lock.time for lock in locks[:1]), gathering.duration, *(lock.time for lock in ranked)]
+    return sorted(list(dict.fromkeys(times))[:MOMENTS])
+
+
+def pictures(gathering: Gathering, names: Sequence[str]) -> tuple[Picture, ...]:
+    """The animation of a gathering, and three views at its key moments."""
+    found: list[Picture] = []
+    if len(names) <= FILMED:
+        caption = "The gathering from the start of its search to its end"
+        options = {"names": names, "frames": FRAMES}
+        found.append(Film("gathering", caption, "animation", (gathering,), options))
+    for k, time in enumerate(moments(gathering), 1):
+        caption = f"{time:.2f} s ({minutes(time)} min:s) after the start of the search"
+        found.append(Picture(f"view-{k}", caption, "three_views", (gathering, time), {"names": names}))
+    return tuple(found)

@@ -1,0 +1,89 @@
+"""The section of a search in which nothing burns: the first lock of each pair."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from closeform.mission_result import FirstLocks, Mission, StageResult
+from closeform.report import flight, search
+from closeform.report.section import Picture, Section, heading
+from closeform.report.table import MOST_ROWS, PAIR, PHASE, Column, Table, counted, minutes
+from closeform.scenario import Lock
+from closeform.search.phases import labels, tally
+
+LOCKS = (
+    replace(PAIR, key=None),
+    Column("at [s]", "time_s", "{:.2f}".format, absent="never"),
+    Column("[min:s]", None, minutes),
+    replace(PHASE, words=False),
+)
+
+
+def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
+    """The first lock of each pair, those that never lock last."""
+    found, names = result.result, result.after.names
+    locks = Table("First locks", LOCKS, [lock_row(found, k, names) for k in range(len(found.pairs))])
+    shown = replace(
+        locks,
+        rows=[locks.rows[k] for k in np.argsort(found.locks.time, kind="stable")],
+        folded=len(locks.rows) > MOST_ROWS,
+    )
+    conflicts, tables = search.conflicts(result)
+    return Section(
+        heading(result),
+        (*search.since(result), outcome(found), *conflicts),
+        (
+            *((by_phase(found),) if shown.folded else ()),
+            shown,
+            *tables,
+            search.facts(found.search, found.search.duration),
+            search.phases(found.search),
+            search.turns(found.search),
+            *flight.approaches("Closest approaches", result.after),
+        ),
+        pictures=(
+            Picture(
+                "in-plane-search", "The in-plane search of both groups", "in_plane_search", (found.search,)
+            ),
+            Picture("manoeuvres", "The turns of the first round", "manoeuvres", (found.search,)),
+            *flight.pictures(result.after),
+        ),
+        figures={"search": search.figures(found.search), "locks": figures(found, names)},
+        files={"locks": locks},
+    )
+
+
+def lock_row(found: FirstLocks, k: int, names: tuple[str, ...]) -> tuple[Any, ...]:
+    """The first lock of pair k, if there is one."""
+    (one, other), leg = found.pairs[k], int(found.locks.leg[k])
+    pair = names[one], names[other]
+    if leg < 0:
+        return pair, None, None, None
+    time, turn = float(found.locks.time[k]), found.search.legs[leg]
+    return pair, time, time, (turn.phase, turn.round)
+
+
+def outcome(found: FirstLocks) -> str:
+    """How many pairs lock, and when the last does."""
+    pairs, times = len(found.pairs), found.locks.time[found.locks.leg >= 0]
+    last = f", the last at {times.max():.2f} s" if len(times) else ""
+    return f"{len(times)} of {counted(pairs, 'pair')} lock{'s' * (pairs == 1)}{last}"
+
+
+def by_phase(found: FirstLocks) -> Table:
+    """How many pairs lock in each phase."""
+    counts = tally(found.search, found.locks.time, found.locks.leg)
+    rows = list(zip(labels(found.search), counts, strict=True))
+    return Table("First locks by phase", (Column("phase", words=True), Column("pairs")), rows)
+
+
+def figures(found: FirstLocks, names: tuple[str, ...]) -> dict[str, Any]:
+    """First locks; times count from the start of the stage."""
+    times = found.locks.time[found.locks.leg >= 0]
+    return {
+        "pairs": len(found.pairs),
+        "locked": len(times),
+        "last_s": float(times.max()) if len(times) else None,
+        "missing": [[names[i], names[j]] for i, j in found.missing],
+    }

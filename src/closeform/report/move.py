@@ -1,0 +1,117 @@
+"""The section of one craft's move: conflicts before, the way around, conflicts after."""
+
+from typing import Any
+
+from closeform.mission_result import AvoidResult, Mission, StageResult
+from closeform.report import flight
+from closeform.report.section import Picture, Section, heading
+from closeform.report.table import Column, Table, record
+from closeform.scenario import Avoid
+
+Move = StageResult[Avoid, AvoidResult]
+
+
+def section(mission: Mission, result: Move) -> Section:
+    """One craft moves."""
+    moved = result.result
+    lines, before = flight.conflicts("Conflicts before", result.before)
+    closing, after = flight.conflicts("Conflicts after", result.after)
+    if not moved.avoidance.ok:
+        closing, after = ("The direct path is kept: no way around was found",), ()
+    tables = (
+        *before,
+        efforts(moved),
+        *after,
+        *flight.approaches("Closest approaches before", result.before),
+        *flight.approaches("Closest approaches after", result.after),
+    )
+    return Section(
+        heading(result, f"{moved.craft} moves"),
+        lines,
+        tables,
+        (*how(result.stage.method, moved), *closing),
+        pictures(result),
+        {"change": figures(result.stage.method, moved)},
+    )
+
+
+def efforts(moved: AvoidResult) -> Table:
+    """Energy and delta-v of the direct path and of the way around, beside each other."""
+    direct, path = flight.effort(moved.direct), moved.avoidance.path
+    rows: list[tuple[Any, ...]] = [("direct", *direct)]
+    if path is not None and path is not moved.direct:
+        around = flight.effort(path)
+        pairs = zip(direct, around, strict=True)
+        rows.append(("around", *around))
+        rows.append(("change", *(f"{100 * (b / a - 1):+.3f} %" if a else "-" for a, b in pairs)))
+    return Table("Change made", (Column("path", words=True), *flight.EFFORT), rows)
+
+
+def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
+    """How the way around was found, where it touches zones, and whether it is the best there is."""
+    avoidance = moved.avoidance
+    if not avoidance.ok:
+        return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
+    if not avoidance.contacts:
+        return (f"Method {method}: no change needed, {avoidance.status}",)
+    touched = ", ".join(f"{moved.others[at.obstacle]} at {at.time:.1f} s" for at in avoidance.contacts)
+    sides = "all sides searched" if avoidance.exhausted else "not all sides searched"
+    best = (
+        "proven the global optimum" if avoidance.proven else f"best of {avoidance.tried} ways tried, {sides}"
+    )
+    return (
+        f"Method {method}: touches the zone of {touched}",
+        f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum; {best}",
+    )
+
+
+def figures(method: str, moved: AvoidResult) -> dict[str, Any]:
+    """What a move changed."""
+    avoidance = moved.avoidance
+    return {
+        "craft": moved.craft,
+        "method": method,
+        "ok": avoidance.ok,
+        "status": str(avoidance.status),
+        "reason": avoidance.reason,
+        "extra_energy_m2_s3": avoidance.extra_energy,
+        "proven": avoidance.proven,
+        "exhausted": avoidance.exhausted,
+        "tried": avoidance.tried,
+        "contacts": [
+            {"craft": moved.others[at.obstacle], "time_s": at.time, "position_m": at.position.tolist()}
+            for at in avoidance.contacts
+        ],
+        "direct": record(flight.EFFORT, flight.effort(moved.direct)),
+        "around": record(flight.EFFORT, flight.effort(avoidance.path))
+        if avoidance.path is not None
+        else None,
+    }
+
+
+def pictures(result: Move) -> tuple[Picture, ...]:
+    """The craft that moves and those that share the zone of the one to which it comes closest."""
+    moved, before = result.result, result.before
+    craft, path, around = moved.craft, moved.direct, moved.avoidance.path
+    pairs = [pair for pair in before.approaches if craft in (pair.first, pair.second)]
+    if not pairs:
+        return ()
+    close = min(pairs, key=lambda pair: pair.ratio)
+    other, zone = close.second if craft == close.first else close.first, close.zone
+    obstacle = before.path(other)
+    caption = f"{craft} relative to {other}, before"
+    found = [Picture("distances", caption, "distances", (path, obstacle, zone))]
+    if before.conflicts:
+        caption = f"Two ways of {craft} around {other}"
+        found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone)))
+    if around is not None and around is not path:
+        names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
+        ways = path, around, [before.path(name) for name in names], zone
+        near = f"How near {craft} comes to the zones of the others, before and after"
+        both = f"The path of {craft} before and after"
+        found += [
+            Picture("before-after", both, "before_after", ways, {"names": names}),
+            Picture("nearness", near, "ratios", ways, {"names": names}),
+            Picture("thrust", f"Thrust of {craft}", "thrust", ([path, around], ["before", "after"])),
+        ]
+    return tuple(found)

@@ -1,0 +1,193 @@
+"""The section of a formation that moves together: who flies where, at what cost, and how near the best."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission_result import Mission, ReconfigureResult, StageResult
+from closeform.report import flight
+from closeform.report.section import Picture, Section, heading
+from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
+from closeform.scenario import Regather, Scatter
+
+Moved = StageResult[Any, ReconfigureResult]  # of a Joint stage
+
+MOST_CONTACTS = 6  # on one line; more are counted
+
+
+def section(mission: Mission, result: Moved, reached: str | None = None) -> Section:
+    """Craft that moved to new relative orbits; `reached` says what that has come to."""
+    moved, plan = result.result, result.result.plan
+    direct = result.after is result.before  # all of them
+    title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
+    lines, tables = flight.summed(title, result.before)
+    near = flight.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
+    closing: tuple[str, ...] = ()
+    if not direct:
+        closing, more = flight.summed("Conflicts of the plan", result.after)
+        tables += more
+        near += flight.approaches("Closest approaches of the plan", result.after)
+    burnt = mission.propellant[result.number - 1]
+    who = f"{moved.movers[0]} moves" if len(moved.movers) == 1 else f"{len(moved.movers)} craft move"
+    slots = {name: int(k) + 1 for name, k in zip(moved.movers, plan.slots, strict=True)}
+    return Section(
+        heading(result, who),
+        (*(f"Tried: {measure}" for measure in moved.measures), *lines),
+        (*tables, *costs(result, burnt), *contacts(moved), *near),
+        (*worth(result), *closing, *([reached] if reached and moved.plan.ok else [])),
+        pictures(mission, result),
+        {"plan": figures(result, slots)},
+        flight.files(mission, result, slots),
+    )
+
+
+def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -> Section:
+    """A formation that spread out: how far."""
+    stage, names = result.stage, result.after.names
+    start, end = (result.after.paths.position(time) for time in (result.start, result.end))
+    reached = None
+    if stage.factor is None:
+        point, _ = stage.away
+        far = np.linalg.norm(end - np.array(point), axis=-1)
+        reached = f"Ends at least {far.min():.1f} m from the point ({names[int(far.argmin())]})"
+    elif len(names) > 1:
+        one, other = np.triu_indices(len(names), 1)
+        apart, were = (np.linalg.norm(place[one] - place[other], axis=-1) for place in (end, start))
+        k = int((apart / were).argmin())
+        pair = f"{names[one[k]]} and {names[other[k]]}"
+        reached = f"Every pair ends at least {apart[k] / were[k]:.4g} times as far apart as it began ({pair})"
+    return section(mission, result, reached)
+
+
+def regather(mission: Mission, result: StageResult[Regather, ReconfigureResult]) -> Section:
+    """A formation that is back where it was."""
+    reached = f'Everybody is back on the relative orbit of the start of "{result.stage.as_before}"'
+    return section(mission, result, reached)
+
+
+def costs(result: Moved, burnt: Floats) -> Iterator[Table]:
+    """What every craft flies and what that costs; `burnt` (N,) [kg], nan where not known."""
+    moved, plan = result.result, result.result.plan
+    who = [result.after.names.index(name) for name in moved.movers]
+    paths = result.after.paths[who]
+    energy, direct = (np.append(one.energy, one.energy.sum()) for one in (paths, plan.direct))
+    columns: dict[Column, list[Any]] = {Column("craft", words=True): [*moved.movers, "all"]}
+    if result.stage.assigns:
+        columns[Column("slot", absent="")] = [*(k + 1 for k in plan.slots.tolist()), None]
+    for title, times in (("from [s]", plan.starts), ("to [s]", plan.starts + plan.durations)):
+        if np.ptp(times) > 0.0:
+            columns[Column(title, form="{:.1f}".format, absent="")] = [*times, None]
+    columns[flight.EFFORT[0]] = [*energy]
+    if result.after is not result.before:
+        shares = [one / free - 1.0 if free else None for one, free in zip(energy, direct, strict=True)]
+        columns[Column("extra [%]", form="{:.3f}".format, scale=100.0)] = shares
+    columns[flight.EFFORT[1]] = [*paths.delta_v, paths.delta_v.sum()]
+    peak = Column("peak [mm/s²]", form="{:#.6g}".format, scale=1e3)
+    columns[peak] = [*paths.peak_thrust, paths.peak_thrust.max()]
+    fuel = burnt[who]
+    if np.isfinite(fuel).any():
+        columns[Column("propellant [g]", form="{:.2f}".format, scale=1e3)] = [*fuel, fuel.sum()]
+    rows = list(zip(*columns.values(), strict=True))
+    title = "Paths of the plan" if plan.ok else "Direct paths"
+    if len(who) == 1:
+        rows = rows[:1]  # that is all
+    many = len(who) > MOST_ROWS
+    if many:
+        yield Table(f"{title}, all {len(who)} craft", tuple(columns), rows[-1:])
+    yield Table(title, tuple(columns), rows, folded=many)
+
+
+def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float]]:
+    """The pair and the time [s] of every contact of the plan."""
+    names = moved.names
+    return [((names[at.first], names[at.second]), at.time) for at in moved.plan.touches]
+
+
+def contacts(moved: ReconfigureResult) -> Iterator[Table]:
+    """Where paths of the plan touch zones."""
+    if rows := touching(moved):
+        columns = PAIR, Column("at [s]", form="{:.3f}".format)
+        yield Table("Where the plan touches zones", columns, rows, folded=True)
+
+
+def worth(result: Moved) -> Iterator[str]:
+    """How good the plan is, where craft touch each other's zones, and what the stage has come to."""
+    moved, plan = result.result, result.result.plan
+    how = "jointly" if result.stage.plan == "joint" else "one craft after another"
+    if not plan.ok:
+        yield f"Planned {how}, without success: these are the direct paths"
+        return
+    best = "proven the global optimum" if plan.proven else f"best of {counted(plan.tried, 'way')} tried"
+    if result.after is result.before:
+        yield f"Planned {how}: everybody takes the direct path; {best}"
+        return
+    yield f"Planned {how}: {best}"
+    bound = f"{plan.lower_bound:.6g} m²/s³ of the direct paths"
+    yield f"Energy {100 * plan.gap:.3f} % above the lower bound, {bound}"
+    where = [f"{one} - {other} at {time:.1f} s" for (one, other), time in touching(moved)]
+    if len(where) > MOST_CONTACTS:
+        yield f"Touches zones {len(where)} times, from {where[0]} to {where[-1]}"
+    elif where:
+        yield f"Touches zones: {', '.join(where)}"
+
+
+def figures(result: Moved, slots: dict[str, int]) -> dict[str, Any]:
+    """How a formation moved together."""
+    moved, plan = result.result, result.result.plan
+    efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
+    return {
+        "ok": plan.ok,
+        "status": str(plan.status),
+        "reason": plan.reason,
+        "method": result.stage.plan,
+        "measures": list(moved.measures),
+        "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
+        "asked_s": moved.asked,
+        "energy_m2_s3": plan.energy,
+        "delta_v_m_s": plan.delta_v,
+        "lower_bound_m2_s3": plan.lower_bound,
+        "gap": plan.gap,
+        "proven": plan.proven,
+        "tried": plan.tried,
+        "craft": {
+            name: {
+                "slot": slot,
+                "start_s": start,
+                "end_s": start + duration,
+                "direct": record(flight.EFFORT, flight.effort(result.before.path(name))),
+                "flown": record(flight.EFFORT, flight.effort(plan.paths[k]))
+                if plan.paths is not None
+                else None,
+            }
+            for k, ((name, slot), start, duration) in enumerate(efforts)
+        },
+        "touches": [
+            {
+                "pair": [moved.names[at.first], moved.names[at.second]],
+                "time_s": at.time,
+                "normal": at.normal.tolist(),
+                "force_m_s3": at.force,
+            }
+            for at in plan.touches
+        ],
+    }
+
+
+def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
+    """All paths, and how near the craft come to each other."""
+    direct, flown, zones = result.before.paths, result.after.paths, mission.scenario.zones
+    names = {"names": result.after.names}
+    caption = "All paths, direct and of the plan" if flown is not direct else "The direct paths"
+    found = [Picture("paths", caption, "formation_paths", (direct, flown), names | {"zone": zones})]
+    if result.after.approaches:
+        if result.before.conflicts and flown is not direct:
+            caption = "How near each two craft would come on their direct paths"
+            found.append(Picture("ratios-before", caption, "ratio_matrix", (direct, zones), names))
+        matrix, closest = "How near each two craft come", "The pairs that come closest, against time"
+        found += [
+            Picture("ratios", matrix, "ratio_matrix", (flown, zones), names),
+            Picture("closest-pairs", closest, "closest_pairs", (flown, zones), names),
+        ]
+    return tuple(found)

@@ -1,0 +1,160 @@
+"""The report of a run: a section for each stage, the same for the terminal, the page and the files."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from closeform.mission_result import Mission, StageResult
+from closeform.report import coast, flight, gather, limits, lock, move, page, reconfigure
+from closeform.report.section import Progress, Section, drawn
+from closeform.report.table import counted
+from closeform.result_folder import REPORT, Folder
+from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable
+
+SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
+    Coast: coast.section,
+    Avoid: move.section,
+    Scatter: reconfigure.scatter,
+    Regather: reconfigure.regather,
+    Reconfigure: reconfigure.section,
+    Lock: lock.section,
+    Gather: gather.section,
+}
+SAMPLES = 201  # instants of each craft and stage in paths.parquet
+STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
+THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
+
+
+@dataclass(frozen=True, eq=False)
+class RunReport:
+    """What there is to say of a mission."""
+
+    mission: Mission
+
+    @property
+    def opening(self) -> str:
+        """One line on who flies where."""
+        n, results = self.mission.orbit.mean_motion, self.mission.results
+        where = f"an orbit of {2 * pi / n / 60.0:.2f} min" if n else "deep space"
+        craft = counted(len(self.mission.scenario.craft), "craft", "craft")
+        return f"{craft} in {where}, {results[-1].end if results else 0.0:.1f} s"
+
+    @property
+    def verdict(self) -> str:
+        """The last line: clear, or what remains."""
+        mission = self.mission
+        if mission.stopped is not None:
+            return f"stopped in {mission.stopped}"
+        remaining = sum(len(result.after.conflicts) for result in mission.results)
+        if remaining:
+            return f"{counted(remaining, 'conflict')} remain{'s' * (remaining == 1)}"
+        searched = any(result.stage.searches for result in mission.results)
+        watched = any(result.after.approaches for result in mission.results) or not searched
+        found = ["nobody is lost"] * searched
+        found.append("no conflict remains" if watched else "conflicts were not looked for")
+        return f"clear: {', '.join(found)}"
+
+    @cached_property
+    def sections(self) -> tuple[Section, ...]:
+        """One for each stage flown."""
+        return tuple(section(self.mission, result) for result in self.mission.results)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Every figure printed, in full and in SI units."""
+        mission, scenario = self.mission, self.mission.scenario
+        return {
+            "title": scenario.title,
+            "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
+            "seed": scenario.study.seed if scenario.study is not None and scenario.case is not None else None,
+            "case": scenario.case,
+            "status": 0 if mission.clear else 1,
+            "verdict": self.verdict,
+            "warnings": list(mission.warnings),
+            "mean_motion_rad_s": mission.orbit.mean_motion,
+            "craft": list(scenario.names),
+            "delta_v_m_s": dict(zip(scenario.names, mission.delta_v.sum(axis=0).tolist(), strict=True)),
+            "propellant_kg": dict(zip(scenario.names, mission.propellant.sum(axis=0).tolist(), strict=True)),
+            "stages": [section.figures for section in self.sections],
+        }
+
+    @property
+    def files(self) -> dict[str, dict[str, list[Any]]]:
+        """The tables for Parquet: the rows of every stage below those of the one before."""
+        found: dict[str, dict[str, list[Any]]] = {}
+        for result, told in zip(self.mission.results, self.sections, strict=True):
+            for name, table in told.files.items():
+                columns = {"stage": [result.number] * len(table.rows), **table.stored}
+                below = found.setdefault(name, {key: [] for key in columns})
+                for key, cells in columns.items():
+                    below[key] += cells
+        return found
+
+
+def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
+    """What its subject says of a stage, and what is said of every one."""
+    told = SUBJECTS[type(result.stage)](mission, result)
+    used = limits.figures(mission, result) if result.result is not None else {}
+    closing = limits.lines(mission, result) if result.result is not None else ()
+    return replace(
+        told,
+        closing=told.closing + closing,
+        pictures=tuple(
+            replace(picture, name=f"stage-{result.number}-{picture.name}") for picture in told.pictures
+        ),
+        figures={
+            "number": result.number,
+            "name": result.stage.name,
+            "do": result.stage.verb,
+            "start_s": result.start,
+            "end_s": result.end,
+            "before": flight.figures(result.before),
+            "after": flight.figures(result.after),
+            **told.figures,
+            **used,
+        },
+        files={**flight.files(mission, result), **told.files},
+    )
+
+
+def states(mission: Mission) -> dict[str, Any]:
+    """States and thrusts as flown, at equal steps of every stage, to look at and to plot."""
+    names = np.array(mission.scenario.names)
+    parts: list[dict[str, Any]] = []
+    for result in mission.results:
+        times = np.linspace(result.start, result.end, SAMPLES)
+        paths = result.after.paths
+        parts.append(
+            {
+                "stage": np.full(len(names) * SAMPLES, result.number),
+                "craft": np.repeat(names, SAMPLES),
+                "time_s": np.tile(times, len(names)),
+                **dict(zip(STATE_COLUMNS, paths.state(times).reshape(-1, 6).T, strict=True)),
+                **dict(zip(THRUST_COLUMNS, paths.thrust(times).reshape(-1, 3).T, strict=True)),
+            }
+        )
+    return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+
+
+def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: None) -> None:
+    """Fill a result folder with everything that a run leaves; `progress` is told what is under way."""
+    mission = report.mission
+    folder.text("scenario.toml", mission.scenario.text)
+    progress("writing tables")
+    for name, columns in {**report.files, "paths": states(mission)}.items():
+        folder.table(name, columns)
+    pictures = [picture for told in report.sections for picture in told.pictures]
+    shown = iter(drawn(pictures, folder, progress))
+    folder.summary(report.summary)
+    faint = f"{report.opening}; {Path(mission.scenario.file).name}"
+    parts = page.head(mission.scenario.title, [faint], report.verdict, mission.clear)
+    parts += [page.paragraph(line, "bad") for line in mission.warnings]
+    for told in report.sections:
+        parts += page.section(told, islice(shown, len(told.pictures)))
+    folder.text(REPORT, page.document(mission.scenario.title, parts))

@@ -1,0 +1,114 @@
+"""Of a search: its phases and turns, the sun, the near field."""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import degrees, isinf, pi
+from typing import Any
+
+from closeform.mission_result import StageResult
+from closeform.report import flight
+from closeform.report.table import PHASE, Column, Table, minutes
+from closeform.search.schedule import Search
+
+ROUNDING = 1e-9  # rad
+FROM, TO = (
+    Column(f"{word} [s]", key, "{:.1f}".format) for word, key in (("from", "start_s"), ("to", "end_s"))
+)
+
+
+def turn(about: str, angle: float) -> str:
+    """A turn in words."""
+    return "wait" if about == "none" else f"{degrees(angle):+.3f} deg about the {about}"
+
+
+PHASES = (PHASE, FROM, TO, Column("[min:s]"), Column("sky covered", None, "{:.2f} %".format, 100.0))
+TURNS = (
+    *(PHASE, FROM, TO),
+    Column("turn", None, turn, parts=("about", "angle_rad")),
+    Column("greatest sun angle [deg]", "sun_angle_rad", "{:.3f}".format, 180.0 / pi),
+)
+
+
+@lru_cache(maxsize=4)
+def one_round(search: Search, rounds: int) -> Search:
+    """The first of the rounds of a gathering, which are all alike."""
+    return replace(search, legs=search.legs[: len(search.legs) // rounds])
+
+
+@lru_cache(maxsize=16)  # tables and figures ask for the same
+def covered(search: Search, phase: str | None = None) -> float:
+    """The share of the sky that one cone covers in a phase, or in all; from 0 to 1."""
+    return search.coverage(phase)
+
+
+def facts(search: Search, duration: float) -> Table:
+    """Tips, sun and near field of a search that takes a `duration` [s]."""
+    rate, limit, tip = (degrees(x) for x in (search.slew_rate, search.sun_limit, search.tip_angle))
+    sun = degrees(search.sun_drift) * duration / search.duration
+    kept = "respected" if search.sun_angle <= search.sun_limit + ROUNDING else "not respected"
+    rows = [
+        ("slew rate", f"{rate:g} deg/s"),
+        ("tip angle", f"{tip:.3f} deg"),
+        (f"sun limit, {kept} in every turn", f"{limit:g} deg"),
+        ("greatest angle between body x and the sun line", f"{degrees(search.sun_angle):.3f} deg"),
+        (f"the sun's own motion in {duration:.1f} s at 1 AU", f"{sun:.3f} deg"),
+        ("turn to the start attitude, before the search, at most", f"180 deg, {pi / search.slew_rate:.1f} s"),
+        ("sky covered by one cone", f"{100 * covered(search):.2f} %"),
+    ]
+    if isinf(search.near_field):
+        rows.append(("near field of a craft, where its cone never comes", "no end: tips too small"))
+    elif search.near_field:
+        waits = [leg.end - leg.start for leg in search.legs if leg.about == "none"]
+        rows.append(("near field of a craft, where its cone never comes", f"{search.near_field:.1f} m"))
+        rows += [("waits of the near-field search (NFS)", f"2 x {waits[0]:.1f} s")] if waits else []
+        rows.append(("on the sun line two craft cannot lock within", f"{2.0 * search.near_field:.1f} m"))
+    return Table("Search", (Column("quantity", words=True), Column("value")), rows)
+
+
+def phases(search: Search, rounds: int = 1) -> Table:
+    """The phases of a search with the share of the sky that they cover."""
+    rows = [
+        ((name, number), start, end, f"{minutes(start)} - {minutes(end)}", covered(search, name))
+        for name, number, start, end in search.phases
+    ]
+    return Table(f"Phases of one round, of {rounds} at most" if rounds > 1 else "Phases", PHASES, rows)
+
+
+def turns(search: Search) -> Table:
+    """Every turn of a search."""
+    rows = [
+        ((leg.phase, leg.round), leg.start, leg.end, (leg.about, leg.angle), leg.sun_angle)
+        for leg in search.legs
+    ]
+    return Table("Turns", TURNS, rows, folded=True)
+
+
+def figures(search: Search) -> dict[str, Any]:
+    """A search, of a gathering one round: angles in radians, shares of the sky from 0 to 1."""
+    names = dict.fromkeys(phase for phase, *_ in search.phases)
+    return {
+        "duration_s": search.duration,
+        "slew_rate_rad_s": search.slew_rate,
+        "tip_angle_rad": search.tip_angle,
+        "sun_limit_rad": search.sun_limit,
+        "sun_angle_rad": search.sun_angle,
+        "sun_drift_rad": search.sun_drift,
+        "longest_alignment_s": pi / search.slew_rate,
+        "near_field_m": search.near_field,
+        "near_field_of_pair_m": 2.0 * search.near_field,
+        "coverage": {name or "all": covered(search, name) for name in (*names, None)},
+        "phases": phases(search).records,
+        "legs": turns(search).records,
+    }
+
+
+def since(result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """From when times count, where that is not plain."""
+    return (f"Times count from the start of the search, at {result.start:.1f} s",) if result.start else ()
+
+
+def conflicts(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """Conflicts during a search, which may go without keep-out zones; times of the mission."""
+    if not result.after.approaches:
+        return ("Conflicts: not looked for, no craft has a keep_out",), ()
+    return flight.conflicts("Conflicts", result.after)

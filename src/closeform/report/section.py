@@ -1,0 +1,80 @@
+"""Section: all that a report has to say of one stage, for the terminal, the page and the files."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from closeform.mission_result import StageResult
+from closeform.report.table import Table
+from closeform.result_folder import Folder
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture to be drawn: `plot` names the function of `closeform.plots` that gets the `arguments`."""
+
+    name: str
+    caption: str
+    plot: str
+    arguments: tuple[Any, ...]
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def leave(self, folder: Folder, progress: Progress) -> Path:
+        """Draw it into a folder."""
+        from closeform import plots
+
+        return folder.picture(self.name, getattr(plots, self.plot)(*self.arguments, **self.options))
+
+
+@dataclass(frozen=True)
+class Film(Picture):
+    """A picture that moves; its function writes the file itself."""
+
+    def leave(self, folder: Folder, progress: Progress) -> Path:
+        from closeform import plots
+
+        def told(done: int, frames: int) -> None:
+            progress(f"animation: picture {done} of {frames}")
+
+        file = folder.path / f"{self.name}.gif"
+        getattr(plots, self.plot)(*self.arguments, file, progress=told, **self.options)
+        return file
+
+
+def drawn(pictures: Sequence[Picture], folder: Folder, progress: Progress) -> list[tuple[Path, str]]:
+    """All pictures as files in a folder, each with its caption."""
+    found = []
+    for k, picture in enumerate(pictures, 1):
+        progress(f"picture {k} of {len(pictures)}")
+        found.append((picture.leave(folder, progress), picture.caption))
+    return found
+
+
+@dataclass(frozen=True)
+class Section:
+    """A stage: `lines`, the `tables` that are shown, `closing` lines and `pictures`.
+
+    `figures` go into `summary.json`; the rows of `files` into the Parquet file of that name, below
+    those of other stages.
+    """
+
+    title: str
+    lines: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    closing: tuple[str, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, Table] = field(default_factory=dict)
+
+
+def heading(result: StageResult[Any, Any], who: str = "") -> str:
+    """The title of a stage; `who` moves."""
+    named = f' "{result.stage.name}"' if result.stage.name else ""
+    moving = f", {who}" if who else ""
+    return (
+        f"Stage {result.number}{named}: {result.stage.verb}{moving}, "
+        f"{result.start:.1f} s to {result.end:.1f} s"
+    )
