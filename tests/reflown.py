@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 import closeform as cf
 from bridge import hill
+from closeform.zones.shapes import CUBE
 
 MILLIMETRE = 1e-3  # at the end; a velocity may be off by as much over the craft's duration
 RATIO = 1e-6  # of the zone, and of a least ratio; planned is 1e-9 outside, so this is the integrator's
@@ -128,7 +129,7 @@ class Pairs:
         self.pairs = np.array([pair for pair, zone in between.items() if zone], dtype=int).reshape(-1, 2)
         self.zones = [between[tuple(pair)] for pair in self.pairs]
         self.matrices = np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3)
-        self.boxes = np.array([zone.box for zone in self.zones], dtype=bool)
+        self.boxes = np.array([zone.shape == CUBE for zone in self.zones], dtype=bool)
 
     def places(self, body, times):
         """Positions (..., 3), far away where an obstacle's path has not begun or is over."""
@@ -381,7 +382,7 @@ def touch_faults(plan, pairs):
             said.append(f"touch of {i} and {j}: normal {touch.normal}, force {touch.force}")
         if not touch.normal @ gap > 0:
             said.append(f"touch of {i} and {j} pulls")
-        if not min(abs(ratio - size) for size in PLANNED) < (ROUNDED if zone.box else TOUCHING):
+        if not min(abs(ratio - size) for size in PLANNED) < (ROUNDED if zone.shape == CUBE else TOUCHING):
             said.append(f"touch of {i} and {j} at {ratio!r} x zone")
     if [touch.time for touch in plan.touches] != sorted(touch.time for touch in plan.touches):
         said.append("touches out of order")

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from bridge import Hindrance, cheapest, hill, least
 from closeform.planning.avoid import Status
+from closeform.zones.shapes import CUBE
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from cases import MEAN_MOTION, ZONE, passages
@@ -123,7 +124,7 @@ def case(request):
 def ratio(path, obstacle, zone, samples=3001):
     """Least norm over the common time by sampling and refinement; the norm is written out here."""
     start, end = max(path.start, obstacle.start), min(path.end, obstacle.end)
-    one = Hindrance(None, zone.matrix, zone.box)
+    one = Hindrance(None, zone.matrix, zone.shape == CUBE)
     return least(lambda t: one.norms(path.position(t) - obstacle.position(t)), start, end, samples)
 
 
@@ -136,7 +137,7 @@ def hindrances(path, obstacles, zones):
             apart = path.position(times) - obstacle.position(np.clip(times, obstacle.start, obstacle.end))
             return np.where(there[:, None], apart, 1e6 * np.max(SIZES))
 
-        found.append(Hindrance(gap, zone.matrix, zone.box))
+        found.append(Hindrance(gap, zone.matrix, zone.shape == CUBE))
     return found
 
 
@@ -193,11 +194,11 @@ def test_contacts_touch_and_push_outward(case):
         assert obstacle.start <= contact.time <= obstacle.end
         np.testing.assert_allclose(contact.position, found.path.position(contact.time), atol=1e-9)
         gap = contact.position - obstacle.position(contact.time)
-        assert zone.norm(gap) == pytest.approx(1, abs=ROUNDED if zone.box else 1e-8)
+        assert zone.norm(gap) == pytest.approx(1, abs=ROUNDED if zone.shape == CUBE else 1e-8)
         assert np.linalg.norm(contact.normal) == pytest.approx(1, abs=1e-12)
         assert contact.force > 0
         assert contact.normal @ gap > 0
-        if not zone.box:
+        if zone.shape != CUBE:
             outward = zone.matrix.T @ zone.matrix @ gap
             np.testing.assert_allclose(contact.normal, outward / np.linalg.norm(outward), atol=1e-7)
     assert len(found.contacts) >= 2 or name != "slow passage"
@@ -258,7 +259,7 @@ def test_no_small_change_is_cheaper_and_clear(case):
             if all(cf.find_conflicts(near, o, z) == () for o, z in zip(obstacles, zones, strict=True)):
                 clear += 1
                 # planned 1e-9 outside: so much may be gained; more where a box's edge is rounded
-                gain = BOX_LOSS if any(zone.box for zone in zones) else 1e-7
+                gain = BOX_LOSS if any(zone.shape == CUBE for zone in zones) else 1e-7
                 assert near.energy >= found.energy - gain * found.extra_energy - 1e-12 * found.energy
     assert clear > 5
 

@@ -8,6 +8,7 @@ from numpy.linalg import norm
 from scipy.spatial.transform import Rotation
 
 import closeform as cf
+from closeform.zones.shapes import CUBE
 
 SEARCH = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), np.radians(0.25), np.radians(25.0))
 TILTED = Rotation.from_euler("zyx", [40.0, 25.0, -60.0], degrees=True).as_matrix()
@@ -28,7 +29,7 @@ def hits(zone, r, v):
     """Whether r + v t ever enters the zone for t > 0; v (K, 3)."""
     r, v = zone.matrix @ r, v @ zone.matrix.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        if zone.box:
+        if zone.shape == CUBE:
             faces = np.stack([(-1.0 - r) / v, (1.0 - r) / v])
             begin, end = faces.min(axis=0).max(axis=1), faces.max(axis=0).min(axis=1)
             return (begin < end) & (end > 0.0)

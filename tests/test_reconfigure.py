@@ -12,6 +12,7 @@ import closeform as cf
 from bridge import Hindrance, bridge, hill, settle
 from closeform.planning.avoid import Status
 from closeform.planning.plan import Plan
+from closeform.zones.shapes import CUBE
 from reflown import faults, fly
 
 N = 1.1e-3
@@ -336,7 +337,7 @@ def brute_force(task, plan, sides, seed=0):
         for j in range(i):
             signs = np.zeros(count)
             signs[i], signs[j] = 1, -1
-            hindrances.append(Hindrance(None, zone.matrix, zone.box))
+            hindrances.append(Hindrance(None, zone.matrix, zone.shape == CUBE))
             gaps.append(places[i] - places[j])
             spans.append(np.einsum("tam,k->takm", own, signs).reshape(len(times), 3, -1))
     moved = (plan.paths.position(times) - places).reshape(count, -1)
@@ -389,10 +390,10 @@ def changed(task, how):
         initial, final = initial + natural, final + orbit.transition(duration) @ natural
     elif how == "upside down":
         flip = np.array([1, 1, -1, 1, 1, -1])
-        initial, final, zone = initial * flip, final * flip, cf.Zone(zone.matrix * flip[:3], zone.box)
+        initial, final, zone = initial * flip, final * flip, cf.Zone(zone.shape, zone.matrix * flip[:3])
     elif how == "backwards":
         initial, final = final * BACKWARDS, initial * BACKWARDS
-        zone = cf.Zone(zone.matrix * BACKWARDS[:3], zone.box)
+        zone = cf.Zone(zone.shape, zone.matrix * BACKWARDS[:3])
     changes = {"orbit": orbit, "initial": initial, "final": final, "duration": duration, "zone": zone}
     return changes, factor
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import closeform as cf
+from closeform.zones.shapes import CUBE
 from formations import LOW_ORBIT, Task, cases, conflicting_cases, reconfiguration, swap
 from peers import joint_convex
 from peers.motion import Array
@@ -166,7 +167,9 @@ def names_pair(plan: Any, task: Task) -> bool:
 
 def programmed(task: Task, **how: Any) -> joint_convex.Formed | None:
     n, zone = task.orbit.mean_motion, task.zone
-    return joint_convex.solve(task.initial, task.final, task.duration, n, zone.matrix, zone.box, **how)
+    return joint_convex.solve(
+        task.initial, task.final, task.duration, n, zone.matrix, zone.shape == CUBE, **how
+    )
 
 
 def nodes_of(task: Task, outcome: Outcome, nodes: int) -> Array:

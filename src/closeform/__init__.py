@@ -7,7 +7,7 @@ from typing import Any
 _NAMES = {
     "motion.orbit": "Orbit",
     "motion.path": "Path join stack",
-    "zones.zone": "Zone Box Ellipsoid Sphere",
+    "zones.zone": "Zone Box Ellipsoid Sphere Cylinder HalfSpaces",
     "conflicts.two_paths": (
         "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"
     ),

@@ -79,4 +79,11 @@ from closeform.search.theorem import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
-from closeform.zones.zone import Box as Box, Ellipsoid as Ellipsoid, Sphere as Sphere, Zone as Zone
+from closeform.zones.zone import (
+    Box as Box,
+    Cylinder as Cylinder,
+    Ellipsoid as Ellipsoid,
+    HalfSpaces as HalfSpaces,
+    Sphere as Sphere,
+    Zone as Zone,
+)

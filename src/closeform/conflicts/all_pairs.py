@@ -83,8 +83,7 @@ def search_pairs(
             first,
             second,
             before,
-            zone.box,
-            zone.matrix,
+            zone.form,
             rows,
             done,
         )

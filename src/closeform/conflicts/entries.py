@@ -3,22 +3,32 @@
 from math import inf, nan, sqrt
 
 import numpy as np
-from numba import bool_, float64, int64, void
+from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform.compiled import borrowed, kernel
 from closeform.motion.arc import END, START
 from closeform.motion.extrema import minimum_norm
 from closeform.motion.march import (
     LESS_PATIENCE,
     PATIENCE,
     bounds,
-    inside_step,
     locate,
-    norm,
-    outside_step,
     relative_state,
     taylor_step,
     window,
+)
+from closeform.zones.shapes import (
+    BALL,
+    CUBE,
+    CYLINDER,
+    FACES,
+    FORM,
+    inside_flat,
+    inside_step,
+    norm,
+    outside_step,
+    rank,
+    support,
 )
 
 # A norm within 1e-12 of 1 is on the surface.  Outside ends at ENTERED, inside only at LEFT, so
@@ -29,29 +39,33 @@ COLUMNS = 5  # of a row of conflicts: pair, start, end, time, ratio
 
 
 @kernel()
-def cross(box, q, order, n, t, stop, inside, patience):
+def cross(shape, faces, q, order, n, t, stop, inside, patience):
     """March through a window until the norm changes sides: (time reached, whether it did)."""
     ax, ay, az, a, speed = bounds(q, order, n, stop)
-    if not box and patience == LESS_PATIENCE and t == 0.0:
-        t = taylor_step(q, order, n, stop, EXIT_AIM if inside else ENTRY_AIM, inside)
+    axes = rank(shape, 0)
+    if axes > 1 and patience == LESS_PATIENCE and t == 0.0:
+        t = taylor_step(axes, q, order, n, stop, EXIT_AIM if inside else ENTRY_AIM, inside)
+        if inside and shape == CYLINDER:  # nor does it leave by an end
+            t = min(t, inside_flat(q[0, 2], q[1, 2], az, EXIT_AIM))
     for _ in range(patience):
         x, y, z, vx, vy, vz = relative_state(q, order, n, t)
-        s = norm(box, x, y, z)
+        s = norm(shape, faces, x, y, z)
         if (inside and s > LEFT) or (not inside and s <= ENTERED):
             return t, True
         if t >= stop:
             return stop, False
         if inside:
-            h = inside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
+            h = inside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
         else:
-            h = outside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, ENTRY_AIM)
+            h = outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, ENTRY_AIM)
         t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
 
 
 @kernel()
-def closest(arcs, i, i_end, others, j, j_end, start, end, box, matrix, q):
+def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
     """Least norm over [start, end] and its time, between one path's arcs and another's."""
+    shape, matrix, faces = form
     best, best_time = inf, nan
     i = locate(arcs, i, i_end, start)
     j = locate(others, j, j_end, start)
@@ -63,7 +77,7 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, box, matrix, q):
         while j + 1 < j_end and others[j, END] <= t:
             j += 1
         order, n, stop = window(arcs, i, others, j, t, end, matrix, q)
-        least, when, reached = minimum_norm(box, q, order, n, 0.0, stop - t, patience, best, nan)
+        least, when, reached = minimum_norm(shape, faces, q, order, n, 0.0, stop - t, patience, best, nan)
         if least < best:
             best, best_time = least, t + when
         if reached < stop - t:
@@ -71,13 +85,13 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, box, matrix, q):
             t += reached
         else:
             t = stop
-        if t >= end or best == 0.0:
+        if t >= end or (best == 0.0 and shape != FACES):
             return best, best_time
 
 
 @kernel()
-def apart_along(q, n, h, wx, wy, wz, reach):
-    """Whether natural motion stays beyond +-reach along the direction w all over [0, h].
+def apart_along(q, n, h, wx, wy, wz, reach, either):
+    """Whether natural motion stays beyond reach along the direction w, or `either` way, all over [0, h].
 
     Along any direction it is centre + drift t + an oscillation.
     """
@@ -88,7 +102,7 @@ def apart_along(q, n, h, wx, wy, wz, reach):
     sine = (wx * q[3, 0] + wy * q[3, 1] + wz * q[3, 2]) * square
     first = place + cosine
     last = first + (speed + sine) * h
-    least = min(first, last) if first > 0.0 else -max(first, last)
+    least = -max(first, last) if either and first < 0.0 else min(first, last)
     clear = least - reach * (1.0 + 1e-9)
     return clear > 0.0 and clear * clear > (cosine * cosine + sine * sine * square) * (1.0 + 1e-9)
 
@@ -118,31 +132,38 @@ def ring_clearance(q, n, h):
 
 
 @kernel()
-def stays_apart(box, q, n, h):
+def stays_apart(shape, faces, q, n, h):
     """Whether natural motion keeps two craft apart all over [0, h], by bounds in closed form.
 
     As a drifting ellipse; along each of the zone's axes (SP11's radial test and last time of
-    contact, SP11 eq. 15, theory 6, for any zone); and across the plane of the ellipse.
+    contact, SP11 eq. 15, theory 6, for any zone); and across the plane of the ellipse.  Of
+    half-spaces along each normal.
     """
     if n * h < 1e-3:  # centre and oscillation cancel, and nothing is gained
         return False
-    if ring_clearance(q, n, h) > (1.7320509 if box else 1.0) * (1.0 + 1e-9):
+    if shape == FACES:
+        for k in range(len(faces)):
+            if apart_along(q, n, h, faces[k, 0], faces[k, 1], faces[k, 2], 1.0, False):
+                return True
+        return False
+    farthest = 1.0 if shape == BALL else (1.7320509 if shape == CUBE else 1.4142136)
+    if ring_clearance(q, n, h) > farthest * (1.0 + 1e-9):
         return True
     wx = q[2, 1] * q[3, 2] - q[2, 2] * q[3, 1]
     wy = q[2, 2] * q[3, 0] - q[2, 0] * q[3, 2]
     wz = q[2, 0] * q[3, 1] - q[2, 1] * q[3, 0]
-    reach = abs(wx) + abs(wy) + abs(wz) if box else sqrt(wx * wx + wy * wy + wz * wz)
     return (
-        apart_along(q, n, h, wx, wy, wz, reach)
-        or apart_along(q, n, h, 1.0, 0.0, 0.0, 1.0)
-        or apart_along(q, n, h, 0.0, 1.0, 0.0, 1.0)
-        or apart_along(q, n, h, 0.0, 0.0, 1.0, 1.0)
+        apart_along(q, n, h, wx, wy, wz, support(shape, wx, wy, wz), True)
+        or apart_along(q, n, h, 1.0, 0.0, 0.0, 1.0, True)
+        or apart_along(q, n, h, 0.0, 1.0, 0.0, 1.0, True)
+        or apart_along(q, n, h, 0.0, 0.0, 1.0, 1.0, True)
     )
 
 
 @kernel()
-def pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows, count):
+def pair_conflicts(arcs, i, i_end, others, j, j_end, form, q, pair, rows, count):
     """Append the conflicts of one pair to `rows`; the new count, beyond len(rows) if they do not fit."""
+    shape, matrix, faces = form
     start = max(arcs[i, START], others[j, START])
     end = min(arcs[i_end - 1, END], others[j_end - 1, END])
     if not start <= end:
@@ -159,11 +180,12 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows,
         while j + 1 < j_end and others[j, END] <= t:
             j += 1
         order, n, stop = window(arcs, i, others, j, t, end, matrix, q)
-        if order == 4 and n > 0.0 and not inside and stop == end and stays_apart(box, q, n, stop - t):
+        whole = order == 4 and n > 0.0 and not inside and stop == end
+        if whole and stays_apart(shape, faces, q, n, stop - t):
             return count
         local = 0.0
         while True:
-            local, crossed = cross(box, q, order, n, local, stop - t, inside, patience)
+            local, crossed = cross(shape, faces, q, order, n, local, stop - t, inside, patience)
             if not crossed:
                 break
             inside = not inside
@@ -196,28 +218,29 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows,
         int64[::1],
         int64[::1],
         int64,
-        bool_,
-        float64[:, ::1],
+        FORM,
         float64[:, ::1],
         int64[::1],
     )
 )
-def conflicts_of_pairs(arcs, offsets, others, other_offsets, first, second, pair, box, matrix, rows, done):
+def conflicts_of_pairs(arcs, offsets, others, other_offsets, first, second, pair, form, rows, done):
     """Conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit in `rows`.
 
     Returns how many rows were filled; `done` gets the pair to go on with.
     """
+    arcs, others, rows = borrowed(arcs), borrowed(others), borrowed(rows)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
     q = np.empty((8, 3))
     count = 0
     while pair < len(first):
         i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
         j, j_end = other_offsets[second[pair]], other_offsets[second[pair] + 1]
-        total = pair_conflicts(arcs, i, i_end, others, j, j_end, box, matrix, q, pair, rows, count)
+        total = pair_conflicts(arcs, i, i_end, others, j, j_end, form, q, pair, rows, count)
         if total > len(rows):
             done[1] = total - count
             break
         for k in range(count, total):
-            ratio, when = closest(arcs, i, i_end, others, j, j_end, rows[k, 1], rows[k, 2], box, matrix, q)
+            ratio, when = closest(arcs, i, i_end, others, j, j_end, rows[k, 1], rows[k, 2], form, q)
             rows[k, 3], rows[k, 4] = when, ratio
         count = total
         pair += 1
@@ -233,13 +256,14 @@ def conflicts_of_pairs(arcs, offsets, others, other_offsets, first, second, pair
         int64[::1],
         int64[::1],
         int64[::1],
-        bool_,
-        float64[:, ::1],
+        FORM,
         float64[:, ::1],
     )
 )
-def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, box, matrix, out):
+def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, form, out):
     """Time and least norm of every pair over its common time."""
+    arcs, others = borrowed(arcs), borrowed(others)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
     q = np.empty((8, 3))
     for pair in range(len(first)):
         i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
@@ -248,5 +272,5 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, box
         end = min(arcs[i_end - 1, END], others[j_end - 1, END])
         out[pair, 0], out[pair, 1] = nan, inf
         if start <= end:
-            ratio, when = closest(arcs, i, i_end, others, j, j_end, start, end, box, matrix, q)
+            ratio, when = closest(arcs, i, i_end, others, j, j_end, start, end, form, q)
             out[pair, 0], out[pair, 1] = when, ratio

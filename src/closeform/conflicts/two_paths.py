@@ -90,8 +90,7 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
             one,
             one,
             0,
-            zone.box,
-            zone.matrix,
+            zone.form,
             rows,
             done,
         )
@@ -111,9 +110,7 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     first = _index(path, shape)
     second = _index(other, shape)
     out = np.empty((len(first), 2))
-    approaches_of_pairs(
-        path.arcs, path.offsets, other.arcs, other.offsets, first, second, zone.box, zone.matrix, out
-    )
+    approaches_of_pairs(path.arcs, path.offsets, other.arcs, other.offsets, first, second, zone.form, out)
     time, ratio = out[:, 0].reshape(shape), out[:, 1].reshape(shape)
     distance = np.full(len(first), inf)
     met = np.isfinite(out[:, 0])

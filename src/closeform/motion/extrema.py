@@ -8,13 +8,10 @@ from closeform.motion.march import (
     LESS_PATIENCE,
     PATIENCE,
     bounds,
-    inside_step,
-    norm,
-    outside_step,
-    rate,
     relative_state,
     taylor_step,
 )
+from closeform.zones.shapes import BALL, FACES, inside_step, norm, outside_step, part, rank, rate
 
 # Extrema are certain to these fractions of themselves; a least norm below NIL counts as 0.
 PRECISION, PEAK_PRECISION = 1e-11, 1e-9
@@ -23,25 +20,25 @@ TURN_ANGLE = 0.3  # in n t: a local extremum is looked for in steps no longer th
 
 
 @kernel()
-def slope(box, q, order, n, t):
+def slope(shape, faces, q, order, n, t):
     x, y, z, vx, vy, vz = relative_state(q, order, n, t)
-    return rate(box, x, y, z, vx, vy, vz)
+    return rate(shape, faces, x, y, z, vx, vy, vz)
 
 
 @kernel()
-def next_extremum(box, q, order, n, t, stop, sign):
+def next_extremum(shape, faces, q, order, n, t, stop, sign):
     """Next time at which sign * rate turns from positive to negative: a local extremum."""
-    high = sign * slope(box, q, order, n, t)
+    high = sign * slope(shape, faces, q, order, n, t)
     longest = (stop - t) / 16.0 if n == 0.0 else min((stop - t) / 16.0, TURN_ANGLE / n)
     longest = max(longest, 1e-15 * stop)  # a step that time can resolve
     x, y, z, _, _, _ = relative_state(q, order, n, t)
-    step = min(longest, 0.25 * norm(box, x, y, z) / abs(high))  # a fly-by is this fast
+    step = min(longest, 0.25 * abs(norm(shape, faces, x, y, z)) / abs(high))  # a fly-by is this fast
     before = t
     after = t
     step = max(step, 1e-15 * stop)
     while after < stop:
         after = min(after + step, stop)
-        low = sign * slope(box, q, order, n, after)
+        low = sign * slope(shape, faces, q, order, n, after)
         if low <= 0.0:
             break
         before = after
@@ -49,18 +46,18 @@ def next_extremum(box, q, order, n, t, stop, sign):
         step = min(1.5 * step, longest)
     else:
         return stop
-    fine = 4e-16 if box else 1e-12  # a smooth extremum is flat
+    fine = 1e-12 if shape == BALL else 4e-16  # a smooth extremum is flat
     for k in range(200):
         width = after - before
         if width <= fine * (abs(after) + width):
             break
-        # regula falsi (Illinois), at times the middle: rates jump where a box has its kinks
+        # regula falsi (Illinois), at times the middle: rates jump at kinks
         middle = before + 0.5 * width
         if k % 4 != 3 and high - low > 0.0:
             guess = before + width * high / (high - low)
             if before < guess < after:
                 middle = guess
-        here = sign * slope(box, q, order, n, middle)
+        here = sign * slope(shape, faces, q, order, n, middle)
         if here > 0.0:
             before, high = middle, here
             low *= 0.5
@@ -73,15 +70,15 @@ def next_extremum(box, q, order, n, t, stop, sign):
 
 
 @kernel()
-def local_extremum(box, q, order, n, t, stop, s, sign):
+def local_extremum(shape, faces, q, order, n, t, stop, s, sign):
     """A local minimum (sign -1) or maximum (1) that is reached from norm s at t: its time and norm.
 
     A turn further off may lie on the wrong side of s, beyond another: then look nearer by.
     """
     for _ in range(60):
-        there = next_extremum(box, q, order, n, t, stop, sign)
+        there = next_extremum(shape, faces, q, order, n, t, stop, sign)
         x, y, z, _, _, _ = relative_state(q, order, n, there)
-        found = norm(box, x, y, z)
+        found = norm(shape, faces, x, y, z)
         if sign * (found - s) > 0.0:
             return there, found
         stop = t + 0.25 * (there - t)
@@ -105,34 +102,39 @@ def single_dip(q, order, n, stop, a):
 
 
 @kernel()
-def minimum_norm(box, q, order, n, t, stop, patience, best, best_time):
+def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
     """Least norm over [t, stop] of the window's own time, if below `best`.
 
     Returns it, its time, and the time reached: short of `stop` where the march stalls.
     """
     ax, ay, az, a, _ = bounds(q, order, n, stop)
-    if not box and t == 0.0 and single_dip(q, order, n, stop, a):
-        when = next_extremum(box, q, order, n, 0.0, stop, -1.0) if slope(box, q, order, n, 0.0) < 0.0 else 0.0
+    if shape == BALL and t == 0.0 and single_dip(q, order, n, stop, a):
+        falls = slope(shape, faces, q, order, n, 0.0) < 0.0
+        when = next_extremum(shape, faces, q, order, n, 0.0, stop, -1.0) if falls else 0.0
         x, y, z, _, _, _ = relative_state(q, order, n, when)
-        s = norm(box, x, y, z)
+        s = norm(shape, faces, x, y, z)
         return min(s, best), when if s < best else best_time, stop
-    if not box and patience == LESS_PATIENCE:
+    axes = rank(shape, 0)
+    if axes > 1 and patience == LESS_PATIENCE:
         aim = best * (1.0 - PRECISION)
-        if t == 0.0 and norm(box, q[0, 0], q[0, 1], q[0, 2]) > aim > 0.0:
-            t = taylor_step(q, order, n, stop, aim, False)
+        if t == 0.0 and part(shape, faces, 0, q[0, 0], q[0, 1], q[0, 2])[0] > aim > 0.0:
+            t = taylor_step(axes, q, order, n, stop, aim, False)
     for _ in range(patience):
         x, y, z, vx, vy, vz = relative_state(q, order, n, t)
-        s = norm(box, x, y, z)
+        s = norm(shape, faces, x, y, z)
         if s < best:
             best = s
             best_time = t
-            if s > NIL and rate(box, x, y, z, vx, vy, vz) < 0.0:
-                best_time, best = local_extremum(box, q, order, n, t, stop, s, -1.0)
+            if (s > NIL or shape == FACES) and rate(shape, faces, x, y, z, vx, vy, vz) < 0.0:
+                best_time, best = local_extremum(shape, faces, q, order, n, t, stop, s, -1.0)
+        aim = best * (1.0 - PRECISION)
         if best <= NIL:
-            return 0.0, best_time, stop
+            if shape != FACES:
+                return 0.0, best_time, stop
+            aim = best * (1.0 + PRECISION) - NIL  # behind half-spaces norms go on falling
         if t >= stop:
             return best, best_time, stop
-        h = outside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, best * (1.0 - PRECISION))
+        h = outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, aim)
         t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
     return best, best_time, t
 
@@ -154,10 +156,10 @@ def advance(q, n, t):
 @kernel()
 def maximum_norm(q, n, stop):
     """Greatest Euclidean norm over [0, stop] of an arc of order 4; spoils `q`."""
-    best = 0.0
+    best, faces = 0.0, q[:0]
     for k in range(9):  # a norm to start from, even where it vanishes at both ends
         x, y, z, _, _, _ = relative_state(q, 4, n, stop * (0.125 * k) ** 1.1)
-        best = max(best, norm(False, x, y, z))
+        best = max(best, norm(BALL, faces, x, y, z))
     patience = PATIENCE
     t = 0.0
     while best > 0.0:
@@ -166,7 +168,7 @@ def maximum_norm(q, n, stop):
             break
         advance(q, n, t)
         stop -= t
-        t = taylor_step(q, 4, n, stop, best * (1.0 + PEAK_PRECISION), True)
+        t = taylor_step(3, q, 4, n, stop, best * (1.0 + PEAK_PRECISION), True)
         patience = LESS_PATIENCE
     return best
 
@@ -177,13 +179,13 @@ def march_maximum(q, n, t, stop, patience, best):
     ax, ay, az, a, speed = bounds(q, 4, n, stop)
     for _ in range(patience):
         x, y, z, vx, vy, vz = relative_state(q, 4, n, t)
-        s = norm(False, x, y, z)
+        s = norm(BALL, q[:0], x, y, z)
         if s > best:
             best = s
-            if rate(False, x, y, z, vx, vy, vz) > 0.0:
-                _, best = local_extremum(False, q, 4, n, t, stop, s, 1.0)
+            if rate(BALL, q[:0], x, y, z, vx, vy, vz) > 0.0:
+                _, best = local_extremum(BALL, q[:0], q, 4, n, t, stop, s, 1.0)
         if t >= stop:
             break
-        h = inside_step(False, x, y, z, vx, vy, vz, ax, ay, az, a, speed, best * (1.0 + PEAK_PRECISION))
+        h = inside_step(BALL, q[:0], x, y, z, vx, vy, vz, ax, ay, az, a, speed, best * (1.0 + PEAK_PRECISION))
         t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
     return t, best

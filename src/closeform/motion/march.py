@@ -4,16 +4,16 @@ A norm s is convex, so from s(t) outside a zone, with rate D and an acceleration
 
     s(t + h) >= s(t) + D h - A h^2 / 2                                          # theory (10)
 
-and nothing happens before the right side falls to the target.  From inside, each face of a
-box and the square of an ellipsoid's norm are smooth, and the same bound serves upside down.
-Both converge like Newton's method at a crossing.  Where they stall (a norm that is almost
-constant, as between two craft on one circular relative orbit), a Taylor model takes over.
+and nothing happens before the right side falls to the target.  From inside, each flat part of
+a norm and the square of a round one are smooth, and the same bound serves upside down (see
+`zones.shapes`).  Both converge like Newton's method at a crossing.  Where they stall (a norm that
+is almost constant, as between two craft on one circular relative orbit), a Taylor model takes over.
 
 Everything here is in zone coordinates: positions divided by the zone's half-axes, `q` the
 derivatives (8, 3) of the relative position at the start of a window (see `arc`).
 """
 
-from math import inf, sqrt
+from math import sqrt
 
 from closeform.compiled import kernel
 from closeform.motion.arc import (
@@ -157,76 +157,8 @@ def bounds(q, order, n, h):
 
 
 @kernel()
-def norm(box, x, y, z):
-    return max(abs(x), abs(y), abs(z)) if box else sqrt(x * x + y * y + z * z)
-
-
-@kernel()
-def rate(box, x, y, z, vx, vy, vz):
-    """Rate of the norm, to the right where it has a kink."""
-    if box:
-        s = norm(box, x, y, z)
-        steepest = -inf
-        if abs(x) == s:
-            steepest = abs(vx) if x == 0.0 else (vx if x > 0.0 else -vx)
-        if abs(y) == s:
-            steepest = max(steepest, abs(vy) if y == 0.0 else (vy if y > 0.0 else -vy))
-        if abs(z) == s:
-            steepest = max(steepest, abs(vz) if z == 0.0 else (vz if z > 0.0 else -vz))
-        return steepest
-    s = sqrt(x * x + y * y + z * z)
-    return (x * vx + y * vy + z * vz) / s if s > 0.0 else sqrt(vx * vx + vy * vy + vz * vz)
-
-
-@kernel()
-def time_to_level(gap, rate, curvature):
-    """First h > 0 with gap + rate h - curvature h^2 / 2 = 0, without cancellation."""
-    root = sqrt(rate * rate + 2.0 * curvature * gap)
-    if rate < 0.0:
-        return 2.0 * gap / (root - rate)
-    return (rate + root) / curvature if curvature > 0.0 else inf
-
-
-@kernel()
-def time_to_face(x, v, a, target):
-    """How long |x| certainly stays above the target; 0 where it is not above."""
-    if x > target:
-        return time_to_level(x - target, v, a)
-    if -x > target:
-        return time_to_level(-x - target, -v, a)
-    return 0.0
-
-
-@kernel()
-def outside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, target):
-    """How long the norm certainly stays above the target."""
-    if box:
-        return max(
-            time_to_face(x, vx, ax, target), time_to_face(y, vy, ay, target), time_to_face(z, vz, az, target)
-        )
-    s = sqrt(x * x + y * y + z * z)
-    return time_to_level(s - target, (x * vx + y * vy + z * vz) / s, a)
-
-
-@kernel()
-def leave_side(x, v, a, target):
-    return min(time_to_level(target - x, -v, a), time_to_level(target + x, v, a))
-
-
-@kernel()
-def inside_step(box, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
-    """How long the norm certainly stays below the target."""
-    if box:
-        return min(
-            leave_side(x, vx, ax, target), leave_side(y, vy, ay, target), leave_side(z, vz, az, target)
-        )
-    gap = target * target - (x * x + y * y + z * z)
-    return time_to_level(gap, -2.0 * (x * vx + y * vy + z * vz), 2.0 * (speed * speed + target * a))
-
-
-@kernel()
-def taylor_step(q, order, n, longest, target, inside):
-    """How long from the window's start an ellipsoid's norm certainly stays on its side."""
+def taylor_step(axes, q, order, n, longest, target, inside):
+    """How long from the window's start a part round over the leading `axes` certainly stays on its side."""
     c = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)
     factorial = 1.0
     d = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)
@@ -251,7 +183,8 @@ def taylor_step(q, order, n, longest, target, inside):
     f = [0.0] * (TAYLOR_DEGREE + 1)
     for k in range(TAYLOR_DEGREE + 1):
         for i in range(k + 1):
-            f[k] += sign * (c[i][0] * c[k - i][0] + c[i][1] * c[k - i][1] + c[i][2] * c[k - i][2])
+            product = c[i][0] * c[k - i][0] + c[i][1] * c[k - i][1]
+            f[k] += sign * (product + c[i][2] * c[k - i][2] if axes == 3 else product)
     gap = f[0] - sign * target * target
     h = longest if n == 0.0 else min(longest, TAYLOR_ANGLE / n)
     for _ in range(80):

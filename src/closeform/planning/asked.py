@@ -11,7 +11,7 @@ from closeform.arrays import LARGEST, Floats, numbers
 from closeform.motion.arc import WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.planning.result import batch_of
+from closeform.planning.result import batch_of, planned_around
 from closeform.planning.task import Task
 from closeform.zones.pair_zones import pairwise
 from closeform.zones.zone import Zone
@@ -175,10 +175,12 @@ def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
 
 def _zones(zone: Zone | Sequence[Zone | None], count: int, extra: int) -> list[Zone | None]:
     if isinstance(zone, Zone):
+        planned_around([zone])
         return [zone] * (count + extra)
     zones = list(zone) if isinstance(zone, Sequence) else [False]
     if not all(one is None or isinstance(one, Zone) for one in zones):
         raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each craft, got {zone!r}")
+    planned_around(zones)
     if len(zones) not in (count, count + extra):
         with_obstacles = f" or {count + extra} with the obstacles" * bool(extra)
         raise ValueError(f"zone: {len(zones)} zones for {count} craft; give one, or {count}{with_obstacles}")

@@ -11,10 +11,11 @@ from numba import float64, int64, void
 
 from closeform.compiled import kernel
 from closeform.motion.arc import END, START, state_at
-from closeform.motion.march import locate, norm
+from closeform.motion.march import locate
 from closeform.planning.contacts import slide
 from closeform.planning.kernel import relative
 from closeform.planning.newton import approach_rate, p_norm
+from closeform.zones.shapes import BALL, CUBE, norm
 
 LEVEL = 1e-13  # slope times width, in zones, at which a dip's lowest point is known
 SETTLED = 1e-8  # of its window, to which a contact's time is settled
@@ -35,7 +36,7 @@ def sample(arcs, offsets, times, states):
 
 
 @kernel()
-def apart(one, other, matrix, box):
+def apart(one, other, matrix, shape):
     """Norm of two bodies' relative position, and its speed in zones a second."""
     if one[0] == inf or other[0] == inf:
         return inf, 0.0
@@ -44,7 +45,7 @@ def apart(one, other, matrix, box):
         gap, speed = one[j] - other[j], one[3 + j] - other[3 + j]
         x, y, z = x + matrix[0, j] * gap, y + matrix[1, j] * gap, z + matrix[2, j] * gap
         vx, vy, vz = vx + matrix[0, j] * speed, vy + matrix[1, j] * speed, vz + matrix[2, j] * speed
-    return norm(box, x, y, z), sqrt(vx * vx + vy * vy + vz * vz)
+    return norm(shape, matrix, x, y, z), sqrt(vx * vx + vy * vy + vz * vz)
 
 
 @kernel()
@@ -134,13 +135,14 @@ def dips(arcs, offsets, times, states, pairs, matrices, radii, powers, aims, fou
         if nearest_sample(places[i], places[j], squares) > reach * reach:
             continue
         matrix, power, aim = matrices[p], powers[p], aims[p]
+        shape = CUBE if power > 2.0 else BALL
         before, here = inf, inf
-        after, speed = apart(states[i, 0], states[j, 0], matrix, power > 2.0)
+        after, speed = apart(states[i, 0], states[j, 0], matrix, shape)
         for k in range(len(times)):
             before, here, pace = here, after, speed
             after = inf
             if k < last:
-                after, speed = apart(states[i, k + 1], states[j, k + 1], matrix, power > 2.0)
+                after, speed = apart(states[i, k + 1], states[j, k + 1], matrix, shape)
             if here == inf or here > before or here > after or here - pace * widest > aim:
                 continue
             start = max(times[max(k - 1, 0)], arcs[offsets[i], START], arcs[offsets[j], START])

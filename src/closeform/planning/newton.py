@@ -12,8 +12,8 @@ from numba import float64, int64, types
 from closeform.compiled import kernel
 from closeform.motion.arc import END, START
 from closeform.motion.linear import solve
-from closeform.motion.march import rate
 from closeform.planning.kernel import influences, relative, shape
+from closeform.zones.shapes import CUBE, rate
 
 ROUNDS = 12
 SMALL = 80  # contacts of which the dense equations are solved
@@ -73,7 +73,8 @@ def outward(power, motion, normal):
 def approach_rate(power, motion, normal):
     """Rate of the zone's norm along a relative motion; spoils `normal`."""
     if power == inf:
-        return rate(True, motion[0, 0], motion[0, 1], motion[0, 2], motion[1, 0], motion[1, 1], motion[1, 2])
+        x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
+        return rate(CUBE, motion, x, y, z, motion[1, 0], motion[1, 1], motion[1, 2])
     outward(power, motion, normal)
     return normal[0] * motion[1, 0] + normal[1] * motion[1, 1] + normal[2] * motion[1, 2]
 

@@ -13,6 +13,7 @@ from closeform.conflicts.all_pairs import search_pairs
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, stack
+from closeform.zones.shapes import BALL, CUBE
 from closeform.zones.zone import Zone
 
 # The optimum touches the zone: plan against a slightly larger one, so that the march can
@@ -90,6 +91,16 @@ def batch_of(paths: Path | Sequence[Path]) -> Path:
     return batch
 
 
+def planned_around(zones: Sequence[Zone | None]) -> None:
+    """Raises ValueError for a zone of a shape that plans cannot pass."""
+    for zone in zones:
+        if zone is not None and zone.shape not in (BALL, CUBE):
+            raise ValueError(
+                f"zone: paths are planned around a Box, Ellipsoid or Sphere, not a {type(zone).__name__}; "
+                "give one that holds it"
+            )
+
+
 @dataclass(frozen=True, eq=False)
 class Obstacles:
     """Paths to keep clear of, each with the matrix of its zone."""
@@ -115,6 +126,7 @@ class Obstacles:
             raise ValueError(
                 f"zone: give one zone, or one for each of {len(batch)} obstacles, not {len(zones)}"
             )
+        planned_around(zones)
         groups: dict[int, tuple[Zone, list[int]]] = {}
         for k, one in enumerate(zones):
             groups.setdefault(id(one), (one, []))[1].append(k)
@@ -122,7 +134,7 @@ class Obstacles:
             batch.arcs,
             batch.offsets,
             np.array([one.matrix for one in zones]).reshape(-1, 3, 3),
-            np.array([one.box for one in zones], dtype=bool),
+            np.array([one.shape == CUBE for one in zones], dtype=bool),
             [(one, np.array(members)) for one, members in groups.values()],
         )
 

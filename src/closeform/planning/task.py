@@ -11,6 +11,7 @@ from closeform.conflicts.all_pairs import search_pairs
 from closeform.motion.arc import END, MEAN_MOTION, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
 from closeform.planning.joint import deflect, prepare_all, seen
+from closeform.zones.shapes import CUBE
 from closeform.zones.zone import Zone
 
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
@@ -93,7 +94,7 @@ class Task:
     @cached_property
     def boxes(self) -> Any:
         """For which pairs the zone is a box (P,)."""
-        return np.array([zone.box for zone in self.zones], dtype=bool)[self.kinds]
+        return np.array([zone.shape == CUBE for zone in self.zones], dtype=bool)[self.kinds]
 
     @cached_property
     def forms(self) -> Floats:

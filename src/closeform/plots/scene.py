@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
+from closeform.zones.shapes import CUBE
 from closeform.zones.zone import Zone
 
 PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upwards
@@ -18,7 +19,7 @@ def shadow(zone: Zone, basis: Floats) -> Floats:
     """Outline (K, 2) of a zone seen along the normal of a plane, `basis` its unit vectors (2, 3)."""
     half_axes = basis @ np.linalg.inv(zone.matrix)
     reach = CIRCLE @ half_axes
-    support = np.sign(reach) if zone.box else reach / np.linalg.norm(reach, axis=1, keepdims=True)
+    support = np.sign(reach) if zone.shape == CUBE else reach / np.linalg.norm(reach, axis=1, keepdims=True)
     outline: Floats = support @ half_axes.T
     return outline
 
@@ -32,7 +33,7 @@ def section(zone: Zone, basis: Floats) -> Floats:
 def shell(zone: Zone) -> list[Floats]:
     """Lines (K, 3) that show a zone in space: a box's edges, an ellipsoid's circles."""
     half_axes = np.linalg.inv(zone.matrix)
-    if zone.box:
+    if zone.shape == CUBE:
         corners = np.array([(i, j, k) for i in (-1.0, 1) for j in (-1.0, 1) for k in (-1.0, 1)])
         apart = np.abs(corners[:, None] - corners[None]).sum(axis=2)
         lines = [corners[[a, b]] for a, b in np.argwhere(np.triu(apart == 2))]

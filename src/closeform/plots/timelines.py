@@ -27,16 +27,16 @@ from closeform.plots.look import (
     page,
     time_axes,
 )
-from closeform.zones.zone import Box, Zone
+from closeform.zones.shapes import CUBE
+from closeform.zones.zone import Box, HalfSpaces, Zone
 
 FAR = 20.0  # zone extents, beyond which a distance is drawn on a logarithmic scale
 
 
 def slab(zone: Zone, axis: int) -> Zone:
     """All that is within the zone's extent along one axis, however far along the others."""
-    matrix = np.zeros((3, 3))
-    matrix[axis, axis] = 1 / zone.extents[axis]
-    return Zone(matrix, True)
+    way = np.eye(3)[axis]
+    return HalfSpaces([way, -way], np.full(2, zone.extents[axis]))
 
 
 def distances(path: Path, other: Path, zone: Zone) -> Figure:
@@ -108,7 +108,7 @@ def bars(
     rows: list[tuple[str, str, Sequence[Conflict]]] = [
         (d.name, d.colour, find_conflicts(path, other, slab(zone, axis))) for axis, d in enumerate(DIRECTIONS)
     ]
-    aligned_box = zone.box and np.count_nonzero(zone.matrix) == 3
+    aligned_box = zone.shape == CUBE and np.count_nonzero(zone.matrix) == 3
     if not aligned_box:
         rows.append(("all three", INK, find_conflicts(path, other, Box(zone.extents))))
     rows.append(("conflict" if aligned_box else "in the zone", CONFLICT, conflicts))

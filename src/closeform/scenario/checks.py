@@ -231,7 +231,7 @@ def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> I
     called: Sequence[str] = movers
     if stage.assign:
         # who takes which slot is open: their ends are known only if all slots are taken by like craft
-        kinds = {None if zone is None else (zone.box, zone.matrix.tobytes()) for zone in own}
+        kinds = {None if zone is None else zone.key for zone in own}
         if len(finals) > len(movers) or len(kinds) > 1:
             return
         called = [f"slot {k}" for k in range(1, len(finals) + 1)]

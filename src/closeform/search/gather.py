@@ -36,6 +36,7 @@ from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
+from closeform.zones.shapes import BALL, CUBE
 from closeform.zones.zone import Zone
 
 Burns = Literal["least", "first", "second", "half"]
@@ -152,7 +153,7 @@ class _Fleet:
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
         results = np.empty((len(positions), RESULT))
-        zone = self.keep_out or Zone(np.eye(3), False)
+        zone = self.keep_out or Zone(BALL, np.eye(3))
         chains(
             self.search.table,
             self.drifts,
@@ -160,7 +161,7 @@ class _Fleet:
             self.push,
             way,
             self.keep_out is not None,
-            zone.box,
+            zone.shape == CUBE,
             np.stack([zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)]),
             np.array([k for k, group in enumerate(self.groups) if group == "A"]),
             np.array([k for k, group in enumerate(self.groups) if group == "B"]),
@@ -241,6 +242,11 @@ def _fleet(
         raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {burns!r}")
     if keep_out is not None and not isinstance(keep_out, Zone):
         raise ValueError(f"keep_out: must be a zone, for example Sphere(20.0), got {keep_out!r:.60}")
+    if keep_out is not None and keep_out.shape not in (BALL, CUBE):
+        raise ValueError(
+            f"keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a {type(keep_out).__name__}; "
+            "give one that holds it"
+        )
     speed = None if max_speed is None else positive("max_speed", max_speed)
     flown, drifts = all_rounds(search, int(rounds), speed)
     return _Fleet(flown, int(rounds), drifts, _sides(groups, count), keep_out, 2.0 * (speed or 0.0))

@@ -8,23 +8,13 @@ import numpy as np
 
 from closeform.zones.zone import Zone
 
-CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 ROUNDING = 1e-9
-
-
-def reach(inner: Zone, outer: Zone) -> float:
-    """Greatest norm of `outer` over the zone `inner`: at most 1 if it holds all of it."""
-    image = outer.matrix @ np.linalg.inv(inner.matrix)
-    if inner.box:
-        corners = CORNERS @ image.T
-        return float(np.abs(corners).max() if outer.box else np.linalg.norm(corners, axis=1).max())
-    return float(np.linalg.norm(image, axis=1).max() if outer.box else np.linalg.norm(image, 2))
 
 
 def larger(*zones: Zone) -> Zone | None:
     """The zone that holds all others; None where none does: a cigar and a disc, say."""
     for zone in zones:
-        if all(reach(other, zone) <= 1.0 + ROUNDING for other in zones):
+        if all(zone.greatest_norm(other) <= 1.0 + ROUNDING for other in zones):
             return zone
     return None
 
@@ -40,7 +30,7 @@ def pairwise(zones: Sequence[Zone | None], names: Sequence[str]) -> tuple[tuple[
     known: dict[Any, int] = {}
     for craft, zone in enumerate(zones):
         if zone is not None:
-            kind[craft] = known.setdefault((zone.box, zone.matrix.tobytes()), len(kinds))
+            kind[craft] = known.setdefault(zone.key, len(kinds))
             if kind[craft] == len(kinds):
                 kinds.append(zone)
     first, second = np.triu_indices(len(kind), 1)

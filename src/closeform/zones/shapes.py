@@ -10,6 +10,9 @@ shape is a unit set. Its norm is the largest of the shape's parts, each smooth a
 
 The norm is 1 on the surface and below 1 inside; of `FACES` it is negative where all faces fall
 away. To add a shape: its branch in each function here, and a class in `zone`.
+
+Kernels with `faces` end in one place: at a second `return` numba no longer sees that nobody keeps
+the array, and counts its references, in every step of the march.
 """
 
 from math import inf, sqrt
@@ -25,11 +28,10 @@ FORM = types.Tuple((int64, float64[:, ::1], float64[:, ::1]))  # numba's type of
 @kernel()
 def part_count(shape, faces):
     """How many parts a shape's norm is the largest of."""
-    if shape == BALL:
-        return 1
-    if shape == CUBE:
-        return 3
-    return 2 if shape == CYLINDER else len(faces)
+    count = 1 if shape == BALL else (3 if shape == CUBE else 2)
+    if shape == FACES:
+        count = len(faces)
+    return count
 
 
 @kernel()
@@ -43,70 +45,106 @@ def rank(shape, k):
 @kernel()
 def part(shape, faces, k, x, y, z):
     """Value and gradient of part k at q = (x, y, z); where it has no gradient, any subgradient."""
+    gx = gy = gz = 0.0
     if shape == FACES:
         gx, gy, gz = faces[k, 0], faces[k, 1], faces[k, 2]
-        return gx * x + gy * y + gz * z, gx, gy, gz
-    if shape == BALL or (shape == CYLINDER and k == 0):
+    elif shape == BALL or (shape == CYLINDER and k == 0):
         height = z if shape == BALL else 0.0
         s = sqrt(x * x + y * y + height * height)
-        return (s, x / s, y / s, height / s) if s > 0.0 else (0.0, 0.0, 0.0, 0.0)
-    if shape == CUBE and k == 0:
-        return (x, 1.0, 0.0, 0.0) if x >= 0.0 else (-x, -1.0, 0.0, 0.0)
-    if shape == CUBE and k == 1:
-        return (y, 0.0, 1.0, 0.0) if y >= 0.0 else (-y, 0.0, -1.0, 0.0)
-    return (z, 0.0, 0.0, 1.0) if z >= 0.0 else (-z, 0.0, 0.0, -1.0)
+        if s > 0.0:
+            gx, gy, gz = x / s, y / s, height / s
+    elif shape == CUBE and k == 0:
+        gx = 1.0 if x >= 0.0 else -1.0
+    elif shape == CUBE and k == 1:
+        gy = 1.0 if y >= 0.0 else -1.0
+    else:
+        gz = 1.0 if z >= 0.0 else -1.0
+    return gx * x + gy * y + gz * z, gx, gy, gz
 
 
 @kernel()
-def norm(shape, faces, x, y, z):
-    """The largest part at q = (x, y, z)."""
+def solid_norm(shape, x, y, z):
+    """The norm of all but `FACES`."""
     if shape == BALL:
         return sqrt(x * x + y * y + z * z)
     if shape == CUBE:
         return max(abs(x), abs(y), abs(z))
-    if shape == CYLINDER:
-        return max(sqrt(x * x + y * y), abs(z))
-    largest = -inf
-    for k in range(len(faces)):
-        largest = max(largest, faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z)
-    return largest
+    return max(sqrt(x * x + y * y), abs(z))
 
 
 @kernel()
-def round_rate(s, x, y, z, vx, vy, vz):
+def faces_norm(faces, x, y, z):
+    """The norm of `FACES`."""
+    s = -inf
+    for k in range(len(faces)):
+        s = max(s, faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z)
+    return s
+
+
+@kernel(inline=True)
+def norm(shape, faces, x, y, z):
+    """The largest part at q = (x, y, z)."""
+    return faces_norm(faces, x, y, z) if shape == FACES else solid_norm(shape, x, y, z)
+
+
+@kernel()
+def support(shape, wx, wy, wz):
+    """Greatest w . q over a unit set; not for `FACES`."""
+    if shape == CUBE:
+        return abs(wx) + abs(wy) + abs(wz)
+    if shape == CYLINDER:
+        return sqrt(wx * wx + wy * wy) + abs(wz)
+    return sqrt(wx * wx + wy * wy + wz * wz)
+
+
+@kernel()
+def rate_round(s, x, y, z, vx, vy, vz):
     """Rate to the right of a Euclidean length s."""
     return (x * vx + y * vy + z * vz) / s if s > 0.0 else sqrt(vx * vx + vy * vy + vz * vz)
 
 
 @kernel()
-def flat_rate(x, vx):
+def rate_flat(x, vx):
     """Rate of |x|, to the right where it has a kink."""
     return abs(vx) if x == 0.0 else (vx if x > 0.0 else -vx)
 
 
 @kernel()
-def rate(shape, faces, x, y, z, vx, vy, vz):
-    """Rate of the norm, to the right where it has a kink: the greatest of the parts that attain it."""
-    s = norm(shape, faces, x, y, z)
+def solid_rate(shape, x, y, z, vx, vy, vz):
+    """The rate of all but `FACES`."""
+    s = solid_norm(shape, x, y, z)
     if shape == BALL:
-        return round_rate(s, x, y, z, vx, vy, vz)
-    steepest = -inf
-    if shape == FACES:
-        for k in range(len(faces)):
-            if faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z == s:
-                steepest = max(steepest, faces[k, 0] * vx + faces[k, 1] * vy + faces[k, 2] * vz)
-        return steepest
-    if abs(z) == s:
-        steepest = flat_rate(z, vz)
+        return rate_round(s, x, y, z, vx, vy, vz)
+    steepest = rate_flat(z, vz) if abs(z) == s else -inf
     if shape == CYLINDER:
         if sqrt(x * x + y * y) == s:
-            steepest = max(steepest, round_rate(s, x, y, 0.0, vx, vy, 0.0))
+            steepest = max(steepest, rate_round(s, x, y, 0.0, vx, vy, 0.0))
         return steepest
     if abs(x) == s:
-        steepest = max(steepest, flat_rate(x, vx))
+        steepest = max(steepest, rate_flat(x, vx))
     if abs(y) == s:
-        steepest = max(steepest, flat_rate(y, vy))
+        steepest = max(steepest, rate_flat(y, vy))
     return steepest
+
+
+@kernel()
+def faces_rate(faces, x, y, z, vx, vy, vz):
+    """The rate of `FACES`."""
+    s, steepest = faces_norm(faces, x, y, z), -inf
+    for k in range(len(faces)):
+        if faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z == s:
+            steepest = max(steepest, faces[k, 0] * vx + faces[k, 1] * vy + faces[k, 2] * vz)
+    return steepest
+
+
+@kernel(inline=True)
+def rate(shape, faces, x, y, z, vx, vy, vz):
+    """Rate of the norm, to the right where it has a kink: the greatest of the parts that attain it."""
+    if shape == FACES:
+        found = faces_rate(faces, x, y, z, vx, vy, vz)
+    else:
+        found = solid_rate(shape, x, y, z, vx, vy, vz)
+    return found
 
 
 @kernel()
@@ -129,31 +167,43 @@ def outside_flat(x, v, a, target):
 
 
 @kernel()
+def outside_solid(shape, x, y, z, vx, vy, vz, ax, ay, az, a, target):
+    if shape == BALL:
+        s = sqrt(x * x + y * y + z * z)
+        return time_to_level(s - target, (x * vx + y * vy + z * vz) / s, a)
+    longest = outside_flat(z, vz, az, target)
+    if shape == CUBE:
+        return max(longest, outside_flat(x, vx, ax, target), outside_flat(y, vy, ay, target))
+    s = sqrt(x * x + y * y)
+    if s > target:
+        most = sqrt(ax * ax + ay * ay)
+        longest = max(longest, time_to_level(s - target, (x * vx + y * vy) / s, most))
+    return longest
+
+
+@kernel()
+def outside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
+    longest = 0.0
+    for k in range(len(faces)):
+        fx, fy, fz = faces[k, 0], faces[k, 1], faces[k, 2]
+        gap = fx * x + fy * y + fz * z - target
+        if gap > 0.0:
+            most = abs(fx) * ax + abs(fy) * ay + abs(fz) * az
+            longest = max(longest, time_to_level(gap, fx * vx + fy * vy + fz * vz, most))
+    return longest
+
+
+@kernel(inline=True)
 def outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, target):
     """How long the norm certainly stays above the target: the best of the parts above it.
 
     ax, ay, az bound the acceleration along each axis, `a` its length.             # theory (10)
     """
-    if shape == BALL:
-        s = sqrt(x * x + y * y + z * z)
-        return time_to_level(s - target, (x * vx + y * vy + z * vz) / s, a)
-    longest = 0.0
     if shape == FACES:
-        for k in range(len(faces)):
-            fx, fy, fz = faces[k, 0], faces[k, 1], faces[k, 2]
-            gap = fx * x + fy * y + fz * z - target
-            if gap > 0.0:
-                most = abs(fx) * ax + abs(fy) * ay + abs(fz) * az
-                longest = max(longest, time_to_level(gap, fx * vx + fy * vy + fz * vz, most))
-        return longest
-    longest = outside_flat(z, vz, az, target)
-    if shape == CYLINDER:
-        s = sqrt(x * x + y * y)
-        if s > target:
-            side = time_to_level(s - target, (x * vx + y * vy) / s, sqrt(ax * ax + ay * ay))
-            longest = max(longest, side)
-        return longest
-    return max(longest, outside_flat(x, vx, ax, target), outside_flat(y, vy, ay, target))
+        h = outside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target)
+    else:
+        h = outside_solid(shape, x, y, z, vx, vy, vz, ax, ay, az, a, target)
+    return h
 
 
 @kernel()
@@ -163,30 +213,42 @@ def inside_flat(x, v, a, target):
 
 
 @kernel()
-def inside_round(square, half_slope, a, speed, target):
+def inside_round(x, y, z, vx, vy, vz, a, speed, target):
     """How long a Euclidean length certainly stays below the target, by its square's second derivative."""
-    gap = target * target - square
-    return time_to_level(gap, -2.0 * half_slope, 2.0 * (speed * speed + target * a))
+    gap = target * target - (x * x + y * y + z * z)
+    return time_to_level(gap, -2.0 * (x * vx + y * vy + z * vz), 2.0 * (speed * speed + target * a))
 
 
 @kernel()
+def inside_solid(shape, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
+    if shape == BALL:
+        return inside_round(x, y, z, vx, vy, vz, a, speed, target)
+    shortest = inside_flat(z, vz, az, target)
+    if shape == CUBE:
+        return min(shortest, inside_flat(x, vx, ax, target), inside_flat(y, vy, ay, target))
+    side = inside_round(x, y, 0.0, vx, vy, 0.0, sqrt(ax * ax + ay * ay), speed, target)
+    return min(shortest, side)
+
+
+@kernel()
+def inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
+    shortest = inf
+    for k in range(len(faces)):
+        fx, fy, fz = faces[k, 0], faces[k, 1], faces[k, 2]
+        most = abs(fx) * ax + abs(fy) * ay + abs(fz) * az
+        gap = target - (fx * x + fy * y + fz * z)
+        shortest = min(shortest, time_to_level(gap, -(fx * vx + fy * vy + fz * vz), most))
+    return shortest
+
+
+@kernel(inline=True)
 def inside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
     """How long the norm certainly stays below the target: the least of the parts.
 
     Bounds of the acceleration as for `outside_step`, and `speed` of the velocity's length.
     """
-    if shape == BALL:
-        return inside_round(x * x + y * y + z * z, x * vx + y * vy + z * vz, a, speed, target)
     if shape == FACES:
-        shortest = inf
-        for k in range(len(faces)):
-            fx, fy, fz = faces[k, 0], faces[k, 1], faces[k, 2]
-            most = abs(fx) * ax + abs(fy) * ay + abs(fz) * az
-            gap = target - (fx * x + fy * y + fz * z)
-            shortest = min(shortest, time_to_level(gap, -(fx * vx + fy * vy + fz * vz), most))
-        return shortest
-    shortest = inside_flat(z, vz, az, target)
-    if shape == CYLINDER:
-        side = inside_round(x * x + y * y, x * vx + y * vy, sqrt(ax * ax + ay * ay), speed, target)
-        return min(shortest, side)
-    return min(shortest, inside_flat(x, vx, ax, target), inside_flat(y, vy, ay, target))
+        h = inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target)
+    else:
+        h = inside_solid(shape, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target)
+    return h
