@@ -29,7 +29,7 @@ _NAMES = {
     "search.locks": "Locks lock_times",
     "search.margins": "LockMargins lock_margins",
     "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",
-    "search.gathering": "Event EventKind GatherStatus Gathering Gatherings",
+    "search.gather_result": "Event EventKind GatherStatus Gathering Gatherings",
     "search.gather": "gather gather_cases",
     "campaign": "study",
     "exchange.oem": "Ephemeris CommonFrame read_oem write_oem common_frame",

@@ -61,7 +61,7 @@ from closeform.conflicts.all_pairs import (
     screen as screen,
 )
 from closeform.search.gather import gather as gather, gather_cases as gather_cases
-from closeform.search.gathering import (
+from closeform.search.gather_result import (
     Event as Event,
     EventKind as EventKind,
     GatherStatus as GatherStatus,

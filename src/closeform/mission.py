@@ -38,7 +38,7 @@ from closeform.scenario import (
     StageTable,
     Target,
 )
-from closeform.search.gathering import Gathering, who_is_left
+from closeform.search.gather_result import Gathering, who_is_left
 
 if TYPE_CHECKING:
     from closeform.planning.plan import Plan

@@ -12,7 +12,7 @@ from closeform.plots.camera import GROUP_COLOURS, SUN_COLOUR
 from closeform.plots.formation import ThreeViews
 from closeform.plots.look import FAINT, INK, OTHER
 from closeform.plots.panels import FEW, STYLES
-from closeform.search.gathering import EventKind, Gathering
+from closeform.search.gather_result import EventKind, Gathering
 
 WIDE, NARROW = 900, 720  # pixels across, for few and for many craft: many moving lines fill a file
 COLOURS = 64

@@ -23,7 +23,7 @@ from closeform.plots.panels import (
     style_of,
     tint,
 )
-from closeform.search.gathering import Event, EventKind, Gathering
+from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.sets import FORMATION, LOST
 
 SET_NAMES = {LOST: "lost", FORMATION: "formation set"}

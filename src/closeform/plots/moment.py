@@ -10,7 +10,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
-from closeform.search.gathering import Event, EventKind, Gathering
+from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.schedule import Leg
 
 SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock

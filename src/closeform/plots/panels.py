@@ -26,7 +26,7 @@ from closeform.plots.camera import (
 )
 from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT, length_unit
 from closeform.plots.moment import Knots, Moment, clock_text
-from closeform.search.gathering import EventKind, Gathering
+from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.schedule import SUN
 from closeform.search.sets import FORMATION, LOST
 

@@ -11,7 +11,7 @@ from closeform.report import flight, search
 from closeform.report.section import Film, Picture, Section, heading
 from closeform.report.table import MOST_ROWS, PHASE, Column, Table, counted, minutes
 from closeform.scenario import Gather
-from closeform.search.gathering import Event, EventKind, Gathering, listed
+from closeform.search.gather_result import Event, EventKind, Gathering, listed
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
 MOMENTS = 6  # of a gathering that are shown

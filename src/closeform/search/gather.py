@@ -13,7 +13,8 @@ from closeform.arrays import LARGEST, Floats, numbers
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.search.chain import (
+from closeform.search.clearance import ENLARGED
+from closeform.search.gather_events import (
     END_LEG,
     END_TIME,
     EVENT,
@@ -29,8 +30,7 @@ from closeform.search.chain import (
     UNKNOWN,
     chains,
 )
-from closeform.search.clearance import ENLARGED
-from closeform.search.gathering import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
+from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
 from closeform.search.locks import in_parts, writable
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search

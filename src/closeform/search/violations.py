@@ -1,4 +1,4 @@
-"""Meetings: which craft came within their keep-out zone, before they knew each other or only after.
+"""Violations: which craft came within their keep-out zone, before they knew each other or only after.
 
 `eyes` are whether there is a zone, the zone, until when each pair i < j was looked at (N, N), and
 what was seen (N, N).  A pair is looked at before one of the two changes its velocity, when they
@@ -48,7 +48,7 @@ def look_between(eyes, craft, labels, one, other, t):
 
 
 @kernel()
-def count_meetings(eyes, craft, labels, t):
+def count_violations(eyes, craft, labels, t):
     """How many pairs have met before they knew each other, and how many only after, by time t."""
     keeps, zone, looked, met, scratch = eyes
     unknown = known = 0

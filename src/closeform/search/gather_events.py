@@ -15,8 +15,8 @@ from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, correction
 from closeform.search.locks import COSINE, END, NEVER, START, STEADY, first_lock
-from closeform.search.meetings import APART, count_meetings, look_around, look_between
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
+from closeform.search.violations import APART, count_violations, look_around, look_between
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
@@ -30,7 +30,7 @@ END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, RESULT = 0, 1, 2, 3, 4, 
 #   fleet  craft (N, 8), labels (N,), moved (N,): who has burned since locks were last foreseen
 #   book   locks (A, B), earliest (A,), partner (A,)
 #   eyes   whether there is a zone; it (whether it is a box, its matrix, its half-axes enlarged); what
-#          was looked at and seen (see meetings); scratch (10, 3): clearance and meetings work in its
+#          was looked at and seen (see violations); scratch (10, 3): clearance and violations work in its
 #          rows 0 to 7, keep_clear holds 8 and 9
 
 
@@ -273,7 +273,7 @@ def chain(sky, eyes, fleet, book, drifts, push, way, fresh, shared, events, resu
             count = keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end)
         foresee_anew(sky, fleet, book, t)
     result[END_TIME], result[END_LEG], result[EVENTS], result[LEFT] = t, leg, count, len(labels) - formed
-    result[UNKNOWN], result[KNOWN] = count_meetings(eyes, craft, labels, t)
+    result[UNKNOWN], result[KNOWN] = count_violations(eyes, craft, labels, t)
     result[TOTAL] = 0.0
     for i in range(len(labels)):
         result[TOTAL] += craft[i, SPENT]

@@ -1,0 +1,36 @@
+"""The map in CONTRIBUTING.md is true: one line for every module, in the form "to change X: file"."""
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "closeform"
+LINE = re.compile(r"^- (.+): `([\w/]+\.py)`$", re.MULTILINE)
+
+
+def modules() -> list[str]:
+    """All that have code; the heads of packages that only say what is in them have none."""
+    found = []
+    for file in PACKAGE.rglob("*.py"):
+        body = ast.parse(file.read_text(encoding="utf-8")).body
+        if [part for part in body if not isinstance(part, ast.Expr)]:
+            found.append(file.relative_to(PACKAGE).as_posix())
+    return sorted(found)
+
+
+def mapped() -> list[tuple[str, str]]:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    chapter = text.split("## Where things are")[1].split("\n## ")[0]
+    assert chapter.count("\n- ") == len(LINE.findall(chapter)), "a line is not of the form - what: `file`"
+    return LINE.findall(chapter)
+
+
+def test_every_module_has_one_line_in_the_map() -> None:
+    files = [file for _, file in mapped()]
+    assert sorted(files) == modules()
+
+
+def test_no_two_lines_of_the_map_say_the_same() -> None:
+    said = [what for what, _ in mapped()]
+    assert len(said) == len(set(said))
