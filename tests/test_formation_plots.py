@@ -281,9 +281,17 @@ def test_craft_fly_at_their_own_times():
     assert np.allclose(marks(figure.axes[0], "end"), OBLIQUE(ends))
 
 
+def kept(count, zones):
+    """Zones of some pairs alone."""
+    table = np.full((count + 1, count + 1), -1)
+    for k, pair in enumerate(zones):
+        table[pair] = k
+    return cf.PairZones(tuple(zones.values()), np.arange(count), table, np.ones(count, dtype=bool))
+
+
 def test_pairs_without_a_zone_are_not_in_conflict():
     same = DEEP.coast(np.zeros((3, 6)) + [5.0, 0, 0, 0, 0, 0.1], END)
-    groups = ((BALL, np.array([[0, 2]])),)
+    groups = kept(3, {(0, 2): BALL})
     figure = plots.formation_paths(same, same, zone=groups)
     assert figure.get_suptitle() == "3 craft, 1 pair: 1 in conflict"
     assert len([piece for piece in lines(figure.axes[0], CONFLICT) if len(piece) > 2]) == 2
@@ -342,7 +350,7 @@ def test_each_pair_has_the_zone_that_holds_for_it():
     states = straight(4)
     least, _ = meetings(states)
     wide = cf.Sphere(30.0)
-    groups = ((BALL, np.array([[0, 1], [2, 3]])), (wide, np.array([[1, 2]])))
+    groups = kept(4, {(0, 1): BALL, (2, 3): BALL, (1, 2): wide})
     drawn = shown_matrix(plots.ratio_matrix(DEEP.coast(states, END), groups))
     assert drawn[0, 1] == pytest.approx(least[0, 1])
     assert drawn[3, 2] == pytest.approx(least[2, 3])
@@ -489,11 +497,7 @@ APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
-        (
-            lambda: plots.ratio_matrix(SOME, ((BALL, [[0, 3]]),)),
-            "zones: pairs must be of two craft each, from 0 to 2",
-        ),
-        (lambda: plots.ratio_matrix(SOME, ((BALL, [[1, 1]]),)), "zones: pairs must be of two craft each"),
+        (lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})), "zones: those of 4 craft for 3 craft"),
         (lambda: plots.ratio_matrix(SOME, [BALL] * 2), "zones: 2 zones for 3 craft"),
         (
             lambda: plots.ratio_matrix(SOME, [(BALL, [[0, 1]]), BALL]),

@@ -28,7 +28,7 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
-from closeform.zones.pair_zones import larger
+from closeform.zones.pair_zones import containing_zone, greatest_norm
 from closeform.zones.zone import Box, Ellipsoid, Sphere, Zone
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -177,7 +177,7 @@ def test_reach_is_the_greatest_norm(
     found = big.norm(surface).max()
     # 20 000 random points of the unit ball's surface come within some hundredths of a radian of
     # the furthest one, and a linear image falls there like a cosine.
-    assert 0.99 * big.greatest_norm(little) <= found <= big.greatest_norm(little) * (1 + 1e-12)
+    assert 0.99 * greatest_norm(big, little) <= found <= greatest_norm(big, little) * (1 + 1e-12)
 
 
 def test_the_larger_zone_holds_for_a_pair() -> None:
@@ -186,15 +186,19 @@ def test_the_larger_zone_holds_for_a_pair() -> None:
         'keep_out = [{ sphere = "20 m" }, { ellipsoid = "30 45 30 m" }, { sphere = "50 m" }]',
     )
     scenario = parse(text)
-    held = {tuple(pair): zone.extents.tolist() for zone, pairs in scenario.zones for pair in pairs.tolist()}
+    held = {
+        tuple(pair): zone.extents.tolist()
+        for zone, pairs in scenario.zones.groups()
+        for pair in pairs.tolist()
+    }
     assert held == {(0, 1): [30, 45, 30], (0, 2): [50, 50, 50], (1, 2): [50, 50, 50]}
     assert [zone.extents[1] for zone in scenario.zones_around("F2")] == pytest.approx([45.0, 50.0])
 
 
 def test_larger_does_not_depend_on_order() -> None:
     zones = [Sphere(10.0), Box([12.0, 12.0, 30.0]), Ellipsoid([40.0, 40.0, 60.0])]
-    assert all(larger(*order) is zones[2] for order in permutations(zones))
-    assert larger(Box([1.0, 9.0, 1.0]), Box([9.0, 1.0, 1.0])) is None
+    assert all(containing_zone(*order) is zones[2] for order in permutations(zones))
+    assert containing_zone(Box([1.0, 9.0, 1.0]), Box([9.0, 1.0, 1.0])) is None
 
 
 @pytest.mark.parametrize(

@@ -79,6 +79,7 @@ from closeform.search.theorem import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
+from closeform.zones.pair_zones import PairZones as PairZones
 from closeform.zones.zone import (
     Box as Box,
     Cylinder as Cylinder,

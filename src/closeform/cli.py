@@ -155,20 +155,18 @@ def screen(
         raise UsageError("screen: needs two ephemerides or more; name another file")
     if missing := next((file for file in files if not file.is_file()), None):
         raise UsageError(f"{missing}: no such file; check the path")
-    import numpy as np
-
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
     from closeform.report.flight import approaches, conflicts
+    from closeform.zones.pair_zones import PairZones
 
     try:
         frame = common_frame([read_oem(file) for file in files])
     except (ValueError, ImportError) as error:
         raise UsageError(str(error)) from None
     paths = Orbit(frame.mean_motion).sampled(frame.times, frame.states)
-    pairs = np.stack(np.triu_indices(len(files), 1), axis=1)
-    flight = watch(paths, frame.names, [(zone, pairs)])
+    flight = watch(paths, frame.names, PairZones.of([zone] * len(files)))
     console = stdout()
     say(
         console,

@@ -13,6 +13,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path, stack
+from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 CHUNK = 32_768  # pairs that one thread takes at a time
@@ -24,8 +25,9 @@ LONG = 5_000_000  # pairs from which on a progress bar is shown
 class Screening:
     """Conflicts among N paths, one row for each stay in the zone, sorted by pair, then start.
 
-    `pairs` (M, 2) with i < j; `start`, `end`, `time` of the least norm (M,) [s]; `ratio` (M,)
-    the least norm.
+    `pairs` (M, 2) with i < j, but for one zone that is not symmetric: then the first is within the
+    zone around the second; `start`, `end`, `time` of the least norm (M,) [s]; `ratio` (M,) the
+    least norm.
     """
 
     pairs: Any
@@ -95,36 +97,55 @@ def search_pairs(
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]
 
 
-def screen(paths: Path | Sequence[Path], zone: Zone) -> Screening:
+def screen(paths: Path | Sequence[Path], zone: Zone | PairZones) -> Screening:
     """Every stay in the `zone` among all pairs of `paths`: a Path of shape (N,) or N paths.
 
-    The search of `find_conflicts`, certified as there, on all cores; pairs that natural motion
-    keeps apart along an axis are excluded in closed form.  Time and memory for N = 1 000
-    coasting craft: about a second and some megabytes.  A progress bar goes to standard error
-    from five million pairs on, where that is a terminal.
+    One zone is around every craft: a pair is searched both ways where it is not symmetric.
+    `PairZones` of N craft tell who keeps which zone with whom.  The search of `find_conflicts`,
+    certified as there, on all cores; pairs that natural motion keeps apart along an axis are
+    excluded in closed form.  Time and memory for N = 1 000 coasting craft: about a second and some
+    megabytes.  A progress bar goes to standard error from five million pairs on, where that is a
+    terminal.
 
-    Raises ValueError for a Path that is not of shape (N,) or for paths in different orbits.
+    Raises ValueError for a Path that is not of shape (N,), for paths in different orbits, or for
+    the zones of another number of craft.
     """
     batch = paths if isinstance(paths, Path) else stack(paths)
     if len(batch.shape) != 1:
         raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
     count = len(batch)
+    if isinstance(zone, PairZones) and len(zone) != count:
+        raise ValueError(f"zone: zones of {len(zone)} craft for {count} paths")
     total = count * (count - 1) // 2
     pairs, rows = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, COLUMNS - 1))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for found, table in _shown(_ahead(pool, batch, zone), total):
             pairs.append(found)
             rows.append(table)
-    table = np.concatenate(rows)
-    return Screening(np.concatenate(pairs), *np.ascontiguousarray(table.T))
+    who, table = np.concatenate(pairs), np.concatenate(rows)
+    order = np.lexsort((table[:, 0], who[:, 1], who[:, 0]))
+    return Screening(who[order], *np.ascontiguousarray(table[order].T))
 
 
-def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone) -> Iterator[tuple[Any, Floats]]:
-    """Results of the chunks in order, few of them under way at once."""
+def _jobs(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
+    """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
+    for first, second in _chunks(count):
+        if isinstance(zone, PairZones):
+            which = zone.which(first, second)
+            for k, one in enumerate(zone.zones):
+                yield one, first[which == k], second[which == k]
+        else:
+            yield zone, first, second
+            if not zone.symmetric:
+                yield zone, second, first
+
+
+def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone | PairZones) -> Iterator[tuple[Any, Floats]]:
+    """Results of the jobs in order, few of them under way at once."""
     waiting: deque[Any] = deque()
-    for first, second in _chunks(len(paths)):
-        bodies = paths.arcs, paths.offsets
-        waiting.append(pool.submit(search_pairs, *bodies, *bodies, zone, first, second))
+    bodies = paths.arcs, paths.offsets
+    for one, first, second in _jobs(zone, len(paths)):
+        waiting.append(pool.submit(search_pairs, *bodies, *bodies, one, first, second))
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
     while waiting:

@@ -9,6 +9,7 @@ import numpy as np
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
+from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 
@@ -54,16 +55,10 @@ class Flight:
         return min(self.approaches, key=lambda pair: (round(pair.ratio, 6), pair.time), default=None)
 
 
-def watch(paths: Path, names: Sequence[str], zones: Sequence[tuple[Zone, Any]]) -> Flight:
-    """Every conflict and every closest approach among paths of shape (N,).
-
-    `zones` holds each zone with the pairs (M, 2), i < j, for which it holds.
-    """
-    conflicts: list[PairConflict] = []
+def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:
+    """Every conflict and every closest approach among paths of shape (N,)."""
     approaches: list[PairApproach] = []
-    for zone, pairs in zones:
-        holds = {tuple(pair) for pair in pairs.tolist()}
-        conflicts += [met for met in screen(paths, zone).conflicts if (met.first, met.second) in holds]
+    for zone, pairs in zones.groups():
         close = closest_approach(paths[pairs[:, 0]], paths[pairs[:, 1]], zone)
         approaches += [
             PairApproach(one, other, time, ratio, distance, zone)
@@ -71,6 +66,7 @@ def watch(paths: Path, names: Sequence[str], zones: Sequence[tuple[Zone, Any]]) 
                 *(part.tolist() for part in (pairs, close.time, close.ratio, close.distance)), strict=True
             )
         ]
+    conflicts = list(screen(paths, zones).conflicts)
     return Flight(paths, tuple(names), named(conflicts, names), named(approaches, names))
 
 

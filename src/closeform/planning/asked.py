@@ -13,7 +13,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.result import batch_of, planned_around
 from closeform.planning.task import Task
-from closeform.zones.pair_zones import pairwise
+from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 
@@ -22,7 +22,7 @@ class Asked:
     """N craft with `initial` states (N, 6) at their `starts`, to be in their slots after their `durations`.
 
     `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
-    coast into them.  `zones` as from `pairwise`.  With `assign` the slots are those of least energy.
+    coast into them.  `zones` as from `PairZones.groups`.  With `assign` the slots are those of least energy.
     """
 
     orbit: Orbit
@@ -80,7 +80,9 @@ class Asked:
             np.zeros(count),
             _each("start", start, count, least=-LARGEST),
             _each("duration", duration, count),
-            pairwise(_zones(zone, count, extra), called),
+            tuple(
+                PairZones.of(_zones(zone, count, extra), called, [True] * count + [False] * extra).groups()
+            ),
             others,
             limits,
             called,

@@ -75,7 +75,7 @@ class Task:
 
     @classmethod
     def of(cls, base: Floats, others: Floats, other_offsets: Any, zones: Any) -> "Task":
-        """`zones`: each with the pairs for which it holds, as from `pairwise`."""
+        """`zones`: each with the pairs for which it holds, as from `PairZones.groups`."""
         inverses = np.empty((len(base), 6, 6))
         prepare_all(base, inverses)
         held = [(pairs[pairs[:, 0] < len(base)], kind) for kind, (_, pairs) in enumerate(zones)]

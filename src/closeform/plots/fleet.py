@@ -101,8 +101,8 @@ def formation_paths(
     the start of a craft, a dot its end; `names`, else the indices, stand at the start where they
     fit.  `obstacles` is a Path of any shape or a sequence of paths.  With a `zone` stretches in
     conflict are strong and the zone of the closest pair is drawn where it is then: one for all, one
-    for each craft (or None; of two the larger holds), or each with the pairs (M, 2) for which it
-    holds, ((zone, pairs), ...); obstacle k counts as craft N + k.
+    for each craft (or None; of two the one that holds the other counts), or `PairZones`; obstacle k
+    counts as craft N + k.
 
     Raises ValueError for paths that are not of one shape (N,), another number of names, or
     zones of which neither holds the other.

@@ -16,7 +16,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
 from closeform.motion.path import Path, stack
 from closeform.plots.look import CONFLICT, FAINT, INK, OTHER, SMALL, TEXT, crafts, headline, page
-from closeform.zones.pair_zones import pairwise
+from closeform.zones.pair_zones import NONE, PairZones
 from closeform.zones.zone import Zone
 
 SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
@@ -45,18 +45,17 @@ class Pairs:
 
     @classmethod
     def of(cls, paths: Any, zones: Any, flown: int | None = None) -> Self:
-        """Pairs of N `paths`, with one zone for all, one for each or (zone, pairs (M, 2)) for some.
+        """Pairs of N `paths`, with one zone for all, one for each, or `PairZones`.
 
         The first two hold for pairs of which one at least is among the first `flown` craft.
-        Raises ValueError for another number of zones, of which two do not hold each other, or
-        pairs that name no two craft.
+        Raises ValueError for another number of zones, or where two do not hold each other.
         """
         batch = stack(crafts(paths))
-        kinds: dict[tuple[int, int], Zone] = {}
-        for zone, pairs in groups(zones, len(batch), len(batch) if flown is None else flown):
-            kinds |= {(min(pair), max(pair)): zone for pair in pairs.tolist()}
-        craft = np.array(sorted(kinds), dtype=np.int64).reshape(-1, 2)
-        chosen = [kinds[i, j] for i, j in craft.tolist()]
+        kept = pair_zones(zones, len(batch), len(batch) if flown is None else flown)
+        craft = np.stack(np.triu_indices(len(batch), 1), axis=1)
+        which = kept.which(*craft.T)
+        craft = craft[which != NONE]
+        chosen = [kept.zones[k] for k in which[which != NONE]]
         ratio, time = np.full((2, len(craft)), np.nan)
         for zone in dict.fromkeys(chosen):
             rows = np.array([one is zone for one in chosen])
@@ -87,25 +86,19 @@ class Pairs:
         return [k for ratio, _, k in sorted(ranked) if ratio < np.inf]
 
 
-def groups(zones: Any, count: int, flown: int) -> list[tuple[Zone, Any]]:
-    """Each zone with the pairs (M, 2) for which it holds; see `Pairs.of`."""
-    if isinstance(zones, Zone):
-        zones = [zones] * count
-    given = list(zones)
-    if given and all(one is None or isinstance(one, Zone) for one in given):
-        if len(given) not in (count, flown):
-            raise ValueError(f"zones: {len(given)} zones for {count} craft")
-        given += [None] * (count - len(given))
-        held = pairwise(given, [f"craft {k}" for k in range(count)])
-        return [(zone, pairs[pairs[:, 0] < flown]) for zone, pairs in held]
-    for one in given:
-        if not (isinstance(one, tuple) and len(one) == 2 and isinstance(one[0], Zone)):
-            raise ValueError("zones: expected a zone, one for each craft, or (zone, pairs) for some pairs")
-    found = [(zone, np.asarray(pairs).reshape(-1, 2)) for zone, pairs in given]
-    for _, pairs in found:
-        if len(pairs) and (pairs.min() < 0 or pairs.max() >= count or (pairs[:, 0] == pairs[:, 1]).any()):
-            raise ValueError(f"zones: pairs must be of two craft each, from 0 to {count - 1}")
-    return found
+def pair_zones(zones: Any, count: int, flown: int) -> PairZones:
+    """Who keeps which zone with whom; see `Pairs.of`."""
+    if isinstance(zones, PairZones):
+        if len(zones) != count:
+            raise ValueError(f"zones: those of {len(zones)} craft for {count} craft")
+        return zones
+    given = [zones] * count if isinstance(zones, Zone) else list(zones)
+    if not all(one is None or isinstance(one, Zone) for one in given):
+        raise ValueError("zones: expected a zone, one for each craft, or PairZones")
+    if len(given) not in (0, count, flown):
+        raise ValueError(f"zones: {len(given)} zones for {count} craft")
+    given += [None] * (count - len(given))
+    return PairZones.of(given, moves=[craft < flown for craft in range(count)])
 
 
 def labels(names: Sequence[str] | None, count: int) -> list[str]:
@@ -131,10 +124,9 @@ def ratio_matrix(paths: Any, zones: Any, names: Sequence[str] | None = None) -> 
     """How near each two craft come, as a matrix of least ratios; at 1 their zone begins.
 
     `paths` is a Path of shape (N,) or a sequence of paths; `zones` is one zone, one for each craft (or
-    None; of two the larger holds), or each with the pairs (M, 2) for which it holds, ((zone, pairs),
-    ...); `names` are the craft's, else they go by their indices.  Both halves say the same.  Pairs in
-    conflict are framed, or crossed among many craft; pairs without a zone or without a common time
-    are left blank.
+    None; of two the one that holds the other counts), or `PairZones`; `names` are the
+    craft's, else they go by their indices.  Both halves say the same.  Pairs in conflict are framed,
+    or crossed among many craft; pairs without a zone or without a common time are left blank.
 
     Raises ValueError for fewer than two craft, another number of names, or where no pair has a zone.
     """

@@ -1,8 +1,7 @@
 """What must fit together between the tables of a scenario."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from math import nan
-from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,7 @@ from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter
 from closeform.scenario.study import draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
-from closeform.zones.pair_zones import pairwise
-from closeform.zones.zone import Zone
+from closeform.zones.pair_zones import PairZones
 
 MOST_SAMPLES = 1e7
 
@@ -195,16 +193,16 @@ def in_orbit(scenario: Scenario) -> Iterator[str]:
 
 
 def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Pairs without a larger zone, and craft that start or end inside another's zone."""
+    """Pairs of which neither zone holds the other, and craft that start or end inside another's zone."""
     try:
-        groups = scenario.zones
+        kept = scenario.zones
     except ValueError as error:
         yield f"craft.keep_out: {error}"
         return
     if not scenario.scattered:  # else every case has its own positions
         places = np.array([[nan] * 6 if craft.unbuilt else craft.state(orbit) for craft in scenario.craft])
         remedy = "move one of them or make keep_out smaller"
-        for one, other, ratio in inside(places, groups):
+        for one, other, ratio in inside(places, kept):
             names = f"{scenario.names[one]} and {scenario.names[other]}"
             yield f"craft.position: {names} start inside each other's zone, at {ratio:.2f} x zone; {remedy}"
     for number, stage in enumerate(scenario.stages, 1):
@@ -212,10 +210,10 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             yield from ends(scenario, orbit, number, stage)
 
 
-def inside(states: Floats, groups: Iterable[tuple[Zone, Any]]) -> Iterator[tuple[int, int, float]]:
+def inside(states: Floats, kept: PairZones) -> Iterator[tuple[int, int, float]]:
     """The pairs that are inside each other's zone, and how deep."""
-    for zone, pairs in groups:
-        ratios = zone.norm(states[pairs[:, 1], :3] - states[pairs[:, 0], :3])
+    for zone, pairs in kept.groups():
+        ratios = zone.norm(states[pairs[:, 0], :3] - states[pairs[:, 1], :3])
         deep = ratios <= 1.0
         for (one, other), ratio in zip(pairs[deep].tolist(), ratios[deep], strict=True):
             yield one, other, float(ratio)
@@ -235,7 +233,7 @@ def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> I
         if len(finals) > len(movers) or len(kinds) > 1:
             return
         called = [f"slot {k}" for k in range(1, len(finals) + 1)]
-    for one, other, ratio in inside(finals, pairwise(own, called)):
+    for one, other, ratio in inside(finals, PairZones.of(own, called)):
         yield (
             f"stage[{number}].to: {called[one]} and {called[other]} end inside each other's zone, "
             f"at {ratio:.2f} x zone; move them apart or make keep_out smaller"

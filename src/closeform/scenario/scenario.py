@@ -12,7 +12,7 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import Gather, StageTable
 from closeform.scenario.study import BUILT, Study
-from closeform.zones.pair_zones import larger, pairwise
+from closeform.zones.pair_zones import PairZones, containing_zone
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -55,19 +55,18 @@ class Scenario:
         return tuple(None if craft.keep_out is None else craft.keep_out.zone() for craft in self.craft)
 
     @cached_property
-    def zones(self) -> tuple[tuple[Zone, Any], ...]:
-        """Every zone with the pairs (M, 2), i < j, for which it holds: the larger of their two.
+    def zones(self) -> PairZones:
+        """Who keeps which zone with whom.
 
-        Pairs in which a craft has no zone go by the other's; without any they are left out.
         Raises ValueError naming two craft where neither zone holds the other (a checked scenario
         has none such).
         """
-        return pairwise(self.keep_out, self.names)
+        return PairZones.of(self.keep_out, self.names)
 
     @property
     def common_zone(self) -> Zone | None:
         """The one zone of a gathering: that which holds all others, or None where no craft has any."""
-        return larger(*(zone for zone, _ in self.zones))
+        return containing_zone(*self.zones.zones)
 
     @property
     def plan(self) -> "Search":
@@ -85,10 +84,8 @@ class Scenario:
         return tuple(craft.group or "A" for craft in self.craft)
 
     def zones_around(self, name: str) -> tuple[Zone, ...]:
-        """The zones that hold for one craft and each other, in the others' order."""
-        k = self.names.index(name)
-        held = {int(pair.sum()) - k: zone for zone, pairs in self.zones for pair in pairs if k in pair}
-        return tuple(held[other] for other in sorted(held))
+        """The zones of one craft about the others that it keeps one with, in their order."""
+        return tuple(zone for zone in self.zones.around(self.names.index(name)) if zone is not None)
 
     @property
     def opposite(self) -> Any:

@@ -79,23 +79,19 @@ class Zone:
         """Whether r is in the zone where -r is."""
         return self.shape != FACES
 
-    def parts(self, position: ArrayLike) -> Floats:
-        """The shape's parts at `position` (..., 3) in m: shape (..., K); the norm is the largest."""
-        q = _directions("position", position) @ self.matrix.T
-        if self.shape == FACES:
-            return np.asarray(q @ self.faces.T)
-        if self.shape == CUBE:
-            return np.abs(q)
-        rounded = 3 if self.shape == BALL else 2
-        side = np.sqrt((q[..., :rounded] ** 2).sum(axis=-1, keepdims=True))
-        return np.concatenate([side, np.abs(q[..., rounded:])], axis=-1)
-
     def norm(self, position: ArrayLike) -> Any:
         """Norm of `position` (..., 3) in m: shape (...), <= 1 inside.  Raises ValueError for other shapes.
 
         Of half-spaces it is negative where every face falls away, as far behind a single one.
         """
-        return self.parts(position).max(axis=-1)
+        q = _directions("position", position) @ self.matrix.T
+        if self.shape == FACES:
+            return (q @ self.faces.T).max(axis=-1)
+        rounded = {BALL: 3, CYLINDER: 2}.get(self.shape, 0)
+        flat = np.abs(q[..., rounded:]).max(axis=-1, initial=0.0)
+        if not rounded:
+            return flat
+        return np.maximum(np.sqrt((q[..., :rounded] ** 2).sum(axis=-1)), flat)
 
     def enlarged(self, factor: float) -> "Zone":
         """The same shape, `factor` times as large.  Raises ValueError unless that is positive."""
@@ -176,37 +172,6 @@ class Zone:
         ways = np.eye(3)
         widths: Floats = np.maximum(self.support(ways), self.support(-ways))
         return widths
-
-    def greatest_norm(self, inner: "Zone") -> float:
-        """Greatest norm over the zone `inner`: at most 1 where this zone holds all of it; else maybe inf."""
-        if self.shape == FACES:
-            return float(np.max(inner.support(self.faces @ self.matrix)))
-        rounded = {BALL: 3, CYLINDER: 2}.get(self.shape, 0)
-        flat = self.matrix[rounded:]
-        ends = [np.max(inner.support(way)) for way in (flat, -flat) if len(flat)]
-        if rounded:
-            ends.append(_greatest_length(self.matrix[:rounded], inner))
-        return float(max(ends))
-
-
-def _greatest_length(rows: Floats, inner: Zone) -> float:
-    """Greatest |rows r| over the zone `inner`; convex, so on its corners, edges or rim."""
-    if not inner.bounded:
-        return np.inf
-    image = rows @ np.linalg.inv(inner.matrix)
-    if inner.shape == BALL:
-        return float(np.linalg.norm(image, 2))
-    if inner.shape != CYLINDER:
-        return float(np.linalg.norm(inner.vertices @ rows.T, axis=1).max())
-    # |B c + b|^2 over the rim's angle is a trigonometric polynomial: its turning points are the
-    # roots of a quartic in exp(i angle), and the rim of the other end is this one's mirror image
-    a, b, c = image.T
-    cosine2, sine2, cosine, sine = 0.5 * (a @ a - b @ b), a @ b, 2.0 * (a @ c), 2.0 * (b @ c)
-    second, first = sine2 + 1j * cosine2, 0.5 * (sine + 1j * cosine)
-    turns = np.roots([second, first, 0.0, first.conjugate(), second.conjugate()])
-    angles = np.append(np.angle(turns), 0.0)
-    rim = a * np.cos(angles)[:, None] + b * np.sin(angles)[:, None] + c
-    return float(np.linalg.norm(rim, axis=1).max())
 
 
 class Box(Zone):
