@@ -13,6 +13,7 @@ from numba.core.types import unliteral
 from numba.extending import intrinsic
 
 from closeform.kernel_cache import KernelCache, alone, parts
+from closeform.kernel_parts import PartCompiler
 
 ENTRIES: list[Any] = []  # the entry points of all modules that were imported
 before_first_compilation: list[Callable[[], None]] = []  # called when a kernel is found missing
@@ -99,13 +100,14 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
     Every kernel releases the GIL; none is parallel inside (chunks in a thread pool are as
     fast and cannot abort); none uses fastmath (the certificates need IEEE arithmetic).
     """
-    options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     if config.DISABLE_JIT:
         return numba.njit(**options)
     if inline:
         return numba.njit(inline="always", **options)
     if signature is None:
-        return lambda function: _by_type(numba.njit(no_cpython_wrapper=True, **options)(function))
+        options |= {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
+        return lambda function: _by_type(numba.njit(**options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
         entry = numba.njit(**options)(function)

@@ -20,6 +20,7 @@ from numba.core import types
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
+from numba.core.extending import _Intrinsic
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from platformdirs import user_cache_path
@@ -174,6 +175,8 @@ def constant_text(function: Any, name: str, value: Any) -> str:
         return repr(value)
     if isinstance(value, ModuleType) and not value.__name__.startswith("closeform"):
         return value.__name__
+    if isinstance(value, _Intrinsic):  # writes LLVM code itself
+        return code_text(value._defn.__code__, None)
     if callable(value) and hasattr(value, "__name__"):
         return f"{value.__module__}.{value.__name__} {getattr(value, '_fields', '')}"
     raise TypeError(f"{function.__qualname__}: {name} is a {type(value).__name__}; a kernel takes numbers")
