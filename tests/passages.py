@@ -1,0 +1,206 @@
+"""Passages of one craft past zones, and dense formations with boxes, from fixed seeds.
+
+The direct path of a passage is in conflict with every obstacle: each comes near a point of it, at a
+random time and with a random miss.  Neither end of the path is within MARGIN zones of an obstacle.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from math import log, pi
+
+import numpy as np
+
+import closeform as cf
+from formations import DEEP_SPACE, Task
+
+MARGIN = 1.05  # least norm between an end of the path and an obstacle there
+GROUPS = {  # name: number of passages, shape, number of obstacles
+    "one ellipsoid": (60, "ellipsoid", 1),
+    "one box": (60, "box", 1),
+    "three ellipsoids": (60, "ellipsoid", 3),
+    "three boxes": (40, "box", 3),
+    "six ellipsoids": (40, "ellipsoid", 6),
+    "tilted": (200, None, None),
+}
+SIZES = 10.0, 60.0  # m, half-axes and half-widths
+DISTANCES = 100.0, 500.0  # m, between the two ends of a path
+LOW, MEDIUM, HIGH = (400e3, 700e3), (1000e3, 30_000e3), 35_786e3  # m, altitudes
+COUNTS, KINDS = (4, 6, 8, 12), ("aligned in deep space", "aligned in orbit", "tilted in orbit")
+TRIES = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """One craft past M obstacles, a Path of shape (M,), each with its own of the `zones`."""
+
+    name: str
+    orbit: cf.Orbit
+    initial: np.ndarray
+    final: np.ndarray
+    duration: float
+    obstacles: cf.Path
+    zones: tuple
+
+    @cached_property
+    def path(self):
+        """The direct transfer."""
+        return self.orbit.transfer(self.initial, self.final, self.duration)
+
+    def conflicts(self, path):
+        """Obstacles whose zones `path` enters."""
+        pairs = enumerate(zip(self.obstacles, self.zones, strict=True))
+        return [k for k, (other, zone) in pairs if cf.find_conflicts(path, other, zone)]
+
+    def least_ratio(self, path):
+        """Least norm of `path` in the zone of any obstacle."""
+        pairs = zip(self.obstacles, self.zones, strict=True)
+        return min(cf.closest_approach(path, other, zone).ratio for other, zone in pairs)
+
+    def end_ratio(self):
+        """Least norm of either end of the path in the zone of any obstacle."""
+        ends = 0.0, self.duration
+        pairs = zip(self.obstacles, self.zones, strict=True)
+        return min(zone.norm(gaps(self.path, other, ends)).min() for other, zone in pairs)
+
+
+def passages(group):
+    return [passage(group, seed) for seed in range(GROUPS[group][0])]
+
+
+def passage(group, seed):
+    """Passage `seed` of a group."""
+    rng = np.random.Generator(np.random.Philox(key=[260 + list(GROUPS).index(group), seed]))
+    _, shape, count = GROUPS[group]
+    count = count or int(rng.integers(1, 7))
+    shape = shape or ("ellipsoid", "box")[rng.integers(2)]
+    orbit, duration = drawn_orbit(rng)
+    zones = drawn_zones(rng, shape, count, tilted=group == "tilted")
+    for _ in range(TRIES):
+        initial, final = drawn_ends(rng, orbit, duration)
+        path = orbit.transfer(initial, final, duration)
+        others = [obstacle(rng, path, zone) for zone in zones]
+        if None not in others:
+            name = f"{group} {seed}"
+            return Passage(name, orbit, initial, final, duration, cf.stack(others), zones)
+    raise RuntimeError(f"passage {seed} of {group} does not come about")
+
+
+def drawn_orbit(rng):
+    """Half low, a tenth deep space, the others of medium height and geostationary; and a duration [s]."""
+    kind = rng.choice(["low", "deep space", "medium", "high"], p=[0.5, 0.1, 0.2, 0.2])
+    if kind == "deep space":
+        return DEEP_SPACE, between(rng, 300.0, 6000.0)
+    altitude = {"low": rng.uniform(*LOW), "medium": between(rng, *MEDIUM), "high": HIGH}[kind]
+    orbit = cf.Orbit.circular(altitude)
+    return orbit, orbit.period * rng.uniform(0.1, 1.0)
+
+
+def drawn_zones(rng, shape, count, tilted):
+    """Mostly one zone for all, else one shape in several sizes, or a zone of its own for each."""
+
+    def drawn():
+        lengths = between(rng, *SIZES, 3)
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0] if tilted else None
+        return cf.Box(lengths, axes) if shape == "box" else cf.Ellipsoid(lengths, axes)
+
+    kind = rng.choice(["one", "sizes", "own"], p=[0.6, 0.25, 0.15])
+    first = drawn()
+    if kind == "one" or count == 1:
+        return (first,) * count
+    if kind == "sizes":
+        return tuple(first.enlarged(size) for size in rng.uniform(0.5, 1.0, count))
+    return (first, *(drawn() for _ in range(count - 1)))
+
+
+def drawn_ends(rng, orbit, duration):
+    """Two states: at rest, on closed relative orbits, or with a speed of their own besides."""
+    way = direction(rng) * rng.uniform(*DISTANCES)
+    middle = direction(rng) * rng.uniform(0.0, 200.0)
+    places = middle + np.array([-0.5, 0.5])[:, None] * way
+    speeds = rng.normal(size=(2, 3)) * rng.choice([0.0, 0.5]) * np.linalg.norm(way) / duration
+    speeds[:, 1] -= 2 * orbit.mean_motion * places[:, 0] * (rng.random() < 0.6)
+    return np.concatenate([places, speeds], axis=1)
+
+
+def obstacle(rng, path, zone):
+    """A path that misses a point of `path` by less than the zone, clear of its ends; or None.
+
+    Coasting, a third on closed relative orbits; one in six thrusts, one in ten is there before and after.
+    """
+    orbit, duration = path.orbit, path.end
+    for _ in range(50):
+        time = duration * rng.uniform(0.15, 0.85)
+        miss = direction(rng)
+        place = path.position(time) + miss * rng.uniform(0.0, 0.95) / zone.norm(miss)
+        velocity = rng.normal(size=3) * 50.0 * (orbit.mean_motion or 1 / duration)
+        velocity[1] = -2 * orbit.mean_motion * place[0]
+        drift = rng.normal(size=3) * rng.choice([0.0, 0.3, 1.0]) * 200.0 / duration
+        state = np.concatenate([place, velocity + drift])
+        longer = duration * (rng.random() < 0.1)
+        if rng.random() < 1 / 6:
+            other = thrusting(rng, orbit, duration, time, place)
+        else:
+            early = orbit.transition(-longer - time) @ state
+            other = orbit.coast(early, duration + 2 * longer, start=-longer)
+        if zone.norm(gaps(path, other, (0.0, duration))).min() >= MARGIN:
+            return other
+    return None
+
+
+def thrusting(rng, orbit, duration, time, place):
+    """Another energy-optimal transfer, through `place` at `time`."""
+    initial, final = drawn_ends(rng, orbit, duration)
+    off = place - orbit.transfer(initial, final, duration).position(time)
+    moved = orbit.transition(-time) @ np.concatenate([off, np.zeros(3)])  # natural motion on top of it
+    return orbit.transfer(initial + moved, final + orbit.transition(duration) @ moved, duration)
+
+
+def crowds():
+    """Dense formations with boxes that change places through the middle: tasks for `reconfigure`."""
+    return [
+        crowd(count, ring, kind) for count in COUNTS for ring in (True, False) for kind in range(len(KINDS))
+    ]
+
+
+def crowd(count, ring, kind):
+    """Craft at rest, on a ring or at random points, each to the place opposite; boxes of unequal widths."""
+    rng = np.random.Generator(np.random.Philox(key=[300 + count, 10 * ring + kind]))
+    orbit, duration = DEEP_SPACE, 1000.0
+    if kind:
+        orbit = cf.Orbit.circular(rng.uniform(*LOW))
+        duration = orbit.period * rng.uniform(0.2, 0.6)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    zone = cf.Box(between(rng, 5.0, 30.0, 3), axes if KINDS[kind].startswith("tilted") else None)
+    if ring:
+        angles = 2 * pi * np.arange(count) / count
+        places = np.stack([np.zeros(count), np.cos(angles), np.sin(angles)], axis=1)
+        places = places @ np.linalg.qr(rng.normal(size=(3, 3)))[0] if kind == 2 else places
+    else:
+        drawn = rng.uniform(-1.0, 1.0, (200, count, 3)) @ np.linalg.inv(zone.matrix).T
+        places = max(drawn, key=lambda each: nearest(each, zone))
+    places = places * rng.uniform(1.1, 1.6) / nearest(places, zone)
+    states = np.concatenate([places, np.zeros((count, 3))], axis=1)
+    name = f"{count} craft {'on a ring' if ring else 'at random points'}, {KINDS[kind]}"
+    return Task(name, orbit, states, -states, duration, zone)
+
+
+def nearest(places, zone):
+    """Least norm between any two places."""
+    return min(zone.norm(one - other) for one, other in combinations(places, 2))
+
+
+def gaps(path, other, times):
+    """Relative positions at times (T, 3)."""
+    return path.position(times) - other.position(times)
+
+
+def between(rng, low, high, size=None):
+    """Uniform in the logarithm."""
+    return np.exp(rng.uniform(log(low), log(high), size))
+
+
+def direction(rng):
+    """A random unit vector."""
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)

@@ -1,0 +1,57 @@
+"""The fixed planning cases are what they say, and the recorded energies belong to them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from formations import CASES, random_case
+from passages import GROUPS, MARGIN, crowds, nearest, passages
+
+RECORDED = json.loads((Path(__file__).parent / "data" / "plan_energies.json").read_text(encoding="utf-8"))
+SAME = 1e-9  # relative, of energies: another machine rounds differently
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_direct_paths_are_in_conflict_with_every_obstacle_and_clear_at_their_ends(group):
+    cases = passages(group)
+    assert list(RECORDED[group]) == [passage.name for passage in cases]
+    for passage in cases:
+        assert passage.conflicts(passage.path) == list(range(len(passage.zones)))
+        assert passage.end_ratio() >= MARGIN
+        assert RECORDED[group][passage.name]["direct"] == pytest.approx(passage.path.energy, rel=SAME)
+
+
+def test_crowds_are_in_conflict_and_clear_at_their_ends():
+    cases = crowds()
+    assert list(RECORDED["crowds"]) == [task.name for task in cases]
+    for task in cases:
+        direct = task.orbit.transfer(task.initial, task.final, task.duration)
+        assert len(cf.screen(direct, task.zone).pairs) > 0
+        assert min(nearest(states[:, :3], task.zone) for states in (task.initial, task.final)) >= MARGIN
+        assert RECORDED["crowds"][task.name]["direct"] == pytest.approx(direct.energy.sum(), rel=SAME)
+
+
+def test_recorded_formations_are_the_random_cases():
+    lines = RECORDED["random formations"]
+    assert len(lines) == CASES
+    for seed in range(0, CASES, 20):
+        task = random_case(seed)
+        direct = task.orbit.transfer(task.initial, task.final, task.duration, task.start)
+        assert lines[task.name]["direct"] == pytest.approx(direct.energy.sum(), rel=SAME)
+
+
+def test_no_plan_is_recorded_below_the_direct_optimum():
+    plans = [
+        (plan, line["direct"])
+        for group, lines in RECORDED.items()
+        if group != "made"
+        for line in lines.values()
+        for plan in line.values()
+        if isinstance(plan, dict) and plan["energy"] is not None and "measures" not in plan
+    ]
+    energies = np.array([(plan["energy"], plan["extra"], direct) for plan, direct in plans])
+    assert (energies[:, 1] >= 0).all()
+    np.testing.assert_allclose(energies[:, 0] - energies[:, 1], energies[:, 2], rtol=SAME)
