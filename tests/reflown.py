@@ -372,19 +372,19 @@ def _bound_faults(plan, orbit, initial, final, asked, ends, assign):
 def touch_faults(plan, pairs):
     """At touches, in order of time, the pair is at its zone and pushed apart."""
     said = []
-    for touch in plan.touches:
+    for touch in plan.contacts:
         i, j = touch.first, touch.second
         time = np.array([touch.time])
         gap = (pairs.places(i, time) - pairs.places(j, time))[0]
         zone = pairs.zone_of(i, j)
         ratio = zone.norm(gap)
-        if not abs(np.linalg.norm(touch.normal) - 1) < 1e-9 or not touch.force > 0:
-            said.append(f"touch of {i} and {j}: normal {touch.normal}, force {touch.force}")
+        if not abs(np.linalg.norm(touch.normal) - 1) < 1e-9 or not touch.multiplier > 0:
+            said.append(f"touch of {i} and {j}: normal {touch.normal}, force {touch.multiplier}")
         if not touch.normal @ gap > 0:
             said.append(f"touch of {i} and {j} pulls")
         if not min(abs(ratio - size) for size in PLANNED) < (ROUNDED if zone.shape == CUBE else TOUCHING):
             said.append(f"touch of {i} and {j} at {ratio!r} x zone")
-    if [touch.time for touch in plan.touches] != sorted(touch.time for touch in plan.touches):
+    if [touch.time for touch in plan.contacts] != sorted(touch.time for touch in plan.contacts):
         said.append("touches out of order")
     return said
 
@@ -404,14 +404,14 @@ def force_faults(plan, rank=None):
         )
         joints = np.unique(path.arcs[1:, 0][inner])
         forces = np.zeros((len(joints), 3))
-        for touch in plan.touches:
+        for touch in plan.contacts:
             if k not in (touch.first, touch.second) or not _gives_way(plan, k, touch, rank):
                 continue
             near = np.abs(joints - touch.time).argmin() if len(joints) else None
             if near is None or abs(joints[near] - touch.time) > 1e-9 * length:
                 said.append(f"no joint of craft {k} at its touch at {touch.time!r} s")
                 continue
-            forces[near] += (1 if k == touch.first else -1) * touch.force * touch.normal
+            forces[near] += (1 if k == touch.first else -1) * touch.multiplier * touch.normal
         size = np.abs(path.thrust(np.linspace(path.start, path.end, 50))).max() / length
         for joint, force in zip(joints, forces, strict=True):
             jump, steps = _rate_jump(path, joint, length)

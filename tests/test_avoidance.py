@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from bridge import Hindrance, cheapest, hill, least
-from closeform.planning.avoid import Status
+from closeform.planning.plan import Status
 from closeform.zones.shapes import CUBE
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -190,13 +190,13 @@ def test_contacts_touch_and_push_outward(case):
     path, obstacles, zones, found, name = case
     assert list(found.contacts) == sorted(found.contacts, key=lambda contact: contact.time)
     for contact in found.contacts:
-        obstacle, zone = obstacles[contact.obstacle], zones[contact.obstacle]
+        obstacle, zone = obstacles[contact.second - 1], zones[contact.second - 1]
         assert obstacle.start <= contact.time <= obstacle.end
         np.testing.assert_allclose(contact.position, found.path.position(contact.time), atol=1e-9)
         gap = contact.position - obstacle.position(contact.time)
         assert zone.norm(gap) == pytest.approx(1, abs=ROUNDED if zone.shape == CUBE else 1e-8)
         assert np.linalg.norm(contact.normal) == pytest.approx(1, abs=1e-12)
-        assert contact.force > 0
+        assert contact.multiplier > 0
         assert contact.normal @ gap > 0
         if zone.shape != CUBE:
             outward = zone.matrix.T @ zone.matrix @ gap
@@ -204,7 +204,7 @@ def test_contacts_touch_and_push_outward(case):
     assert len(found.contacts) >= 2 or name != "slow passage"
     if len(found.contacts) == 1:  # twice the extra energy per metre of push
         push = (contact.position - path.position(contact.time)) @ contact.normal
-        assert contact.force * push == pytest.approx(2 * found.extra_energy, rel=1e-6)
+        assert contact.multiplier * push == pytest.approx(2 * found.extra_energy, rel=1e-6)
 
 
 def test_energy_is_that_of_brute_force(case):

@@ -230,8 +230,8 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     assert "Conflicts of the direct paths: 52 of 66 pairs; deepest are" in run.printed
     check_sheets(run, 1, "swap")
     told = run.summary["stages"][0]["plan"]
-    assert len(told["touches"]) == len(plan.touches) > 6
-    assert f"Touches zones {len(plan.touches)} times, from " in run.printed
+    assert len(told["touches"]) == len(plan.contacts) > 6
+    assert f"Touches zones {len(plan.contacts)} times, from " in run.printed
     assert f"Energy {100 * plan.gap:.3f} % above the lower bound" in run.printed
     pictures = {path.name for path in run.folder.glob("*.png")}
     names = "paths", "ratios-before", "ratios", "closest-pairs"
@@ -239,7 +239,7 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     page = (run.folder / "report.html").read_text()
     assert page.count("data:image/png;base64,") == len(pictures)
     assert page.split("Where the plan touches zones")[1].split("</table>")[0].count("<td class") == len(
-        plan.touches
+        plan.contacts
     )
 
 

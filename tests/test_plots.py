@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import closeform as cf
 from closeform import plots
-from closeform.planning.detour import ways_around
+from closeform.planning.both_sides import ways_around
 from closeform.plots.scene import section, shadow
 
 ORBIT = cf.Orbit.circular(500e3)

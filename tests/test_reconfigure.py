@@ -10,8 +10,7 @@ from scipy.optimize import brentq, linear_sum_assignment, minimize_scalar
 
 import closeform as cf
 from bridge import Hindrance, bridge, hill, settle
-from closeform.planning.avoid import Status
-from closeform.planning.plan import Plan
+from closeform.planning.plan import Plan, Status
 from closeform.zones.shapes import CUBE
 from reflown import faults, fly
 
@@ -227,7 +226,7 @@ def test_two_craft_cost_what_a_touch_must_cost(name):
         extra, least = plan.energy - plan.lower_bound, least_extra(task)
         # planned 1e-9 outside of the zone
         assert extra >= least * (1 - 1e-7) - 1e-12 * plan.energy
-        if len(plan.touches) == 1 and plan.proven:
+        if len(plan.contacts) == 1 and plan.proven:
             once += 1
             assert extra == pytest.approx(least, rel=1e-6, abs=1e-11 * plan.energy)
     assert once >= 2
@@ -248,10 +247,10 @@ def test_windows_of_their_own(orbit):
     for end, time in (("initial", 400.0), ("final", 2600.0)):  # natural motion brings them together
         task[end][1] += orbit.transition(time - 1300.0) @ met
     plan = planned(task, start=starts)
-    assert plan.touches
+    assert plan.contacts
     extra = plan.paths.energy - plan.direct.energy
     assert extra.sum() >= least_extra(task, starts) * (1 - 1e-7)
-    if len(plan.touches) == 1:
+    if len(plan.contacts) == 1:
         assert extra.sum() == pytest.approx(least_extra(task, starts), rel=1e-6)
 
 
@@ -293,7 +292,7 @@ def test_one_craft_among_obstacles_is_avoided_as_avoid_does(orbit, seed):
     assert plan.energy == pytest.approx(alone.energy, rel=1e-6)
     batch = cf.reconfigure(**{**task, "obstacles": cf.stack(rocks)})
     assert batch.energy == plan.energy
-    assert all(touch.first == 0 and 1 <= touch.second <= 3 for touch in plan.touches)
+    assert all(touch.first == 0 and 1 <= touch.second <= 3 for touch in plan.contacts)
 
 
 @pytest.mark.parametrize("order", [None, (2, 0, 3, 1)])
@@ -322,7 +321,7 @@ def brute_force(task, plan, sides, seed=0):
     """
     n, duration, zone = task["orbit"].mean_motion, task["duration"], task["zone"]
     count = len(task["initial"])
-    touched = sorted({touch.time for touch in plan.touches})
+    touched = sorted({touch.time for touch in plan.contacts})
     spread = np.linspace(0, duration, 9)[1:-1]
     nodes = np.array([*touched, *(t for t in spread if min(abs(t - s) for s in touched) > 0.04 * duration)])
     near = [t + duration * 0.004 * np.linspace(-1, 1, 17) for t in touched]
@@ -361,7 +360,7 @@ def brute_force(task, plan, sides, seed=0):
 def test_brute_force_finds_nothing_cheaper(orbit, count, seed):
     task = asked(orbit, count, seed, cf.Sphere(20.0))
     plan = planned(task)
-    assert 1 < len(plan.touches) <= 12  # or brute force takes for ever
+    assert 1 < len(plan.contacts) <= 12  # or brute force takes for ever
     extra = plan.energy - plan.lower_bound
     own, *others = brute_force(task, plan, sides=4)
     assert own == pytest.approx(extra, rel=1e-4)  # a local optimum
@@ -425,7 +424,7 @@ def test_the_same_problem_in_another_guise_costs_the_same(base, how):
         return
     assert other.energy == pytest.approx(factor * plan.energy, rel=1e-6)
     np.testing.assert_allclose(other.paths.energy, factor * plan.paths.energy, rtol=1e-4)
-    assert len(other.touches) == len(plan.touches)
+    assert len(other.contacts) == len(plan.contacts)
 
 
 def test_later_is_the_same(base):
@@ -433,7 +432,7 @@ def test_later_is_the_same(base):
     other = cf.reconfigure(**task, start=5e4)
     assert other.energy == pytest.approx(plan.energy, rel=1e-6)
     np.testing.assert_allclose(
-        [touch.time - 5e4 for touch in other.touches], [touch.time for touch in plan.touches], atol=0.01
+        [touch.time - 5e4 for touch in other.contacts], [touch.time for touch in plan.contacts], atol=0.01
     )
 
 
@@ -454,7 +453,7 @@ def test_who_need_not_move_does_not():
     )
     assert plan.status == Status.CLEAR
     assert plan.energy == pytest.approx(0, abs=1e-25)
-    assert plan.touches == ()
+    assert plan.contacts == ()
     assert plan.proven
 
 

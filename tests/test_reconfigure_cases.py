@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.planning.avoid import Status
+from closeform.planning.plan import Status
 from formations import CASES, CONFLICTING, LOW_ORBIT, conflicting, random_case, swap
 from reflown import faults
 

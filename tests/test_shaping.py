@@ -4,11 +4,11 @@ import mpmath as mp
 import numba
 import numpy as np
 import pytest
+from closeform.planning.shaping import prepare
 
 import closeform as cf
 from bridge import bridge
 from closeform.planning import kernel
-from closeform.planning.shaping import prepare
 from truth import Reference
 
 N = 1.1e-3

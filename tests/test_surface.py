@@ -20,7 +20,7 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
-RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "Touch"}
+RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase"}
 # Take and give objects that carry their own units.
 UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged", "EventKind", "GatherStatus"}
 UNITLESS |= {"Search.coverage"}

@@ -75,7 +75,7 @@ def plan_found(plan, ratio, spent):
         return nothing(plan.reason, spent) | tried(plan)
     # of the times as flown, which differ from those asked for where `measures` says so
     extra = max(plan.energy - float(plan.direct.energy.sum()), 0.0)
-    return found(plan, extra, len(plan.touches), ratio, spent) | tried(plan)
+    return found(plan, extra, len(plan.contacts), ratio, spent) | tried(plan)
 
 
 def found(plan, extra, contacts, ratio, spent):

@@ -13,9 +13,10 @@ _NAMES = {
         "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"
     ),
     "conflicts.all_pairs": "Screening screen",
-    "planning.avoid": "Avoidance Contact Status avoid end_gradients",
-    "planning.formation": "reconfigure",
-    "planning.plan": "Plan Touch",
+    "planning.avoid": "avoid",
+    "planning.reconfigure": "reconfigure",
+    "planning.plan": "Avoidance Contact Plan Status",
+    "planning.sauter_palmer": "end_gradients",
     "planning.limits": "shortest_transfer propellant",
     "motion.frames": "relative_from_inertial inertial_from_relative",
     "motion.elements": (

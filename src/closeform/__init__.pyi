@@ -2,15 +2,15 @@
 
 from closeform import plots as plots
 from closeform.planning import targets as targets
-from closeform.planning.avoid import (
+from closeform.planning.avoid import avoid as avoid
+from closeform.planning.plan import (
     Avoidance as Avoidance,
     Contact as Contact,
+    Plan as Plan,
     Status as Status,
-    avoid as avoid,
-    end_gradients as end_gradients,
 )
-from closeform.planning.formation import reconfigure as reconfigure
-from closeform.planning.plan import Plan as Plan, Touch as Touch
+from closeform.planning.reconfigure import reconfigure as reconfigure
+from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study
 from closeform.exchange.oem import (
     CommonFrame as CommonFrame,

@@ -210,7 +210,7 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> StageResult[Joint
     plan, measures = planned(start, stage, goals, who, [names.index(name) for name in others])
     asked = stage.within.on(start.orbit.mean_motion)
     before = start.mixed(who, plan.direct)
-    after = start.mixed(who, plan.paths) if plan.paths is not None and plan.touches else before
+    after = start.mixed(who, plan.paths) if plan.paths is not None and plan.contacts else before
     took, late = after.end - start.time, None
     if took > asked * LATE:
         late = f'stage {start.number} ({stage.verb}) takes {took:.1f} s, not {asked:.1f} s; see "Tried"'
@@ -226,8 +226,8 @@ def planned(
 
     Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
     """
-    from closeform.planning.avoid import Status
-    from closeform.planning.formation import reconfigure
+    from closeform.planning.plan import Status
+    from closeform.planning.reconfigure import reconfigure
 
     scenario = start.scenario
     limits = np.array([scenario.craft[k].max_acceleration for k in who])

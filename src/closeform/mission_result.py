@@ -17,8 +17,7 @@ from closeform.search.schedule import Search
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.planning.avoid import Avoidance
-    from closeform.planning.plan import Plan
+    from closeform.planning.plan import Avoidance, Plan
     from closeform.search.locks import Locks
 
 ROUNDING = 1e-9  # of a thrust that a plan was to keep to

@@ -15,7 +15,7 @@ def compile_for(text: bytes) -> None:
     moves = set(re.findall(rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
     modules = []
     if moves - {b"avoid"}:
-        modules.append("closeform.planning.formation")
+        modules.append("closeform.planning.reconfigure")
     if b"avoid" in moves:
         modules.append("closeform.planning.avoid")
     if searches:

@@ -1,15 +1,19 @@
-"""Paths around keep-out zones, for one craft; for a whole formation see `formation`."""
+"""`avoid`: the cheapest path of one craft around obstacles that do not give way."""
 
 from collections.abc import Sequence
+from math import nan
 from typing import Literal
 
-from closeform.motion.path import Path
-from closeform.planning.result import Avoidance, Contact, Obstacles, Status, refused
-from closeform.planning.sauter_palmer import deviated, end_gradients
-from closeform.planning.shaping import shaped
+import numpy as np
+
+from closeform.motion.path import Path, stack
+from closeform.planning.plan import Avoidance, Status
+from closeform.planning.planner import solve
+from closeform.planning.problem import Problem
+from closeform.planning.sauter_palmer import deviated
 from closeform.zones.zone import Zone
 
-__all__ = ["Avoidance", "Contact", "Status", "avoid", "end_gradients"]
+TOO_DEAR = 1e8  # times the optimum: no plan to fly
 
 
 def avoid(
@@ -17,40 +21,114 @@ def avoid(
     obstacles: Path | Sequence[Path],
     zone: Zone | Sequence[Zone],
     method: Literal["exact", "sauter-palmer"] = "exact",
+    *,
+    budget: int | None = None,
 ) -> Avoidance:
-    """The cheapest path with the end states and times of `path` that stays out of every zone.
+    """The cheapest path found with the end states and times of `path` that stays out of every zone.
 
     `obstacles`: one path, a Path of shape (M,) or a sequence; coasting, thrusting or sampled.
     `zone`: one for all, or one for each obstacle.  A path that is clear is returned as it is.
 
-    "exact": least energy, by the kernel of paths with fixed ends and forces at contacts; every
-    side of every conflict is searched, best first, and the best local optimum is returned,
-    with a proof that it is global where there is one (theory 4).  "sauter-palmer": the paper's
-    one deviation point for each conflict, perpendicular to the cost's gradients (SP11 section
-    4), for n > 0.  Either way the path is certified clear of the zone itself, or the status
-    says why there is none: an end inside a zone, or no clear path found.
+    "exact": least energy, by the kernel of paths with fixed ends and forces at contacts.  The sides on which
+    zones are passed are searched, ranked by what they may cost: `budget` candidates at most (96 unless
+    given), each solved to its local optimum; the best is returned, with a proof that it is
+    global where there is one (theory 4).  "sauter-palmer": the paper's one deviation point for each conflict,
+    perpendicular to the cost's gradients (SP11 section 4), for n > 0.  Either way the path is
+    certified clear of the zone itself, or the status says why there is none: an end inside a zone, or
+    no clear path found.
 
     Raises ValueError for a batch of paths, another orbit, zones that do not match the
-    obstacles, or an unknown method.
+    obstacles, a budget below 1, or an unknown method.
     """
     if path.shape:
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
     if method not in ("exact", "sauter-palmer"):
         raise ValueError(f"method: 'exact' or 'sauter-palmer', not {method!r}")
+    if budget is not None and budget < 1:
+        raise ValueError(f"budget: at least one candidate, got {budget}")
+    batch = obstacle_batch(path, obstacles)
+    zones = zones_of(zone, len(batch))
+    optimum = path.orbit.transfer(
+        path.state(path.start), path.state(path.end), path.end - path.start, path.start
+    )
+    groups = ((one, np.array([[0, 1 + k] for k in those])) for one, those in grouped(zones))
+    problem = Problem.of(stack([optimum]), batch, groups)
+    inside = problem.inside_at_end(problem.direct)
+    if inside:
+        return refused(problem, Status.END_INSIDE, inside)
+    if not problem.conflicts(problem.with_path(path)):
+        extra = max(path.energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
+        bound = min(float(optimum.energy), path.energy)
+        return Avoidance(path, path.energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict")
+    if method == "sauter-palmer":
+        return deviated(path, problem)
+    return shaped(problem, budget)
+
+
+def shaped(problem: Problem, budget: int | None) -> Avoidance:
+    """`avoid` by method "exact"."""
+    found = solve(problem, budget)
+    optimum, duration = problem.energy(problem.direct), problem.last - problem.first
+    ways = f"{found.tried} candidates examined"
+    if found.flown is None:
+        left = "none is left" if found.exhausted else "raise budget for more"
+        return refused(problem, Status.NOT_FOUND, f"no clear path among {ways}; {left}", found.tried)
+    # rest to rest over one zone in a hundredth of the time costs 1e6 of these
+    zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
+    if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
+        reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; give it a longer transfer"
+        return refused(problem, Status.NOT_FOUND, reason, found.tried)
+    path = problem.path(found.flown)[0]
+    number = len(found.contacts)
+    best = "proven the global optimum" if found.proven else f"the best of {ways}"
+    return Avoidance(
+        path=path,
+        energy=path.energy,
+        extra_energy=found.extra,
+        delta_v=path.delta_v,
+        lower_bound=path.energy if found.proven else optimum,
+        contacts=found.contacts,
+        status=Status.AVOIDED,
+        reason=f"{number} contact{'s' * (number != 1)}, {best}",
+        margin=found.margin,
+        proven=found.proven,
+        tried=found.tried,
+    )
+
+
+def refused(problem: Problem, status: Status, reason: str, tried: int = 0) -> Avoidance:
+    """An avoidance without a path."""
+    bound = problem.energy(problem.direct)
+    return Avoidance(None, nan, nan, nan, bound, (), status, reason, tried=tried)
+
+
+def obstacle_batch(path: Path, obstacles: Path | Sequence[Path]) -> Path:
+    """Obstacles as a Path of shape (M,)."""
     others = [obstacles] if isinstance(obstacles, Path) else list(obstacles or ())
     if not others or not all(isinstance(other, Path) for other in others):
         raise ValueError("obstacles: give at least one path")
-    known = Obstacles.of(others[0] if isinstance(obstacles, Path) else others, zone)
-    for obstacle in others:
-        if obstacle.orbit.mean_motion != path.orbit.mean_motion:
+    for other in others:
+        if other.orbit.mean_motion != path.orbit.mean_motion:
             raise ValueError("obstacles: must be in the orbit of path")
-    inside = known.at_end(path)
-    if inside:
-        return refused(Status.END_INSIDE, inside)
-    if not known.conflicts(path.arcs):
-        optimum = path.orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start)
-        extra = max(path.energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
-        return Avoidance(
-            path, path.energy, extra, path.delta_v, (), Status.CLEAR, "no conflict", exhausted=True
-        )
-    return shaped(path, known) if method == "exact" else deviated(path, known)
+    batch = obstacles if isinstance(obstacles, Path) and obstacles.shape else stack(others)
+    if len(batch.shape) != 1:
+        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
+    return batch
+
+
+def zones_of(zone: Zone | Sequence[Zone], count: int) -> list[Zone]:
+    """One zone for each obstacle."""
+    given = [zone] * count if isinstance(zone, Zone) else list(zone) if isinstance(zone, Sequence) else []
+    if not given or not all(isinstance(one, Zone) for one in given):
+        raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each obstacle, got {zone!r}")
+    if len(given) != count:
+        raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
+    return given
+
+
+def grouped(zones: Sequence[Zone]) -> list[tuple[Zone, list[int]]]:
+    """Each zone with the obstacles that share it."""
+    groups: dict[int, tuple[Zone, list[int]]] = {}
+    for k, zone in enumerate(zones):
+        groups.setdefault(id(zone), (zone, []))[1].append(k)
+    return list(groups.values())

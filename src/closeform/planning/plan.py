@@ -1,29 +1,77 @@
-"""What a reconfiguration answers: the paths of a whole formation, or why there are none."""
+"""What a plan answers: certified paths, where they touch, what they cost, or why there are none."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from math import nan
 from typing import Any
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.planning.result import Status
+
+
+class Status(StrEnum):
+    """How a plan ended."""
+
+    CLEAR = "clear already"
+    AVOIDED = "avoided"
+    END_INSIDE = "end inside a zone"
+    NOT_FOUND = "no clear path found"
+    TOO_WEAK = "thrust limit exceeded"
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class Contact:
     """Where two paths of a plan touch the zone between them.
 
-    `time` [s]; the craft `first` and `second` by index, N + k for obstacle k; the unit `normal` (3,) of
-    the zone, pointing from second to first; the `force` [m/s^3] along it, by which the thrust's rate
-    jumps: of the first along the normal, of the second against it.  Obstacles do not feel it, nor,
-    planned one after another, does the second.
+    `time` [s]; the craft `first` and `second` by index, N + k for obstacle k of a plan of N craft; the
+    first's `position` (3,) [m]; the unit `normal` (3,) of the zone, pointing from second to first; the
+    `multiplier` [m/s^3] along it, a jump of the thrust's rate: of the first along the normal, of the
+    second against it, and twice the extra energy per metre of push for a single contact.  Obstacles do
+    not feel it, nor, planned one after another, does the second.
     """
 
     time: float
     first: int
     second: int
+    position: Floats
     normal: Floats
-    force: float
+    multiplier: float
+
+
+@dataclass(frozen=True, eq=False)
+class Avoidance:
+    """A path around obstacles, or why there is none.
+
+    `path` is certified clear of every zone (None where not `ok`); `energy` [m^2/s^3] and
+    `delta_v` [m/s] are its own, `extra_energy` what it costs beyond the unconstrained optimum
+    between its end states (nan where not ok).  No clear path between these states and times has less
+    energy than `lower_bound` [m^2/s^3]; `proven`: it is the energy itself, to rounding.  Otherwise the
+    path is the best of the `tried` candidates.  `contacts` are in order of time; the craft is 0,
+    obstacle k is k + 1.  The path was made for zones `margin` times as large.  `status` says how it
+    ended, and `reason` in words.
+    """
+
+    path: Path | None
+    energy: float
+    extra_energy: float
+    delta_v: float
+    lower_bound: float
+    contacts: tuple[Contact, ...]
+    status: Status
+    reason: str
+    margin: float = 1.0
+    proven: bool = False
+    tried: int = 0
+
+    @property
+    def ok(self) -> bool:
+        """Whether `path` is a clear path."""
+        return self.status in (Status.CLEAR, Status.AVOIDED)
+
+    @property
+    def gap(self) -> float:
+        """By how much the energy exceeds the lower bound, as a share of it; nan where not ok."""
+        return gap(self.energy, self.lower_bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +83,11 @@ class Plan:
     optima over the same times.  `slots` (N,): the final state that each craft flies to.  `starts`
     and `durations` (N,) [s] as flown, which differ from those asked for where `measures` says so:
     what was tried openly, in order.  `energy` [m^2/s^3] and `delta_v` [m/s] are totals (nan where
-    not ok), each craft's are those of its path; `lower_bound` [m^2/s^3] is the sum of the unconstrained
-    optima, which no plan over these times (and, where craft were assigned to slots, no other assignment)
-    can beat.  `touches` in order of time.  `proven`: the energy is proven the global optimum for
-    these slots and times; otherwise it is the best of the `tried` ways.  `status` says how it ended,
-    `reason` in words, and `blocked` the two craft that stand in the way (N + k for obstacle k).
+    not ok), each craft's are those of its path; no clear plan over these times (and, where craft were
+    assigned to slots, no other assignment) has less energy than `lower_bound` [m^2/s^3].  `contacts` in order
+    of time.  The plan was made for zones `margin` times as large.  `proven`: the energy is proven the global
+    optimum for these slots and times; otherwise it is the best of the `tried` candidates.  `status` says how
+    it ended, `reason` in words, and `blocked` the two craft that stand in the way (N + k for obstacle k).
     """
 
     paths: Path | None
@@ -50,11 +98,12 @@ class Plan:
     energy: float
     delta_v: float
     lower_bound: float
-    touches: tuple[Touch, ...]
+    contacts: tuple[Contact, ...]
     status: Status
     reason: str
     blocked: tuple[int, int] | None = None
     measures: tuple[str, ...] = ()
+    margin: float = 1.0
     proven: bool = False
     tried: int = 0
 
@@ -64,8 +113,18 @@ class Plan:
         return self.status in (Status.CLEAR, Status.AVOIDED)
 
     @property
+    def extra_energy(self) -> float:
+        """What the plan costs beyond the unconstrained optima [m^2/s^3]; nan where not ok."""
+        return self.energy - float(self.direct.energy.sum())
+
+    @property
     def gap(self) -> float:
         """By how much the energy exceeds the lower bound, as a share of it; nan where not ok."""
-        if not self.lower_bound > 0.0:
-            return 0.0 if self.energy == self.lower_bound else nan
-        return self.energy / self.lower_bound - 1.0
+        return gap(self.energy, self.lower_bound)
+
+
+def gap(energy: float, bound: float) -> float:
+    """By how much an energy exceeds its lower bound, as a share of it."""
+    if not bound > 0.0:
+        return 0.0 if energy == bound else nan
+    return energy / bound - 1.0

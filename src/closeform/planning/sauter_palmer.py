@@ -1,5 +1,6 @@
 """SP11's own method: one deviation point for each conflict, across the cost's gradients."""
 
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,10 @@ from closeform.arrays import Floats
 from closeform.motion.arc import CONSTANT, IMPULSE, MEAN_MOTION, THRUST
 from closeform.motion.elements import state_from_palmer
 from closeform.motion.path import Path, join
-from closeform.planning.detour import cost_of_moving
-from closeform.planning.result import PLANNED, Avoidance, Contact, Obstacles, Status, refused
-from closeform.planning.sides import ways_out
+from closeform.planning.passing import MARGINS
+from closeform.planning.plan import Avoidance, Contact, Status
+from closeform.planning.problem import Problem
+from closeform.planning.sides import exit_normals
 
 LEGS = 12  # at most, of one path
 SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its legs are clear
@@ -45,6 +47,17 @@ def _costate(n: float, steering: Floats) -> Floats:
     return np.concatenate([turned - rate, thrust], axis=1)
 
 
+def cost_of_moving(path: Path, time: float) -> Floats:
+    """Matrix A (6, 6): moving the state at `time` by d costs d.A.d / 2 of energy.    # theory (11)"""
+    pairs = np.eye(6)[:, None] + np.eye(6)[None]
+    initial = path.orbit.transfer(np.zeros(6), pairs, time - path.start).energy
+    terminal = path.orbit.transfer(pairs, np.zeros(6), path.end - time).energy
+    both: Floats = initial + terminal
+    single = both.diagonal() / 4
+    matrix: Floats = both - single[:, None] - single[None]
+    return matrix
+
+
 def _across(leg: Path, time: float) -> Floats:
     """Three state deviations (3, 6), each across the gradient in one of Palmer's planes.
 
@@ -70,53 +83,52 @@ def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
     return join([before, leg.orbit.transfer(middle, leg.state(leg.end), leg.end - time, time)])
 
 
-def _deviation(leg: Path, obstacle: int, time: float, obstacles: Obstacles) -> tuple[Path, Contact] | None:
+def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Path, Contact] | None:
     """The cheapest pair of legs through one deviation point that clears one obstacle."""
     deviations = _across(leg, time)
     flexibility = np.linalg.inv(deviations @ cost_of_moving(leg, time) @ deviations.T)
-    matrix = obstacles.matrices[obstacle]
-    reach = matrix @ deviations[:, :3].T
-    gap = matrix @ (leg.state(time) - obstacles.state(leg.orbit, obstacle, time)).reshape(2, 3).T
+    pair = (0, int(problem.pairs[which, 1]))
+    zone = problem.zones[problem.kinds[which]]
+    reach = zone.matrix @ deviations[:, :3].T
+    gap, speed, _ = problem.motions(problem.with_path(leg), problem.at(pair, time))[0]
     best: tuple[Path, Contact] | None = None
     compliance = reach @ flexibility @ reach.T
-    for _, normal in ways_out(bool(obstacles.boxes[obstacle]), PLANNED[0], gap[:, 0], gap[:, 1], compliance):
-        force = (PLANNED[0] - normal @ gap[:, 0]) / (normal @ compliance @ normal)
-        weights = flexibility @ reach.T @ normal * force
+    for _, normal in exit_normals(zone.shape, zone.faces, MARGINS[0], gap, speed, compliance):
+        multiplier = (MARGINS[0] - normal @ gap) / (normal @ compliance @ normal)
+        weights = flexibility @ reach.T @ normal * multiplier
         for scale in SCALES:
             legs = _two_legs(leg, time, scale * weights @ deviations)
             if best is not None and legs.energy >= best[0].energy:
                 break
-            if not any(row[0] == obstacle for row in obstacles.conflicts(legs.arcs)):
-                push = matrix.T @ normal
+            if not any(met == pair for met, _ in problem.conflicts(problem.with_path(legs))):
+                push = zone.matrix.T @ normal
                 size = float(np.linalg.norm(push))
                 where = legs.state(time)[:3]
-                best = legs, Contact(time, obstacle, where, push / size, float(force * scale * size))
+                best = legs, Contact(time, *pair, where, push / size, float(multiplier * scale * size))
                 break
     return best
 
 
-def deviated(path: Path, obstacles: Obstacles) -> Avoidance:
-    """`avoid` by method "sauter-palmer"."""
-    orbit = path.orbit
-    if orbit.mean_motion == 0.0:
+def deviated(path: Path, problem: Problem) -> Avoidance:
+    """`avoid` by method "sauter-palmer"; raises ValueError in deep space."""
+    if path.orbit.mean_motion == 0.0:
         raise ValueError("method: 'sauter-palmer' needs an orbit, in deep space use 'exact'")
-    optimum = orbit.transfer(path.state(path.start), path.state(path.end), path.end - path.start, path.start)
-    legs = optimum
+    optimum = legs = problem.path(problem.direct)[0]
     contacts: list[Contact] = []
-    while True:
-        deepest = obstacles.deepest(legs.arcs)
-        if deepest is None:
-            break
-        obstacle, time = deepest
+
+    def refused(why: str) -> Avoidance:
+        return Avoidance(None, nan, nan, nan, optimum.energy, (), Status.NOT_FOUND, f"{why}; use 'exact'")
+
+    while conflicts := problem.conflicts(problem.with_path(legs)):
+        pair, (_, _, time, _) = min(conflicts, key=lambda one: one[1][3])
+        obstacle = pair[1] - 1
         k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
         leg = _alone(legs, k)
         if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
-            return refused(Status.NOT_FOUND, f"no way past obstacle {obstacle} at {time:.6g} s; use 'exact'")
-        found = _deviation(leg, obstacle, time, obstacles)
+            return refused(f"no way past obstacle {obstacle} at {time:.6g} s")
+        found = _deviation(leg, problem.index[pair], time, problem)
         if found is None:
-            return refused(
-                Status.NOT_FOUND, f"no one deviation clears obstacle {obstacle} at {time:.6g} s; use 'exact'"
-            )
+            return refused(f"no one deviation clears obstacle {obstacle} at {time:.6g} s")
         contacts.append(found[1])
         parts: list[Any] = [_alone(legs, i) for i in range(len(legs.arcs)) if i != k]
         legs = join(sorted([*parts, *(_alone(found[0], i) for i in range(2))], key=lambda part: part.start))
@@ -125,9 +137,11 @@ def deviated(path: Path, obstacles: Obstacles) -> Avoidance:
         energy=legs.energy,
         extra_energy=legs.energy - optimum.energy,
         delta_v=legs.delta_v,
+        lower_bound=optimum.energy,
         contacts=tuple(sorted(contacts, key=lambda contact: contact.time)),
         status=Status.AVOIDED,
         reason=f"{len(contacts)} deviation point{'s' * (len(contacts) != 1)} after Sauter & Palmer (2011)",
+        margin=MARGINS[0],
         tried=len(contacts),
     )
 

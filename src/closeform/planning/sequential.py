@@ -4,73 +4,88 @@ The distributed setting of SP11: a craft needs to know the initial states, targe
 before it, from which it works out their paths.  Its work grows with their number, not with its square.
 """
 
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan
 from typing import Any
 
 import numpy as np
 
 from closeform.motion.arc import END, START
-from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, stack
-from closeform.planning.plan import Touch
-from closeform.planning.result import Obstacles
-from closeform.planning.shaping import shaped
-from closeform.planning.task import Flown, Task
-from closeform.planning.ways import Outcome
-from closeform.zones.zone import Zone
+from closeform.planning.passing import MARGINS
+from closeform.planning.plan import Contact
+from closeform.planning.planner import Outcome, solve
+from closeform.planning.problem import Problem
 
 
-def one_by_one(orbit: Orbit, task: Task, order: Any, more: bool = False) -> Outcome:
+def one_by_one(
+    problem: Problem, order: Sequence[int], budget: int | None = None, more: bool = False
+) -> Outcome:
     """Paths of all craft planned in `order`; with `more`, who finds none goes first, and all begin anew."""
-    count, tried = len(task.base), 0
     order = [int(k) for k in order]
-    changed = False
-    for _ in range(count if more else 1):
-        outcome = _in_order(orbit, task, order)
-        tried += outcome.tried
-        if outcome.blocked is None or order[0] == outcome.blocked[0]:
+    tried, changed = 0, False
+    for _ in range(problem.count if more else 1):
+        found = _in_order(problem, order, budget)
+        tried += found.tried
+        if found.blocked is None or order[0] == found.blocked[0]:
             break
         if more:
-            last, changed = outcome.blocked[0], True
+            last, changed = found.blocked[0], True
             order = [last, *(k for k in order if k != last)]
-    blocked = outcome.blocked and (min(outcome.blocked), max(outcome.blocked))
-    return Outcome(outcome.flown, outcome.touches, False, tried, blocked, tuple(order) if changed else ())
+    blocked = found.blocked and (min(found.blocked), max(found.blocked))
+    return replace(found, tried=tried, blocked=blocked, order=tuple(order) if changed else ())
 
 
-def _in_order(orbit: Orbit, task: Task, order: list[int]) -> Outcome:
-    base = Path(orbit, task.base, np.arange(len(task.base) + 1), (len(task.base),))
-    arcs, offsets = task.direct
-    bodies = Path(orbit, arcs, offsets, (len(offsets) - 1,))
-    zones = _zones(task)
-    published: dict[int, Path] = {k: bodies[k] for k in range(len(base), len(bodies))}
-    touches: list[Touch] = []
-    tried = 0
+def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome:
+    arcs, offsets = problem.direct
+    bodies = Path(problem.orbit, arcs, offsets, (len(offsets) - 1,))
+    published: dict[int, Path] = {k: bodies[k] for k in range(problem.count, len(bodies))}
+    contacts: list[Contact] = []
+    extra, margin, tried = 0.0, MARGINS[0], 0
     for k in order:
-        path, tried = base[k], tried + 1
-        others = [j for j in published if (min(j, k), max(j, k)) in zones]
-        if others:
-            around = [zones[min(j, k), max(j, k)] for j in others]
-            known = Obstacles.of([published[j] for j in others], around)
-            deepest = known.deepest(path.arcs)
-            if deepest is not None:
-                way = None if known.at_end(path) else shaped(path, known)  # its ends are where they are
-                tried += way.tried if way is not None else 0
-                if way is None or way.path is None:
-                    return Outcome(None, (), False, tried, (k, others[deepest[0]]))
-                path = way.path
-                touches += [Touch(c.time, k, others[c.obstacle], c.normal, c.force) for c in way.contacts]
+        alone, others = _alone(problem, k, published)
+        path, tried = alone.path(alone.direct)[0], tried + 1
+        if conflicts := alone.conflicts(alone.direct, margin):
+            held = alone.inside_at_end(alone.direct)  # its ends are where they are
+            found = solve(alone, budget) if held is None else None
+            tried += found.tried if found is not None else 0
+            if found is None or found.flown is None:
+                deepest = min(conflicts, key=lambda one: one[1][3])[0]
+                return _blocked(tried, (k, others[deepest[1] - 1]))
+            path, extra, margin = alone.path(found.flown)[0], extra + found.extra, max(margin, found.margin)
+            contacts += [replace(c, first=k, second=others[c.second - 1]) for c in found.contacts]
         published[k] = _spanned(path, bodies[k])
-    flown = _together([published[k] for k in range(len(bodies))])
-    found = task.conflicts(flown)
-    if found:  # a craft that coasts cannot give way to those that planned before it
-        (i, j), _ = min(found, key=lambda one: one[1][3])
-        late = max(i, j, key=lambda k: order.index(k) if k < len(base) else -1)
-        return Outcome(None, (), False, tried, (late, i + j - late))
-    return Outcome(flown, tuple(sorted(touches, key=lambda one: one.time)), False, tried)
+    flown = problem.with_path(*(published[k] for k in range(problem.count)))
+    if conflicts := problem.conflicts(flown):  # a craft that coasts cannot give way to those before it
+        (i, j), _ = min(conflicts, key=lambda one: one[1][3])
+        late = max(i, j, key=lambda k: order.index(k) if k < problem.count else -1)
+        return _blocked(tried, (late, i + j - late))
+    in_time = tuple(sorted(contacts, key=lambda one: one.time))
+    return Outcome(flown, in_time, extra, margin, False, tried)
 
 
-def _zones(task: Task) -> dict[tuple[int, int], Zone]:
-    rows = zip(task.pairs.tolist(), task.kinds.tolist(), strict=True)
-    return {(i, j): task.zones[kind] for (i, j), kind in rows}
+def _blocked(tried: int, pair: tuple[int, int]) -> Outcome:
+    return Outcome(None, (), nan, MARGINS[0], False, tried, blocked=pair)
+
+
+def _alone(problem: Problem, craft: int, published: dict[int, Path]) -> tuple[Problem, list[int]]:
+    """The problem of one craft among the published paths, and which body each of its obstacles is."""
+    base = Path(problem.orbit, problem.base[craft : craft + 1], np.array([0, 1]), (1,))
+    others: list[int] = []
+    groups: dict[int, list[int]] = {}
+    for other in published:
+        which = problem.index.get((min(craft, other), max(craft, other)))
+        if which is not None:
+            groups.setdefault(int(problem.kinds[which]), []).append(len(others) + 1)
+            others.append(other)
+    around = stack([published[other] for other in others]) if others else None
+    zones = [(problem.zones[kind], _pairs(members)) for kind, members in groups.items()]
+    return Problem.of(base, around, zones), others
+
+
+def _pairs(members: list[int]) -> Any:
+    return np.array([[0, k] for k in members], dtype=np.int64)
 
 
 def _spanned(path: Path, direct: Path) -> Path:
@@ -79,8 +94,3 @@ def _spanned(path: Path, direct: Path) -> Path:
     early, late = rows[:, END] <= path.start, rows[:, START] >= path.end
     arcs = np.concatenate([rows[early], path.arcs, rows[late]])
     return Path(path.orbit, arcs, np.array([0, len(arcs)]), ())
-
-
-def _together(paths: list[Path]) -> Flown:
-    both = stack(paths)
-    return both.arcs, both.offsets

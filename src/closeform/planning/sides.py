@@ -3,31 +3,46 @@
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.zones.shapes import BALL, CUBE, CYLINDER
 
-FACES = np.concatenate([np.eye(3), -np.eye(3)])
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
 EDGES = np.array([[a, b, 0.0] for a in (1, -1) for b in (1, -1)])
-BOX_NORMALS = np.concatenate([FACES, *(np.roll(EDGES, k, axis=1) / 2.0 for k in range(3))])
+CUBE_NORMALS = np.concatenate([AXES, *(np.roll(EDGES, k, axis=1) / 2.0 for k in range(3))])
 
 
-def ways_out(
-    box: bool, aim: float, position: Floats, velocity: Floats, compliance: Floats
+def exit_normals(
+    shape: int, faces: Floats, aim: float, position: Floats, velocity: Floats, compliance: Floats
 ) -> list[tuple[float, Floats]]:
-    """Ways out of a zone: (rough cost, gradient of the norm), cheapest first, all in zone coordinates.
+    """Ways out of a zone: (rough cost, outward normal), cheapest first, all in zone coordinates.
 
-    A box has six faces and twelve edges.  An ellipsoid is left along the softest axes across the motion, and
-    along the motion itself (by being late or early).
+    A cube has six faces and twelve edges, a cylinder two ends and its side, half-spaces a way out each.
+    A ball, and a cylinder's side, is left along the softest axes across the motion, and along the
+    motion itself (by being late or early).
     """
-    if box:
-        normals = BOX_NORMALS
+    if shape == CUBE:
+        normals = CUBE_NORMALS
+    elif shape == BALL:
+        normals = round_normals(aim, position, velocity, compliance)
+    elif shape == CYLINDER:
+        normals = round_normals(aim, position[:2], velocity[:2], compliance[:2, :2])
+        normals = np.concatenate([np.pad(normals, ((0, 0), (0, 1))), AXES[[2, 5]]])
     else:
-        speed = np.linalg.norm(velocity)
-        across = np.eye(3) - np.outer(velocity, velocity) / speed**2 if speed > 0.0 else np.eye(3)
-        axes = np.linalg.eigh(across @ compliance @ across)[1].T
-        rays = np.concatenate([axes, -axes])  # from the position, until they leave the ball
-        along = rays @ position
-        ahead = np.sqrt(np.maximum(aim**2 - position @ position + along**2, 0.0)) - along
-        normals = (position + ahead[:, None] * rays) / aim
+        normals = faces
     give = np.einsum("ki,ij,kj->k", normals, compliance, normals)
     costs = 0.5 * np.maximum(aim - normals @ position, 0.0) ** 2 / give
-    found = [(float(cost), normal) for cost, normal in zip(costs, normals, strict=True)]
-    return sorted(found, key=lambda way: way[0])
+    order = np.argsort(costs, kind="stable")
+    return [(float(costs[k]), np.ascontiguousarray(normals[k])) for k in order]
+
+
+def round_normals(aim: float, position: Floats, velocity: Floats, compliance: Floats) -> Floats:
+    """Normals of a ball where rays from the position leave it, along the softest axes across the motion."""
+    speed = np.linalg.norm(velocity)
+    across = np.eye(len(position))
+    if speed > 0.0:
+        across -= np.outer(velocity, velocity) / speed**2
+    axes = np.linalg.eigh(across @ compliance @ across)[1].T
+    rays = np.concatenate([axes, -axes])
+    along = rays @ position
+    ahead = np.sqrt(np.maximum(aim**2 - position @ position + along**2, 0.0)) - along
+    normals: Floats = (position + ahead[:, None] * rays) / aim
+    return normals

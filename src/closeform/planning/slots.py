@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.planning.asked import Asked
 from closeform.planning.plan import Plan
+from closeform.planning.request import Request
 
 REVISIONS = 12  # other assignments that are planned
 
 
-def revised(asked: Asked, plan: Plan, attempt: Callable[[Asked], Plan]) -> Plan:
+def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) -> Plan:
     """The cheapest plan among those with one exchange of slots after another that could be cheaper."""
-    costs = asked.costs
+    costs = request.costs
     seen = {tuple(plan.slots)}
     left = REVISIONS
     while left > 0:
@@ -24,7 +24,7 @@ def revised(asked: Asked, plan: Plan, attempt: Callable[[Asked], Plan]) -> Plan:
                 continue
             seen.add(tuple(slots))
             left -= 1
-            other = attempt(asked.assigned(slots))
+            other = attempt(request.assigned(slots))
             if other.ok and (not plan.ok or other.energy < plan.energy):
                 plan = other
                 break

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach, find_conflicts
 from closeform.motion.path import Path
-from closeform.planning.detour import ways_around
+from closeform.planning.both_sides import ways_around
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,

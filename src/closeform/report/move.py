@@ -54,11 +54,8 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
         return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
     if not avoidance.contacts:
         return (f"Method {method}: no change needed, {avoidance.status}",)
-    touched = ", ".join(f"{moved.others[at.obstacle]} at {at.time:.1f} s" for at in avoidance.contacts)
-    sides = "all sides searched" if avoidance.exhausted else "not all sides searched"
-    best = (
-        "proven the global optimum" if avoidance.proven else f"best of {avoidance.tried} ways tried, {sides}"
-    )
+    touched = ", ".join(f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts)
+    best = "proven the global optimum" if avoidance.proven else f"best of {avoidance.tried} candidates"
     return (
         f"Method {method}: touches the zone of {touched}",
         f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum; {best}",
@@ -76,10 +73,10 @@ def figures(method: str, moved: AvoidResult) -> dict[str, Any]:
         "reason": avoidance.reason,
         "extra_energy_m2_s3": avoidance.extra_energy,
         "proven": avoidance.proven,
-        "exhausted": avoidance.exhausted,
+        "margin": avoidance.margin,
         "tried": avoidance.tried,
         "contacts": [
-            {"craft": moved.others[at.obstacle], "time_s": at.time, "position_m": at.position.tolist()}
+            {"craft": moved.others[at.second - 1], "time_s": at.time, "position_m": at.position.tolist()}
             for at in avoidance.contacts
         ],
         "direct": record(flight.EFFORT, flight.effort(moved.direct)),

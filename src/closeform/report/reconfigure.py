@@ -102,7 +102,7 @@ def costs(result: Moved, burnt: Floats) -> Iterator[Table]:
 def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float]]:
     """The pair and the time [s] of every contact of the plan."""
     names = moved.names
-    return [((names[at.first], names[at.second]), at.time) for at in moved.plan.touches]
+    return [((names[at.first], names[at.second]), at.time) for at in moved.plan.contacts]
 
 
 def contacts(moved: ReconfigureResult) -> Iterator[Table]:
@@ -168,9 +168,9 @@ def figures(result: Moved, slots: dict[str, int]) -> dict[str, Any]:
                 "pair": [moved.names[at.first], moved.names[at.second]],
                 "time_s": at.time,
                 "normal": at.normal.tolist(),
-                "force_m_s3": at.force,
+                "multiplier_m_s3": at.multiplier,
             }
-            for at in plan.touches
+            for at in plan.contacts
         ],
     }
 

@@ -8,17 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, numbers
-from closeform.motion.arc import WIDTH
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path
-from closeform.planning.result import batch_of, planned_around
-from closeform.planning.task import Task
+from closeform.motion.path import Path, stack
+from closeform.planning.problem import Problem
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Request:
     """N craft with `initial` states (N, 6) at their `starts`, to be in their slots after their `durations`.
 
     `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
@@ -51,7 +49,7 @@ class Asked:
         obstacles: Path | Sequence[Path],
         max_acceleration: ArrayLike | None,
         names: Sequence[str] | None,
-    ) -> "Asked":
+    ) -> "Request":
         """Raises ValueError naming the argument that does not fit."""
         begins, places = _states("initial", initial), _states("final", final)
         count = len(begins)
@@ -104,12 +102,9 @@ class Asked:
         energies: Floats = self.orbit.transfer(self.initial[:, None], finals, *times).energy
         return energies
 
-    def task(self) -> Task:
+    def problem(self) -> Problem:
         """What is to be planned."""
-        arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
-        if self.others is not None:
-            arcs, offsets = self.others.arcs, self.others.offsets
-        return Task.of(self.direct.arcs, arcs, offsets, self.zones)
+        return Problem.of(self.direct, self.others, self.zones)
 
     def least_slots(self) -> tuple[Any, float]:
         """Slots (N,) of least unconstrained energy, and that energy."""
@@ -119,19 +114,19 @@ class Asked:
         craft, slots = linear_sum_assignment(costs)
         return slots, float(costs[craft, slots].sum())
 
-    def cheapest(self) -> "Asked":
+    def cheapest(self) -> "Request":
         """The same with the slots of least unconstrained energy, where they are not given."""
         return replace(self, slots=self.least_slots()[0]) if self.assign else self
 
-    def assigned(self, slots: Any) -> "Asked":
+    def assigned(self, slots: Any) -> "Request":
         """The same with other slots."""
         return replace(self, slots=slots)
 
-    def longer(self, factor: float) -> "Asked":
+    def longer(self, factor: float) -> "Request":
         """The same with longer durations; the final states hold at the later ends."""
         return replace(self, durations=factor * self.durations).cheapest()
 
-    def staggered(self, share: float) -> "Asked":
+    def staggered(self, share: float) -> "Request":
         """Craft coast in turn before they start, the last for `share` of the longest duration.
 
         The final states hold when the last has waited: those who are there before coast into them.
@@ -163,13 +158,17 @@ def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest:
 
 
 def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
+    if isinstance(obstacles, Path) and not obstacles.shape:
+        obstacles = [obstacles]
     if not isinstance(obstacles, Path):
         obstacles = list(obstacles)
         if not all(isinstance(one, Path) for one in obstacles):
             raise ValueError("obstacles: expected paths")
         if not obstacles:
             return None
-    batch = batch_of(obstacles)
+    batch = obstacles if isinstance(obstacles, Path) and obstacles.shape else stack(obstacles)
+    if len(batch.shape) != 1:
+        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
     if batch.orbit.mean_motion != orbit.mean_motion:
         raise ValueError("obstacles: must be in the given orbit")
     return batch if len(batch) else None
@@ -177,12 +176,10 @@ def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
 
 def _zones(zone: Zone | Sequence[Zone | None], count: int, extra: int) -> list[Zone | None]:
     if isinstance(zone, Zone):
-        planned_around([zone])
         return [zone] * (count + extra)
     zones = list(zone) if isinstance(zone, Sequence) else [False]
     if not all(one is None or isinstance(one, Zone) for one in zones):
         raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each craft, got {zone!r}")
-    planned_around(zones)
     if len(zones) not in (count, count + extra):
         with_obstacles = f" or {count + extra} with the obstacles" * bool(extra)
         raise ValueError(f"zone: {len(zones)} zones for {count} craft; give one, or {count}{with_obstacles}")

@@ -1,20 +1,27 @@
-"""The forces that press just hard enough: a quadratic program with one bound for each contact."""
+"""The quadratic program of contacts: multipliers that push just hard enough.
+
+    minimise  m.G.m / 2 - gaps.m   over   m >= 0
+
+G is the compliance between the contacts, positive semidefinite.  Its solution keeps every contact's
+gap closed at the least energy m.G.m / 2.
+"""
 
 import numpy as np
-from numba import boolean, float64, void
+from numba import boolean
 
-from closeform.arrays import Floats
 from closeform.compiled import kernel
+from closeform.planning.scene import ROWS
 
 STIFF = 1e-12  # of a contact's own compliance, added so that two like contacts share their force
-PROVEN = 1e-9  # tolerance of the certificate of global optimality
 SLACK = 1e-10  # of the zone, by which an idle contact may fall short
 STALLED = 5  # exchanges of all wrong contacts without progress, before one at a time
+SWEEPS = 200  # of coordinate descent, where exchanges go round in circles
+SOLVED, APPROXIMATE = 0, 1  # status: to rounding, or by coordinate descent
 
 
 @kernel()
-def factor(matrix, size):
-    """L D L^T of the leading block, symmetric and positive definite, in place: rows of L below D."""
+def factorise(matrix, size):
+    """L D L^T of the leading block, symmetric and positive definite, in place: rows of L^T D above D."""
     for k in range(size):
         for i in range(k + 1, size):
             share = matrix[k, i] / matrix[k, k]
@@ -23,8 +30,8 @@ def factor(matrix, size):
 
 
 @kernel()
-def back(matrix, rhs, size):
-    """Solve with the factors of `factor`, in place."""
+def back_substitute(matrix, rhs, size):
+    """Solve with the factors of `factorise`, in place."""
     for k in range(size):
         for i in range(k + 1, size):
             rhs[i] -= matrix[k, i] / matrix[k, k] * rhs[k]
@@ -34,49 +41,50 @@ def back(matrix, rhs, size):
         rhs[k] /= matrix[k, k]
 
 
-@kernel(boolean(float64[:, ::1]))
-def definite(matrix):
+@kernel(boolean(ROWS))
+def is_definite(matrix):
     """Whether a symmetric matrix, which is spoilt, is positive definite."""
-    factor(matrix, len(matrix))
+    factorise(matrix, len(matrix))
     for k in range(len(matrix)):
         if not matrix[k, k] > 0.0:
             return False
     return True
 
 
-@kernel(void(float64[:, ::1], float64[::1], boolean[::1], float64, float64[::1]))
-def press(gram, gaps, active, give, force):
-    """Fill `force` >= 0 to minimise force.G.force / 2 - gaps.force, by block pivoting from `active`.
+@kernel()
+def solve_qp(gram, gaps, count, active, give, work, multipliers):
+    """Fill `multipliers` (count,), beginning with those that are `active`; returns the status.
 
     Every contact gives way by `give` of its own compliance.  All contacts of the wrong sign change
-    sides at once; the last of them alone where that does not help (Judice & Pires 1994).
+    sides at once; the last of them alone where that does not help (Judice & Pires 1994), which ends for every
+    definite G.  Should rounding keep it from ending, coordinate descent does.
     """
-    count = len(gaps)
-    work, rhs = np.empty((count, count)), np.empty(count)
     inside = np.empty(count, dtype=np.int64)
     wrong = np.empty(count, dtype=np.bool_)
     fewest, patience = count + 1, STALLED
-    for _ in range(2 * count + 50):
+    soft = 1.0 + max(give, STIFF)
+    for _ in range(4 * count + 50):
         size = 0
         for k in range(count):
-            force[k] = 0.0
+            multipliers[k] = 0.0
             if active[k]:
                 inside[size] = k
                 size += 1
+        rhs = np.empty(size)
         for a in range(size):
             k = inside[a]
             rhs[a] = gaps[k]
             for b in range(a, size):
                 work[a, b] = gram[k, inside[b]]
-            work[a, a] *= 1.0 + max(give, STIFF)
-        factor(work, size)
-        back(work, rhs, size)
+            work[a, a] *= soft
+        factorise(work, size)
+        back_substitute(work, rhs, size)
         for a in range(size):
-            force[inside[a]] = rhs[a]
+            multipliers[inside[a]] = rhs[a]
         number, last = 0, -1
         for k in range(count):
             if active[k]:
-                wrong[k] = force[k] < 0.0
+                wrong[k] = multipliers[k] < 0.0
             else:
                 short = gaps[k]
                 for a in range(size):
@@ -86,7 +94,7 @@ def press(gram, gaps, active, give, force):
                 number += 1
                 last = k
         if number == 0:
-            break
+            return SOLVED
         if number < fewest:
             fewest, patience = number, STALLED
         elif patience > 0:
@@ -96,15 +104,19 @@ def press(gram, gaps, active, give, force):
                 wrong[k] = False
         for k in range(count):
             active[k] ^= wrong[k]
+    descend(gram, gaps, count, soft, multipliers)
+    return APPROXIMATE
+
+
+@kernel()
+def descend(gram, gaps, count, soft, multipliers):
+    """Coordinate descent from where the exchanges left off."""
     for k in range(count):
-        force[k] = max(force[k], 0.0)
-
-
-def convex(compliance: Floats, strength: Floats) -> bool:
-    """Whether the Lagrangian of contacts is convex: their path is the global optimum at their times.
-
-    `compliance` (3K, 3K) in zone coordinates, `strength` (K,) the forces over the aimed norms: I less the
-    one weighted by the other is positive definite.                                      # theory 4
-    """
-    weight = np.repeat(np.sqrt(strength), 3)
-    return bool(definite((1.0 + PROVEN) * np.eye(len(weight)) - weight[:, None] * compliance * weight))
+        if not multipliers[k] > 0.0:
+            multipliers[k] = 0.0
+    for _ in range(SWEEPS):
+        for k in range(count):
+            short = gaps[k] + gram[k, k] * multipliers[k]
+            for m in range(count):
+                short -= gram[k, m] * multipliers[m]
+            multipliers[k] = max(short / (gram[k, k] * soft), 0.0)

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.planning.asked import Asked
-from closeform.planning.plan import Plan
-from closeform.planning.remedies import FALLBACKS, Attempt, Fallback, remedied, within_limits
-from closeform.planning.result import PLANNED, Status
+from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
+from closeform.planning.passing import MARGINS
+from closeform.planning.plan import Plan, Status
+from closeform.planning.planner import joined, solve
+from closeform.planning.problem import Problem
+from closeform.planning.request import Request
 from closeform.planning.sequential import one_by_one
 from closeform.planning.slots import revised
-from closeform.planning.task import Flown, Task
-from closeform.planning.ways import from_sequence, searched
 from closeform.zones.zone import Zone
 
 
@@ -37,6 +37,7 @@ def reconfigure(
     method: Literal["joint", "sequential"] = "joint",
     order: Sequence[int] | None = None,
     names: Sequence[str] | None = None,
+    budget: int | None = None,
 ) -> Plan:
     """Paths of N craft from `initial` to `final` states, every pair certified clear of its zone.
 
@@ -50,73 +51,78 @@ def reconfigure(
 
     `method` "joint": all paths are deflected together, by forces between pairs (theory 4).
     "sequential": craft plan one after another in `order` (indices; 0, 1, ... unless given), as in
-    SP11.  Where no clear plan is found, `if_blocked` says what is tried, in order; () forbids all.
+    SP11.  The sides on which pairs pass each other are searched: `budget` candidates at most, each solved to
+    its local optimum (by how many pairs are in contact unless given: 96 for up to six, one beyond 200).
+    Where no clear plan is found, `if_blocked` says what is tried, in order; () forbids all.
     `names` are used in reasons.
 
     The result says how it ended; it raises ValueError for arguments that do not fit: shapes,
     fewer slots than craft, zones of which neither holds the other, unknown words.
     """
-    asked = Asked.of(orbit, initial, final, duration, zone, assign, start, obstacles, max_acceleration, names)
-    count = len(asked.initial)
+    request = Request.of(
+        orbit, initial, final, duration, zone, assign, start, obstacles, max_acceleration, names
+    )
+    count = len(request.initial)
     if unknown := [word for word in if_blocked if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
     if method not in ("joint", "sequential"):
         raise ValueError(f"method: 'joint' or 'sequential', not {method!r}")
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):
         raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {list(order)}")
-    attempt = _attempts(method, range(count) if order is None else order)
+    if budget is not None and budget < 1:
+        raise ValueError(f"budget: at least one candidate, got {budget}")
+    attempt = _attempts(method, range(count) if order is None else order, budget)
     if not assign:
-        return _followed(asked, attempt(asked, False), attempt, if_blocked)[1]
-    plan = revised(asked, attempt(asked, False), lambda other: attempt(other, False))
-    flown, plan = _followed(asked.assigned(plan.slots), plan, attempt, if_blocked)
+        return _followed(request, attempt(request, False), attempt, if_blocked)[1]
+    plan = revised(request, attempt(request, False), lambda other: attempt(other, False))
+    flown, plan = _followed(request.assigned(plan.slots), plan, attempt, if_blocked)
     return replace(plan, lower_bound=flown.least_slots()[1])
 
 
 def _followed(
-    asked: Asked, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
-) -> tuple[Asked, Plan]:
+    request: Request, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
+) -> tuple[Request, Plan]:
     """A plan after what is to be done where it is blocked or beyond a limit, and what it answers."""
     if plan.status == Status.NOT_FOUND:
-        asked, plan = remedied(asked, plan, attempt, if_blocked)
-    if plan.ok and asked.limits is not None:
-        asked, plan = within_limits(asked, plan, attempt, "longer" in if_blocked)
-    return asked, plan
+        request, plan = tried_openly(request, plan, attempt, if_blocked)
+    if plan.ok and request.limits is not None:
+        request, plan = within_limits(request, plan, attempt, "longer" in if_blocked)
+    return request, plan
 
 
-def _attempts(method: str, order: Sequence[int]) -> Attempt:
-    """How one set of times and slots is planned; with True, more ways are tried."""
+def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
+    """How one set of times and slots is planned; with True, more candidates are examined."""
 
-    def attempt(asked: Asked, more: bool) -> Plan:
-        task = asked.task()
-        direct = _path(asked, task.direct)
+    def attempt(request: Request, more: bool) -> Plan:
+        problem = request.problem()
+        direct = problem.path(problem.direct)
         bound = float(np.sum(direct.energy))
-        times = asked.starts, asked.durations
-        plan = Plan(None, direct, asked.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
-        held = _held(task)
-        if held is not None:
+        times = request.starts, request.durations
+        plan = Plan(None, direct, request.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
+        if held := _held(problem):
             pair, words = held
-            reason = f"{asked.names[pair[0]]} and {asked.names[pair[1]]} {words}"
+            reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
-        if method == "joint":
-            outcome = searched(task, more)
-            if outcome.flown is None:
-                outcome = from_sequence(task, one_by_one(asked.orbit, task, order, more), outcome)
-        else:
-            outcome = one_by_one(asked.orbit, task, order, more)
-        plan = replace(plan, proven=outcome.proven, tried=outcome.tried, blocked=outcome.blocked)
-        if outcome.flown is None:
-            return replace(plan, reason=_blocked(asked, outcome.blocked, outcome.tried))
-        paths = _path(asked, outcome.flown)
-        ways = "proven the global optimum" if outcome.proven else f"the best of {outcome.tried} ways tried"
-        if outcome.order:
-            ways += f", one after another: {', '.join(asked.names[k] for k in outcome.order)}"
-        number = len(outcome.touches)
+        found = (
+            solve(problem, budget, more) if method == "joint" else one_by_one(problem, order, budget, more)
+        )
+        if method == "joint" and found.flown is None and problem.count > 1:
+            found = joined(problem, one_by_one(problem, order, budget, more), found)
+        plan = replace(plan, proven=found.proven, tried=found.tried, blocked=found.blocked)
+        if found.flown is None:
+            return replace(plan, reason=_blocked(request, found.blocked, found.tried))
+        paths = problem.path(found.flown)
+        ways = "proven the global optimum" if found.proven else f"the best of {found.tried} ways tried"
+        if found.order:
+            ways += f", one after another: {', '.join(request.names[k] for k in found.order)}"
+        number = len(found.contacts)
         return replace(
             plan,
             paths=paths,
             energy=max(float(np.sum(paths.energy)), bound),
             delta_v=float(np.sum(paths.delta_v)),
-            touches=outcome.touches,
+            contacts=found.contacts,
+            margin=found.margin,
             status=Status.AVOIDED if number else Status.CLEAR,
             reason=f"{number} contact{'s' * (number != 1)}, {ways}" if number else "no conflict",
         )
@@ -124,29 +130,22 @@ def _attempts(method: str, order: Sequence[int]) -> Attempt:
     return attempt
 
 
-def _path(asked: Asked, flown: Flown) -> Path:
-    arcs, offsets = flown
-    count = len(asked.initial)
-    own = offsets[: count + 1]
-    return Path(asked.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (count,))
-
-
-def _blocked(asked: Asked, pair: tuple[int, int] | None, tried: int) -> str:
+def _blocked(request: Request, pair: tuple[int, int] | None, tried: int) -> str:
     """Why no plan was found."""
-    who = f"{asked.names[pair[0]]} and {asked.names[pair[1]]}" if pair else "craft"
+    who = f"{request.names[pair[0]]} and {request.names[pair[1]]}" if pair else "craft"
     return f"{who} are in each other's way in all of {tried} ways tried"
 
 
-def _held(task: Task) -> tuple[tuple[int, int], str] | None:
+def _held(problem: Problem) -> tuple[tuple[int, int], str] | None:
     """The two bodies deepest in conflict while neither can give way, and in words when and how deep."""
-    found, flown = [], task.direct
-    for pair, (begin, end, time, ratio) in task.conflicts(flown, PLANNED[0]):
-        spans = sorted(tuple(task.base[c, [START, END]]) for c in pair if c < len(task.base))
+    found, flown = [], problem.direct
+    for pair, (begin, end, time, ratio) in problem.conflicts(flown, MARGINS[0]):
+        spans = sorted(tuple(problem.base[c, [START, END]]) for c in pair if c < problem.count)
         first, last = spans[0][0], max(span[1] for span in spans)
         if begin <= first:
-            found.append((ratio if time <= first else task.ratio(flown, pair, first), pair, "their start"))
+            found.append((ratio if time <= first else problem.ratio(flown, pair, first), pair, "their start"))
         elif end >= last:
-            found.append((ratio if time >= last else task.ratio(flown, pair, last), pair, "their end"))
+            found.append((ratio if time >= last else problem.ratio(flown, pair, last), pair, "their end"))
         elif spans[0][1] <= spans[-1][0] and begin <= spans[-1][0] and end >= spans[0][1]:
             found.append((ratio, pair, "a time when both coast"))
     if not found:

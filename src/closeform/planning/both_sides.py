@@ -1,0 +1,40 @@
+"""The two ways around one obstacle, each at its own least energy: SP11's figure 2."""
+
+import numpy as np
+
+from closeform.motion.path import Path, stack
+from closeform.planning.certify import Solution, nearer
+from closeform.planning.passing import MARGINS, Search
+from closeform.planning.problem import Problem
+from closeform.zones.zone import Zone
+
+
+def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
+    """Clear paths between the ends of `path` on either side of the obstacle, the cheaper first.
+
+    The cheapest path found, and the cheapest of those that pass on the other side.  A side on which none is
+    found is left out; there is none where the unconstrained path is clear.
+    """
+    optimum = path.orbit.transfer(
+        path.state(path.start), path.state(path.end), path.end - path.start, path.start
+    )
+    problem = Problem.of(stack([optimum]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
+    search = Search(problem, MARGINS[0])
+    if problem.inside_at_end(problem.direct) or not problem.conflicts(problem.direct):
+        return []
+    search.push_exits()
+    found: list[Solution] = []
+    for _, _, start in sorted(search.queue):
+        solution = search.solver.solve(start, nearer(problem))
+        if solution.clear and solution.contacts.number:
+            found.append(solution)
+    found.sort(key=lambda solution: solution.energy)
+    other = [one for one in found if _side(one, zone) @ _side(found[0], zone) < 0.0]
+    return [problem.path(solution.flown)[0] for solution in (*found[:1], *other[:1])]
+
+
+def _side(solution: Solution, zone: Zone) -> np.ndarray:
+    """Where the hardest contact pushes, in metres."""
+    hardest = int(np.argmax(solution.contacts.multipliers))
+    push: np.ndarray = zone.matrix.T @ solution.contacts.normals[hardest]
+    return push

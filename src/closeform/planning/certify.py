@@ -1,0 +1,130 @@
+"""From contacts to a solution that the march certifies clear: rounded zones first, then as they are."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.planning.local import BLOCKED, OPTIMAL, Sides, solve_local
+from closeform.planning.problem import Flown, Problem
+from closeform.planning.qp import is_definite
+from closeform.planning.scene import Contacts, Scene
+from closeform.zones.shapes import BALL
+
+POWER = 8.0  # of the norm that stands in for a zone with edges while its side is chosen
+FINER = 3  # times that the march may find what samples missed
+ROOM = 64, 24  # contacts, and for each craft
+LARGE = 150  # contacts beyond which convexity is not examined
+PROVEN = 1e-9  # tolerance of the proof
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Paths that are certified clear, or not (`clear`), and the contacts that shape them.
+
+    `energy` is that beyond the unconstrained optima [m^2/s^3], inf where not clear; `optimal`: the
+    conditions of optimality hold to rounding.
+    """
+
+    problem: Problem
+    contacts: Contacts
+    energy: float
+    clear: bool
+    optimal: bool
+
+    @cached_property
+    def flown(self) -> Flown:
+        """The paths of all bodies."""
+        return self.problem.flown(self.contacts)
+
+    def same(self, other: "Solution") -> bool:
+        """Whether both have the same contacts on the same sides."""
+        return (
+            self.contacts.number == other.contacts.number
+            and abs(self.energy - other.energy) <= 1e-7 * self.energy
+            and sorted(self.contacts.which.tolist()) == sorted(other.contacts.which.tolist())
+        )
+
+
+class LocalSolver:
+    """Solves one problem from any start, with its zones `margin` times as large."""
+
+    def __init__(self, problem: Problem, margin: float) -> None:
+        self.problem = problem
+        self.margin = margin
+        self.scene = self.aimed(problem.seen, inf)
+
+    def aimed(self, scene: Scene, power: float) -> Scene:
+        """The scene at this margin, its edges rounded; rounded zones hold their edges."""
+        edged = scene.shapes != BALL
+        powers = np.where(edged, power, inf)
+        aims = np.where(edged, self.margin * 2.0 ** (1.0 / power), self.margin)
+        return scene._replace(powers=powers, aims=aims)
+
+    def solve(self, start: Contacts, sides: Sides, bar: float = inf) -> Solution:
+        """The cheapest certified solution that a start leads to; given up well above the energy `bar`."""
+        if self.problem.round:
+            return self.certified(self.relaxed(self.scene, start, sides, bar), bar)
+        blunt = self.relaxed(self.aimed(self.scene, POWER), start, sides, inf)
+        return self.certified(self.relaxed(self.scene, blunt.contacts, sides, bar), bar)
+
+    def relaxed(self, scene: Scene, start: Contacts, sides: Sides, bar: float) -> Solution:
+        """What the local solver comes to."""
+        room = ROOM[0] + ROOM[1] * self.problem.count + start.number
+        contacts, best = start.joined(Contacts.none(room - start.number)), Contacts.none(room)
+        ended, count, energy = solve_local(scene, sides, contacts, start.number, bar, best)
+        kept = best.some(slice(0, count))
+        return Solution(self.problem, kept, energy, ended != BLOCKED, ended == OPTIMAL)
+
+    def certified(self, solution: Solution, bar: float) -> Solution:
+        """A solution that the march finds clear too; what samples missed becomes a contact."""
+        for _ in range(FINER):
+            missed = self.problem.conflicts(solution.flown) if solution.clear else []
+            if not missed:
+                return solution
+            times = np.array([row[2] for _, row in missed])
+            self.scene = self.problem.sampled(self.scene, np.union1d(self.scene.times, times))
+            more = [self.problem.at(pair, time) for (pair, _), time in zip(missed, times, strict=True)]
+            start = solution.contacts
+            for contact in more:
+                start = start.joined(self.nearest(solution.flown, contact))
+            solution = self.relaxed(self.scene, start, nearer(self.problem), bar)
+        return replace(solution, clear=False, energy=inf)
+
+    def nearest(self, flown: Flown, contacts: Contacts) -> Contacts:
+        """The contacts on the sides on which paths pass."""
+        places = self.problem.motions(flown, contacts)[:, 0]
+        return contacts._replace(normals=places / np.linalg.norm(places, axis=1, keepdims=True))
+
+    def proven(self, solution: Solution) -> bool:
+        """Whether no paths that are clear at the times of a solution's contacts can cost less.
+
+        The solution minimises |d|^2 / 2 subject to |q + d| >= aim at each contact, d in the span of the
+        kernel.  Where the multipliers are so weak that the Lagrangian is convex, it is the global optimum of
+        this relaxation, and so of the problem.  Only for zones without edges.       # theory 4
+        """
+        contacts = solution.contacts
+        if not (solution.clear and solution.optimal) or contacts.number > LARGE:
+            return False
+        if not contacts.number:
+            return True
+        if (self.scene.shapes[self.scene.kinds[contacts.which]] != BALL).any():
+            return False
+        weight = np.repeat(np.sqrt(contacts.multipliers / self.margin), 3)
+        matrix = (1.0 + PROVEN) * np.eye(len(weight)) - weight[:, None] * self.problem.kernel(
+            contacts
+        ) * weight
+        return bool(is_definite(matrix))
+
+
+def nearer(problem: Problem) -> Sides:
+    """New contacts on the nearer side."""
+    return Sides(np.zeros((len(problem.direct[1]) - 1, 3)), 0.0, False)
+
+
+def shifted(problem: Problem, seed: int, depth: float, size: float) -> Sides:
+    """New contacts below the norm `depth` as though bodies were shifted; even seeds along the motion."""
+    shifts: Floats = np.random.default_rng(seed).normal(size=(len(problem.direct[1]) - 1, 3)) * size
+    return Sides(shifts, depth, seed % 2 == 0 and depth >= 1.0)

@@ -1,0 +1,258 @@
+"""How forces at contacts deflect paths with fixed ends: the reproducing kernel of a formation.
+
+Paths of a craft between fixed end states form a Hilbert space with energy as its norm.  A force f at
+time s, felt as a jump f of the thrust rate, deflects the least-energy path by K(t, s) f, where
+
+    K(t, s) = A(t) B(s)  for t <= s,   K(t, s) = K(s, t)^T                        # theory (12)
+
+with A(t) the position's response to a start thrust and thrust rate, and B(s) = -F(T)^-1 F_w(T - s) what
+the force adds to these; F(T) is the response of the whole state at the end, F_w its columns of the thrust
+rate.  No Gramian is inverted in Palmer's coordinates, so nothing cancels as n T -> 0.
+
+A contact of craft i and j pushes both with one force, opposite in sign.  So the answer of one contact
+to another is a signed sum over the craft that they share, and nothing where they share none.  Each
+contact keeps, for either craft, A, A', B^T and B'^T in its zone's coordinates: `factors` (2, 4, 3, 6).
+"""
+
+import numpy as np
+from numba import int64, void
+
+from closeform.compiled import kernel
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, derivatives_at, primer_at, state_at
+from closeform.motion.hill import coast, response
+from closeform.motion.linear import copy, solve
+from closeform.motion.march import locate
+from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE
+
+PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T
+
+
+@kernel(void(ROWS, BLOCKS))
+def invert_responses(base, inverses):
+    """Fill `inverses` (N, 6, 6) with each craft's F(T)^-1."""
+    matrix, rhs = np.empty((6, 6)), np.empty(6)
+    for c in range(len(base)):
+        for k in range(6):
+            response(base[c, MEAN_MOTION], base[c, END] - base[c, START], matrix)
+            rhs[:] = 0.0
+            rhs[k] = 1.0
+            solve(matrix, rhs, 6)
+            for i in range(6):
+                inverses[c, i, k] = rhs[i]
+
+
+@kernel()
+def is_controllable(scene, body, t):
+    """Whether a body answers to a force at time t: obstacles do not, nor craft that coast."""
+    return body < len(scene.base) and scene.base[body, START] < t < scene.base[body, END]
+
+
+@kernel()
+def fill_factors(scene, contacts, count, factors):
+    """The factors (count, 2, 4, 3, 6) of contacts; zero for bodies that do not answer."""
+    ahead, left = np.empty((6, 6)), np.empty((6, 6))
+    both = np.empty((4, 3, 6))
+    for k in range(count):
+        which, t = contacts.which[k], contacts.times[k]
+        matrix = scene.matrices[scene.kinds[which]]
+        for side in range(2):
+            body = scene.pairs[which, side]
+            if not is_controllable(scene, body, t):
+                factors[k, side] = 0.0
+                continue
+            n = scene.base[body, MEAN_MOTION]
+            response(n, t - scene.base[body, START], ahead)
+            response(n, scene.base[body, END] - t, left)
+            inverse = scene.inverses[body]
+            for j in range(6):
+                for i in range(3):
+                    both[PLACE, i, j] = ahead[i, j]
+                    both[SPEED, i, j] = ahead[3 + i, j]
+                    total, slope = 0.0, 0.0
+                    for h in range(6):  # F_w, and its rate in the time that is left
+                        rate = left[h, i]
+                        if i == 0:
+                            rate -= 2.0 * n * left[h, 4]
+                        elif i == 1:
+                            rate += 2.0 * n * left[h, 3]
+                        total -= inverse[j, h] * left[h, 3 + i]
+                        slope += inverse[j, h] * rate
+                    both[BACK, i, j] = total
+                    both[BACK + 1, i, j] = slope
+            for part in range(4):
+                for i in range(3):
+                    for j in range(6):
+                        total = 0.0
+                        for h in range(3):
+                            total += matrix[i, h] * both[part, h, j]
+                        factors[k, side, part, i, j] = total
+
+
+@kernel()
+def fill_gram(scene, contacts, count, factors, gram):
+    """Fill `gram` (count, count): how far a force along one normal moves another contact along its own."""
+    ahead, back = np.zeros((count, 2, 6)), np.zeros((count, 2, 6))
+    for k in range(count):
+        for side in range(2):
+            for j in range(6):
+                for i in range(3):
+                    ahead[k, side, j] += contacts.normals[k, i] * factors[k, side, PLACE, i, j]
+                    back[k, side, j] += contacts.normals[k, i] * factors[k, side, BACK, i, j]
+    for k in range(count):
+        for m in range(k + 1):
+            first, last = (k, m) if contacts.times[k] <= contacts.times[m] else (m, k)
+            total = 0.0
+            for a in range(2):
+                for b in range(2):
+                    if scene.pairs[contacts.which[first], a] == scene.pairs[contacts.which[last], b]:
+                        part = 0.0
+                        for j in range(6):
+                            part += ahead[first, a, j] * back[last, b, j]
+                        total += part if a == b else -part
+            gram[k, m] = gram[m, k] = total
+
+
+@kernel()
+def add_block(scene, contacts, factors, k, m, of, by, out):
+    """Fill `out` (3, 3): what a force at contact m does to the position (`of` 0) or velocity (1) at k.
+
+    Or the rate of that in the time of m (`by` 1).
+    """
+    ahead = contacts.times[k] <= contacts.times[m]
+    mine, other = (of, BACK + by) if ahead else (BACK + of, by)
+    out[:] = 0.0
+    for a in range(2):
+        for b in range(2):
+            if scene.pairs[contacts.which[k], a] != scene.pairs[contacts.which[m], b]:
+                continue
+            sign = 1.0 if a == b else -1.0
+            for i in range(3):
+                for j in range(3):
+                    total = 0.0
+                    for h in range(6):
+                        total += factors[k, a, mine, i, h] * factors[m, b, other, j, h]
+                    out[i, j] += sign * total
+
+
+@kernel()
+def coast_arc(n, start, end, state, row):
+    """An arc of natural motion."""
+    row[:] = 0.0
+    row[START], row[END], row[MEAN_MOTION] = start, end, n
+    for i in range(6):
+        row[STATE + i] = state[i]
+
+
+@kernel()
+def deflect(scene, contacts, count, factors, arcs, offsets):
+    """Fill `arcs` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers.
+
+    One arc more than a craft has contacts that push it, and the coasts before and after its own time.
+    """
+    row = 0
+    own = np.empty(count, dtype=np.int64)
+    for c in range(len(scene.base)):
+        offsets[c] = row
+        n, start, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
+        if scene.span[0] < start:
+            b = scene.base[c]
+            back = coast(n, scene.span[0] - start, b[6], b[7], b[8], b[9], b[10], b[11])
+            coast_arc(n, scene.span[0], start, back, arcs[row])
+            row += 1
+        copy(scene.base[c], arcs[row])
+        pushed = 0
+        for k in range(count):
+            which = contacts.which[k]
+            for side in range(2):
+                if (
+                    scene.pairs[which, side] == c
+                    and contacts.multipliers[k] != 0.0
+                    and is_controllable(scene, c, contacts.times[k])
+                ):
+                    force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+                    for i in range(3):
+                        for j in range(6):
+                            arcs[row, THRUST + j] += (
+                                force * contacts.normals[k, i] * factors[k, side, BACK, i, j]
+                            )
+                    place = pushed  # in order of time
+                    while place > 0 and contacts.times[own[place - 1]] > contacts.times[k]:
+                        own[place] = own[place - 1]
+                        place -= 1
+                    own[place] = k
+                    pushed += 1
+        for place in range(pushed):
+            k = own[place]
+            t, which = contacts.times[k], contacts.which[k]
+            if t > arcs[row, START]:  # contacts at one instant share an arc
+                arcs[row, END] = t
+                copy(scene.base[c], arcs[row + 1])
+                arcs[row + 1, START] = t
+                state, primer = state_at(arcs[row], t), primer_at(arcs[row], t)
+                for i in range(6):
+                    arcs[row + 1, STATE + i], arcs[row + 1, THRUST + i] = state[i], primer[i]
+                row += 1
+            force = contacts.multipliers[k] if scene.pairs[which, 0] == c else -contacts.multipliers[k]
+            matrix = scene.matrices[scene.kinds[which]]
+            for j in range(3):
+                for i in range(3):
+                    arcs[row, THRUST + 3 + j] += force * contacts.normals[k, i] * matrix[i, j]
+        row += 1
+        if end < scene.span[1]:
+            coast_arc(n, end, scene.span[1], state_at(arcs[row - 1], end), arcs[row])
+            row += 1
+    offsets[len(scene.base)] = row
+
+
+@kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
+def fly(scene, contacts, arcs, offsets):
+    """`deflect` for Python: fills the paths and returns how many arcs there are."""
+    factors = np.empty((len(contacts.times), 2, 4, 3, 6))
+    fill_factors(scene, contacts, len(contacts.times), factors)
+    deflect(scene, contacts, len(contacts.times), factors, arcs, offsets)
+    return offsets[len(scene.base)]
+
+
+@kernel()
+def add_body(scene, arcs, offsets, body, t, order, out, sign):
+    """Add `sign` times the derivatives of a body's position at time t to `out`."""
+    if body < len(scene.base):
+        first, last = offsets[body], offsets[body + 1]
+        derivatives_at(arcs[locate(arcs, first, last, t)], t, order, out, sign)
+    else:
+        body -= len(scene.base)
+        first, last = scene.other_offsets[body], scene.other_offsets[body + 1]
+        derivatives_at(scene.others[locate(scene.others, first, last, t)], t, order, out, sign)
+
+
+@kernel()
+def relative_motion(scene, arcs, offsets, which, t, out):
+    """Relative position, velocity and acceleration of a pair at time t in zone coordinates, rows of `out`."""
+    out[:] = 0.0
+    add_body(scene, arcs, offsets, scene.pairs[which, 0], t, 3, out, 1.0)
+    add_body(scene, arcs, offsets, scene.pairs[which, 1], t, 3, out, -1.0)
+    matrix = scene.matrices[scene.kinds[which]]
+    for k in range(3):
+        x, y, z = out[k, 0], out[k, 1], out[k, 2]
+        for i in range(3):
+            out[k, i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
+
+
+@kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, ROWS))
+def look_at(scene, arcs, offsets, contacts, motions, gram):
+    """Fill the relative motions (K, 3, 3) of pairs at contacts, and their kernel (3K, 3K) there.
+
+    Without room in `gram` it is left out.
+    """
+    count = len(contacts.times)
+    factors, block = np.empty((count, 2, 4, 3, 6)), np.empty((3, 3))
+    fill_factors(scene, contacts, count, factors)
+    for k in range(count):
+        relative_motion(scene, arcs, offsets, contacts.which[k], contacts.times[k], motions[k])
+        if len(gram) == 0:
+            continue
+        for m in range(count):
+            add_block(scene, contacts, factors, k, m, 0, 0, block)
+            for i in range(3):
+                for j in range(3):
+                    gram[3 * k + i, 3 * m + j] = block[i, j]

@@ -1,0 +1,249 @@
+"""Newton's method on the conditions of optimality of a formation's contacts.
+
+A contact has a force f (in zone coordinates) and a time t.  The path q there touches one smooth part of
+the zone's norm, or passes an edge and touches two, A as it falls and B as it rises.  Conditions:
+
+    one part     A(q) = aim,               f along A's gradient,                  f . q' = 0
+    an edge      A(q) = B(q) = aim,        f in the plane of both gradients,      f . q' = 0
+
+A corner, three parts at one instant, is never better than the edge of the part that holds the path
+before and the part that holds it after, so there is no third kind.  The path is linear in all forces, so the
+unknowns are the forces and times alone: four for each contact.
+"""
+
+from math import sqrt
+
+import numpy as np
+
+from closeform.compiled import kernel
+from closeform.motion.linear import solve
+from closeform.planning.deflection import add_block, deflect, fill_factors, relative_motion
+from closeform.planning.rounding import active_parts, add_bend, gradient, rounded_norm
+from closeform.zones.shapes import part
+
+STEPS = 12
+TOUCHING = 1e-11  # error left in the norm
+ALONG, STEADY = 1e-9, 1e-8  # and in the force's direction, and in the norm's rate times the craft's duration
+FAR = 10.0  # error beyond which the steps lead nowhere
+
+
+@kernel()
+def part_at(scene, kind, index, motion, out):
+    """Value of one part of a zone's norm at a relative motion, its gradient in `out`; -1: all, rounded."""
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    shape, power = scene.shapes[kind], scene.powers[kind]
+    x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
+    if index < 0:
+        gradient(shape, faces, power, motion, out)
+        return rounded_norm(shape, faces, power, x, y, z)
+    value, gx, gy, gz = part(shape, faces, index, x, y, z)
+    out[0], out[1], out[2] = gx, gy, gz
+    return value
+
+
+@kernel()
+def shares(force, gradients, count, out):
+    """How a force is made of the active parts' gradients, as nearly as can be: their multipliers."""
+    aa, ab, bb, af, bf = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(3):
+        a, b = gradients[0, i], gradients[1, i]
+        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+        af, bf = af + a * force[i], bf + b * force[i]
+    out[0], out[1] = af / aa, 0.0
+    if count == 2:
+        size = aa * bb - ab * ab
+        out[0], out[1] = (af * bb - bf * ab) / size, (bf * aa - af * ab) / size
+
+
+@kernel()
+def across(gradients, count, out):
+    """Fill `out` (2, 3) with the directions in which a force has no share: two, on an edge one."""
+    if count == 2:
+        a, b = gradients[0], gradients[1]
+    else:
+        a, b = gradients[0], out[1]
+        least = 0 if abs(a[0]) <= min(abs(a[1]), abs(a[2])) else (1 if abs(a[1]) <= abs(a[2]) else 2)
+        for i in range(3):
+            b[i] = 1.0 if i == least else 0.0
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    size = sqrt(x * x + y * y + z * z)
+    x, y, z = x / size, y / size, z / size
+    out[0, 0], out[0, 1], out[0, 2] = x, y, z
+    if count == 1:
+        size = sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+        out[1, 0] = (a[1] * z - a[2] * y) / size
+        out[1, 1] = (a[2] * x - a[0] * z) / size
+        out[1, 2] = (a[0] * y - a[1] * x) / size
+
+
+@kernel()
+def choose_parts(scene, arcs, offsets, contacts, count, active, parts):
+    """Which parts each contact touches: fills `active` (count, 2) and how many in `parts` (count,)."""
+    motion, values, gradients = np.empty((3, 3)), np.empty(2), np.empty((2, 3))
+    for k in range(count):
+        which = contacts.which[k]
+        kind = scene.kinds[which]
+        relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
+        faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+        parts[k] = active_parts(
+            scene.shapes[kind], faces, scene.powers[kind], motion, active[k], values, gradients
+        )
+
+
+@kernel()
+def is_pinned(scene, which, t):
+    """Whether a contact is at an end of the time in which it can lie: given, whatever the speed."""
+    return t <= scene.windows[which, 0] or t >= scene.windows[which, 1]
+
+
+@kernel()
+def fill_conditions(scene, contacts, count, factors, arcs, offsets, active, parts, jacobian, rhs):
+    """The linearised conditions (4 count equations); returns the greatest error, inf for a wrong solution.
+
+    The contacts' normals are forces here, their multipliers 1.  Wrong: a part that pulls, or a contact
+    where the path is farthest, not closest, in time.
+    """
+    motion, values, gradients = np.empty((3, 3)), np.empty(2), np.empty((2, 3))
+    lines, weights, bend = np.empty((2, 3)), np.empty(2), np.empty((3, 3))
+    place, place_rate, speed, speed_rate = (
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+    )
+    rows = np.empty((3, 3))  # of the equations that hold the position: its coefficients
+    error, wrong = 0.0, False
+    for k in range(count):
+        which, force, first = contacts.which[k], contacts.normals[k], 4 * k
+        kind = scene.kinds[which]
+        relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
+        for a in range(parts[k]):
+            values[a] = part_at(scene, kind, active[k, a], motion, gradients[a])
+        shares(force, gradients, parts[k], weights)
+        across(gradients, parts[k], lines)
+        bend[:] = 0.0
+        faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+        add_bend(scene.shapes[kind], faces, scene.powers[kind], motion, active[k], weights, parts[k], bend)
+        size = sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
+        pinned = is_pinned(scene, which, contacts.times[k])
+        longest = scene.windows[which, 1] - scene.windows[which, 0]
+        speed_along, bent = 0.0, 0.0
+        for i in range(3):
+            rhs[first + i] = 0.0
+            speed_along += force[i] * motion[1, i]
+            bent += force[i] * motion[2, i]
+            for j in range(3):
+                bent += motion[1, i] * bend[i, j] * motion[1, j]
+        for a in range(3):
+            if a < parts[k]:  # the part's value
+                for i in range(3):
+                    rows[a, i] = gradients[a, i]
+                rhs[first + a] = scene.aims[kind] - values[a]
+                error = max(error, abs(rhs[first + a]))
+                wrong = wrong or weights[a] <= 0.0
+            else:  # no share of the force across the gradients, which turn with the position
+                line = lines[a - parts[k]]
+                for i in range(3):
+                    rows[a, i] = 0.0
+                    rhs[first + a] -= line[i] * force[i]
+                    for j in range(3):
+                        rows[a, i] -= line[j] * bend[j, i]
+                error = max(error, abs(rhs[first + a]) / size * (TOUCHING / ALONG))
+        rhs[first + 3] = 0.0 if pinned else -speed_along
+        if not pinned:
+            error = max(error, abs(speed_along) / size * longest * (TOUCHING / STEADY))
+            if parts[k] == 1:
+                wrong = wrong or bent < 0.0
+        for m in range(count):
+            add_block(scene, contacts, factors, k, m, 0, 0, place)
+            add_block(scene, contacts, factors, k, m, 0, 1, place_rate)
+            add_block(scene, contacts, factors, k, m, 1, 0, speed)
+            add_block(scene, contacts, factors, k, m, 1, 1, speed_rate)
+            other = contacts.normals[m]
+            for column in range(4):
+                for i in range(3):  # how position and velocity at k change with this unknown of m
+                    moved, hurried = 0.0, 0.0
+                    if column < 3:
+                        moved, hurried = place[i, column], speed[i, column]
+                    else:
+                        for j in range(3):
+                            moved += place_rate[i, j] * other[j]
+                            hurried += speed_rate[i, j] * other[j]
+                        if m == k:
+                            moved, hurried = moved + motion[1, i], hurried + motion[2, i]
+                    if i == 0:
+                        for a in range(4):
+                            jacobian[first + a, 4 * m + column] = 0.0
+                    for a in range(3):
+                        jacobian[first + a, 4 * m + column] += rows[a, i] * moved
+                    jacobian[first + 3, 4 * m + column] += force[i] * hurried
+                if pinned:
+                    jacobian[first + 3, 4 * m + column] = 1.0 if m == k and column == 3 else 0.0
+        for i in range(3):  # and directly with its own force
+            for a in range(parts[k], 3):
+                jacobian[first + a, 4 * k + i] += lines[a - parts[k], i]
+            if not pinned:
+                jacobian[first + 3, 4 * k + i] += motion[1, i]
+    return np.inf if wrong and error < TOUCHING else error
+
+
+@kernel()
+def take_step(scene, contacts, count, rhs):
+    """Add a step to forces and times; False where a time leaves its window."""
+    for k in range(count):
+        for i in range(3):
+            contacts.normals[k, i] += rhs[4 * k + i]
+        contacts.times[k] += rhs[4 * k + 3]
+        window = scene.windows[contacts.which[k]]
+        if not window[0] <= contacts.times[k] <= window[1]:
+            return False
+    return True
+
+
+@kernel()
+def as_forces(contacts, count):
+    """Write each contact's force into its normal."""
+    for k in range(count):
+        for i in range(3):
+            contacts.normals[k, i] *= contacts.multipliers[k]
+        contacts.multipliers[k] = 1.0
+
+
+@kernel()
+def as_normals(scene, arcs, offsets, contacts, count, active, parts):
+    """Back to normals, the means of the active parts' gradients, and multipliers."""
+    motion, gradients, weights = np.empty((3, 3)), np.empty((2, 3)), np.empty(2)
+    for k in range(count):
+        which = contacts.which[k]
+        relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
+        for a in range(parts[k]):
+            part_at(scene, scene.kinds[which], active[k, a], motion, gradients[a])
+        shares(contacts.normals[k], gradients, parts[k], weights)
+        contacts.multipliers[k] = weights[0] + weights[1]
+        for i in range(3):
+            contacts.normals[k, i] /= contacts.multipliers[k]
+
+
+@kernel()
+def newton(scene, contacts, count, factors, arcs, offsets):
+    """Take contacts, all of them pressed, to the conditions of optimality: whether they come to meet them.
+
+    `arcs` and `offsets` hold the paths that the contacts shape, before and after.
+    """
+    active, parts = np.empty((count, 2), dtype=np.int64), np.empty(count, dtype=np.int64)
+    jacobian, rhs = np.empty((4 * count, 4 * count)), np.empty(4 * count)
+    choose_parts(scene, arcs, offsets, contacts, count, active, parts)
+    as_forces(contacts, count)
+    for _ in range(STEPS):
+        fill_factors(scene, contacts, count, factors)
+        deflect(scene, contacts, count, factors, arcs, offsets)
+        error = fill_conditions(scene, contacts, count, factors, arcs, offsets, active, parts, jacobian, rhs)
+        if error < TOUCHING:
+            as_normals(scene, arcs, offsets, contacts, count, active, parts)
+            return True
+        if not error < FAR:
+            return False
+        solve(jacobian, rhs, 4 * count)
+        if not take_step(scene, contacts, count, rhs):
+            return False
+    return False

@@ -1,0 +1,250 @@
+"""What is planned: craft on their unconstrained optima, obstacles, the zones of pairs, and all times."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.all_pairs import search_pairs
+from closeform.motion.arc import END, START, WIDTH
+from closeform.motion.effort import ENERGY, totals
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path, stack
+from closeform.planning.approaches import sample_bodies
+from closeform.planning.deflection import fly, invert_responses, look_at
+from closeform.planning.scene import Contacts, Scene
+from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.zone import Zone
+
+MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
+SAMPLES = 64  # of a craft's time, between which a minimum may be missed until the march finds it
+A_TURN = 16  # samples of each turn of the orbit, where that is more
+CORNER = {BALL: 1.0, CUBE: 3.0**0.5, CYLINDER: 2.0**0.5}  # farthest point of a unit shape
+
+Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """N base arcs (the unconstrained optima), M obstacles after them, and the zone of every pair.
+
+    Bodies are numbered craft first; `pairs` (P, 2), i < j, hold a craft at least, `kinds` (P,) tells
+    the zone of each among `zones`.  Paths are flown from `first` to `last`: craft coast
+    before and after their own arcs.
+    """
+
+    orbit: Orbit
+    base: Floats  # (N, 21)
+    others: Floats
+    other_offsets: Any  # (M + 1,)
+    pairs: Any
+    kinds: Any
+    zones: tuple[Zone, ...]
+    first: float
+    last: float
+
+    @classmethod
+    def of(cls, direct: Path, obstacles: Path | None, groups: Iterable[tuple[Zone, Any]]) -> "Problem":
+        """Of N unconstrained optima and a batch of obstacles; `groups`: each zone with its pairs (M, 2)."""
+        base = direct.arcs
+        arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
+        if obstacles is not None:
+            arcs, offsets = obstacles.arcs, obstacles.offsets
+        held = [(zone, pairs[pairs[:, 0] < len(base)]) for zone, pairs in groups]
+        none = np.empty((0, 2), dtype=np.int64)
+        return cls(
+            direct.orbit,
+            base,
+            arcs,
+            offsets,
+            np.ascontiguousarray(np.concatenate([none, *(pairs for _, pairs in held)])),
+            np.repeat(np.arange(len(held)), [len(pairs) for _, pairs in held]),
+            tuple(zone for zone, _ in held),
+            float(base[:, START].min()),
+            float(base[:, END].max()),
+        )
+
+    @property
+    def count(self) -> int:
+        """How many craft are planned."""
+        return len(self.base)
+
+    @cached_property
+    def round(self) -> bool:
+        """Whether no zone has edges."""
+        return all(zone.shape == BALL for zone in self.zones)
+
+    @cached_property
+    def windows(self) -> tuple[Floats, Floats]:
+        """When contacts of each pair can lie, one of it can give way, and when both are there (P, 2)."""
+        never = np.full(len(self.other_offsets) - 1, np.inf)
+        margin = MARGIN * (self.base[:, END] - self.base[:, START])
+        starts = np.concatenate([self.base[:, START] + margin, never])[self.pairs].min(axis=1)
+        ends = np.concatenate([self.base[:, END] - margin, -never])[self.pairs].max(axis=1)
+        there = np.full(self.count, self.first), self.others[self.other_offsets[:-1], START]
+        gone = np.full(self.count, self.last), self.others[self.other_offsets[1:] - 1, END]
+        present = np.stack(
+            [np.concatenate(there)[self.pairs].max(axis=1), np.concatenate(gone)[self.pairs].min(axis=1)],
+            axis=1,
+        )
+        inner = np.stack([np.maximum(starts, present[:, 0]), np.minimum(ends, present[:, 1])], axis=1)
+        return inner, present
+
+    @cached_property
+    def direct(self) -> Flown:
+        """The unconstrained optima, with the coasts before and after them, and the obstacles."""
+        return self.fly(self.bare, Contacts.none())
+
+    def with_obstacles(self, arcs: Floats, offsets: Any) -> Flown:
+        """The craft's arcs and, after them, the obstacles'."""
+        return np.concatenate([arcs, self.others]), np.concatenate(
+            [offsets, offsets[-1] + self.other_offsets[1:]]
+        )
+
+    @cached_property
+    def bare(self) -> Scene:
+        """What kernels see, but for the unconstrained paths."""
+        inverses = np.empty((self.count, 6, 6))
+        invert_responses(self.base, inverses)
+        faces = [zone.faces for zone in self.zones]
+        windows, presence = self.windows
+        return Scene(
+            np.ascontiguousarray(self.base),
+            inverses,
+            np.empty((0, WIDTH)),
+            np.zeros(1, dtype=np.int64),
+            np.ascontiguousarray(self.others),
+            self.other_offsets,
+            self.pairs,
+            self.kinds,
+            windows,
+            presence,
+            np.array([zone.shape for zone in self.zones], dtype=np.int64),
+            np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3),
+            np.concatenate([np.empty((0, 3)), *faces]),
+            np.cumsum([0, *map(len, faces)]),
+            np.array([radius(zone) for zone in self.zones]),
+            np.full(len(self.zones), np.inf),
+            np.ones(len(self.zones)),
+            np.empty(0),
+            np.empty((0, 0, 6)),
+            np.array([self.first, self.last]),
+        )
+
+    @cached_property
+    def seen(self) -> Scene:
+        """What kernels see, its zones as they are."""
+        arcs, offsets = self.direct
+        own = np.ascontiguousarray(offsets[: self.count + 1])
+        direct = np.ascontiguousarray(arcs[: own[-1]])
+        return self.sampled(self.bare._replace(direct=direct, direct_offsets=own), self.samples())
+
+    def sampled(self, scene: Scene, times: Floats) -> Scene:
+        """A scene with all bodies' states at times."""
+        arcs, offsets = self.direct
+        states = np.empty((len(offsets) - 1, len(times), 6))
+        sample_bodies(arcs, offsets, times, states)
+        return scene._replace(times=times, states=states)
+
+    def samples(self) -> Floats:
+        """Times that cover every craft's own time, and every turn of the orbit."""
+        spans = np.unique([*self.base[:, [START, END]], [self.first, self.last]], axis=0)
+        turns = self.orbit.mean_motion * np.ptp(spans, axis=1) / (2.0 * np.pi)
+        each = np.maximum(SAMPLES / np.sqrt(len(spans)), A_TURN * turns).astype(int) + 1
+        grids = [np.linspace(start, end, count) for (start, end), count in zip(spans, each, strict=True)]
+        return np.unique(np.concatenate(grids))
+
+    def flown(self, contacts: Contacts) -> Flown:
+        """The paths of all bodies under the contacts' multipliers."""
+        return self.fly(self.bare, contacts) if contacts.number else self.direct
+
+    def fly(self, scene: Scene, contacts: Contacts) -> Flown:
+        """The paths of all bodies in a scene."""
+        arcs = np.zeros((3 * self.count + 2 * contacts.number, WIDTH))
+        offsets = np.zeros(self.count + 1, dtype=np.int64)
+        number = fly(scene, contacts, arcs, offsets)
+        return self.with_obstacles(arcs[:number], offsets)
+
+    def motions(self, flown: Flown, contacts: Contacts) -> Floats:
+        """Relative position, velocity and acceleration (K, 3, 3) at the contacts, in zone coordinates."""
+        return self._look(flown, contacts, np.empty((0, 0)))
+
+    def kernel(self, contacts: Contacts) -> Floats:
+        """What unit forces at contacts do to positions there (3K, 3K), in zone coordinates.  # theory (12)"""
+        gram = np.empty((3 * contacts.number, 3 * contacts.number))
+        self._look(self.direct, contacts, gram)
+        return gram
+
+    def _look(self, flown: Flown, contacts: Contacts, gram: Floats) -> Floats:
+        arcs, offsets = flown
+        motions = np.zeros((contacts.number, 3, 3))
+        look_at(self.bare, arcs, offsets[: self.count + 1], contacts, motions, gram)
+        return motions
+
+    def with_path(self, *paths: Path) -> Flown:
+        """Other paths of the craft, one for each, with the obstacles."""
+        both = stack(paths)
+        return self.with_obstacles(both.arcs, both.offsets)
+
+    def energy(self, flown: Flown) -> float:
+        """Of all craft together."""
+        arcs, offsets = flown
+        own = offsets[: self.count + 1]
+        each = np.empty(self.count)
+        totals(np.ascontiguousarray(arcs[: own[-1]]), own, self.orbit.mean_motion, ENERGY, each)
+        return float(each.sum())
+
+    def path(self, flown: Flown) -> Path:
+        """The craft's paths, of shape (N,)."""
+        arcs, offsets = flown
+        own = offsets[: self.count + 1]
+        return Path(self.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (self.count,))
+
+    @cached_property
+    def index(self) -> dict[tuple[int, int], int]:
+        """Where each pair stands among `pairs`."""
+        return {(i, j): k for k, (i, j) in enumerate(self.pairs.tolist())}
+
+    def at(self, pair: tuple[int, int], time: float) -> Contacts:
+        """One contact of a pair, without normal and multiplier."""
+        which = np.array([self.index[pair]])
+        return Contacts.none(1)._replace(which=which, times=np.array([time]))
+
+    def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
+        """Norm of a pair at one instant."""
+        contact = self.at(pair, time)
+        zone = self.zones[self.kinds[contact.which[0]]]
+        place = np.linalg.solve(zone.matrix, self.motions(flown, contact)[0, 0])
+        return float(zone.norm(place))
+
+    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
+        """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
+
+        Certified, see `find_conflicts`.
+        """
+        found = []
+        for kind, zone in enumerate(self.zones):
+            pairs = np.ascontiguousarray(self.pairs[self.kinds == kind].T)
+            table = search_pairs(*flown, *flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
+            found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
+        return found
+
+    def inside_at_end(self, flown: Flown) -> str | None:
+        """Which end of the first craft's path is inside which obstacle's zone, in words."""
+        for name, time in (("start", self.first), ("end", self.last)):
+            for which, (_, other) in enumerate(self.pairs.tolist()):
+                start, end = self.windows[1][which]
+                if start <= time <= end and (ratio := self.ratio(flown, (0, other), time)) <= 1.0 + 1e-9:
+                    whose = f"obstacle {other - 1}"
+                    return f"the path's {name} is {ratio:.2f} x zone from {whose}; move it or the time"
+        return None
+
+
+def radius(zone: Zone) -> float:
+    """Of a ball in metres that holds a zone; inf for one without end."""
+    if zone.shape == FACES:
+        return float(np.linalg.norm(zone.extents))
+    return float(CORNER[zone.shape] * np.linalg.norm(np.linalg.inv(zone.matrix), 2))
