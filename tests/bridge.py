@@ -13,6 +13,7 @@ from scipy.optimize import minimize, minimize_scalar
 
 NODES, SAMPLES = 11, 120  # of the first pass
 KEPT, FINER = 3, 6  # optima of the first pass that are refined, and samples for one near the zones
+CORNERED, CUT = 6, 2e-4  # times that cut corners get samples, and how deep a cut may stay
 CORNERS = np.stack(np.meshgrid([1, -1], [1, -1], [1, -1]), axis=-1).reshape(8, 3)
 SIDES = np.concatenate([np.eye(3), -np.eye(3), CORNERS])
 
@@ -144,12 +145,31 @@ def refined(n, duration, hindrances, times, nodes, deviation):
     finer = np.union1d(times, steps)
     nodes = np.union1d(nodes, lows)
     nodes = nodes[np.concatenate([[True], np.diff(nodes) > 0.02 * duration])]
-    span = spanned(n, duration, nodes, finer)
-    gaps = [h.gap(finer) for h in hindrances]
-    wanted = np.array([np.interp(finer, times, deviation[:, k]) for k in range(3)]).T
-    weights = np.linalg.lstsq(span.reshape(-1, span.shape[2]), wanted.ravel(), rcond=1e-10)[0]
-    settled = settle(hindrances, gaps, [span] * len(gaps), weights)
-    return settled[0] if settled else np.inf
+    for _ in range(CORNERED):
+        span = spanned(n, duration, nodes, finer)
+        gaps = [h.gap(finer) for h in hindrances]
+        wanted = np.array([np.interp(finer, times, deviation[:, k]) for k in range(3)]).T
+        weights = np.linalg.lstsq(span.reshape(-1, span.shape[2]), wanted.ravel(), rcond=1e-10)[0]
+        settled = settle(hindrances, gaps, [span] * len(gaps), weights)
+        if settled is None:
+            return np.inf
+        times, deviation = finer, span @ settled[1]
+        finer = np.union1d(finer, corners(hindrances, times, deviation))
+        if len(finer) == len(times):
+            break
+    return settled[0]
+
+
+def corners(hindrances, times, deviation):
+    """Times between samples at which a path cuts a corner: edges are passed faster than samples follow."""
+    found = []
+    for h in hindrances:
+        between = np.linspace(times[:-1], times[1:], 9, axis=1)[:, 1:-1].ravel()
+        there = np.array([np.interp(between, times, deviation[:, k]) for k in range(3)]).T
+        norms = h.norms(h.gap(between) + there)
+        low = np.flatnonzero((norms < 1 - CUT) & (norms <= np.roll(norms, 1)) & (norms <= np.roll(norms, -1)))
+        found += list(between[low])
+    return found
 
 
 def least(norm, start, end, samples=4001):
