@@ -4,11 +4,12 @@ import mpmath as mp
 import numba
 import numpy as np
 import pytest
-from closeform.planning.shaping import prepare
 
 import closeform as cf
 from bridge import bridge
-from closeform.planning import kernel
+from closeform.planning.deflection import add_block, fill_factors
+from closeform.planning.problem import Problem
+from closeform.planning.scene import Contacts
 from truth import Reference
 
 N = 1.1e-3
@@ -18,18 +19,28 @@ FRACTIONS = np.array([0.03, 0.3, 0.5, 0.61, 0.97])
 
 
 @numba.njit
-def influenced(base, inverse, times, blocks, rates):  # parts of kernels have no entry from Python
-    kernel.influences(base, inverse, times, len(times), np.empty((len(times), 6, 3)), blocks, rates)
+def filled(scene, contacts, blocks):  # parts of kernels have no entry from Python
+    """Blocks (position or velocity, as they are or their rate with the force's time, K, K, 3, 3)."""
+    count = len(contacts.times)
+    factors = np.empty((count, 2, 4, 3, 6))
+    fill_factors(scene, contacts, count, factors)
+    for of in range(2):
+        for by in range(2):
+            for k in range(count):
+                for m in range(count):
+                    add_block(scene, contacts, factors, k, m, of, by, blocks[of, by, k, m])
 
 
 def compliance(n, duration, fractions=FRACTIONS):
     """States (A, B, 6, 3) that a unit force at time B deflects at time A, and their rates with B's time."""
-    base = cf.Orbit(n).transfer(INITIAL, FINAL, duration).arcs[0]
-    inverse = np.empty((6, 6))
-    prepare(base, inverse)
-    blocks, rates = np.empty((2, len(fractions), len(fractions), 6, 3))
-    influenced(base, inverse, fractions * duration, blocks, rates)
-    return blocks, rates
+    orbit, count = cf.Orbit(n), len(fractions)
+    direct = cf.stack([orbit.transfer(INITIAL, FINAL, duration)])
+    far = cf.stack([orbit.coast([1e6, 0, 0, 0, 0, 0], duration)])
+    problem = Problem.of(direct, far, [(cf.Sphere(1.0), np.array([[0, 1]]))])
+    contacts = Contacts.none(count)._replace(times=fractions * duration)
+    blocks = np.empty((2, 2, count, count, 3, 3))
+    filled(problem.bare, contacts, blocks)
+    return tuple(np.concatenate([blocks[0, by], blocks[1, by]], axis=2) for by in range(2))
 
 
 def theory_kernel(reference, t, s, duration):
