@@ -107,7 +107,7 @@ def met(moment: Moment, pair: Sequence[str | None]) -> str:
     label, before = moment.event.label, moment.before
     goal = f"knowledge set {label}" if label else "the formation set"
     if max(before) < 0:
-        return f"lock, {goal} begins" if label else f"lock, kernel of {goal}"
+        return f"lock, {goal} begins"
     if min(before) < 0:
         return f"lock, {pair[before.index(-1)]} joins {goal}"
     return f"lock, knowledge set {max(before)} joins {goal}"

@@ -6,7 +6,9 @@ cone at least |delta-v| is sought along its generators.
 """
 
 from math import asin, cos, inf, pi, sin, sqrt
+from typing import Any, NamedTuple
 
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 
 VELOCITY, SINCE, SPENT, CRAFT = 3, 6, 7, 8  # columns of a craft's row, after its position
@@ -15,6 +17,29 @@ REFINED = 40  # halvings
 ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of the zone itself
 # ways of a burn relative to another craft; for a box AROUND and on are three axes, EDGES and on its edges
 STOP, NOT_NEARER, AROUND, EDGES, WAYS = 0, 1, 2, 5, 17
+
+
+class Craft(NamedTuple):
+    """The craft of a gathering in the hands of the kernel.
+
+    `rows` (N, 8): where each was, its velocity, when that was, and the delta-v spent so far; `labels`
+    (N,): its set; `moved` (N,): whether it has burned since locks were last foreseen; `fresh` (N,):
+    whether it is new to the set of the last lock; `shared` (3,): the velocity of the formation set.
+    """
+
+    rows: Floats
+    labels: Any
+    moved: Any
+    fresh: Any
+    shared: Floats
+
+
+class KeepOut(NamedTuple):
+    """A zone in the hands of the kernel: a box or not; its matrix; its half-axes as columns, enlarged."""
+
+    box: bool
+    matrix: Floats
+    half_axes: Floats
 
 
 @kernel()
@@ -27,11 +52,11 @@ def times(matrix, x, y, z):
 
 
 @kernel()
-def within(box, matrix, r, v, duration):
+def within(zone, r, v, duration):
     """Whether r + v t is at a norm of at most 1 at some time in [0, duration]; r, v (3,)."""
-    x, y, z = times(matrix, r[0], r[1], r[2])
-    ux, uy, uz = times(matrix, v[0], v[1], v[2])
-    if not box:
+    x, y, z = times(zone.matrix, r[0], r[1], r[2])
+    ux, uy, uz = times(zone.matrix, v[0], v[1], v[2])
+    if not zone.box:
         rv, vv = x * ux + y * uy + z * uz, ux * ux + uy * uy + uz * uz
         t = min(duration, -rv / vv) if rv < 0.0 else 0.0
         return (x + ux * t) ** 2 + (y + uy * t) ** 2 + (z + uz * t) ** 2 <= 1.0
@@ -46,27 +71,28 @@ def within(box, matrix, r, v, duration):
 
 
 @kernel()
-def enters(box, matrix, r, v, duration):
+def enters(zone, r, v, duration):
     """Whether r + v t comes within and nearer: of what is within already, whether the norm falls."""
-    x, y, z = times(matrix, r[0], r[1], r[2])
-    ux, uy, uz = times(matrix, v[0], v[1], v[2])
+    x, y, z = times(zone.matrix, r[0], r[1], r[2])
+    ux, uy, uz = times(zone.matrix, v[0], v[1], v[2])
     nears = x * ux + y * uy + z * uz < 0.0
-    if box:
+    if zone.box:
         nears, farthest = False, max(abs(x), abs(y), abs(z))
         for s, u in ((x, ux), (y, uy), (z, uz)):
             nears = nears or (s * u < 0.0 and (abs(s) >= 1.0 or abs(s) == farthest))
-    return nears and within(box, matrix, r, v, duration)
+    return nears and within(zone, r, v, duration)
 
 
 @kernel()
-def clear_of_all(box, matrix, craft, labels, i, velocity, duration, r, v):
+def clear_of_all(zone, craft, i, velocity, duration, r, v):
     """Whether craft i, at this velocity, keeps clear of all of its set."""
+    rows, labels = craft.rows, craft.labels
     for m in range(len(labels)):
         if m != i and labels[m] == labels[i]:
             for k in range(3):
-                r[k] = craft[i, k] - craft[m, k]
-                v[k] = velocity[k] - craft[m, 3 + k]
-            if enters(box, matrix, r, v, duration):
+                r[k] = rows[i, k] - rows[m, k]
+                v[k] = velocity[k] - rows[m, 3 + k]
+            if enters(zone, r, v, duration):
                 return False
     return True
 
@@ -93,10 +119,10 @@ def generator(half_axes, frame, tangent, angle, out):
 
 
 @kernel()
-def past_ball(matrix, half_axes, r, v, out, scratch):
+def past_ball(zone, r, v, out, scratch):
     """The nearest velocity to v that passes an ellipsoid tangentially, in `out`; False from inside."""
     frame, g = scratch[5:8], scratch[3]
-    bx, by, bz = times(matrix, -r[0], -r[1], -r[2])
+    bx, by, bz = times(zone.matrix, -r[0], -r[1], -r[2])
     size = sqrt(bx * bx + by * by + bz * bz)
     if size <= ENLARGED:
         return False
@@ -111,19 +137,19 @@ def past_ball(matrix, half_axes, r, v, out, scratch):
     tangent = asin(ENLARGED / size)
     best, at, stride = inf, 0.0, 2.0 * pi / SPOKES
     for s in range(SPOKES):
-        generator(half_axes, frame, tangent, stride * s, g)
+        generator(zone.half_axes, frame, tangent, stride * s, g)
         away = onto(g, v, out)
         if away < best:
             best, at = away, stride * s
     stride *= 0.5
     for _ in range(REFINED):
         for side in (-stride, stride):
-            generator(half_axes, frame, tangent, at + side, g)
+            generator(zone.half_axes, frame, tangent, at + side, g)
             away = onto(g, v, out)
             if away < best:
                 best, at = away, at + side
         stride *= 0.5
-    generator(half_axes, frame, tangent, at, g)
+    generator(zone.half_axes, frame, tangent, at, g)
     onto(g, v, out)
     return True
 
@@ -169,31 +195,31 @@ def not_nearer(matrix, r, v, axis, out):
 
 
 @kernel()
-def candidate(box, matrix, half_axes, way, r, v, out, scratch):
+def candidate(zone, way, r, v, out, scratch):
     """A relative velocity that may keep clear, in `out`; False where there is none of this way."""
     if way == STOP:
         out[0] = out[1] = out[2] = 0.0
     elif way == NOT_NEARER:
-        not_nearer(matrix, r, v, -1, out)
-    elif not box:
-        return way == AROUND and past_ball(matrix, half_axes, r, v, out, scratch)
+        not_nearer(zone.matrix, r, v, -1, out)
+    elif not zone.box:
+        return way == AROUND and past_ball(zone, r, v, out, scratch)
     elif way < EDGES:
-        not_nearer(matrix, r, v, way - AROUND, out)
+        not_nearer(zone.matrix, r, v, way - AROUND, out)
     else:
-        past_edge(half_axes, way - EDGES, r, v, out, scratch)
+        past_edge(zone.half_axes, way - EDGES, r, v, out, scratch)
     return True
 
 
 @kernel()
-def correction(box, matrix, half_axes, craft, labels, i, duration, best, scratch):
+def correction(zone, craft, i, duration, best, scratch):
     """The least burn of craft i that keeps it clear of its set for `duration`: its size; velocity in `best`.
 
     0 where none is needed, inf where none was found among those that pass one of the others
-    tangentially, do not come nearer to it, or stop relative to it.  `half_axes` are the columns
-    of the zone's, enlarged.
+    tangentially, do not come nearer to it, or stop relative to it.
     """
+    rows, labels = craft.rows, craft.labels
     r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[4]
-    if clear_of_all(box, matrix, craft, labels, i, craft[i, 3:6], duration, r, v):
+    if clear_of_all(zone, craft, i, rows[i, 3:6], duration, r, v):
         return 0.0
     least = inf
     for m in range(len(labels)):
@@ -201,16 +227,16 @@ def correction(box, matrix, half_axes, craft, labels, i, duration, best, scratch
             continue
         for way in range(WAYS):
             for k in range(3):
-                r[k] = craft[i, k] - craft[m, k]
-                v[k] = craft[i, 3 + k] - craft[m, 3 + k]
-            if not candidate(box, matrix, half_axes, way, r, v, out, scratch):
+                r[k] = rows[i, k] - rows[m, k]
+                v[k] = rows[i, 3 + k] - rows[m, 3 + k]
+            if not candidate(zone, way, r, v, out, scratch):
                 continue
             size = 0.0
             for k in range(3):
                 size += (out[k] - v[k]) ** 2
-                tried[k] = out[k] + craft[m, 3 + k]
+                tried[k] = out[k] + rows[m, 3 + k]
             size = sqrt(size)
-            if size < least and clear_of_all(box, matrix, craft, labels, i, tried, duration, r, v):
+            if size < least and clear_of_all(zone, craft, i, tried, duration, r, v):
                 least = size
                 for k in range(3):
                     best[k] = tried[k]

@@ -28,7 +28,7 @@ from closeform.search.gather_events import (
     SECOND,
     TOTAL,
     UNKNOWN,
-    chains,
+    fly_all,
 )
 from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
 from closeform.search.locks import in_parts, writable
@@ -61,7 +61,7 @@ def gather(
 
     `positions` [m] and `velocities` [m/s] are (N, 3) at the start of the `search`, in deep space.
     `groups`: "alternating" (A, B, A, ...), "balanced" (the first half A: H03's 3:2), or one of
-    "A", "B" for each craft.  The first pair to lock is the kernel of the formation set: of its
+    "A", "B" for each craft.  The first pair to lock begins the formation set: of its
     two craft `burns` the "second" (the lower index holds), the "first", "half" each, or the
     "least", which flies the way of the three that leaves the fewest craft and of those spends the
     least delta-v in total; of equals the lower index holds.  Of locks at one time that of the
@@ -154,7 +154,7 @@ class _Fleet:
         labels = np.empty(positions.shape[:2], dtype=np.int64)
         results = np.empty((len(positions), RESULT))
         zone = self.keep_out or Zone(BALL, np.eye(3))
-        chains(
+        fly_all(
             self.search.table,
             self.drifts,
             np.array([sensor.baseline, sensor.cosine, sensor.range]),

@@ -1,22 +1,18 @@
-"""The gathering as a chain of events: the next lock or near-field burn, what it joins, what burns.
-
-A craft is a row: its position, when it was there, its velocity, and the delta-v spent so far.
-`locks` (A, B) holds the next lock of each pair that does not know each other yet, `earliest` and
-`partner` the least of each row.  A burn changes a straight line, and so all later locks of it.
-"""
+"""The gathering as a chain of events: the next lock or near-field burn, what it joins, what burns."""
 
 from math import inf, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import bool_, float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, correction
-from closeform.search.locks import COSINE, END, NEVER, START, STEADY, first_lock
+from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOut, correction
+from closeform.search.locks import COSINE, END, NEVER, START, STEADY, LockSensor
+from closeform.search.next_locks import NextLocks, Turns, earliest_row, foresee_anew, forget
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
-from closeform.search.violations import APART, count_violations, look_around, look_between
+from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_around, look_between
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
@@ -25,91 +21,46 @@ FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, t
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, RESULT = 0, 1, 2, 3, 4, 5, 6, 7
 
 
-# A gathering in the hands of the kernel is four tuples of arrays:
-#   sky    legs, sensor (baseline, cosine, range), first (A,) and second (B,): craft of the groups
-#   fleet  craft (N, 8), labels (N,), moved (N,): who has burned since locks were last foreseen
-#   book   locks (A, B), earliest (A,), partner (A,)
-#   eyes   whether there is a zone; it (whether it is a box, its matrix, its half-axes enlarged); what
-#          was looked at and seen (see violations); scratch (10, 3): clearance and violations work in its
-#          rows 0 to 7, keep_clear holds 8 and 9
+class EventLog(NamedTuple):
+    """The `rows` (E, 10) of events, as many as there is room for, and their `count` (1,)."""
+
+    rows: Floats
+    count: Any
+
+
+@kernel()
+def record(log, t, kind, i, j, leg, case, label, push):
+    """Write an event if there is room for it."""
+    count = log.count[0]
+    if count < len(log.rows):
+        row = log.rows[count]
+        row[0], row[1], row[2], row[3], row[4], row[5], row[6] = t, kind, i, j, leg, case, label
+        row[7], row[8], row[9] = push
+    log.count[0] = count + 1
 
 
 @kernel()
 def advance(craft, i, t):
     """Describe craft i by where it is at time t."""
+    row = craft.rows[i]
     for k in range(3):
-        craft[i, k] += craft[i, VELOCITY + k] * (t - craft[i, SINCE])
-    craft[i, SINCE] = t
+        row[k] += row[VELOCITY + k] * (t - row[SINCE])
+    row[SINCE] = t
 
 
 @kernel()
-def record(events, count, t, kind, i, j, leg, case, label, dx, dy, dz):
-    """Write an event if there is room for it; the number of events."""
-    if count < len(events):
-        row = events[count]
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6] = t, kind, i, j, leg, case, label
-        row[7], row[8], row[9] = dx, dy, dz
-    return count + 1
-
-
-@kernel()
-def burn(eyes, fleet, events, count, t, kind, i, leg, vx, vy, vz):
-    """Give craft i a velocity at time t; the number of events, which a burn of nothing does not add to."""
-    craft, labels, moved = fleet
-    dx, dy, dz = vx - craft[i, 3], vy - craft[i, 4], vz - craft[i, 5]
+def burn(monitor, craft, log, t, kind, i, leg, velocity):
+    """Give craft i a velocity at time t; a burn of nothing is no event."""
+    row = craft.rows[i]
+    dx, dy, dz = velocity[0] - row[3], velocity[1] - row[4], velocity[2] - row[5]
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
-        return count
-    look_around(eyes, craft, labels, i, t)
+        return
+    look_around(monitor, craft, i, t)
     advance(craft, i, t)
-    craft[i, 3], craft[i, 4], craft[i, 5] = vx, vy, vz
-    craft[i, SPENT] += sqrt(dx * dx + dy * dy + dz * dz)
-    moved[i] = True
-    return record(events, count, t, kind, i, -1, leg, 0, labels[i], dx, dy, dz)
-
-
-@kernel()
-def least_of_row(book, a):
-    locks, earliest, partner = book
-    earliest[a], partner[a] = inf, 0
-    for b in range(locks.shape[1]):
-        if locks[a, b] < earliest[a]:
-            earliest[a], partner[a] = locks[a, b], b
-
-
-@kernel()
-def foresee(sky, fleet, book, a, b, t):
-    """Enter the next lock of the craft of row a and column b from time t on; inf if they know each other."""
-    legs, sensor, first, second = sky
-    craft, labels, moved = fleet
-    locks, earliest, partner = book
-    i, j = first[a], second[b]
-    when = inf
-    # the march counts from time 0, which loses digits only to craft that fly far beyond their distance
-    if labels[i] == LOST or labels[i] != labels[j]:
-        s, u = craft[i, SINCE], craft[j, SINCE]
-        vx, vy, vz = craft[j, 3] - craft[i, 3], craft[j, 4] - craft[i, 4], craft[j, 5] - craft[i, 5]
-        x = craft[j, 0] - craft[j, 3] * u - (craft[i, 0] - craft[i, 3] * s)
-        y = craft[j, 1] - craft[j, 4] * u - (craft[i, 1] - craft[i, 4] * s)
-        z = craft[j, 2] - craft[j, 5] * u - (craft[i, 2] - craft[i, 5] * s)
-        when, leg = first_lock(legs, t, x, y, z, vx, vy, vz, sensor[0], sensor[1], sensor[2])
-    locks[a, b] = when
-    if when < earliest[a] or (when == earliest[a] and b < partner[a]):
-        earliest[a], partner[a] = when, b
-    elif partner[a] == b:
-        least_of_row(book, a)
-
-
-@kernel()
-def foresee_anew(sky, fleet, book, t):
-    """The next locks of all craft that have burned."""
-    legs, sensor, first, second = sky
-    craft, labels, moved = fleet
-    for a in range(len(first)):
-        for b in range(len(second)):
-            if moved[first[a]] or moved[second[b]]:
-                foresee(sky, fleet, book, a, b, t)
-    for i in range(len(moved)):
-        moved[i] = False
+    row[3], row[4], row[5] = velocity[0], velocity[1], velocity[2]
+    row[SPENT] += sqrt(dx * dx + dy * dy + dz * dz)
+    craft.moved[i] = True
+    record(log, t, kind, i, -1, leg, 0, craft.labels[i], (dx, dy, dz))
 
 
 @kernel()
@@ -121,45 +72,43 @@ def leg_at(legs, t):
 
 
 @kernel()
-def near_field_burns(sky, eyes, fleet, events, count, leg, push):
-    """All that are lost burn against their boresight as a leg begins; the number of events."""
-    legs, sensor, first, second = sky
-    craft, labels, moved = fleet
-    bx = legs[leg, STEADY] + legs[leg, COSINE]
-    by = legs[leg, STEADY + 1] + legs[leg, COSINE + 1]
-    bz = legs[leg, STEADY + 2] + legs[leg, COSINE + 2]
-    for group, away in ((first, -push), (second, push)):
+def near_field_burns(turns, monitor, craft, log, leg):
+    """All that are lost burn against their boresight as a leg begins."""
+    row = turns.legs[leg]
+    bx, by, bz = (
+        row[STEADY] + row[COSINE],
+        row[STEADY + 1] + row[COSINE + 1],
+        row[STEADY + 2] + row[COSINE + 2],
+    )
+    for group, away in ((turns.first, -turns.push), (turns.second, turns.push)):
         for i in group:
-            if labels[i] == LOST:
-                vx, vy, vz = craft[i, 3] + away * bx, craft[i, 4] + away * by, craft[i, 5] + away * bz
-                count = burn(eyes, fleet, events, count, legs[leg, START], NEAR_FIELD, i, leg, vx, vy, vz)
-    return count
+            if craft.labels[i] == LOST:
+                own = craft.rows[i]
+                velocity = own[3] + away * bx, own[4] + away * by, own[5] + away * bz
+                burn(monitor, craft, log, row[START], NEAR_FIELD, i, leg, velocity)
 
 
 @kernel()
-def into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed, shared):
-    """All craft of the formation set take its velocity `shared`; the first pair agrees on one."""
-    craft, labels, moved = fleet
+def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
+    """All craft of the formation set take its velocity; the first pair agrees on one."""
+    shared = craft.shared
     if not formed:
         for k in range(3):
-            one, other = craft[low, VELOCITY + k], craft[high, VELOCITY + k]
+            one, other = craft.rows[low, VELOCITY + k], craft.rows[high, VELOCITY + k]
             shared[k] = one if way == SECOND else (other if way == FIRST else 0.5 * (one + other))
-    for m in range(len(labels)):
-        if labels[m] == FORMATION:
-            count = burn(eyes, fleet, events, count, t, BURN, m, leg, shared[0], shared[1], shared[2])
-    return count
+    for m in range(len(craft.labels)):
+        if craft.labels[m] == FORMATION:
+            burn(monitor, craft, log, t, BURN, m, leg, (shared[0], shared[1], shared[2]))
 
 
 @kernel()
-def keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end):
+def keep_clear(monitor, craft, log, t, leg, label, end):
     """Craft of a knowledge set that would come too near to others of it, as all now fly, until `end`, burn.
 
     One after another, the cheapest first: of the new ones, then of all.  What no burn is found for
     remains, and is found again in Gathering.conflicts.
     """
-    keeps, zone, looked, met, scratch = eyes
-    box, matrix, half_axes = zone
-    craft, labels, moved = fleet
+    labels, scratch = craft.labels, monitor.scratch
     for i in range(len(labels)):
         if labels[i] == label:
             advance(craft, i, t)
@@ -168,26 +117,26 @@ def keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end):
     for _ in range(ATTEMPTS * len(labels)):
         least, who = inf, -1
         for i in range(len(labels)):
-            if labels[i] == label and (fresh[i] or anyone):
-                size = correction(box, matrix, half_axes, craft, labels, i, end - t, best, scratch)
+            if labels[i] == label and (craft.fresh[i] or anyone):
+                size = correction(monitor.zone, craft, i, end - t, best, scratch)
                 if 0.0 < size < least:
                     least, who = size, i
                     chosen[0], chosen[1], chosen[2] = best[0], best[1], best[2]
         if who >= 0:
-            count = burn(eyes, fleet, events, count, t, CORRECTION, who, leg, chosen[0], chosen[1], chosen[2])
+            burn(monitor, craft, log, t, CORRECTION, who, leg, (chosen[0], chosen[1], chosen[2]))
         elif anyone:
             break
         else:
             anyone = True
-    return count
 
 
 @kernel()
-def newcomers(labels, low, high, label, fresh):
+def newcomers(craft, low, high, label):
     """Who is new to the set of that label when these two lock: those whose label changes.
 
     Of two that were lost the higher index: the lower holds.
     """
+    labels, fresh = craft.labels, craft.fresh
     one, other = labels[low], labels[high]
     for m in range(len(labels)):
         fresh[m] = labels[m] != LOST and labels[m] != label and (labels[m] == one or labels[m] == other)
@@ -196,87 +145,74 @@ def newcomers(labels, low, high, label, fresh):
 
 
 @kernel()
-def earliest_row(earliest):
-    a = 0
-    for k in range(1, len(earliest)):
-        if earliest[k] < earliest[a]:
-            a = k
-    return a
-
-
-@kernel()
-def forget(book, a):
-    """Strike out the earliest lock of a row."""
-    locks, earliest, partner = book
-    locks[a, partner[a]] = inf
-    least_of_row(book, a)
-
-
-@kernel()
-def begin(sky, fleet, book):
+def begin(turns, craft, next_locks, log):
     """All are lost, and all locks are foreseen."""
-    legs, sensor, first, second = sky
-    craft, labels, moved = fleet
-    locks, earliest, partner = book
-    for i in range(len(labels)):
-        labels[i] = LOST
-        moved[i] = True
-    for a in range(len(first)):
+    times, earliest, partner = next_locks
+    log.count[0] = 0
+    for i in range(len(craft.labels)):
+        craft.labels[i] = LOST
+        craft.moved[i] = True
+    for a in range(len(earliest)):
         earliest[a], partner[a] = inf, 0
-        for b in range(len(second)):
-            locks[a, b] = inf
-    foresee_anew(sky, fleet, book, 0.0)
+        for b in range(times.shape[1]):
+            times[a, b] = inf
+    foresee_anew(turns, craft, next_locks, 0.0)
 
 
 @kernel()
-def chain(sky, eyes, fleet, book, drifts, push, way, fresh, shared, events, result):
-    """Fly one gathering; what came of it in `result`, its events as rows."""
-    legs, sensor, first, second = sky
-    craft, labels, moved = fleet
-    locks, earliest, partner = book
-    begin(sky, fleet, book)
+def fly_one(turns, monitor, craft, next_locks, log, way, result):
+    """Fly one gathering; what came of it in `result`."""
+    legs, labels = turns.legs, craft.labels
+    begin(turns, craft, next_locks, log)
     end, t, leg = legs[-1, END], 0.0, NEVER
-    count, formed, unused, drift = 0, 0, 1, 0
+    formed, unused, drift = 0, 1, 0
     while formed < len(labels):
-        a = earliest_row(earliest)
-        when = earliest[a]
-        if drift < len(drifts) and legs[drifts[drift], START] <= when:
-            leg, t = drifts[drift], legs[drifts[drift], START]
+        a = earliest_row(next_locks.earliest)
+        when = next_locks.earliest[a]
+        if drift < len(turns.drifts) and legs[turns.drifts[drift], START] <= when:
+            leg = turns.drifts[drift]
+            t = legs[leg, START]
             drift += 1
-            count = near_field_burns(sky, eyes, fleet, events, count, leg, push)
-            foresee_anew(sky, fleet, book, t)
+            near_field_burns(turns, monitor, craft, log, leg)
+            foresee_anew(turns, craft, next_locks, t)
             continue
         if when == inf:
             t, leg = end, NEVER
             break
-        low, high = min(first[a], second[partner[a]]), max(first[a], second[partner[a]])
+        i, j = turns.first[a], turns.second[next_locks.partner[a]]
+        low, high = min(i, j), max(i, j)
         one, other = labels[low], labels[high]
-        forget(book, a)
+        forget(next_locks, a)
         if one == other and one != LOST:  # a third craft has introduced them
             continue
         t, leg = when, leg_at(legs, when)
         label = joined(one, other, formed > 0, unused)
         unused += label == unused
-        newcomers(labels, low, high, label, fresh)
-        look_between(eyes, craft, labels, low, high, t)
+        newcomers(craft, low, high, label)
+        look_between(monitor, craft, low, high, t)
         for old in (one, other):
             if old > FORMATION and old != label:
                 relabel(labels, old, label)
         labels[low] = labels[high] = label
-        count = record(events, count, t, LOCK, low, high, leg, case_number(one, other), label, 0.0, 0.0, 0.0)
+        record(log, t, LOCK, low, high, leg, case_number(one, other), label, (0.0, 0.0, 0.0))
         if label == FORMATION:
-            count = into_formation(eyes, fleet, events, count, t, low, high, leg, way, formed > 0, shared)
+            into_formation(monitor, craft, log, t, low, high, leg, way, formed > 0)
             formed = 0
             for m in range(len(labels)):
                 formed += labels[m] == FORMATION
-        elif eyes[0]:
-            count = keep_clear(eyes, fleet, fresh, events, count, t, leg, label, end)
-        foresee_anew(sky, fleet, book, t)
-    result[END_TIME], result[END_LEG], result[EVENTS], result[LEFT] = t, leg, count, len(labels) - formed
-    result[UNKNOWN], result[KNOWN] = count_violations(eyes, craft, labels, t)
+        elif monitor.on:
+            keep_clear(monitor, craft, log, t, leg, label, end)
+        foresee_anew(turns, craft, next_locks, t)
+    result[END_TIME], result[END_LEG], result[EVENTS], result[LEFT] = (
+        t,
+        leg,
+        log.count[0],
+        len(labels) - formed,
+    )
+    result[UNKNOWN], result[KNOWN] = count_violations(monitor, craft, t)
     result[TOTAL] = 0.0
     for i in range(len(labels)):
-        result[TOTAL] += craft[i, SPENT]
+        result[TOTAL] += craft.rows[i, SPENT]
 
 
 @kernel(
@@ -298,7 +234,7 @@ def chain(sky, eyes, fleet, book, drifts, push, way, fresh, shared, events, resu
         float64[:, ::1],
     )
 )
-def chains(
+def fly_all(
     legs: Floats,
     drifts: Any,
     sensor: Floats,
@@ -317,22 +253,23 @@ def chains(
 ) -> None:
     """Fly gatherings; `events` holds those of the last one, `labels` and `results` a row for each."""
     count = positions.shape[1]
+    rows, shared, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    locks, earliest = np.empty((len(first), len(second))), np.empty(len(first))
-    partner = np.empty(len(first), dtype=np.int64)
-    craft, shared, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
     seen = count if keeps else 0
     looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
-    sky, book = (legs, sensor, first, second), (locks, earliest, partner)
-    eyes = (keeps, (box, zone[0], zone[1]), looked, met, scratch)
+    monitor = KeepOutMonitor(keeps, KeepOut(box, zone[0], zone[1]), looked, met, scratch)
+    turns = Turns(legs, LockSensor(sensor[0], sensor[1], sensor[2]), first, second, drifts, push)
+    pairs = np.empty((len(first), len(second)))
+    next_locks = NextLocks(pairs, np.empty(len(first)), np.empty(len(first), dtype=np.int64))
+    log = EventLog(events, np.zeros(1, dtype=np.int64))
     for c in range(len(positions)):
         for i in range(count):
             for k in range(3):
-                craft[i, k] = positions[c, i, k]
-                craft[i, VELOCITY + k] = velocities[c, i, k]
-            craft[i, SINCE] = craft[i, SPENT] = 0.0
+                rows[i, k] = positions[c, i, k]
+                rows[i, VELOCITY + k] = velocities[c, i, k]
+            rows[i, SINCE] = rows[i, SPENT] = 0.0
         for i in range(seen):
             for j in range(seen):
                 looked[i, j], met[i, j] = 0.0, APART
-        fleet = (craft, labels[c], moved)
-        chain(sky, eyes, fleet, book, drifts, push, way, fresh, shared, events, results[c])
+        craft = Craft(rows, labels[c], moved, fresh, shared)
+        fly_one(turns, monitor, craft, next_locks, log, way, results[c])

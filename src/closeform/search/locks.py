@@ -15,7 +15,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import factorial, floor, inf, nan, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float64, int64, void
@@ -33,11 +33,18 @@ NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1
 CHUNK = 65_536
 BLOCK, SWEEPS = 128, 8  # pairs that step side by side, and how often
 
-
 S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
 C1, C2, C3, C4, C5, C6, C7, C8 = ((-1) ** k / factorial(2 * k) for k in range(1, 9))
 QUARTER = 1.57079632673412561417  # of a turn, to 33 bits, and the rest of it
 REST = 6.07710050650619224932e-11
+
+
+class LockSensor(NamedTuple):
+    """What locks ask of a sensor: both offsets together [m], the cosine of its half-angle, its range [m]."""
+
+    baseline: float
+    cosine: float
+    longest: float
 
 
 @kernel(inline=True)
@@ -69,41 +76,50 @@ def before(gap, slope, bend):
 
 
 @kernel(inline=True)
-def limits(turn, x, y, z, vx, vy, vz, baseline):
+def limits(turn, position, velocity, sensor):
     """What bounds g'' all through a leg: its swinging part at the end, the velocity's, |q'|."""
+    x, y, z = position
+    vx, vy, vz = velocity
     start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
     ex, ey, ez = x + vx * end, y + vy * end, z + vz * end
     last = (cx * ex + cy * ey + cz * ez) ** 2 + (sx * ex + sy * ey + sz * ez) ** 2
     sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
-    fast = sqrt(vx * vx + vy * vy + vz * vz) + baseline * abs(w)
+    fast = sqrt(vx * vx + vy * vy + vz * vz) + sensor.baseline * abs(w)
     return last, 2.0 * abs(w) * sideways, fast
 
 
 @kernel(inline=True)
-def sight(bx, by, bz, px, py, pz, baseline, c, longest):
+def sight(boresight, place, sensor):
     """The vector between two sensors, its length, g and the length beyond the range, what counts as 0.
 
-    b is A's boresight, p the position of B relative to A.                       # theory (13)
+    `boresight` is A's, `place` where B is relative to A.                        # theory (13)
     By components: a pass within a micrometre keeps its digits.
     """
+    bx, by, bz = boresight
+    px, py, pz = place
+    baseline, c, longest = sensor
     qx, qy, qz = px - baseline * bx, py - baseline * by, pz - baseline * bz
     q = sqrt(qx * qx + qy * qy + qz * qz)
     gap, beyond = c * q - (bx * qx + by * qy + bz * qz), q - longest
-    return qx, qy, qz, q, gap, beyond, SEEN * (q + 2.0 * baseline)
+    return (qx, qy, qz), q, gap, beyond, SEEN * (q + 2.0 * baseline)
 
 
 @kernel(inline=True)
-def step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longest):
+def step(turn, t, position, velocity, bounds, sensor):
     """How long nothing certainly happens from time t on; whether both see each other at t, or just after.
 
-    `turn` is the leg's row; x, y, z is the position at time 0.
+    `turn` is the leg's row; the position is that at time 0, the bounds are the leg's `limits`.
     """
+    x, y, z = position
+    vx, vy, vz = velocity
+    last, sideways, fast = bounds
+    baseline, c = sensor.baseline, sensor.cosine
     start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
     sa, ca = sine_cosine(w * (t - start))
     bx, by, bz = fx + cx * ca + sx * sa, fy + cy * ca + sy * sa, fz + cz * ca + sz * sa
     dx, dy, dz = w * (sx * ca - cx * sa), w * (sy * ca - cy * sa), w * (sz * ca - cz * sa)
     px, py, pz = x + vx * t, y + vy * t, z + vz * t
-    qx, qy, qz, q, gap, beyond, scale = sight(bx, by, bz, px, py, pz, baseline, c, longest)
+    (qx, qy, qz), q, gap, beyond, scale = sight((bx, by, bz), (px, py, pz), sensor)
     ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
     growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
     slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
@@ -135,13 +151,13 @@ def as_turn(leg):
 
 
 @kernel()
-def lock_in_leg(leg, t, x, y, z, vx, vy, vz, baseline, c, longest):
-    """First lock within a leg from time t on: (time, whether).  Position x, y, z at time 0."""
+def lock_in_leg(leg, t, position, velocity, sensor):
+    """First lock within a leg from time t on: (time, whether).  The position is that at time 0."""
     turn = as_turn(leg)
     end = leg[END]
-    last, sideways, fast = limits(turn, x, y, z, vx, vy, vz, baseline)
+    bounds = limits(turn, position, velocity, sensor)
     while True:
-        h, locked, near = step(turn, t, x, y, z, vx, vy, vz, last, sideways, fast, baseline, c, longest)
+        h, locked, near = step(turn, t, position, velocity, bounds, sensor)
         if locked:
             return t, True
         if t >= end:
@@ -152,20 +168,18 @@ def lock_in_leg(leg, t, x, y, z, vx, vy, vz, baseline, c, longest):
 
 
 @kernel()
-def first_lock(legs, t, x, y, z, vx, vy, vz, baseline, c, longest):
+def first_lock(legs, t, position, velocity, sensor):
     """First lock from time t on: (time, leg), or (inf, NEVER)."""
     for k in range(len(legs)):
         if t <= legs[k, END]:
-            when, locked = lock_in_leg(
-                legs[k], max(t, legs[k, START]), x, y, z, vx, vy, vz, baseline, c, longest
-            )
+            when, locked = lock_in_leg(legs[k], max(t, legs[k, START]), position, velocity, sensor)
             if locked:
                 return when, k
     return inf, NEVER
 
 
 @kernel(inline=True)  # where the arrays are made, so that they are known not to overlap
-def ahead(leg, positions, velocities, begin, count, baseline, c, longest, parts, reached, sure):
+def ahead(leg, positions, velocities, begin, count, sensor, parts, reached, sure):
     """The first steps of a block of pairs through a leg, side by side: times reached, whether they lock."""
     x, y, z, vx, vy, vz, last, sideways, fast = parts
     turn = as_turn(leg)
@@ -176,26 +190,16 @@ def ahead(leg, positions, velocities, begin, count, baseline, c, longest, parts,
         vx[k], vy[k], vz[k] = velocities[m, 0], velocities[m, 1], velocities[m, 2]
         reached[k] = leg[START]
     for k in range(count):
-        last[k], sideways[k], fast[k] = limits(turn, x[k], y[k], z[k], vx[k], vy[k], vz[k], baseline)
+        position = x[k], y[k], z[k]
+        velocity = vx[k], vy[k], vz[k]
+        last[k], sideways[k], fast[k] = limits(turn, position, velocity, sensor)
     for _ in range(SWEEPS):
         for k in range(count):
             t = reached[k]
-            h, locked, near = step(
-                turn,
-                t,
-                x[k],
-                y[k],
-                z[k],
-                vx[k],
-                vy[k],
-                vz[k],
-                last[k],
-                sideways[k],
-                fast[k],
-                baseline,
-                c,
-                longest,
-            )
+            position = x[k], y[k], z[k]
+            velocity = vx[k], vy[k], vz[k]
+            bounds = last[k], sideways[k], fast[k]
+            h, locked, near = step(turn, t, position, velocity, bounds, sensor)
             reached[k] = min(end, t + h)
             sure[k] = 1.0 if (locked | near) & (t + h < end) else 0.0
 
@@ -223,10 +227,11 @@ def first_locks(
     found: Any,
 ) -> None:
     """The first lock of each pair; what is wrong with a pair instead of its leg."""
+    sensor = LockSensor(baseline, cosine, longest)
     reached, sure, parts = np.empty(BLOCK), np.empty(BLOCK), np.empty((9, BLOCK))
     for begin in range(0, len(positions), BLOCK):
         count = min(BLOCK, len(positions) - begin)
-        ahead(legs[0], positions, velocities, begin, count, baseline, cosine, longest, parts, reached, sure)
+        ahead(legs[0], positions, velocities, begin, count, sensor, parts, reached, sure)
         for k in range(count):
             m = begin + k
             x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
@@ -240,7 +245,7 @@ def first_locks(
             elif sure[k] > 0.0:
                 times[m], found[m] = reached[k], 0
             else:
-                when, leg = first_lock(legs, reached[k], x, y, z, vx, vy, vz, baseline, cosine, longest)
+                when, leg = first_lock(legs, reached[k], (x, y, z), (vx, vy, vz), sensor)
                 found[m] = leg
                 if leg >= 0:
                     times[m] = when

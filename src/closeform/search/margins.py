@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.locks import END, SEEN, START, lock_in_leg, lock_times
+from closeform.search.locks import END, SEEN, START, LockSensor, lock_in_leg, lock_times
 from closeform.search.schedule import Search
 from closeform.search.theorem import one_pair
 
@@ -54,12 +54,11 @@ class LockMargins:
 
 
 @kernel()
-def locks(row, start, end, state, baseline, c, longest):
-    """Whether a leg locks from start to end, with a cone of cosine c: (time, whether)."""
+def locks(row, start, end, state, sensor):
+    """Whether a leg locks from start to end: (time, whether)."""
     row[END] = end
-    return lock_in_leg(
-        row, start, state[0], state[1], state[2], state[3], state[4], state[5], baseline, c, longest
-    )
+    position, velocity = (state[0], state[1], state[2]), (state[3], state[4], state[5])
+    return lock_in_leg(row, start, position, velocity, sensor)
 
 
 @kernel(void(float64[::1], float64[::1], float64, float64, float64[:, ::1]))
@@ -75,7 +74,7 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
         near, far = 0.0, size
         for _ in range(HALVINGS):
             middle = 0.5 * (near + far)
-            _, found = locks(row, start, end, state, baseline, ANYWHERE, middle)
+            _, found = locks(row, start, end, state, LockSensor(baseline, ANYWHERE, middle))
             near, far = (near, middle) if found else (middle, far)
         noise = ROUNDING * size
         pieces[k] = (end, 0.0, 0.0)
@@ -84,7 +83,8 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
         low, high = 0.0, pi - half_angle
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            _, found = locks(row, start, end, state, baseline, cos(half_angle + middle), inf)
+            wider = LockSensor(baseline, cos(half_angle + middle), inf)
+            _, found = locks(row, start, end, state, wider)
             low, high = (low, middle) if found else (middle, high)
         # what the march itself counts as a lock, and how far rounding may turn q
         counted = 4.0 * SEEN * (1.0 + 2.0 * baseline / near)
@@ -96,11 +96,12 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
 def deepest(leg: Floats, state: Floats, baseline: float, half_angle: float) -> Any:
     """When, in a leg that locks, the other's sensor is deepest inside of the cone."""
     row = leg.copy()
-    time, _ = locks(row, leg[START], leg[END], state, baseline, cos(half_angle), inf)
+    time, _ = locks(row, leg[START], leg[END], state, LockSensor(baseline, cos(half_angle), inf))
     low, high = 0.0, half_angle
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        when, found = locks(row, leg[START], leg[END], state, baseline, cos(half_angle - middle), inf)
+        narrower = LockSensor(baseline, cos(half_angle - middle), inf)
+        when, found = locks(row, leg[START], leg[END], state, narrower)
         if found:
             time, low = when, middle
         else:

@@ -12,7 +12,7 @@ from numba import float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.locks import in_parts, sight
+from closeform.search.locks import LockSensor, in_parts, sight
 from closeform.search.schedule import Search
 
 CHUNK = 16_384
@@ -45,6 +45,7 @@ def scan(
     found: Any,
 ) -> None:
     """The first sample at which each pair locks: theory (13) by the same margin as the march."""
+    sensor = LockSensor(baseline, cosine, longest)
     for m in range(len(positions)):
         times[m], found[m] = nan, -1
         for k in range(len(samples)):
@@ -52,8 +53,8 @@ def scan(
             x = positions[m, 0] + velocities[m, 0] * t
             y = positions[m, 1] + velocities[m, 1] * t
             z = positions[m, 2] + velocities[m, 2] * t
-            bx, by, bz = boresights[k, 0], boresights[k, 1], boresights[k, 2]
-            _, _, _, _, gap, beyond, scale = sight(bx, by, bz, x, y, z, baseline, cosine, longest)
+            boresight = boresights[k, 0], boresights[k, 1], boresights[k, 2]
+            _, _, gap, beyond, scale = sight(boresight, (x, y, z), sensor)
             if gap <= scale and beyond <= scale:
                 times[m], found[m] = t, legs[k]
                 break

@@ -2,7 +2,7 @@
 
 A craft's label says to which set it belongs: LOST to none, FORMATION to the formation set, whose
 craft fly at one velocity, k >= 1 to knowledge set k, whose craft know each other's motion and
-coast.  The first pair ever to lock is the kernel of the formation set.
+coast.  The first pair ever to lock begins the formation set.
 """
 
 from closeform.compiled import kernel

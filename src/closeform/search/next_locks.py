@@ -1,0 +1,99 @@
+"""The next lock of each pair of a gathering, foreseen until one of its craft burns.
+
+A burn changes a straight line, and so all later locks of it.
+"""
+
+from math import inf
+from typing import Any, NamedTuple
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.search.clearance import SINCE
+from closeform.search.locks import LockSensor, first_lock
+from closeform.search.sets import LOST
+
+
+class Turns(NamedTuple):
+    """The search: its `legs`; the `sensor`; `first` (A,) and `second` (B,), the craft of its groups.
+
+    As the legs `drifts` begin all that are lost burn by `push` [m/s]: the near-field search.
+    """
+
+    legs: Floats
+    sensor: LockSensor
+    first: Any
+    second: Any
+    drifts: Any
+    push: float
+
+
+class NextLocks(NamedTuple):
+    """The `times` (A, B) [s] of the next lock of each pair that does not know each other yet, else inf.
+
+    `earliest` and `partner` (A,): the least of each row, and in which column.
+    """
+
+    times: Floats
+    earliest: Floats
+    partner: Any
+
+
+@kernel()
+def least_of_row(next_locks, a):
+    times, earliest, partner = next_locks
+    earliest[a], partner[a] = inf, 0
+    for b in range(times.shape[1]):
+        if times[a, b] < earliest[a]:
+            earliest[a], partner[a] = times[a, b], b
+
+
+@kernel()
+def foresee(turns, craft, next_locks, a, b, t):
+    """Enter the next lock of the craft of row a and column b from time t on; inf if they know each other."""
+    times, earliest, partner = next_locks
+    i, j = turns.first[a], turns.second[b]
+    one, other, labels = craft.rows[i], craft.rows[j], craft.labels
+    when = inf
+    # the march counts from time 0, which loses digits only to craft that fly far beyond their distance
+    if labels[i] == LOST or labels[i] != labels[j]:
+        s, u = one[SINCE], other[SINCE]
+        velocity = other[3] - one[3], other[4] - one[4], other[5] - one[5]
+        position = (
+            other[0] - other[3] * u - (one[0] - one[3] * s),
+            other[1] - other[4] * u - (one[1] - one[4] * s),
+            other[2] - other[5] * u - (one[2] - one[5] * s),
+        )
+        when, leg = first_lock(turns.legs, t, position, velocity, turns.sensor)
+    times[a, b] = when
+    if when < earliest[a] or (when == earliest[a] and b < partner[a]):
+        earliest[a], partner[a] = when, b
+    elif partner[a] == b:
+        least_of_row(next_locks, a)
+
+
+@kernel()
+def foresee_anew(turns, craft, next_locks, t):
+    """The next locks of all craft that have burned."""
+    moved = craft.moved
+    for a in range(len(turns.first)):
+        for b in range(len(turns.second)):
+            if moved[turns.first[a]] or moved[turns.second[b]]:
+                foresee(turns, craft, next_locks, a, b, t)
+    for i in range(len(moved)):
+        moved[i] = False
+
+
+@kernel()
+def earliest_row(earliest):
+    a = 0
+    for k in range(1, len(earliest)):
+        if earliest[k] < earliest[a]:
+            a = k
+    return a
+
+
+@kernel()
+def forget(next_locks, a):
+    """Strike out the earliest lock of a row."""
+    next_locks.times[a, next_locks.partner[a]] = inf
+    least_of_row(next_locks, a)
