@@ -56,29 +56,29 @@ def coasted(states: np.ndarray, time: float, n: float = N) -> np.ndarray:
     return states @ expm(hill(n) * time).T
 
 
-def begin(leg) -> np.ndarray:
-    return leg.after.paths.state(leg.start)
+def begin(flown) -> np.ndarray:
+    return flown.after.paths.state(flown.start)
 
 
-def end(leg) -> np.ndarray:
-    return leg.after.paths.state(leg.end)
+def end(flown) -> np.ndarray:
+    return flown.after.paths.state(flown.end)
 
 
-def check_plan(mission, leg, finals: np.ndarray, **asked) -> None:
+def check_plan(mission, flown, finals: np.ndarray, **asked) -> None:
     """The plan of a stage in which all move, flown again by an integrator, ends where it should."""
-    assert leg.result.plan.ok
+    assert flown.result.plan.ok
     zones = list(mission.scenario.keep_out)
     limits = np.array([craft.max_acceleration for craft in mission.scenario.craft])
     if np.isfinite(limits).any():
         asked["max_acceleration"] = limits
     found = faults(
-        leg.result.plan,
+        flown.result.plan,
         mission.orbit,
-        begin(leg),
+        begin(flown),
         finals,
-        leg.result.asked,
+        flown.result.asked,
         zones,
-        start=leg.start,
+        start=flown.start,
         **asked,
     )
     assert found == []
@@ -100,7 +100,7 @@ def test_f6_scatters_and_comes_back(f6) -> None:
     np.testing.assert_allclose(np.abs(np.diff(angles)), np.pi / 4, rtol=1e-12)
     first, threat, wait, back = f6.results
     np.testing.assert_allclose(
-        [leg.end - leg.start for leg in f6.results], np.array([0.5, 0.25, 2, 1]) * TURN
+        [flown.end - flown.start for flown in f6.results], np.array([0.5, 0.25, 2, 1]) * TURN
     )
     for one, other in ((first, threat), (threat, wait), (wait, back)):
         assert one.end == other.start
@@ -116,7 +116,7 @@ def test_f6_scatters_and_comes_back(f6) -> None:
     np.testing.assert_allclose(end(back)[:, 3:], home[:, 3:], atol=MILLIMETRE * N)
     check_plan(f6, threat, end(threat))
     check_plan(f6, back, home)
-    peak = max(leg.after.paths.peak_thrust.max() for leg in f6.results)
+    peak = max(flown.after.paths.peak_thrust.max() for flown in f6.results)
     assert 150.0 * peak <= 1.5  # N
 
 
@@ -185,8 +185,8 @@ def test_find_then_fly() -> None:
     np.testing.assert_array_equal(end(found), end(alone))
     assert array.start == found.end
     assert array.end == coast.start == pytest.approx(found.end + 3600.0, abs=1e-9)
-    for leg, when in ((array, array.end), (coast, coast.end)):
-        states = leg.after.paths.state(when)
+    for flown, when in ((array, array.end), (coast, coast.end)):
+        states = flown.after.paths.state(when)
         row = states[np.argsort(states[:, 0])]
         steps = np.tile([75.0, 0, 0, 0, 0, 0], (4, 1))
         np.testing.assert_allclose(np.diff(row, axis=0)[:, :3], steps[:, :3], atol=MILLIMETRE)
@@ -214,16 +214,16 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     """Each takes the place of the one opposite; 52 of 66 direct ways conflict, and none of the plan's."""
     text = (EXAMPLES / "swap.toml").read_text()
     mission = fly(parse(text))
-    (leg,) = mission.results
+    (flown,) = mission.results
     assert mission.clear
     assert mission.warnings == ()
-    assert len({(met.first, met.second) for met in leg.before.conflicts}) == 52
-    times = np.linspace(leg.start, leg.end, 2001)
+    assert len({(met.first, met.second) for met in flown.before.conflicts}) == 52
+    times = np.linspace(flown.start, flown.end, 2001)
     # The comment in the file says so, and a craft flies 0.2 m between two of these times.
-    assert np.linalg.norm(leg.before.paths.position(times), axis=-1).min(axis=1).max() < 11.0
+    assert np.linalg.norm(flown.before.paths.position(times), axis=-1).min(axis=1).max() < 11.0
     # The place opposite is where the one opposite would have coasted to: on the file's circle, 198 deg on.
-    check_plan(mission, leg, np.roll(coasted(begin(leg), leg.end), 6, axis=0))
-    plan = leg.result.plan
+    check_plan(mission, flown, np.roll(coasted(begin(flown), flown.end), 6, axis=0))
+    plan = flown.result.plan
     assert plan.gap <= 0.03
     run = run_text(text, tmp_path, monkeypatch, capsys)
     assert run.status == 0
@@ -256,8 +256,8 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
     spent = r"^So far at most: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1 kg \((\S+)\)$"
     peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
     delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
-    for row, (leg, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
-        force = dict(zip(mission.scenario.names, 100.0 * leg.after.paths.peak_thrust, strict=True))
+    for row, (flown, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
+        force = dict(zip(mission.scenario.names, 100.0 * flown.after.paths.peak_thrust, strict=True))
         assert force[who] == pytest.approx(max(force.values()), rel=1e-9)  # two are as strong
         assert float(peak) == pytest.approx(force[who], rel=5e-4)  # four digits
         assert delta_v[row].argmax() != 1  # F2 has the tightest budget, and spends less than others
@@ -272,16 +272,16 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
 def test_swap_in_deep_space() -> None:
     """All 66 pairs meet in the centre on their direct paths, and none on the plan's."""
     mission = fly(load(EXAMPLES / "swap_deep_space.toml"))
-    (leg,) = mission.results
+    (flown,) = mission.results
     assert mission.clear
-    assert len({(met.first, met.second) for met in leg.before.conflicts}) == 66
-    start = begin(leg)
+    assert len({(met.first, met.second) for met in flown.before.conflicts}) == 66
+    start = begin(flown)
     np.testing.assert_allclose(np.linalg.norm(start[:, :3], axis=1), 120.0, rtol=1e-5)  # of the file's digits
-    check_plan(mission, leg, -start)
+    check_plan(mission, flown, -start)
     assert mission.propellant.sum(axis=0).max() < 0.2  # kg, what each has
     # Of twelve points 15 m apart the best that is known has a sum of squares of 10.704 x 15^2 m^2 about
     # its centre; at half time a force moves a path by T^3 / 192: 96 / T^3 of that over 12 x 6 x 240^2 / T^3.
-    assert 96.0 * 10.704 * 15.0**2 / (12 * 6 * 240.0**2) - 1e-3 < leg.result.plan.gap < 0.08
+    assert 96.0 * 10.704 * 15.0**2 / (12 * 6 * 240.0**2) - 1e-3 < flown.result.plan.gap < 0.08
 
 
 SPREAD = 'name = "spread"\ndo = "scatter"\nfactor = 2.0\nwithin = "0.5 orbits"'
@@ -300,9 +300,9 @@ def test_removed(text: str, goal: list[float]) -> None:
     start = '[{ palmer = "50 -10 5 100 0 60 m" }, { palmer = "0 0 0 -400 0 0 m" }]'
     stage = f'do = "reconfigure"\ncraft = ["F1"]\n{text}\nwithin = "0.3 orbits"'
     mission = fly(parse(fleet(stage, name='["F1", "F2"]', start=start)))
-    (leg,) = mission.results
+    (flown,) = mission.results
     e1, e2, d, along, h1, h2 = goal
-    t = N * leg.end
+    t = N * flown.end
     swing, phase = np.hypot(e1, e2), np.arctan2(e2, e1)
     height, tilt = np.hypot(h1, h2), np.arctan2(h2, h1)
     expected = [
@@ -310,10 +310,10 @@ def test_removed(text: str, goal: list[float]) -> None:
         along - 3 * (5 * t) + 2 * swing * np.sin(t + phase),  # it drifted until the end
         height * np.cos(t - tilt),
     ]
-    np.testing.assert_allclose(end(leg)[0, :3], expected, atol=MILLIMETRE)
-    np.testing.assert_allclose(end(leg)[1], coasted(begin(leg)[1], leg.end), atol=1e-9)
-    assert leg.result.movers == ("F1",)
-    assert leg.result.others == ("F2",)
+    np.testing.assert_allclose(end(flown)[0, :3], expected, atol=MILLIMETRE)
+    np.testing.assert_allclose(end(flown)[1], coasted(begin(flown)[1], flown.end), atol=1e-9)
+    assert flown.result.movers == ("F1",)
+    assert flown.result.others == ("F2",)
 
 
 def test_a_craft_joins_while_the_others_coast() -> None:
@@ -322,15 +322,15 @@ def test_a_craft_joins_while_the_others_coast() -> None:
     start = f'[{ring}, {ring}, {ring}, {{ palmer = "0 0 0 -300 0 0 m" }}]'
     stage = 'do = "reconfigure"\ncraft = ["F4"]\nto = { join = ["F1", "F2", "F3"] }\nwithin = "0.5 orbits"'
     mission = fly(parse(fleet(stage, start=start)))
-    (leg,) = mission.results
+    (flown,) = mission.results
     assert mission.clear
-    states = end(leg)
-    np.testing.assert_allclose(states[:3], coasted(begin(leg)[:3], leg.end), atol=1e-9)
+    states = end(flown)
+    np.testing.assert_allclose(states[:3], coasted(begin(flown)[:3], flown.end), atol=1e-9)
     assert np.hypot(states[3, 1], states[3, 2]) == pytest.approx(120.0, abs=MILLIMETRE)
     angles = np.degrees(np.arctan2(states[:, 2], states[:, 1]))
     # places 1, 2 and 3 of four are a right angle apart, so that the fourth is free
     assert sorted((angles - angles[0]) % 360.0) == pytest.approx([0.0, 90.0, 180.0, 270.0], abs=0.01)
-    assert [name for name in leg.after.names if leg.after.path(name).energy] == ["F4"]
+    assert [name for name in flown.after.names if flown.after.path(name).energy] == ["F4"]
 
 
 def test_scatter_from_a_point_and_regather() -> None:
@@ -349,7 +349,7 @@ def test_more_slots_than_craft() -> None:
     """Four craft at rest 100 m apart take four of seven pearls 50 m apart: those where they are."""
     stage = 'do = "reconfigure"\nto = { string_of_pearls = { spacing = "50 m" } }\nwithin = "1 orbit"'
     mission = fly(parse(fleet(f"{stage}\nassign = true\nslots = 7")))
-    (plan,) = [leg.result.plan for leg in mission.results]
+    (plan,) = [flown.result.plan for flown in mission.results]
     assert plan.slots.tolist() == [0, 2, 4, 6]
     assert plan.energy == pytest.approx(0.0, abs=1e-20)
     (costs,) = [
@@ -374,8 +374,8 @@ def test_one_craft_after_another() -> None:
     """In the order that is asked for the first craft flies its own optimum; joint planning is not dearer."""
     joint = fly(parse(fleet(REVERSED))).results[0].result.plan
     mission = fly(parse(fleet(f'{REVERSED}plan = "sequential"\norder = ["F3"]')))
-    (leg,) = mission.results
-    plan = leg.result.plan
+    (flown,) = mission.results
+    plan = flown.result.plan
     assert mission.clear
     assert plan.paths[2].energy == pytest.approx(plan.direct[2].energy, rel=1e-9)
     assert plan.energy >= joint.energy * (1 - 1e-9)
@@ -392,16 +392,16 @@ def test_too_little_thrust_takes_longer() -> None:
     mission = fly(parse(weak(*quick)))
     out, back = mission.results
     assert mission.clear
-    late = [leg.end - leg.start for leg in mission.results]
+    late = [flown.end - flown.start for flown in mission.results]
     assert [
         f"takes {took:.1f} s, not 283.8 s" in line for took, line in zip(late, mission.warnings, strict=True)
     ] == [True, True]
-    for leg in (out, back):
-        assert leg.end - leg.start > 1.05 * leg.result.asked == pytest.approx(1.05 * 0.05 * TURN)
-        assert leg.result.measures
-        assert 100.0 * leg.after.paths.peak_thrust.max() <= 0.2 * (1 + 1e-9)
+    for flown in (out, back):
+        assert flown.end - flown.start > 1.05 * flown.result.asked == pytest.approx(1.05 * 0.05 * TURN)
+        assert flown.result.measures
+        assert 100.0 * flown.after.paths.peak_thrust.max() <= 0.2 * (1 + 1e-9)
         # the engines are used: 2 % faster than this they could not
-        assert 100.0 * leg.after.paths.peak_thrust.max() >= 0.2 * 0.93
+        assert 100.0 * flown.after.paths.peak_thrust.max() >= 0.2 * 0.93
     np.testing.assert_allclose(end(back), coasted(begin(out), back.end), atol=MILLIMETRE)
     told = "\n".join(RunReport(mission).sections[0].lines)
     assert "Tried: " in told
@@ -450,13 +450,13 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
     spent = np.zeros(4)
     for k in range(4):
         mass = 100.0
-        for leg in mission.results:
-            path = leg.after.paths[k]
+        for flown in mission.results:
+            path = flown.after.paths[k]
 
             def flow(t, m, path=path):
                 return -m * np.linalg.norm(path.thrust(t[None] if np.ndim(t) else t)) / (9.80665 * 70.0)
 
-            mass = solve_ivp(flow, (leg.start, leg.end), [mass], rtol=1e-8, max_step=50.0).y[0, -1]
+            mass = solve_ivp(flow, (flown.start, flown.end), [mass], rtol=1e-8, max_step=50.0).y[0, -1]
         spent[k] = 100.0 - mass
     np.testing.assert_allclose(mission.propellant.sum(axis=0), spent, rtol=1e-4)
     run = run_text(text, tmp_path, monkeypatch, capsys)
@@ -533,21 +533,21 @@ def test_stages_of_a_line_drift_with_their_craft() -> None:
     stage = (
         'do = "reconfigure"\nto = { line = { spacing = "60 m", direction = [0, 3, 4] } }\nwithin = "1000 s"'
     )
-    (leg,) = fly(parse(fleet(stage, text=text))).results
+    (flown,) = fly(parse(fleet(stage, text=text))).results
     middle = np.array([25.0, 25.0, 25.0]) + 1000.0 * np.array([0.01, 0.02, 0.03])
     offsets = 60.0 * np.outer([-1.5, -0.5, 0.5, 1.5], [0.0, 0.6, 0.8])
-    np.testing.assert_allclose(end(leg)[:, :3], middle + offsets, atol=1e-9)
-    np.testing.assert_allclose(end(leg)[:, 3:], [[0.01, 0.02, 0.03]] * 4, atol=1e-12)
+    np.testing.assert_allclose(end(flown)[:, :3], middle + offsets, atol=1e-9)
+    np.testing.assert_allclose(end(flown)[:, 3:], [[0.01, 0.02, 0.03]] * 4, atol=1e-12)
 
 
 def test_public_planner_gives_the_same() -> None:
     """A stage adds nothing of its own to `reconfigure`."""
-    (leg,) = fly(parse(fleet(REVERSED))).results
+    (flown,) = fly(parse(fleet(REVERSED))).results
     orbit = cf.Orbit.circular(500e3)
     initial = np.zeros((4, 6))
     initial[:, 1] = [-150.0, -50.0, 50.0, 150.0]
     plan = cf.reconfigure(orbit, initial, -initial, 0.5 * orbit.period, cf.Sphere(20.0))
-    assert leg.result.plan.energy == pytest.approx(plan.energy, rel=1e-9)
+    assert flown.result.plan.energy == pytest.approx(plan.energy, rel=1e-9)
 
 
 CAGED = """\

@@ -261,9 +261,9 @@ def test_swarm_names_who_is_left(fly_file, monkeypatch, capsys) -> None:
     assert cheapest != figures["burns"]
     assert "leave more craft" in run.printed
     text = (EXAMPLES / "swarm.toml").read_text().replace("rounds = 4", f'rounds = 4\nburns = "{cheapest}"')
-    (leg,) = fly(parse(text)).results
-    assert len(leg.result.sets[0]) < len(figures["sets"][0])
-    assert sum(leg.result.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
+    (flown,) = fly(parse(text)).results
+    assert len(flown.result.sets[0]) < len(figures["sets"][0])
+    assert sum(flown.result.delta_v) == pytest.approx(figures["totals_m_s"][cheapest])
 
 
 AFTER = """
@@ -317,7 +317,11 @@ def test_all_at_once_takes_no_time() -> None:
     text = searched(FIRST, AFTER, position='["0 0 0 m", "100 0 0 m", "20 15 0 m"]')
     mission = fly(parse(text))
     assert mission.clear
-    assert [(leg.start, leg.end) for leg in mission.results] == [(0.0, 10.0), (10.0, 10.0), (10.0, 110.0)]
+    assert [(flown.start, flown.end) for flown in mission.results] == [
+        (0.0, 10.0),
+        (10.0, 10.0),
+        (10.0, 110.0),
+    ]
     assert RunReport(mission).sections[1].lines[1].startswith("Gathered after 0.00 s (0 min 0.0 s)")
 
 
@@ -367,9 +371,10 @@ def test_each_pair_is_watched_with_its_own_zone() -> None:
     zones = '[{ sphere = "10 m" }, { sphere = "20 m" }, { sphere = "10 m" }]'
     scenario = parse(searched(keep_out=zones, velocity=MOVING))
     assert scenario.common_zone.norm([20.0, 0.0, 0.0]) == 1.0
-    (leg,) = fly(scenario).results
+    (flown,) = fly(scenario).results
     assert {
-        (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0])) for near in leg.after.approaches
+        (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0]))
+        for near in flown.after.approaches
     } == {
         ("L1", "L2"): 20.0,
         ("L1", "L3"): 10.0,

@@ -19,7 +19,7 @@ from closeform.arrays import Floats
 from closeform.campaign.draws import drawn
 from closeform.campaign.shares import Share, shares
 from closeform.scenario import Scenario, ScenarioError, load
-from closeform.scenario.stages import Gather
+from closeform.scenario.stages import Gather, Lock, StageTable
 from closeform.search.gather import gather_cases
 from closeform.search.locks import lock_times
 from closeform.search.phases import labels, tally
@@ -157,11 +157,8 @@ def flown(
     count = whole("cases", scenario.study.cases if cases is None else cases, 1, MOST_CASES)
     chosen = whole("seed", scenario.study.seed if seed is None else seed, 0, None)
     (stage,) = scenario.stages
-    search = scenario.plan
     try:
-        if isinstance(stage, Gather):
-            return gathered(scenario, stage, search, count, chosen, progress)
-        return locked(scenario, search, count, chosen, progress)
+        return FLIES[type(stage)](scenario, stage, scenario.plan, count, chosen, progress)
     except ScenarioError:
         raise
     except ValueError as error:
@@ -193,7 +190,9 @@ def apart(scenario: Scenario, states: Floats, pairs: Any, first: int) -> None:
         raise ScenarioError(scenario.file, [f"study.vary: {line}"])
 
 
-def locked(scenario: Scenario, search: Search, cases: int, seed: int, progress: Progress) -> LockCampaign:
+def locked(
+    scenario: Scenario, stage: Lock, search: Search, cases: int, seed: int, progress: Progress
+) -> LockCampaign:
     """First locks of all A-B pairs in all cases."""
     pairs = scenario.opposite
     steps = scenario.study.sampled if scenario.study is not None else ()
@@ -244,3 +243,6 @@ def gathered(
     time = np.where(leg < 0, np.nan, column("duration"))
     rest = (column(name) for name in ("rounds", "left", "delta_v", "met_unknown", "met_known"))
     return GatherCampaign(scenario, seed, parts[0].search, time, leg, *rest)
+
+
+FLIES: dict[type[StageTable], Callable[..., Campaign]] = {Lock: locked, Gather: gathered}

@@ -18,7 +18,6 @@ from closeform.report.run import STATE_COLUMNS
 from closeform.report.section import Picture
 from closeform.report.table import Column, Table
 from closeform.result_folder import REPORT, Folder
-from closeform.scenario.stages import Gather
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
 
@@ -43,14 +42,16 @@ def percent(heading: str) -> tuple[Column, Column]:
 class Subject:
     """What a study of one kind of search has of its own.
 
-    `spreads`: what the table of times is about too, values (K,) and the numbers (K,) of their cases;
+    `search`: that of a case, of a gathering one round; `spreads`: what the table of times is about
+    too, values (K,) and the numbers (K,) of their cases; `histogram`: times [s] and what happens then;
     `cases` makes the table of a range of cases for Parquet.
     """
 
+    search: Search
     tables: tuple[Table, ...]
     figures: dict[str, Any]
     spreads: dict[str, tuple[Floats, Any]]
-    picture: Picture
+    histogram: tuple[Floats, str]
     cases: Callable[[slice], dict[str, Any]]
 
 
@@ -60,13 +61,6 @@ class StudyReport:
 
     campaign: Campaign
 
-    @property
-    def search(self) -> Search:
-        """The search of a case; of a gathering one round."""
-        (stage,) = self.campaign.scenario.stages
-        rounds = stage.rounds if isinstance(stage, Gather) else 1
-        return search.one_round(self.campaign.search, rounds)
-
     @cached_property
     def subject(self) -> Subject:
         """What its kind of search has of its own."""
@@ -75,7 +69,7 @@ class StudyReport:
     @property
     def opening(self) -> tuple[str, ...]:
         """What was flown, and what the search is."""
-        campaign, one = self.campaign, self.search
+        campaign, one = self.campaign, self.subject.search
         craft, limit = len(campaign.scenario.craft), degrees(one.sun_limit)
         lines = [
             campaign.scenario.title,
@@ -130,7 +124,7 @@ class StudyReport:
             "craft": list(scenario.names),
             "stage": scenario.stages[0].verb,
             "draws": draws(campaign),
-            "search": search.figures(self.search),
+            "search": search.figures(self.subject.search),
             "shares": [
                 {
                     "phase": share.label,
@@ -155,13 +149,16 @@ def leave(report: StudyReport, folder: Folder) -> None:
     for first in range(0, len(campaign), EACH_FILE):
         rows = slice(first, min(first + EACH_FILE, len(campaign)))
         folder.table(f"cases/{first:09d}", subject.cases(rows))
-    picture = subject.picture.leave(folder, lambda text: None)
+    times, what = subject.histogram
+    caption = f"When cases were {campaign.done}"
+    picture = Picture("histogram", caption, "histogram", (times, campaign.search), {"what": what})
+    shot = picture.leave(folder, lambda text: None)
     folder.summary(report.summary)
     title, *lines = report.opening
     parts = page.head(title, lines, report.verdict, campaign.ok)
     parts += map(page.paragraph, report.hint)
     parts += map(page.titled, report.tables)
-    parts.append(page.embedded(picture, subject.picture.caption))
+    parts.append(page.embedded(shot, caption))
     whole = search.facts(campaign.search, campaign.search.duration)
     parts += map(page.titled, (whole, *draw_table(campaign)))
     folder.text(REPORT, page.document(title, parts))
@@ -249,13 +246,13 @@ def locks(campaign: LockCampaign) -> Subject:
         }
 
     ways = by_detection(campaign) if campaign.sampled else {}
-    histogram = (campaign.pair_time.ravel(), campaign.search)
     return Subject(
-        (detection_table(campaign, ways),) if ways else (),
-        {"detection": ways} if ways else {},
-        {},
-        Picture("histogram", f"When cases were {campaign.done}", "histogram", histogram),
-        cases,
+        campaign.search,
+        tables=(detection_table(campaign, ways),) if ways else (),
+        figures={"detection": ways} if ways else {},
+        spreads={},
+        histogram=(campaign.pair_time.ravel(), "pairs lock"),
+        cases=cases,
     )
 
 
@@ -296,8 +293,9 @@ def gatherings(campaign: GatherCampaign) -> Subject:
             "met_known": campaign.met_known[rows],
         }
 
-    case = np.flatnonzero(campaign.leg >= 0)
-    met = {}
+    stage: Any
+    (stage,) = campaign.scenario.stages
+    done, met = np.flatnonzero(campaign.leg >= 0), {}
     if campaign.scenario.common_zone is not None:
         counts = {"before they knew each other": campaign.met_unknown, "only after": campaign.met_known}
         met = {
@@ -306,21 +304,14 @@ def gatherings(campaign: GatherCampaign) -> Subject:
         }
     columns = Column("two craft came within it", words=True), *percent("cases [%]"), Column("pairs in all")
     rows = [(name, share, share, pairs) for name, (share, pairs) in met.items()]
-    histogram = (campaign.time, campaign.search)
+    figures = {name: vars(share) | {"pairs": pairs} for name, (share, pairs) in met.items()}
     return Subject(
-        (Table("Keep-out zone", columns, rows),) if rows else (),
-        {"met": {name: vars(share) | {"pairs": pairs} for name, (share, pairs) in met.items()}}
-        if met
-        else {},
-        {"delta-v of all craft [m/s]": (campaign.delta_v[case], case)},
-        Picture(
-            "histogram",
-            f"When cases were {campaign.done}",
-            "histogram",
-            histogram,
-            {"what": "formations gather"},
-        ),
-        cases,
+        search.one_round(campaign.search, stage.rounds),
+        tables=(Table("Keep-out zone", columns, rows),) if met else (),
+        figures={"met": figures} if met else {},
+        spreads={"delta-v of all craft [m/s]": (campaign.delta_v[done], done)},
+        histogram=(campaign.time, "formations gather"),
+        cases=cases,
     )
 
 

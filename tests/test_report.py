@@ -1,0 +1,103 @@
+"""Reports: every kind of stage has its section, and all formats say the same numbers."""
+
+import re
+from html import unescape
+from math import nan
+
+import pyarrow.parquet
+import pytest
+
+from closeform.campaign import campaign
+from closeform.mission import FLIES, fly
+from closeform.report import run, study
+from closeform.report.page import table as as_html
+from closeform.report.table import PAIR, PHASE, Column, Table
+from closeform.result_folder import Folder
+from closeform.scenario import parse
+from closeform.scenario.stages import STAGES
+from test_cli import GOOD
+from test_mission_search import AFTER, FIRST, MOVING, PLACES, searched
+
+NEARER = GOOD.replace('sphere = "20 m"', 'sphere = "25 m"')  # F3 passes F2 at 21.3 m
+DISTANCE = Column("distance [mm]", "distance_m", "{:.1f}".format, 1e3)
+TABLE = Table(
+    "Three rows",
+    (PAIR, DISTANCE, Column("twice"), Column(None, "ratio"), PHASE),
+    [
+        (("A", "B"), 0.25, "0.5 m", 1.5, ("IPS", 1)),
+        (("A", "<C>"), nan, "-", 2.5, ("OPS", 2)),
+        (("B", "<C>"), None, "-", 3.5, None),
+    ],
+)
+
+
+def test_every_kind_of_stage_can_be_flown_and_told() -> None:
+    kinds = set(STAGES.values())
+    assert set(FLIES) == set(run.SUBJECTS) == kinds
+    assert set(campaign.FLIES) == {kind for kind in kinds if kind.searches}
+    assert len(study.SUBJECTS) == len(campaign.FLIES)
+
+
+def test_a_cell_as_text() -> None:
+    """Scaled and rounded, what is absent as a dash, a text as it is; what has no heading is not shown."""
+    assert [column.heading for column in TABLE.shown] == ["pair", "distance [mm]", "twice", "phase"]
+    assert TABLE.texts == [
+        ["A - B", "250.0", "0.5 m", "IPS 1"],
+        ["A - <C>", "-", "-", "OPS 2"],
+        ["B - <C>", "-", "-", "-"],
+    ]
+
+
+def test_a_row_as_json() -> None:
+    """In SI, without what is only shown; a cell of parts under its key, or by parts without one."""
+    first = {"pair": ["A", "B"], "distance_m": 0.25, "ratio": 1.5, "phase": "IPS", "round": 1}
+    assert Table("", TABLE.columns, TABLE.rows[:1]).records == [first]
+
+
+def test_columns_for_parquet(tmp_path) -> None:
+    """Parts as columns of their own, null where there is nothing; a table without rows has columns too."""
+    Folder(tmp_path).table("three", TABLE.stored)
+    back = pyarrow.parquet.read_table(tmp_path / "three.parquet").to_pydict()
+    assert list(back) == ["first", "second", "distance_m", "ratio", "phase", "round"]
+    assert back["second"] == ["B", "<C>", "<C>"]
+    assert back["distance_m"][0] == 0.25
+    assert back["distance_m"][2] is None
+    assert back["round"] == [1, 2, None]
+    assert list(Table("", TABLE.columns, []).stored) == list(back)
+
+
+def test_cells_of_the_page() -> None:
+    """The same texts, escaped, words to the left."""
+    html = as_html(TABLE)
+    assert "<C>" not in html
+    cells = [unescape(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", html)]
+    assert cells == [text for row in TABLE.texts for text in row]
+    assert html.count('<td class="words">') == 2 * len(TABLE.rows)
+
+
+@pytest.mark.parametrize(
+    "text", [NEARER, searched(FIRST, AFTER, position=PLACES, velocity=MOVING)], ids=["move", "search"]
+)
+def test_every_number_of_a_file_is_in_the_summary(text: str) -> None:
+    """What Parquet says of conflicts and craft, the summary says too: both come from the same rows."""
+    report = run.RunReport(fly(parse(text)))
+    stages = report.summary["stages"]
+    conflicts = report.files["conflicts"]
+    told = [met for stage in stages for when in ("before", "after") for met in stage[when]["conflicts"]]
+    assert bool(told) == (text == NEARER)
+    for key in ("start_s", "end_s", "time_s", "ratio"):
+        assert conflicts[key] == [met[key] for met in told]
+    names = [list(pair) for pair in zip(conflicts["first"], conflicts["second"], strict=True)]
+    assert names == [met["pair"] for met in told]
+    approaches = report.files["approaches"]
+    rows = list(zip(approaches["stage"], approaches["when"], approaches["ratio"], strict=True))
+    for stage in stages:
+        for when in ("before", "after"):
+            ratios = [ratio for number, at, ratio in rows if (number, at) == (stage["number"], when)]
+            assert min(ratios) == pytest.approx(stage[when]["closest"]["ratio"], abs=1e-6)
+    spent = dict.fromkeys(report.summary["craft"], 0.0)
+    for craft, delta_v in zip(
+        report.files["craft"]["craft"], report.files["craft"]["delta_v_m_s"], strict=True
+    ):
+        spent[craft] += delta_v
+    assert spent == pytest.approx(report.summary["delta_v_m_s"], rel=1e-12, abs=1e-15)
