@@ -344,7 +344,8 @@ SCENARIOS = (
         "no shape for a zone",
         KEEP_OUT,
         "keep_out = {}",
-        'craft.keep_out: needs one of sphere, box, ellipsoid, covariance; add for example sphere = "20 m"',
+        "craft.keep_out: needs one of sphere, box, ellipsoid, covariance, cylinder, half_spaces; "
+        'add for example sphere = "20 m"',
     ),
     Bad("no zone", KEEP_OUT, "", 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'),
     Bad(
@@ -364,6 +365,43 @@ SCENARIOS = (
         KEEP_OUT,
         'keep_out = { box = "20 40 20 m", axes = [[1, 0, 0], [0, 1, 0], [0, 1, 1]] }',
         "craft.keep_out: axes are not orthonormal; give three perpendicular rows of length 1",
+    ),
+    Bad(
+        "a cylinder without its axis",
+        KEEP_OUT,
+        'keep_out = { cylinder = "10 100 m" }',
+        "craft.keep_out: cylinder needs axis; add for example axis = [0, 1, 0]",
+    ),
+    Bad(
+        "a cylinder along nothing",
+        KEEP_OUT,
+        'keep_out = { cylinder = "10 100 m", axis = [0, 0, 0] }',
+        "craft.keep_out: axis is zero; give the cylinder's direction, for example axis = [0, 1, 0]",
+    ),
+    Bad(
+        "more half-spaces than normals",
+        KEEP_OUT,
+        'keep_out = { half_spaces = "50 20 m", normals = [[1, 0, 0]] }',
+        "craft.keep_out: normals: 1 rows for 2 half_spaces; give one for each",
+    ),
+    Bad(
+        "a half-space in no direction",
+        KEEP_OUT,
+        'keep_out = { half_spaces = "50 m", normals = [[0, 0, 0]] }',
+        "craft.keep_out: normals: a row is zero; give the direction out of each face",
+    ),
+    Bad(
+        "a shape that plans do not pass",
+        KEEP_OUT,
+        'keep_out = { cylinder = "10 40 m", axis = [0, 1, 0] }',
+        "craft.keep_out: avoid in stage[2] keeps clear of a sphere, box, ellipsoid or covariance only; "
+        "give one that holds the others",
+    ),
+    Bad(
+        "half-spaces for craft that are alike",
+        KEEP_OUT,
+        'keep_out = { half_spaces = "10 m", normals = [[0, 1, 0]] }',
+        "craft.keep_out: F1 and F2: neither zone holds the other; give both one that holds both",
     ),
     # orbit
     Bad(
@@ -828,12 +866,12 @@ MISUSES = (
     Misuse(
         "no zone",
         "screen a.oem b.oem",
-        'screen: give one of --sphere, --box, --ellipsoid; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder; for example --sphere "20 m"',
     ),
     Misuse(
         "two zones",
         'screen a.oem b.oem --sphere "20 m" --box "1 1 1 m"',
-        'screen: give one of --sphere, --box, --ellipsoid; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder; for example --sphere "20 m"',
     ),
     Misuse(
         "a zone in the wrong unit",
@@ -844,6 +882,16 @@ MISUSES = (
         "a zone of negative size",
         'screen a.oem b.oem --ellipsoid "20 -40 20 m"',
         '--ellipsoid: "20 -40 20 m" must be above zero; write for example "10 20 30 m"',
+    ),
+    Misuse(
+        "a cylinder without its axis",
+        'screen a.oem b.oem --cylinder "10 100 m"',
+        'screen: --cylinder and --axis go together; for example --axis "0 1 0"',
+    ),
+    Misuse(
+        "an axis that is no direction",
+        'screen a.oem b.oem --cylinder "10 100 m" --axis "0 0 0"',
+        '--axis: "0 0 0" is not a direction; write for example "0 1 0"',
     ),
     Misuse(
         "one ephemeris only",

@@ -29,7 +29,7 @@ from closeform.scenario.quantity import (
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
 from closeform.zones.pair_zones import containing_zone, greatest_norm
-from closeform.zones.zone import Box, Ellipsoid, Sphere, Zone
+from closeform.zones.zone import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere, Zone
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -128,6 +128,9 @@ def test_palmer_start() -> None:
     np.testing.assert_allclose(scenario.craft[0].state(orbit), expected, rtol=1e-13)
 
 
+COASTING = GOOD[: GOOD.index('[[stage]]\nname = "pass"')]
+
+
 @pytest.mark.parametrize(
     ("text", "zone"),
     [
@@ -142,11 +145,17 @@ def test_palmer_start() -> None:
             '{ covariance = "25 3 100 1 2 49 m^2", sigmas = 3 }',
             Ellipsoid.from_covariance([[25.0, 3.0, 1.0], [3.0, 100.0, 2.0], [1.0, 2.0, 49.0]], 3.0),
         ),
+        ('{ cylinder = "10 40 m", axis = [0, 2, 0] }', Cylinder(10.0, 40.0, [0.0, 1.0, 0.0])),
+        (
+            '{ half_spaces = "50 20 m", normals = [[1, 1, 0], [0, -2, 0]] }',
+            HalfSpaces([[1.0, 1.0, 0.0], [0.0, -1.0, 0.0]], [50.0, 20.0]),
+        ),
     ],
 )
 def test_zones(text: str, zone: Zone) -> None:
     """The zone of the file has the norm of the zone of the API, in every direction."""
-    keep_out = parse(GOOD.replace('{ sphere = "20 m" }', text)).craft[0].keep_out
+    many = f'[{text}, {{ sphere = "1 m" }}, {{ sphere = "1 m" }}]'
+    keep_out = parse(COASTING.replace('{ sphere = "20 m" }', many)).craft[0].keep_out
     assert keep_out is not None
     points = np.random.default_rng(1).normal(scale=30.0, size=(100, 3))
     np.testing.assert_allclose(keep_out.zone().norm(points), zone.norm(points), rtol=1e-12)

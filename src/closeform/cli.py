@@ -136,6 +136,8 @@ def screen(
     sphere: str | None = None,
     box: str | None = None,
     ellipsoid: str | None = None,
+    cylinder: str | None = None,
+    axis: str | None = None,
 ) -> int:
     """Find every conflict among real ephemerides, in the orbital frame of the first.
 
@@ -149,8 +151,12 @@ def screen(
         Keep-out zone by its half-widths radial, along-track, cross-track: "20 40 20 m".
     ellipsoid
         Keep-out zone by its half-axes radial, along-track, cross-track: "20 40 20 m".
+    cylinder
+        Keep-out zone by its radius and half-length along --axis: "10 100 m".
+    axis
+        Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
     """
-    zone = zone_of(sphere=sphere, box=box, ellipsoid=ellipsoid)
+    zone = zone_of(axis, sphere=sphere, box=box, ellipsoid=ellipsoid, cylinder=cylinder)
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
     if missing := next((file for file in files if not file.is_file()), None):
@@ -303,21 +309,29 @@ def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
     return None
 
 
-def zone_of(**shapes: str | None) -> "Zone":
+def zone_of(axis: str | None, **shapes: str | None) -> "Zone":
     """The one zone that the options of `screen` describe."""
     from closeform.scenario.quantity import LENGTH, Reader
-    from closeform.zones.zone import Box, Ellipsoid, Sphere
+    from closeform.zones.zone import Box, Cylinder, Ellipsoid, Sphere
 
     given = {shape: text for shape, text in shapes.items() if text is not None}
     if len(given) != 1:
-        raise UsageError('screen: give one of --sphere, --box, --ellipsoid; for example --sphere "20 m"')
+        names = ", ".join(f"--{shape}" for shape in shapes)
+        raise UsageError(f'screen: give one of {names}; for example --sphere "20 m"')
     shape, text = given.popitem()
+    if (shape == "cylinder") != (axis is not None):
+        raise UsageError('screen: --cylinder and --axis go together; for example --axis "0 1 0"')
     try:
-        size: Any = Reader(LENGTH, 1 if shape == "sphere" else 3, "positive")(text)
+        size: Any = Reader(LENGTH, {"sphere": 1, "cylinder": 2}.get(shape, 3), "positive")(text)
     except ValueError as error:
         raise UsageError(f"--{shape}: {error}") from None
     if shape == "sphere":
         return Sphere(size)
+    if axis is not None:
+        try:
+            return Cylinder(size[0], size[1], [float(number) for number in axis.split()])
+        except ValueError:
+            raise UsageError(f'--axis: "{axis}" is not a direction; write for example "0 1 0"') from None
     return Box(size) if shape == "box" else Ellipsoid(size)
 
 

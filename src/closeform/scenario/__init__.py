@@ -1,8 +1,9 @@
 """Scenario files: TOML as validated, frozen models. The only place where units are parsed."""
 
-from closeform.scenario.craft import Craft, KeepOut
+from closeform.scenario.craft import Craft
 from closeform.scenario.errors import ScenarioError
 from closeform.scenario.formation import Goal, Target
+from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.load import load, parse
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import (

@@ -15,6 +15,7 @@ from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regathe
 from closeform.scenario.study import draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.zones.pair_zones import PairZones
+from closeform.zones.shapes import CYLINDER, FACES
 
 MOST_SAMPLES = 1e7
 
@@ -199,6 +200,13 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     except ValueError as error:
         yield f"craft.keep_out: {error}"
         return
+    unlike = any(zone.shape in (CYLINDER, FACES) for zone in kept.zones)
+    for number, stage in enumerate(scenario.stages, 1):
+        if unlike and isinstance(stage, Avoid | Joint | Gather):
+            yield (
+                f"craft.keep_out: {stage.verb} in stage[{number}] keeps clear of a sphere, box, ellipsoid or "
+                "covariance only; give one that holds the others"
+            )
     if not scenario.scattered:  # else every case has its own positions
         places = np.array([[nan] * 6 if craft.unbuilt else craft.state(orbit) for craft in scenario.craft])
         remedy = "move one of them or make keep_out smaller"
@@ -229,8 +237,7 @@ def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> I
     called: Sequence[str] = movers
     if stage.assign:
         # who takes which slot is open: their ends are known only if all slots are taken by like craft
-        kinds = {None if zone is None else zone.key for zone in own}
-        if len(finals) > len(movers) or len(kinds) > 1:
+        if len(finals) > len(movers) or len(set(PairZones.of(own, called).kinds.tolist())) > 1:
             return
         called = [f"slot {k}" for k in range(1, len(finals) + 1)]
     for one, other, ratio in inside(finals, PairZones.of(own, called)):

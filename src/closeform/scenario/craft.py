@@ -9,10 +9,10 @@ from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 from closeform.arrays import Floats
 from closeform.motion.elements import state_from_palmer
 from closeform.motion.orbit import Orbit
-from closeform.scenario.formation import Six, Start
+from closeform.scenario.formation import Start
+from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.quantity import (
     ANGLE,
-    AREA,
     FORCE,
     GRAVITY,
     LENGTH,
@@ -23,8 +23,7 @@ from closeform.scenario.quantity import (
     TIME,
     Reader,
 )
-from closeform.scenario.table import Length, Lengths, Name, Position, Table, Vector, Velocity
-from closeform.zones.zone import Box, Ellipsoid, Sphere, Zone
+from closeform.scenario.table import Length, Name, Position, Table, Vector, Velocity
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
@@ -68,59 +67,6 @@ class OrbitTable(Table):
         if self.period is not None:
             return Orbit.from_period(self.period)
         return Orbit(self.mean_motion or 0.0)
-
-
-class KeepOut(Table):
-    """keep_out: the zone around a craft that no other may enter."""
-
-    sphere: Length | None = Field(None, examples=['"20 m"'])
-    box: Lengths | None = Field(None, examples=['"20 40 20 m"'])
-    ellipsoid: Lengths | None = Field(None, examples=['"20 40 20 m"'])
-    covariance: Annotated[Six, BeforeValidator(Reader(AREA, 6))] | None = Field(
-        None, examples=['"25 0 100 0 0 25 m^2"']
-    )
-    sigmas: Annotated[float, Field(gt=0)] | None = Field(None, examples=["3.0"])
-    axes: (
-        Annotated[
-            tuple[
-                Annotated[Vector, Field(strict=False)],
-                Annotated[Vector, Field(strict=False)],
-                Annotated[Vector, Field(strict=False)],
-            ],
-            Field(strict=False),
-        ]
-        | None
-    ) = Field(None, examples=["[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"])
-
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        self.only_with("sigmas", "covariance")
-        self.only_with("axes", "box", "ellipsoid")
-        self.one_of("sphere", "box", "ellipsoid", "covariance")
-        if self.covariance is not None and self.sigmas is None:
-            raise ValueError("covariance needs sigmas; add for example sigmas = 3.0")
-        rows = np.array(self.axes or np.eye(3))
-        if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
-            raise ValueError("axes are not orthonormal; give three perpendicular rows of length 1")
-        if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
-            raise ValueError("covariance is not positive definite; check its six numbers: rr tr tt nr nt nn")
-        return self
-
-    def covariance_matrix(self) -> Floats:
-        """The covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""
-        matrix = np.zeros((3, 3))
-        matrix[np.tril_indices(3)] = self.covariance
-        return np.asarray(matrix + np.tril(matrix, -1).T)
-
-    def zone(self) -> Zone:
-        """The zone of the core."""
-        if self.sphere is not None:
-            return Sphere(self.sphere)
-        if self.box is not None:
-            return Box(self.box, self.axes)
-        if self.ellipsoid is not None:
-            return Ellipsoid(self.ellipsoid, self.axes)
-        return Ellipsoid.from_covariance(self.covariance_matrix(), self.sigmas or 0.0)
 
 
 class Craft(Table):

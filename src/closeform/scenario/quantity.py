@@ -78,7 +78,7 @@ class Duration:
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads one number (`size` 1) or a vector of `size` numbers of one `kind`.
+    """Reads one number (`size` 1) or a vector of `size` numbers of one `kind`, 0 for any number of them.
 
     `least` is "positive", "zero" (not negative) or "any". A number comes back as a float, a
     vector as a tuple of floats, a number of kind DURATION as a Duration.
@@ -100,7 +100,7 @@ class Reader:
     @property
     def example(self) -> str:
         """What a quantity of this kind looks like."""
-        numbers = [self.kind.common, "20", "30", "40", "50", "60"][: self.size]
+        numbers = [self.kind.common, "20", "30", "40", "50", "60"][: self.size or 2]
         return f'"{" ".join([*numbers, self.kind.units[0]])}"'
 
     @property
@@ -117,8 +117,8 @@ class Reader:
         while words and (number := as_number(words[0])) is not None:
             numbers.append(number)
             words.pop(0)
-        wanted = "one number" if self.size == 1 else f"{self.size} numbers"
-        if len(numbers) != self.size or len(words) > 1:
+        wanted = "one number" if self.size == 1 else f"{self.size} numbers" if self.size else "some numbers"
+        if len(numbers) != (self.size or max(1, len(numbers))) or len(words) > 1:
             raise ValueError(f"{shown(value)} is not {wanted} and one unit; write for example {self.example}")
         if not words:
             raise ValueError(f"{shown(value)} has no unit; use {self.offered}, for example {self.example}")

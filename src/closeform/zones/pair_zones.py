@@ -44,9 +44,9 @@ class PairZones:
         given: dict[Any, Zone] = {}
         for zone in zones:
             if zone is not None:
-                given.setdefault(zone.key, zone)
+                given.setdefault(_key(zone), zone)
         order = {key: kind for kind, key in enumerate(given)}
-        kinds = np.array([NONE if zone is None else order[zone.key] for zone in zones], dtype=np.int64)
+        kinds = np.array([NONE if zone is None else order[_key(zone)] for zone in zones], dtype=np.int64)
         mobile = np.ones(len(zones), dtype=bool) if moves is None else np.array(moves, dtype=bool)
         members = [np.flatnonzero(kinds == kind) for kind in (*order.values(), NONE)]
         own: list[Zone | None] = [*given.values(), None]
@@ -61,7 +61,7 @@ class PairZones:
             if zone is None:
                 called = " and ".join(f"craft {body}" if names is None else names[body] for body in pair)
                 raise ValueError(f"{called}: neither zone holds the other; give both one that holds both")
-            table[one, other], _ = held.setdefault(zone.key, (len(held), zone))
+            table[one, other], _ = held.setdefault(_key(zone), (len(held), zone))
         return cls(tuple(zone for _, zone in held.values()), kinds, table, mobile)
 
     def __len__(self) -> int:
@@ -95,6 +95,11 @@ class PairZones:
             others = others[self.which(body, others) == k]
             found.append(np.stack([np.full(len(others), body), others], axis=1))
         return np.concatenate(found)
+
+
+def _key(zone: Zone) -> tuple[Any, ...]:
+    """What equals that of every other zone of the same numbers."""
+    return zone.shape, zone.matrix.tobytes(), zone.faces.tobytes()
 
 
 def _first_pair(first: Any, second: Any, moves: Any) -> tuple[int, int] | None:
