@@ -41,7 +41,7 @@ from closeform.plots.look import (
 )
 from closeform.plots.matrix import Pairs, labels, ratio_text
 from closeform.plots.panels import framed, scale_bar
-from closeform.plots.scene import place, shadow
+from closeform.plots.scene import drawn, place, shadow
 from closeform.zones.zone import Zone
 
 FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green
@@ -82,7 +82,7 @@ class Formation:
         every = [*self.tracks, *self.obstacles]
         if self.closest is not None:
             zone, centre = self.closest
-            every += [centre + s * zone.extents[None] for s in (-1, 1)]
+            every += [centre + s * drawn(zone).extents[None] for s in (-1, 1)]
         return np.vstack(every)
 
 

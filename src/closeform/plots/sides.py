@@ -35,7 +35,7 @@ from closeform.plots.look import (
     signed_percent,
     speed,
 )
-from closeform.plots.scene import PLANES, place, section, shadow, spot, square
+from closeform.plots.scene import PLANES, drawn, place, section, shadow, spot, square
 from closeform.zones.zone import Zone
 
 SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))
@@ -156,7 +156,7 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
     There the way meets the zone's cut just where it touches the zone.  So the picture is folded
     along the relative motion: each half shows the cut by its own plane.
     """
-    size = float(zone.extents.max())
+    size = float(drawn(zone).extents.max())
     unit = length_unit(size)
     planes = [way.plane(side) for way, (_, _, side) in zip(ways, SIDES, strict=False)]
     own = planes[0] if planes else planned.plane(1.0)

@@ -34,7 +34,7 @@ from closeform.plots.look import (
     length_unit,
     page,
 )
-from closeform.plots.scene import PLANES, place, shadow, shell, spot
+from closeform.plots.scene import PLANES, drawn, place, shadow, shell, spot
 from closeform.zones.zone import Zone
 
 TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone
@@ -65,7 +65,7 @@ class Scene:
     @property
     def centre_and_reach(self) -> tuple[Floats, Floats]:
         """Middle of all tracks and zones, and half of what they span along each axis."""
-        corners = [guard.centre + s * self.zone.extents for guard in self.guards for s in (-1, 1)]
+        corners = [guard.centre + s * drawn(self.zone).extents for guard in self.guards for s in (-1, 1)]
         all_points = [self.before, *self.obstacles, *([] if self.after is None else [self.after])]
         points = np.vstack([*all_points, *corners])
         low, high = points.min(axis=0), points.max(axis=0)

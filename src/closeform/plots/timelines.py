@@ -28,22 +28,29 @@ from closeform.plots.look import (
     time_axes,
 )
 from closeform.zones.shapes import CUBE
-from closeform.zones.zone import Box, HalfSpaces, Zone
+from closeform.zones.zone import HalfSpaces, Zone
 
+BEYOND = 1e12  # [m] where no craft is: an open side of a zone
 FAR = 20.0  # zone extents, beyond which a distance is drawn on a logarithmic scale
 
 
-def slab(zone: Zone, axis: int) -> Zone:
-    """All that is within the zone's extent along one axis, however far along the others."""
+def ends(zone: Zone, axis: int) -> Floats:
+    """How far the zone reaches along one axis (2,), forwards and backwards; inf where it is open."""
     way = np.eye(3)[axis]
-    return HalfSpaces([way, -way], np.full(2, zone.extents[axis]))
+    return np.asarray(zone.support(np.stack([way, -way])))
+
+
+def slab(zone: Zone, *those: int) -> Zone:
+    """All that is within the zone's reach along some axes, however far along the others."""
+    ways = [sign * np.eye(3)[axis] for axis in those for sign in (1.0, -1.0)]
+    return HalfSpaces(ways, np.minimum(np.concatenate([ends(zone, axis) for axis in those]), BEYOND))
 
 
 def distances(path: Path, other: Path, zone: Zone) -> Figure:
     """The distance along each axis against time, with the zone's lines and timelines: SP11 figure 1.
 
     The position of `path` relative to `other`, both of one craft, over their common time.  The
-    shaded bands are the zone's extents.  Bars below them: within the extent along each axis,
+    shaded bands are how far the zone reaches.  Bars below them: within its reach along each axis,
     along all three (the box around the zone) and, where that is not the same, in the zone
     itself.  Their edges are the exact times of `find_conflicts`.
 
@@ -59,7 +66,7 @@ def distances(path: Path, other: Path, zone: Zone) -> Figure:
     figure = page(8.6)
     column = list(figure.subplots(4, 1, sharex=True, height_ratios=[1, 1, 1, 0.19 * len(rows) + 0.1]))
     for axis, axes in enumerate(column[:3]):
-        distance_panel(axes, axis, ticks(times), gaps[:, axis], float(zone.extents[axis]))
+        distance_panel(axes, axis, ticks(times), gaps[:, axis], ends(zone, axis))
         for conflict in conflicts:
             axes.axvspan(ticks(conflict.start), ticks(conflict.end), color=CONFLICT, alpha=0.18, linewidth=0)
     bar_panel(column[3], rows, ticks)
@@ -69,17 +76,17 @@ def distances(path: Path, other: Path, zone: Zone) -> Figure:
     return figure
 
 
-def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, extent: float) -> None:
-    """One distance function with the zone's band."""
+def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, reach: Floats) -> None:
+    """One distance function with the band of what the zone reaches, forwards and backwards."""
     direction = DIRECTIONS[axis]
+    known = reach[np.isfinite(reach)]
+    extent = float(known.max(initial=0.0))
     unit = length_unit(max(float(np.abs(gap).max()), extent))
     edge = extent / unit.size
     dress(axes)
-    axes.axhspan(-edge, edge, color=ZONE, alpha=0.2, linewidth=0)
-    for line in (-edge, edge):
-        axes.axhline(line, color=ZONE, linewidth=1.2)
+    edge_lines(axes, reach / unit.size)
     axes.plot(times, gap / unit.size, color=direction.colour, linewidth=2.2)
-    if np.abs(gap).max() > FAR * extent:
+    if np.abs(gap).max() > FAR * extent > 0.0:
         axes.set_yscale("symlog", linthresh=2 * edge, linscale=0.6)
         farthest = float(np.abs(gap).max()) / unit.size
         decades = 10.0 ** np.arange(np.ceil(np.log10(4 * edge)), np.log10(farthest) + 0.3)
@@ -88,17 +95,33 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, extent: fl
         axes.set_yticks([], minor=True)
         low, high = min(gap.min(), -2 * extent), max(gap.max(), 2 * extent)
         axes.set_ylim(1.5 * low / unit.size, 1.5 * high / unit.size)
+    low, high = axes.get_ylim()  # what an open side of the zone fills
+    forwards, backwards = reach / unit.size
+    axes.axhspan(max(low, -backwards), min(high, forwards), color=ZONE, alpha=0.2, linewidth=0)
+    axes.set_ylim(low, high)
     axes.set_ylabel(f"{direction.name} [{unit.name}]", fontsize=TEXT, color=direction.colour)
-    axes.annotate(
-        f"±{edge:.3g}",
-        (1.0, edge),
-        (4, 0),
-        xycoords=("axes fraction", "data"),
-        textcoords="offset points",
-        fontsize=SMALL,
-        color="#9a6a00",
-        va="center",
-    )
+
+
+def edge_lines(axes: Axes, reach: Floats) -> None:
+    """A line at each end that the zone has forwards and backwards, with its distance."""
+    edges = {
+        edge: text for edge, text in zip(reach * (1.0, -1.0), ("", "−"), strict=True) if np.isfinite(edge)
+    }
+    for edge in edges:
+        axes.axhline(edge, color=ZONE, linewidth=1.2)
+    if reach[0] == reach[1]:
+        edges = {reach[0]: "±"} if edges else {}
+    for edge, sign in edges.items():
+        axes.annotate(
+            f"{sign}{abs(edge):.3g}",
+            (1.0, edge),
+            (4, 0),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            fontsize=SMALL,
+            color="#9a6a00",
+            va="center",
+        )
 
 
 def bars(
@@ -110,7 +133,7 @@ def bars(
     ]
     aligned_box = zone.shape == CUBE and np.count_nonzero(zone.matrix) == 3
     if not aligned_box:
-        rows.append(("all three", INK, find_conflicts(path, other, Box(zone.extents))))
+        rows.append(("all three", INK, find_conflicts(path, other, slab(zone, 0, 1, 2))))
     rows.append(("conflict" if aligned_box else "in the zone", CONFLICT, conflicts))
     return rows
 
