@@ -1,11 +1,12 @@
 """The march over pairs of paths: their conflicts and closest approaches, as rows of floats."""
 
-from math import inf, nan, sqrt
+from math import inf, nan
 
 import numpy as np
 from numba import float64, int64, void
 
 from closeform.compiled import borrowed, kernel
+from closeform.conflicts.exclusion import FEW, coasts_apart, count_near, interval, is_clear, mark_near
 from closeform.motion.arc import END, START
 from closeform.motion.extrema import minimum_norm
 from closeform.motion.march import (
@@ -16,10 +17,9 @@ from closeform.motion.march import (
     relative_state,
     taylor_step,
     window,
+    window_end,
 )
 from closeform.zones.shapes import (
-    BALL,
-    CUBE,
     CYLINDER,
     FACES,
     FORM,
@@ -28,7 +28,6 @@ from closeform.zones.shapes import (
     norm,
     outside_step,
     rank,
-    support,
 )
 
 # A norm within 1e-12 of 1 is on the surface.  Outside ends at ENTERED, inside only at LEFT, so
@@ -76,7 +75,8 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
             i += 1
         while j + 1 < j_end and others[j, END] <= t:
             j += 1
-        order, n, stop = window(arcs, i, others, j, t, end, matrix, q)
+        stop = window_end(arcs[i], others[j], t, end)
+        order, n = window(arcs[i], others[j], t, matrix, q)
         least, when, reached = minimum_norm(shape, faces, q, order, n, 0.0, stop - t, patience, best, nan)
         if least < best:
             best, best_time = least, t + when
@@ -90,99 +90,20 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
 
 
 @kernel()
-def apart_along(q, n, h, wx, wy, wz, reach, either):
-    """Whether natural motion stays beyond reach along the direction w, or `either` way, all over [0, h].
-
-    Along any direction it is centre + drift t + an oscillation.
-    """
-    square = 1.0 / (n * n)
-    place = wx * q[0, 0] + wy * q[0, 1] + wz * q[0, 2]
-    speed = wx * q[1, 0] + wy * q[1, 1] + wz * q[1, 2]
-    cosine = (wx * q[2, 0] + wy * q[2, 1] + wz * q[2, 2]) * square
-    sine = (wx * q[3, 0] + wy * q[3, 1] + wz * q[3, 2]) * square
-    first = place + cosine
-    last = first + (speed + sine) * h
-    least = -max(first, last) if either and first < 0.0 else min(first, last)
-    clear = least - reach * (1.0 + 1e-9)
-    return clear > 0.0 and clear * clear > (cosine * cosine + sine * sine * square) * (1.0 + 1e-9)
+def append(rows, count, pair, start, end):
+    """Note a stay where there is room; the new count."""
+    if count < len(rows):
+        rows[count, 0], rows[count, 1], rows[count, 2] = pair, start, end
+    return count + 1
 
 
 @kernel()
-def ring_clearance(q, n, h):
-    """A lower bound of the distance from the origin over [0, h] of natural motion.
-
-    The motion is a drifting ellipse c + a cos nt + b sin nt.  Its squared distance is a
-    trigonometric polynomial: the mean less the amplitudes of its two harmonics; the drift
-    from mid-time on takes at most half of what it covers.
-    """
-    square = 1.0 / (n * n)
-    cc, ca, cb, aa, bb, ab, dd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for axis in range(3):
-        a = -q[2, axis] * square
-        b = -q[3, axis] * square / n
-        d = 0.5 * (q[1, axis] + q[3, axis] * square) * h
-        c = q[0, axis] - a + d
-        cc, dd, ca, cb = cc + c * c, dd + d * d, ca + c * a, cb + c * b
-        aa, bb, ab = aa + a * a, bb + b * b, ab + a * b
-    mean = cc + 0.5 * (aa + bb)
-    first = 2.0 * sqrt(ca * ca + cb * cb)
-    second = sqrt(0.25 * (aa - bb) * (aa - bb) + ab * ab)
-    least = mean * (1.0 - 1e-13) - first - second  # less what rounding can have taken
-    return sqrt(least) - sqrt(dd) if least > 0.0 else -1.0
-
-
-@kernel()
-def stays_apart(shape, faces, q, n, h):
-    """Whether natural motion keeps two craft apart all over [0, h], by bounds in closed form.
-
-    As a drifting ellipse; along each of the zone's axes (SP11's radial test and last time of
-    contact, SP11 eq. 15, theory 6, for any zone); and across the plane of the ellipse.  Of
-    half-spaces along each normal.
-    """
-    if n * h < 1e-3:  # centre and oscillation cancel, and nothing is gained
-        return False
-    if shape == FACES:
-        for k in range(len(faces)):
-            if apart_along(q, n, h, faces[k, 0], faces[k, 1], faces[k, 2], 1.0, False):
-                return True
-        return False
-    farthest = 1.0 if shape == BALL else (1.7320509 if shape == CUBE else 1.4142136)
-    if ring_clearance(q, n, h) > farthest * (1.0 + 1e-9):
-        return True
-    wx = q[2, 1] * q[3, 2] - q[2, 2] * q[3, 1]
-    wy = q[2, 2] * q[3, 0] - q[2, 0] * q[3, 2]
-    wz = q[2, 0] * q[3, 1] - q[2, 1] * q[3, 0]
-    return (
-        apart_along(q, n, h, wx, wy, wz, support(shape, wx, wy, wz), True)
-        or apart_along(q, n, h, 1.0, 0.0, 0.0, 1.0, True)
-        or apart_along(q, n, h, 0.0, 1.0, 0.0, 1.0, True)
-        or apart_along(q, n, h, 0.0, 0.0, 1.0, 1.0, True)
-    )
-
-
-@kernel()
-def pair_conflicts(arcs, i, i_end, others, j, j_end, form, q, pair, rows, count):
-    """Append the conflicts of one pair to `rows`; the new count, beyond len(rows) if they do not fit."""
+def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
+    """March two arcs from t to `stop`: whether inside then, since when, and the count of rows."""
     shape, matrix, faces = form
-    start = max(arcs[i, START], others[j, START])
-    end = min(arcs[i_end - 1, END], others[j_end - 1, END])
-    if not start <= end:
-        return count
-    i = locate(arcs, i, i_end, start)
-    j = locate(others, j, j_end, start)
-    inside = False
-    entry = start
     patience = PATIENCE
-    t = start
     while True:
-        while i + 1 < i_end and arcs[i, END] <= t:
-            i += 1
-        while j + 1 < j_end and others[j, END] <= t:
-            j += 1
-        order, n, stop = window(arcs, i, others, j, t, end, matrix, q)
-        whole = order == 4 and n > 0.0 and not inside and stop == end
-        if whole and stays_apart(shape, faces, q, n, stop - t):
-            return count
+        order, n = window(a, b, t, matrix, q)
         local = 0.0
         while True:
             local, crossed = cross(shape, faces, q, order, n, local, stop - t, inside, patience)
@@ -192,21 +113,39 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, form, q, pair, rows, count)
             if inside:
                 entry = t + local
             else:
-                if count < len(rows):
-                    rows[count, 0], rows[count, 1], rows[count, 2] = pair, entry, t + local
-                count += 1
-        if local < stop - t:
-            patience = LESS_PATIENCE
-            t += local
-        else:
-            t = stop
+                count = append(rows, count, pair, entry, t + local)
+        if local >= stop - t:
+            return inside, entry, count
+        t += local
+        patience = LESS_PATIENCE
+
+
+@kernel()
+def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, pair, rows, count):
+    """Append the conflicts of one pair to `rows`; the new count, beyond len(rows) if they do not fit.
+
+    `near` tells the intervals of `times` to be searched, from the k-th on; empty for all.  The
+    windows do not depend on it, so that neither do the times found.
+    """
+    inside = False
+    entry = start
+    t = start
+    while True:
+        while i + 1 < i_end and arcs[i, END] <= t:
+            i += 1
+        while j + 1 < j_end and others[j, END] <= t:
+            j += 1
+        stop = window_end(arcs[i], others[j], t, end)
+        while k + 1 < len(near) and times[k + 1] <= t:
+            k += 1
+        if len(near) == 0 or not is_clear(times, near, k, stop):
+            inside, entry, count = search_window(
+                arcs[i], others[j], t, stop, form, q, inside, entry, pair, rows, count
+            )
+        t = stop
         if t >= end:
             break
-    if inside:
-        if count < len(rows):
-            rows[count, 0], rows[count, 1], rows[count, 2] = pair, entry, end
-        count += 1
-    return count
+    return append(rows, count, pair, entry, end) if inside else count
 
 
 @kernel(
@@ -219,32 +158,57 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, form, q, pair, rows, count)
         int64[::1],
         int64,
         FORM,
+        float64[::1],
+        float64[:, :, ::1],
+        float64[:, :, ::1],
         float64[:, ::1],
         int64[::1],
     )
 )
-def conflicts_of_pairs(arcs, offsets, others, other_offsets, first, second, pair, form, rows, done):
+def conflicts_of_pairs(
+    arcs, offsets, others, other_offsets, first, second, pair, form, times, tracks, other_tracks, rows, done
+):
     """Conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit in `rows`.
 
-    Returns how many rows were filled; `done` gets the pair to go on with.
+    `times` and tracks are those of `tracks.Tracks`.  Returns how many rows were filled; `done`
+    gets the pair to go on with.
     """
-    arcs, others, rows = borrowed(arcs), borrowed(others), borrowed(rows)
+    arcs, others, rows, times = borrowed(arcs), borrowed(others), borrowed(rows), borrowed(times)
+    tracks, other_tracks = borrowed(tracks), borrowed(other_tracks)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     q = np.empty((8, 3))
+    near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
     count = 0
-    while pair < len(first):
-        i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
-        j, j_end = other_offsets[second[pair]], other_offsets[second[pair] + 1]
-        total = pair_conflicts(arcs, i, i_end, others, j, j_end, form, q, pair, rows, count)
+    for p in range(pair, len(first)):
+        one, two = first[p], second[p]
+        i, i_end, j, j_end = offsets[one], offsets[one + 1], other_offsets[two], other_offsets[two + 1]
+        start = max(arcs[i, START], others[j, START])
+        end = min(arcs[i_end - 1, END], others[j_end - 1, END])
+        if not start <= end:
+            continue
+        k, last = 0, 0
+        if len(near) > 0:
+            k, last = interval(times, start), interval(times, end) + 1
+        few = 0 < last - k <= FEW  # intervals that cost less than the bound of an ellipse
+        if few and count_near(tracks, one, other_tracks, two, k, last) == 0:
+            continue
+        i, j = locate(arcs, i, i_end, start), locate(others, j, j_end, start)
+        if not few and coasts_apart(arcs[i], others[j], start, end, form, q):
+            continue
+        if last - k > FEW and count_near(tracks, one, other_tracks, two, k, last) == 0:
+            continue
+        mark_near(tracks, one, other_tracks, two, k, last, near)
+        total = pair_conflicts(
+            arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, p, rows, count
+        )
         if total > len(rows):
-            done[1] = total - count
-            break
-        for k in range(count, total):
-            ratio, when = closest(arcs, i, i_end, others, j, j_end, rows[k, 1], rows[k, 2], form, q)
-            rows[k, 3], rows[k, 4] = when, ratio
+            done[0], done[1] = p, total - count
+            return count
+        for m in range(count, total):
+            ratio, when = closest(arcs, i, i_end, others, j, j_end, rows[m, 1], rows[m, 2], form, q)
+            rows[m, 3], rows[m, 4] = when, ratio
         count = total
-        pair += 1
-    done[0] = pair
+    done[0] = len(first)
     return count
 
 

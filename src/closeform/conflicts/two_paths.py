@@ -8,6 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_of_pairs
+from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path, broadcast
 from closeform.zones.zone import Zone
@@ -91,6 +92,7 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
             one,
             0,
             zone.form,
+            *NO_TRACKS,
             rows,
             done,
         )

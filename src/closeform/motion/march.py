@@ -35,14 +35,19 @@ TAYLOR_ANGLE = 0.25  # reach in n t; the terms left out are below 1e-17 of the s
 
 
 @kernel()
-def window(arcs, i, others, j, t, end, matrix, q):
-    """See arcs i and j from time t: fill `q`, return its order, mean motion and the window's end."""
-    a = arcs[i]
-    b = others[j]
+def window_end(a, b, t, end):
+    """How far arcs a and b are seen at once from time t on: to where one ends, at most ANGLE in n t."""
+    n = max(a[MEAN_MOTION], b[MEAN_MOTION])
+    stop = min(end, a[END], b[END])
+    return min(stop, t + ANGLE / n) if n > 0.0 else stop
+
+
+@kernel()
+def window(a, b, t, matrix, q):
+    """See arcs a and b from time t on: fill `q`, return its order and mean motion."""
     na = a[MEAN_MOTION]
     nb = b[MEAN_MOTION]
     n = max(na, nb)
-    stop = min(end, a[END], b[END])
     if na == nb and n > 0.0 and not (thrusts(a) or thrusts(b)):
         ax, ay, az, avx, avy, avz = state_at(a, t)
         x, y, z, vx, vy, vz = state_at(b, t)
@@ -51,16 +56,14 @@ def window(arcs, i, others, j, t, end, matrix, q):
             store(q, k, matrix, x, y, z)
             ax, ay, az = acceleration(n, x, z, vx, vy)
             x, y, z, vx, vy, vz = vx, vy, vz, ax, ay, az
-        return 4, n, stop
+        return 4, n
     order = 4 if n == 0.0 else 8  # n = 0 arcs are cubic in time whatever their thrust
-    if order == 8:
-        stop = min(stop, t + ANGLE / n)
     q[:order] = 0.0
     derivatives_at(a, t, order, q, 1.0)
     derivatives_at(b, t, order, q, -1.0)
     for k in range(order):
         store(q, k, matrix, q[k, 0], q[k, 1], q[k, 2])
-    return order, n, stop
+    return order, n
 
 
 @kernel()

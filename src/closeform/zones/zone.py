@@ -264,3 +264,13 @@ class HalfSpaces(Zone):
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
         least = lengths.min()  # the ball that touches the nearest face is the unit of its coordinates
         super().__init__(FACES, np.eye(3) / least, ways * (least / lengths)[:, None])
+
+
+def enclosing(zone: Zone) -> Floats:
+    """Matrix E (3, 3) in 1/m with |E r| <= 1 for every r in the zone: an ellipsoid that holds it."""
+    ratios = {BALL: (1.0, 1.0), CUBE: (3.0, 3.0), CYLINDER: (1.5, 3.0)}  # of its axes, squared
+    if zone.shape != FACES:
+        side, end = ratios[zone.shape]
+        return np.asarray(zone.matrix / np.sqrt([[side], [side], [end]]))
+    widths = zone.extents  # a direction without an end does not count
+    return np.asarray(np.diag(1.0 / widths) / np.sqrt(max(1, np.isfinite(widths).sum())))

@@ -1,0 +1,178 @@
+"""What keeps pairs apart without a search: never wrong, and used."""
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.conflicts import tracks as module
+from closeform.conflicts.all_pairs import search_pairs
+from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
+from closeform.zones.zone import enclosing
+from pairs import KINDS, draw, graze
+from truth import faults
+
+N = 1.1e-3
+ORBIT = cf.Orbit(N)
+PERIOD = 2 * np.pi / N
+MANY = 1_000_000  # pairs, enough to follow the craft
+NORMALS = [[1.0, 0.0, 0.0], [-2.0, 1.0, 0.0], [-2.0, -3.0, 1.0], [0.0, 0.0, -1.0]]
+ZONES = {
+    "sphere": cf.Sphere(30.0),
+    "ellipsoid": cf.Ellipsoid([20.0, 40.0, 20.0], [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]]),
+    "box": cf.Box([20.0, 40.0, 20.0], [[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]]),
+    "cylinder": cf.Cylinder(20.0, 50.0, [1.0, 2.0, 2.0]),
+    "half-spaces": cf.HalfSpaces(NORMALS, [20.0, 30.0, 25.0, 40.0]),
+}
+
+
+def followed(path, other, zone):
+    bodies = path.arcs, path.offsets, other.arcs, other.offsets
+    return follow(*bodies, (zone,), MANY)[zone.key]
+
+
+def stays(path, other, zone, tracks, pair):
+    one = np.array([pair])
+    _, rows = search_pairs(path.arcs, path.offsets, other.arcs, other.offsets, zone, one, one, tracks)
+    return rows
+
+
+def formation(seed, spread=60.0):
+    """Craft of every kind of path, with different starts and ends."""
+    rng = np.random.Generator(np.random.Philox(seed))
+
+    def somewhere(count):
+        states = rng.normal(size=(count, 6)) * np.repeat([spread, spread * N], 3)
+        states[:, 4] = -2 * N * states[:, 0]
+        return states
+
+    paths = list(ORBIT.coast(somewhere(6), PERIOD))
+    paths += list(ORBIT.coast(somewhere(3), 2000.0, start=1234.5))
+    paths += list(ORBIT.transfer(somewhere(4), somewhere(4), 0.8 * PERIOD, start=300.0))
+    paths += list(ORBIT.two_impulse(somewhere(3), somewhere(3), 0.3 * PERIOD, start=700.0))
+    paths += list(ORBIT.burn(somewhere(2), [3e-5, -2e-5, 1e-5], PERIOD))
+    for coasting in ORBIT.coast(somewhere(3), 0.5 * PERIOD):
+        final = somewhere(1)[0]
+        turned = ORBIT.transfer(coasting.state(0.5 * PERIOD), final, 0.3 * PERIOD, start=0.5 * PERIOD)
+        final[3:] += rng.normal(size=3) * 0.05
+        paths.append(cf.join([coasting, turned, ORBIT.coast(final, 0.2 * PERIOD, start=0.8 * PERIOD)]))
+    times = np.linspace(100.0, 5000.0, 70)
+    paths += list(ORBIT.sampled(times, ORBIT.coast(somewhere(3), PERIOD).state(times)))
+    return cf.stack(paths)
+
+
+# --- theory (23) ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("deep", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_craft_is_further_off_its_chord_than_its_track_says(kind, deep):
+    """In 60 places of every interval; and the bound is not idle: half of it is used somewhere."""
+    rng = np.random.Generator(np.random.Philox([KINDS.index(kind), deep]))
+    for _ in range(3):
+        batch = draw(rng, 4, (kind, "coast"), deep)
+        zone = batch.zones[0]
+        times, own, _ = followed(batch.path, batch.other, zone)
+        share = np.linspace(0.0, 1.0, 60)
+        for craft in range(4):
+            path, track = batch.path[craft], own[craft]
+            place = track[:3].T
+            used = []
+            for k in range(len(times) - 1):
+                t = times[k] + share * (times[k + 1] - times[k])
+                there = (t >= path.start) & (t <= path.end)
+                chord = place[k] + share[:, None] * (place[k + 1] - place[k])
+                off = np.linalg.norm(path.position(t[there]) @ enclosing(zone).T - chord[there], axis=1)
+                assert (off <= track[3, k]).all(), (batch.label, craft, k)
+                used.append(off.max(initial=0.0) / track[3, k])
+            if not deep or kind in ("transfer", "burn", "sampled"):  # else bent for a moment only, or never
+                assert max(used) > 0.5, batch.label
+
+
+@pytest.mark.parametrize("name", ZONES)
+def test_the_enclosing_ellipsoid_holds_the_zone(name):
+    zone = ZONES[name]
+    rng = np.random.Generator(np.random.Philox(3))
+    ways = rng.normal(size=(20_000, 3))
+    surface = ways / zone.norm(ways)[:, None]
+    surface = surface[zone.norm(ways) > 0]  # half-spaces of this test are bounded
+    lengths = np.linalg.norm(surface @ enclosing(zone).T, axis=1)
+    assert lengths.max() <= 1 + 1e-12
+    assert lengths.max() > 0.8
+
+
+# --- conflicts --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("deep", [False, True])
+@pytest.mark.parametrize("kinds", [(a, b) for k, a in enumerate(KINDS) for b in KINDS[k:]])
+def test_sampling_finds_no_more(kinds, deep):
+    """Against an independent integrator, sampled densely and refined; half of the pairs graze."""
+    rng = np.random.Generator(np.random.Philox([sum(map(KINDS.index, kinds)), 7, deep]))
+    drawn = draw(rng, 8, kinds, deep)
+    for batch in (drawn, graze(rng, drawn), graze(rng, drawn, 1e-9)):
+        found = [
+            stays(batch.path, batch.other, zone, followed(batch.path, batch.other, zone), pair).tolist()
+            for pair, zone in enumerate(batch.zones)
+        ]
+        for pair, words in enumerate(faults(batch.relative, batch.relative.extrema(), found)):
+            assert not words, (batch.label, pair)
+
+
+@pytest.mark.parametrize("name", ZONES)
+def test_what_is_found_does_not_depend_on_tracks(name):
+    """To the last bit, and for half-spaces whichever craft the zone is around."""
+    paths, zone = formation(11), ZONES[name]
+    first, second = map(np.ascontiguousarray, np.nonzero(~np.eye(len(paths), dtype=bool)))
+    bodies = paths.arcs, paths.offsets
+    pairs, rows = search_pairs(*bodies, *bodies, zone, first, second, followed(paths, paths, zone))
+    every, expected = search_pairs(*bodies, *bodies, zone, first, second, NO_TRACKS)
+    np.testing.assert_array_equal(pairs, every)
+    np.testing.assert_array_equal(rows, expected)
+    assert 20 < len(np.unique(pairs, axis=0)) < len(first) / 2
+
+
+def test_many_orbits():
+    """More intervals than the bound of an ellipse costs: both exclude, and agree with the march."""
+    rng = np.random.Generator(np.random.Philox(5))
+    states = rng.normal(size=(12, 6)) * np.repeat([60.0, 60.0 * N], 3)
+    states[:, 4] = -2 * N * states[:, 0]
+    for paths in (
+        ORBIT.coast(states, 5 * PERIOD),
+        ORBIT.transfer(states, states[::-1], 5 * PERIOD),
+    ):
+        found = cf.screen(paths, ZONES["ellipsoid"])
+        expected = [
+            (i, j, c.start, c.end, c.time, c.ratio)
+            for i in range(12)
+            for j in range(i + 1, 12)
+            for c in cf.find_conflicts(paths[i], paths[j], ZONES["ellipsoid"])
+        ]
+        table = np.column_stack([found.pairs, found.start, found.end, found.time, found.ratio])
+        np.testing.assert_array_equal(table, expected)
+        assert len(found) > 20
+
+
+def test_tracks_are_used():
+    """Tracks that put the craft elsewhere silence the search: it does not look where they exclude."""
+    paths, zone = formation(12), ZONES["sphere"]
+    first, second = np.triu_indices(len(paths), 1)
+    bodies = paths.arcs, paths.offsets
+    times, own, _ = followed(paths, paths, zone)
+    moved = own.copy()
+    moved[:, 0] += 1e3 * np.arange(len(own))[:, None]
+    for tracks, some in ((Tracks(times, own, own), True), (Tracks(times, moved, moved), False)):
+        pairs, _ = search_pairs(*bodies, *bodies, zone, first, second, tracks)
+        assert bool(len(pairs)) == some
+
+
+def test_memory_is_bounded(monkeypatch):
+    """Tracks grow with the craft, not with the pairs, and are left out where they would be large."""
+    paths = ORBIT.coast(np.zeros((1000, 6)), PERIOD)
+    times, own, others = followed(paths, paths, ZONES["sphere"])
+    assert own is others
+    assert own.nbytes == 1000 * 4 * len(times) * 8 < 2e6
+    assert followed(ORBIT.coast(np.zeros((1000, 6)), 1e3 * PERIOD), paths, ZONES["sphere"]) is NO_TRACKS
+    few = formation(13)
+    found = cf.screen(few, ZONES["box"])
+    monkeypatch.setattr(module, "LARGEST", 10)
+    np.testing.assert_array_equal(cf.screen(few, ZONES["box"]).start, found.start)
