@@ -20,7 +20,12 @@ if TYPE_CHECKING:
     from closeform.planning.plan import Avoidance, Plan
     from closeform.search.locks import Locks
 
-ROUNDING = 1e-9  # of a thrust that a plan was to keep to
+ROUNDING = 1e-9  # of a limit that a plan was to keep to
+WARNINGS = {  # of a limit: of what, and what there is
+    "thrust": ("", "its max_thrust is"),
+    "delta-v": ("", "its delta_v_budget is"),
+    "propellant": (" of propellant", "it has"),
+}
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
 AnyResult = TypeVar("AnyResult")
@@ -110,18 +115,19 @@ class Use:
     limit: float
 
     @property
+    def share(self) -> float:
+        """The share of the limit that is used."""
+        return self.used / self.limit
+
+    @property
     def exceeded(self) -> bool:
-        """Whether that is more than it has."""
-        return self.used > self.limit * (1.0 + ROUNDING * (self.what == "thrust"))
+        """Whether that is more than there is."""
+        return self.share > 1.0 + ROUNDING
 
     @property
     def warning(self) -> str:
         """The same in words, for a limit that is exceeded."""
-        has, of = {
-            "thrust": ("its max_thrust is", ""),
-            "delta-v": ("its delta_v_budget is", ""),
-            "propellant": ("it has", " of propellant"),
-        }[self.what]
+        of, has = WARNINGS[self.what]
         return f"{self.craft} needs {self.used:.4g} {self.unit}{of}, {has} {self.limit:g} {self.unit}"
 
 
@@ -178,10 +184,9 @@ class Mission:
     def warnings(self) -> tuple[str, ...]:
         """Stages that take longer than asked, and craft that need more than they have, one line each."""
         flown = [result for result in self.results if result.flown]
-        uses = [*self.spent([result.flown for result in self.results])]
-        thrusts = [use for result in flown for use in self.thrusts(result)]
-        for name in dict.fromkeys(use.craft for use in thrusts):
-            uses.append(max((use for use in thrusts if use.craft == name), key=lambda use: use.used))
+        uses = list(self.spent([result.flown for result in self.results]))
+        for thrusts in zip(*(self.thrusts(result) for result in flown), strict=True):
+            uses.append(max(thrusts, key=lambda use: use.used))
         uses.sort(key=lambda use: self.scenario.names.index(use.craft))
-        lines = [result.warning for result in flown if result.warning is not None]
-        return (*lines, *(use.warning for use in uses if use.exceeded))
+        late = [result.warning for result in flown if result.warning is not None]
+        return (*late, *(use.warning for use in uses if use.exceeded))

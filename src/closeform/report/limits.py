@@ -6,35 +6,33 @@ from typing import Any
 from closeform.mission_result import Mission, StageResult, Use
 
 
-def greatest(uses: Iterable[Use]) -> tuple[Use, ...]:
-    """Of each kind of limit the use of the greatest share; none where nobody uses anything."""
+def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple[Use, ...]]:
+    """Who uses the greatest share of each kind of limit: in this stage, and in all up to its end if flown."""
+    if not result.flown:
+        return {"The direct paths would need": first_of_each(mission.thrusts(result))}
+    return {
+        "At most": first_of_each(mission.thrusts(result)),
+        "So far at most": first_of_each(mission.spent(slice(result.number))),
+    }
+
+
+def first_of_each(uses: Iterable[Use]) -> tuple[Use, ...]:
+    """The greatest share of each kind of limit; none where nobody uses anything."""
     found: dict[str, Use] = {}
     for use in uses:
-        best = found.get(use.what)
-        if use.used > 0.0 and (best is None or use.used / use.limit > best.used / best.limit):
+        if use.used > 0.0 and use.share > (found[use.what].share if use.what in found else 0.0):
             found[use.what] = use
     return tuple(found.values())
 
 
-def thrusts(mission: Mission, result: StageResult[Any, Any]) -> tuple[Use, ...]:
-    """Who comes closest to its thrust in this stage."""
-    return greatest(mission.thrusts(result))
-
-
-def spent(mission: Mission, result: StageResult[Any, Any]) -> tuple[Use, ...]:
-    """Who comes closest to what is on board, up to the end of this stage; none if nobody flies it."""
-    return greatest(mission.spent(slice(result.number))) if result.flown else ()
-
-
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
     """The same in words."""
-    titles = "At most" if result.flown else "The direct paths would need", "So far at most"
-    uses = thrusts(mission, result), spent(mission, result)
-    told = (
-        ", ".join(f"{use.what} {use.used:.4g} of {use.limit:g} {use.unit} ({use.craft})" for use in some)
-        for some in uses
+    return tuple(
+        f"{title}: "
+        + ", ".join(f"{use.what} {use.used:.4g} of {use.limit:g} {use.unit} ({use.craft})" for use in uses)
+        for title, uses in greatest(mission, result).items()
+        if uses
     )
-    return tuple(f"{title}: {text}" for title, text in zip(titles, told, strict=True) if text)
 
 
 def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:
@@ -45,6 +43,7 @@ def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:
             "used": use.used,
             "limit": use.limit,
         }
-        for use in (*thrusts(mission, result), *spent(mission, result))
+        for uses in greatest(mission, result).values()
+        for use in uses
     }
     return {"limits": found} if found else {}
