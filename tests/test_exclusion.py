@@ -27,7 +27,7 @@ ZONES = {
 
 def followed(path, other, zone):
     bodies = path.arcs, path.offsets, other.arcs, other.offsets
-    return follow(*bodies, (zone,), MANY)[zone.key]
+    return follow(*bodies, (zone,), MANY)[zone]
 
 
 def stays(path, other, zone, tracks, pair):

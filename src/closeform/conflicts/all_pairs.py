@@ -82,7 +82,7 @@ def search_pairs(
     follow; they are followed here if None are given and it pays.
     """
     if tracks is None:
-        tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone.key]
+        tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]
     rows = np.empty((min(4096, 64 + len(first)), COLUMNS))
     done = np.zeros(2, dtype=np.int64)
     found = [np.empty((0, COLUMNS))]
@@ -159,7 +159,7 @@ def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone | PairZones) -> Ite
     zones = zone.zones if isinstance(zone, PairZones) else (zone,)
     tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2)
     for one, first, second in _jobs(zone, len(paths)):
-        waiting.append(pool.submit(search_pairs, *bodies, *bodies, one, first, second, tracks[one.key]))
+        waiting.append(pool.submit(search_pairs, *bodies, *bodies, one, first, second, tracks[one]))
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
     while waiting:

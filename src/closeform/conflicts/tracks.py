@@ -35,26 +35,26 @@ NO_TRACKS = Tracks(np.empty(0), np.empty((0, 4, 0)), np.empty((0, 4, 0)))
 
 def follow(
     arcs: Floats, offsets: Any, others: Floats, other_offsets: Any, zones: Sequence[Zone], pairs: int
-) -> dict[Any, Tracks]:
-    """Tracks of the craft of two batches by the zones' keys, to search a number of pairs.
+) -> dict[Zone, Tracks]:
+    """Tracks of the craft of two batches for each of the zones, to search a number of pairs.
 
     None where that costs more than it saves, or would take too much memory.
     """
     craft = len(offsets) - 1 if others is arcs else len(offsets) + len(other_offsets) - 2
     if not 0 < PAYS * craft * len(zones) <= pairs:
-        return {zone.key: NO_TRACKS for zone in zones}
+        return dict.fromkeys(zones, NO_TRACKS)
     start = min(float(bodies[:, START].min()) for bodies in (arcs, others))
     end = max(float(bodies[:, END].max()) for bodies in (arcs, others))
     n = max(float(bodies[:, MEAN_MOTION].max()) for bodies in (arcs, others))
     count = PER_ORBIT * max(1.0, n * (end - start) / (2 * pi))
     if not 4 * craft * len(zones) * count <= LARGEST:
-        return {zone.key: NO_TRACKS for zone in zones}
+        return dict.fromkeys(zones, NO_TRACKS)
     times = np.linspace(start, end, ceil(count) + 1)
     tracks = {}
     for zone in zones:
         own = tracks_of(arcs, offsets, times, zone)
         same = others is arcs
-        tracks[zone.key] = Tracks(times, own, own if same else tracks_of(others, other_offsets, times, zone))
+        tracks[zone] = Tracks(times, own, own if same else tracks_of(others, other_offsets, times, zone))
     return tracks
 
 
