@@ -1,5 +1,6 @@
 """The command line. Exit status: 0 done and clear, 1 conflicts or lost craft remain, 2 bad input."""
 
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -44,6 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from closeform.result_folder import FolderError
 
     tokens = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        make_haste(tokens)
     try:
         status = app(tokens, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -56,6 +59,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain("closeform: stopped by the keyboard; nothing was written")
         return 130
     return int(status or 0)
+
+
+def make_haste(tokens: list[str]) -> None:
+    """What shortens a command that has its process for itself."""
+    if tokens[:1] == ["run"] and (os.cpu_count() or 1) > 1:
+        from closeform.report import drawing
+
+        drawing.begin()
+    if tokens[:1] in (["run"], ["check"], ["screen"], ["study"]):
+        from closeform.numba_import import import_numba
+
+        import_numba()
 
 
 @app.command(sort_key=0)

@@ -57,6 +57,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
         made = hashlib.sha256(repr(self.entry.targetctx.codegen().magic_tuple()).encode())
         versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag
         made.update(repr((versions, self.signature)).encode())
+        made.update("".join(map(type_text, self.signature.args)).encode())
         for part in parts(self.entry):
             made.update(described(part).encode())
         name = f"{self.entry.py_func.__module__}.{self.entry.py_func.__name__}"
@@ -159,6 +160,12 @@ def described(part: Any) -> str:
             *(f"{name} = {constant_text(function, name, value)}" for name, value in taken),
         ]
     )
+
+
+def type_text(kind: types.Type) -> str:
+    """A type with the names of its fields: of a named tuple numba's own text has the values' types only."""
+    inner = "".join(map(type_text, getattr(kind, "types", ())))
+    return f"{kind!r} {getattr(kind, 'fields', '')} {inner}"
 
 
 def code_text(code: CodeType, doc: str | None) -> str:

@@ -12,7 +12,8 @@ import numpy as np
 
 from closeform.mission_result import Mission, StageResult
 from closeform.report import coast, flight, gather, limits, lock, move, page, reconfigure
-from closeform.report.section import Progress, Section, drawn
+from closeform.report.drawing import drawn
+from closeform.report.section import Progress, Section
 from closeform.report.table import counted
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable

@@ -1,9 +1,9 @@
 """Section: all that a report has to say of one stage, for the terminal, the page and the files."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from closeform.mission_result import StageResult
 from closeform.report.table import Table
@@ -21,6 +21,7 @@ class Picture:
     plot: str
     arguments: tuple[Any, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
+    moves: ClassVar[bool] = False
 
     def leave(self, folder: Folder, progress: Progress) -> Path:
         """Draw it into a folder."""
@@ -33,6 +34,8 @@ class Picture:
 class Film(Picture):
     """A picture that moves; its function writes the file itself."""
 
+    moves: ClassVar[bool] = True
+
     def leave(self, folder: Folder, progress: Progress) -> Path:
         from closeform import plots
 
@@ -42,15 +45,6 @@ class Film(Picture):
         file = folder.path / f"{self.name}.gif"
         getattr(plots, self.plot)(*self.arguments, file, progress=told, **self.options)
         return file
-
-
-def drawn(pictures: Sequence[Picture], folder: Folder, progress: Progress) -> list[tuple[Path, str]]:
-    """All pictures as files in a folder, each with its caption."""
-    found = []
-    for k, picture in enumerate(pictures, 1):
-        progress(f"picture {k} of {len(pictures)}")
-        found.append((picture.leave(folder, progress), picture.caption))
-    return found
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,18 @@
+"""numba without SciPy, for processes that are ours alone."""
+
+import sys
+
+
+def import_numba() -> None:
+    """Import numba in half of its time.
+
+    It asks at import whether there is a BLAS for `np.correlate` in kernels, and loads `scipy.linalg`
+    for the answer.  No kernel of ours correlates, but others' may, in processes that they share.
+    """
+    if "scipy.linalg" in sys.modules:
+        return
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    try:
+        import numba  # noqa: F401
+    finally:
+        del sys.modules["scipy.linalg"]

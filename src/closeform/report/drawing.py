@@ -1,0 +1,92 @@
+"""Drawing: the pictures of a report, side by side in two processes; they are most of a short run."""
+
+import atexit
+import pickle
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING
+
+from closeform.numba_import import import_numba
+
+if TYPE_CHECKING:
+    from closeform.report.section import Picture, Progress
+    from closeform.result_folder import Folder
+
+_seconds: list["Second"] = []  # at most one
+
+
+class Second:
+    """A second process that draws; it loads matplotlib while this one flies."""
+
+    def __init__(self) -> None:
+        code = "from closeform.report.drawing import serve; serve()"
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-c", code],  # nothing from the folder where the user stands
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        atexit.register(self.process.kill)
+
+    def draw(self, picture: "Picture", folder: "Folder") -> Path:
+        """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        pickle.dump((picture, folder), self.process.stdin)
+        self.process.stdin.flush()
+        file: Path = pickle.load(self.process.stdout)
+        return file
+
+
+def begin() -> None:
+    """Start the second process, ahead of the first picture."""
+    _seconds.append(Second())
+
+
+def serve() -> None:
+    """Draw what standard input asks for, as long as it does: the second process."""
+    answers, sys.stdout = sys.stdout.buffer, sys.stderr
+    import_numba()
+    for ahead in ("matplotlib.backends.backend_agg", "closeform.plots.look", "closeform.report.run"):
+        import_module(ahead)
+    while True:
+        picture, folder = pickle.load(sys.stdin.buffer)
+        pickle.dump(picture.leave(folder, lambda text: None), answers)
+        answers.flush()
+
+
+def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress") -> list[tuple[Path, str]]:
+    """All pictures as files in a folder, each with its caption.
+
+    This process draws from the front, films first; the second, if there is one, from the back.
+    What it cannot draw is drawn here, where an error is heard.
+    """
+    waiting = deque(sorted(pictures, key=lambda picture: not picture.moves))
+    files: dict[str, Path] = {}
+
+    def ask(second: Second) -> None:
+        while waiting and not waiting[-1].moves:
+            picture = waiting.pop()
+            try:
+                files[picture.name] = second.draw(picture, folder)
+            except Exception:
+                waiting.append(picture)
+                return
+
+    others = [Thread(target=ask, args=(second,)) for second in _seconds]
+    for other in others:
+        other.start()
+    while True:
+        while waiting:
+            picture = waiting.popleft()
+            progress(f"picture {len(pictures) - len(waiting)} of {len(pictures)}")
+            files[picture.name] = picture.leave(folder, progress)
+        for other in others:
+            other.join()
+        if not waiting:
+            return [(files[picture.name], picture.caption) for picture in pictures]

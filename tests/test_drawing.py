@@ -1,0 +1,57 @@
+"""Pictures drawn in two processes are those that one draws, whatever becomes of the second."""
+
+import pytest
+
+import closeform as cf
+from closeform.report import drawing
+from closeform.report.section import Picture
+from closeform.result_folder import Folder
+
+ORBIT = cf.Orbit(1.1e-3)
+PATH = ORBIT.coast([60, 30, 20, 0, -0.132, 0.03], 3000.0)
+OTHER = ORBIT.transfer([0] * 6, [20, 0, 0, 0, 0, 0], 3000.0)
+PICTURES = [
+    Picture(f"{plot}-{k}", f"caption {k}", plot, (PATH, OTHER, cf.Sphere(50.0 + k)))
+    for k in range(2)
+    for plot in ("distances", "two_ways")
+]
+
+
+@pytest.fixture
+def second(monkeypatch):
+    monkeypatch.setattr(drawing, "_seconds", [])
+    drawing.begin()
+    (second,) = drawing._seconds
+    yield second
+    second.process.kill()
+    second.process.communicate()
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    return draw(tmp_path_factory.mktemp("alone"))
+
+
+def draw(place, pictures=PICTURES):
+    told = []
+    found = drawing.drawn(pictures, Folder(place), told.append)
+    assert [caption for _, caption in found] == [picture.caption for picture in pictures]
+    return [file.read_bytes() for file, _ in found], len(told)
+
+
+def test_the_second_process_draws_the_same(tmp_path, alone, second):
+    pictures, here = draw(tmp_path)
+    assert pictures == alone[0]
+    assert here < alone[1] == len(PICTURES)  # some were drawn there
+
+
+def test_one_draws_all_where_the_second_is_gone(tmp_path, alone, second):
+    second.process.kill()
+    second.process.wait()
+    assert draw(tmp_path) == alone
+
+
+def test_what_cannot_be_drawn_is_heard(tmp_path, second):
+    wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
+    with pytest.raises(AttributeError):
+        draw(tmp_path, [*PICTURES[:1], wrong])
