@@ -70,11 +70,6 @@ class Zone:
         return self.shape, self.matrix, self.faces
 
     @property
-    def key(self) -> tuple[Any, ...]:
-        """What equals that of every other zone of the same numbers."""
-        return self.shape, self.matrix.tobytes(), self.faces.tobytes()
-
-    @property
     def symmetric(self) -> bool:
         """Whether r is in the zone where -r is."""
         return self.shape != FACES
