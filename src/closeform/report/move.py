@@ -3,7 +3,7 @@
 from typing import Any
 
 from closeform.mission_result import AvoidResult, Mission, StageResult
-from closeform.report import flight
+from closeform.report import flight, optimum
 from closeform.report.section import Picture, Section, heading
 from closeform.report.table import Column, Table, record
 from closeform.scenario import Avoid
@@ -55,10 +55,10 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
     if not avoidance.contacts:
         return (f"Method {method}: no change needed, {avoidance.status}",)
     touched = ", ".join(f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts)
-    best = "proven the global optimum" if avoidance.proven else f"best of {avoidance.tried} candidates"
     return (
         f"Method {method}: touches the zone of {touched}",
-        f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum; {best}",
+        f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum; {optimum.best(avoidance)}",
+        *optimum.bounds(avoidance),
     )
 
 
@@ -68,13 +68,8 @@ def figures(method: str, moved: AvoidResult) -> dict[str, Any]:
     return {
         "craft": moved.craft,
         "method": method,
-        "ok": avoidance.ok,
-        "status": str(avoidance.status),
-        "reason": avoidance.reason,
+        **optimum.figures(avoidance),
         "extra_energy_m2_s3": avoidance.extra_energy,
-        "proven": avoidance.proven,
-        "margin": avoidance.margin,
-        "tried": avoidance.tried,
         "contacts": [
             {"craft": moved.others[at.second - 1], "time_s": at.time, "position_m": at.position.tolist()}
             for at in avoidance.contacts

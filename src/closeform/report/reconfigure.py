@@ -7,9 +7,9 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
-from closeform.report import flight
+from closeform.report import flight, optimum
 from closeform.report.section import Picture, Section, heading
-from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
+from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 from closeform.scenario import Regather, Scatter
 
 Moved = StageResult[Any, ReconfigureResult]  # of a Joint stage
@@ -119,13 +119,11 @@ def worth(result: Moved) -> Iterator[str]:
     if not plan.ok:
         yield f"Planned {how}, without success: these are the direct paths"
         return
-    best = "proven the global optimum" if plan.proven else f"best of {counted(plan.tried, 'way')} tried"
     if result.after is result.before:
-        yield f"Planned {how}: everybody takes the direct path; {best}"
+        yield f"Planned {how}: everybody takes the direct path; {optimum.best(plan)}"
         return
-    yield f"Planned {how}: {best}"
-    bound = f"{plan.lower_bound:.6g} m²/s³ of the direct paths"
-    yield f"Energy {100 * plan.gap:.3f} % above the lower bound, {bound}"
+    yield f"Planned {how}: {optimum.best(plan)}"
+    yield from optimum.bounds(plan)
     where = [f"{one} - {other} at {time:.1f} s" for (one, other), time in touching(moved)]
     if len(where) > MOST_CONTACTS:
         yield f"Touches zones {len(where)} times, from {where[0]} to {where[-1]}"
@@ -138,19 +136,13 @@ def figures(result: Moved, slots: dict[str, int]) -> dict[str, Any]:
     moved, plan = result.result, result.result.plan
     efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
     return {
-        "ok": plan.ok,
-        "status": str(plan.status),
-        "reason": plan.reason,
+        **optimum.figures(plan),
         "method": result.stage.plan,
         "measures": list(moved.measures),
         "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
         "asked_s": moved.asked,
         "energy_m2_s3": plan.energy,
         "delta_v_m_s": plan.delta_v,
-        "lower_bound_m2_s3": plan.lower_bound,
-        "gap": plan.gap,
-        "proven": plan.proven,
-        "tried": plan.tried,
         "craft": {
             name: {
                 "slot": slot,

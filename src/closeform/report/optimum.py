@@ -1,0 +1,35 @@
+"""How good a plan is, for one craft or for many: proven, or how far above the bound, and for which zones."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from closeform.planning.plan import Avoidance, Plan
+from closeform.report.table import counted
+
+TOUCHING = 1.0 + 1e-6  # a margin up to this is for rounding only
+
+
+def best(found: Avoidance | Plan) -> str:
+    """Whether it is the best there is."""
+    return "proven the global optimum" if found.proven else f"best of {counted(found.tried, 'candidate')}"
+
+
+def bounds(found: Avoidance | Plan) -> Iterator[str]:
+    """What a better plan could save at most, and whether it was made for larger zones."""
+    yield f"Energy {100 * found.gap:.3f} % above the lower bound of {found.lower_bound:.6g} m²/s³"
+    if found.margin > TOUCHING:
+        yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
+
+
+def figures(found: Avoidance | Plan) -> dict[str, Any]:
+    """The same for `summary.json`."""
+    return {
+        "ok": found.ok,
+        "status": str(found.status),
+        "reason": found.reason,
+        "lower_bound_m2_s3": found.lower_bound,
+        "gap": found.gap,
+        "proven": found.proven,
+        "margin": found.margin,
+        "tried": found.tried,
+    }
