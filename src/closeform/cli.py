@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from closeform.console import complain, one_line, progress, say, show, stderr, stdout
+from closeform.console import complain, one_line, progress, say, show, stderr, stdout, tell_run, tell_study
 
 if TYPE_CHECKING:
-    from closeform.report.run import RunReport
     from closeform.scenario import Scenario
     from closeform.zones.zone import Zone
 
@@ -119,7 +118,7 @@ def run(
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
-    tell(report, place)
+    tell_run(report, place)
     return CLEAR if mission.clear else CONFLICT
 
 
@@ -257,13 +256,7 @@ def study(
     report = StudyReport(campaign)
     with notes.status("writing results"), folder(place, overwrite) as under_way:
         leave(report, under_way)
-    console = stdout()
-    say(console, *report.opening)
-    for table in report.tables:
-        show(console, table)
-    say(console, "")
-    for line in (*report.hint, f"{report.verdict}; results in {place}"):
-        console.print(line, soft_wrap=True)  # a path is not to be broken
+    tell_study(report, place)
     return CLEAR if campaign.ok else CONFLICT
 
 
@@ -348,23 +341,3 @@ def zone_of(axis: str | None, **shapes: str | None) -> "Zone":
         except ValueError:
             raise UsageError(f'--axis: "{axis}" is not a direction; write for example "0 1 0"') from None
     return Box(size) if shape == "box" else Ellipsoid(size)
-
-
-def tell(report: "RunReport", place: Path) -> None:
-    """Print what a run found."""
-    console, mission = stdout(), report.mission
-    say(console, mission.scenario.title, report.opening)
-    for section in report.sections:
-        console.print(f"\n{section.title}", style="bold")
-        say(console, *section.lines)
-        for table in section.tables:
-            if not table.folded:
-                show(console, table)
-        if section.closing:
-            say(console, "", *section.closing)
-    say(console, "", *(f"Warning: {line}" for line in mission.warnings))
-    end = f"{report.verdict}; "
-    if len(end) > console.width:
-        say(console, report.verdict)
-        end = ""
-    console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken

@@ -1,12 +1,15 @@
 """What is printed: results on standard output, the state of long work on a terminal, complaints."""
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from closeform.report.run import RunReport
+    from closeform.report.study import StudyReport
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of the output, on a terminal or not
@@ -56,6 +59,37 @@ def show(console: "Console", shown: "Table") -> None:
     for row in shown.texts:
         table.add_row(*row)
     console.print(table)
+
+
+def tell_run(report: "RunReport", place: Path) -> None:
+    """Print what a run found."""
+    console, mission = stdout(), report.mission
+    say(console, mission.scenario.title, report.opening)
+    for section in report.sections:
+        console.print(f"\n{section.title}", style="bold")
+        say(console, *section.lines)
+        for table in section.tables:
+            if not table.folded:
+                show(console, table)
+        if section.closing:
+            say(console, "", *section.closing)
+    say(console, "", *(f"Warning: {line}" for line in mission.warnings))
+    end = f"{report.verdict}; "
+    if len(end) > console.width:
+        say(console, report.verdict)
+        end = ""
+    console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
+
+
+def tell_study(report: "StudyReport", place: Path) -> None:
+    """Print what a study found."""
+    console = stdout()
+    say(console, *report.opening)
+    for table in report.tables:
+        show(console, table)
+    say(console, "")
+    for line in (*report.hint, f"{report.verdict}; results in {place}"):
+        console.print(line, soft_wrap=True)  # a path is not to be broken
 
 
 def complain(*lines: str) -> None:
