@@ -16,6 +16,7 @@ from closeform.zones.shapes import BALL, FACES, inside_step, norm, outside_step,
 # Extrema are certain to these fractions of themselves; a least norm below NIL counts as 0.
 PRECISION, PEAK_PRECISION = 1e-11, 1e-9
 NIL = 1e-13
+SMALLEST = 32  # parts of a window; what is left is marched
 TURN_ANGLE = 0.3  # in n t: a local extremum is looked for in steps no longer than this
 
 
@@ -88,17 +89,99 @@ def local_extremum(shape, faces, q, order, n, t, stop, s, sign):
 
 
 @kernel()
-def single_dip(q, order, n, stop, a):
-    """Whether |q|^2 is convex over [0, stop]: a pass too fast to bend back.
+def jerk_bound(q, n, h):
+    """Greatest length of the third derivative of an arc of order 4 over [0, h]."""
+    square = 0.0
+    for axis in range(3):
+        b, c = n * q[2, axis], abs(q[3, axis])
+        square += min(b * b + c * c, (c + n * h * abs(b)) ** 2)
+    return sqrt(square)
 
-    Its second derivative is at least 2 (speed^2 - a |q|); both are bounded from the middle.
+
+@kernel()
+def nearest_and_bend(q, order, n, t, h, a, jerk):
+    """Lower bounds within h of time t: of |q|, and of half the second derivative of |q|^2.
+
+    That is v.v + r.r''; `a` and `jerk` bound |r''| and |r'''|, the latter for order 4 only.
     """
-    half = 0.5 * stop
-    x, y, z, vx, vy, vz = relative_state(q, order, n, half)
+    x, y, z, vx, vy, vz = relative_state(q, order, n, t)
+    distance = sqrt(x * x + y * y + z * z)
     speed = sqrt(vx * vx + vy * vy + vz * vz)
-    farthest = sqrt(x * x + y * y + z * z) + (speed + a * half) * half
-    slowest = speed - a * half
-    return slowest > 0.0 and slowest * slowest > a * farthest * (1.0 + 1e-9)
+    fastest = speed + a * h
+    farthest = distance + fastest * h
+    if order == 4:
+        p0, p1, _ = oscillation(n, t)
+        c = 1.0 - n * n * p1
+        along = x * (q[2, 0] * c + q[3, 0] * p0) + y * (q[2, 1] * c + q[3, 1] * p0)
+        along += z * (q[2, 2] * c + q[3, 2] * p0)
+        return distance - fastest * h, speed * speed + along - (3.0 * fastest * a + farthest * jerk) * h
+    slowest = max(speed - a * h, 0.0)
+    return distance - fastest * h, slowest * slowest - a * farthest
+
+
+@kernel()
+def half_slope(q, order, n, t):
+    """Half the rate of |q|^2."""
+    x, y, z, vx, vy, vz = relative_state(q, order, n, t)
+    return x * vx + y * vy + z * vz
+
+
+@kernel()
+def bottom(q, order, n, low, high):
+    """Where |q|^2 is least in [low, high], over which it is convex: by secants of its slope."""
+    u, slope_u = low, half_slope(q, order, n, low)
+    if slope_u >= 0.0:
+        return low
+    w, slope_w = high, half_slope(q, order, n, high)
+    if slope_w <= 0.0:
+        return high
+    fine = 1e-9 * (high - low)  # a secant from as near as that is exact
+    for k in range(100):
+        t = w - slope_w * (w - u) / (slope_w - slope_u) if slope_w != slope_u else w
+        if abs(t - w) <= fine:
+            return min(max(t, low), high)
+        if not low < t < high or k % 8 == 7:
+            t = 0.5 * (low + high)
+        u, slope_u = w, slope_w
+        w, slope_w = t, half_slope(q, order, n, t)
+        if slope_w == 0.0:
+            break
+        if slope_w > 0.0:
+            high = t
+        else:
+            low = t
+    return w
+
+
+@kernel()
+def least_length(q, order, n, stop, a, best, best_time):
+    """Least |q| over [0, stop] as of `minimum_norm`, by pieces in which |q|^2 is convex or too large.
+
+    Stops at one of a part of 1/SMALLEST that is neither.
+    """
+    jerk = jerk_bound(q, n, stop) if order == 4 else 0.0
+    t = 0.0
+    piece = stop
+    while True:
+        end = min(t + piece, stop)
+        nearest, bend = nearest_and_bend(q, order, n, 0.5 * (t + end), 0.5 * (end - t), a, jerk)
+        if nearest < best and not bend > 0.0:
+            piece *= 0.5
+            if piece * SMALLEST < stop:
+                return best, best_time, t
+            continue
+        if nearest < best:
+            when = bottom(q, order, n, t, end)
+            x, y, z, _, _, _ = relative_state(q, order, n, when)
+            s = sqrt(x * x + y * y + z * z)
+            if s < best:
+                best, best_time = s, when
+            if best <= NIL:
+                return 0.0, best_time, stop
+        if end == stop:
+            return best, best_time, stop
+        t = end
+        piece *= 2.0
 
 
 @kernel()
@@ -108,12 +191,10 @@ def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
     Returns it, its time, and the time reached: short of `stop` where the march stalls.
     """
     ax, ay, az, a, _ = bounds(q, order, n, stop)
-    if shape == BALL and t == 0.0 and single_dip(q, order, n, stop, a):
-        falls = slope(shape, faces, q, order, n, 0.0) < 0.0
-        when = next_extremum(shape, faces, q, order, n, 0.0, stop, -1.0) if falls else 0.0
-        x, y, z, _, _, _ = relative_state(q, order, n, when)
-        s = norm(shape, faces, x, y, z)
-        return min(s, best), when if s < best else best_time, stop
+    if shape == BALL and t == 0.0:
+        best, best_time, t = least_length(q, order, n, stop, a, best, best_time)
+        if t == stop:
+            return best, best_time, stop
     axes = rank(shape, 0)
     if axes > 1 and patience == LESS_PATIENCE:
         aim = best * (1.0 - PRECISION)
