@@ -13,7 +13,8 @@ from truth import Flight, Relative
 
 MU, RADIUS = 3.986004418e14, 6.3781363e6
 KINDS = ("coast", "transfer", "burn", "two impulses", "legs", "kicks", "sampled")
-ZONES = ("box", "tilted box", "ellipsoid", "tilted ellipsoid", "covariance", "sphere")
+FACES = 7  # of a zone, at most
+ZONES = ("box", "tilted box", "ellipsoid", "tilted ellipsoid", "covariance", "sphere", "cylinder", "faces")
 
 
 @dataclass
@@ -115,6 +116,15 @@ def zone(rng, shape, size):
     """A zone and, independently of it, the matrix to its coordinates."""
     axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     lengths = size * 10 ** rng.uniform(-0.5, 0.5, 3)
+    if shape == "cylinder":
+        lengths[1] = lengths[0]
+        return cf.Cylinder(lengths[0], lengths[2], 3.0 * axes[2]), axes / lengths[:, None]
+    if shape == "faces":  # a half-space, wedges, open and closed bodies
+        count = rng.integers(1, FACES + 1)
+        normals = rng.normal(size=(count, 3))
+        offsets = size * 10 ** rng.uniform(-0.5, 0.5, count)
+        rows = normals / np.linalg.norm(normals, axis=1)[:, None] / offsets[:, None]
+        return cf.HalfSpaces(normals, offsets), rows[np.minimum(np.arange(FACES), count - 1)]
     if shape == "sphere":
         return cf.Sphere(size), np.eye(3) / size
     if shape == "covariance":
@@ -124,6 +134,13 @@ def zone(rng, shape, size):
         axes = np.eye(3)
     kind = cf.Box if shape.endswith("box") else cf.Ellipsoid
     return kind(lengths, axes if shape.startswith("tilted") else None), axes / lengths[:, None]
+
+
+def of_parts(shape):
+    """What `truth.parts` calls a zone's shape."""
+    if shape.endswith("box"):
+        return "box"
+    return shape if shape in ("cylinder", "faces") else "ball"
 
 
 def draw(rng, count, kinds=None, deep=None):
@@ -144,7 +161,8 @@ def draw(rng, count, kinds=None, deep=None):
     base = rng.normal(size=(count, 6)) * np.repeat([3 * size, swift], 3)
     near = rng.normal(size=(count, 3))
     near *= (rng.uniform(0, 2.5, count) / np.linalg.norm(near, axis=1))[:, None]
-    gap = np.concatenate([np.linalg.solve(matrix, near[..., None])[..., 0], base[:, 3:]], axis=1)
+    near = near * size if shape == "faces" else np.linalg.solve(matrix, near[..., None])[..., 0]
+    gap = np.concatenate([near, base[:, 3:]], axis=1)
     gap[:, 3:] = rng.normal(size=(count, 3)) * swift
     still = rng.random(count) < 0.5  # no drift along the track
     gap[still, 4] = -2 * n * gap[still, 0]
@@ -153,7 +171,7 @@ def draw(rng, count, kinds=None, deep=None):
     first = course(rng, kinds[0], n, base + gap, 0.0, duration, size, swift)
     other_start = carried(n, base, np.full(count, early))
     second = course(rng, kinds[1], n, other_start, early, late - early, size, swift)
-    relative = Relative.between(first.flight, second.flight, matrix, shape.endswith("box"))
+    relative = Relative.between(first.flight, second.flight, matrix, of_parts(shape))
     label = f"{kinds[0]} / {kinds[1]}, {shape}, n = {n:.3g}, {duration:.3g} s"
     return Batch(label, first.path, second.path, [z for z, _ in made], relative)
 
@@ -175,5 +193,5 @@ def graze(rng, batch, reach=None):
             by[pair] = chosen / (1 + rng.choice([-1.0, 1.0]) * offset)
     zones = [z.enlarged(f) for z, f in zip(batch.zones, by, strict=True)]
     old = batch.relative
-    relative = Relative(old.grid, old.pieces / by[:, None, None, None], old.box, old.rounding / by)
+    relative = Relative(old.grid, old.pieces / by[:, None, None, None], old.shape, old.rounding / by)
     return Batch(batch.label + ", grazing", batch.path, batch.other, zones, relative)

@@ -49,7 +49,9 @@ def check(batch):
     for k, zone in enumerate(batch.zones):
         nearest = cf.closest_approach(batch.path[k], batch.other[k], zone)
         least = min(sampled[k].min(), norms[who == k].min(initial=np.inf))
-        assert abs(nearest.ratio - least) <= 1e-9 * least + 1e-12 + batch.relative.rounding[k], batch.label
+        assert abs(nearest.ratio - least) <= 1e-9 * abs(least) + 1e-12 + batch.relative.rounding[k], (
+            batch.label
+        )
         gap = batch.path[k].position(nearest.time) - batch.other[k].position(nearest.time)
         assert nearest.distance == pytest.approx(np.linalg.norm(gap), rel=1e-9, abs=1e-12)
         assert zone.norm(gap) == pytest.approx(nearest.ratio, rel=1e-9, abs=1e-12)

@@ -221,18 +221,35 @@ class Flight:
         return moved * ratio[:, None, None] ** np.arange(DEGREE + 1)[:, None]
 
 
+def parts(shape, r, v):
+    """What the norm of a zone is the largest of, at coordinates r (..., R), and the rates of it."""
+    if shape == "faces":
+        return r, v
+    if shape == "box":
+        return np.abs(r), np.where(r == 0, np.abs(v), np.sign(r) * v)
+    if shape == "cylinder":
+        both = parts("ball", r[..., :2], v[..., :2]), parts("box", r[..., 2:], v[..., 2:])
+        return tuple(np.concatenate(columns, axis=-1) for columns in zip(*both, strict=True))
+    s = np.sqrt((r * r).sum(axis=-1, keepdims=True))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rate = np.where(
+            s > 0, (r * v).sum(axis=-1, keepdims=True) / s, np.sqrt((v * v).sum(axis=-1))[..., None]
+        )
+    return s, rate
+
+
 @dataclass
 class Relative:
-    """Relative motions of M pairs in zone coordinates on one grid."""
+    """Relative motions of M pairs in zone coordinates on one grid, as many as the zone's shape has."""
 
     grid: np.ndarray
-    pieces: np.ndarray  # (M, P, DEGREE + 1, 3)
-    box: np.ndarray  # (M,)
+    pieces: np.ndarray  # (M, P, DEGREE + 1, R)
+    shape: str  # see `parts`
     rounding: np.ndarray  # (M,) of the norm, by the largest coordinate of either craft
 
     @classmethod
-    def between(cls, flight, other, matrix, box):
-        """Over the common time; `matrix` (M, 3, 3) maps positions to zone coordinates."""
+    def between(cls, flight, other, matrix, shape):
+        """Over the common time; `matrix` (M, R, 3) maps positions to zone coordinates."""
         start, end = max(flight.grid[0], other.grid[0]), min(flight.grid[-1], other.grid[-1])
         grid = np.unique(np.concatenate([flight.grid, other.grid, [start, end]]))
         grid = grid[(grid >= start) & (grid <= end)]
@@ -247,7 +264,7 @@ class Relative:
             for one, size in zip((flight, other), sizes, strict=True)
         )
         gap = np.einsum("mij,mpkj->mpki", matrix, both[0] - both[1])
-        return cls(grid, gap, np.broadcast_to(box, len(gap)), rounding * np.abs(matrix).max(axis=(1, 2)))
+        return cls(grid, gap, shape, rounding * np.abs(matrix).max(axis=(1, 2)))
 
     def at(self, pair, t):
         """Norm and its rate to the right for `pair` (K,) at times (K,)."""
@@ -260,26 +277,22 @@ class Relative:
             v = v * u + r
             r = r * u + c[:, k]
         v /= h[:, None]
-        box = self.box[pair]
-        size = np.abs(r)
-        s = np.where(box, size.max(axis=1), np.sqrt((r * r).sum(axis=1)))
-        toward = np.where(r == 0, np.abs(v), np.sign(r) * v)
-        kink = np.where(size >= size.max(axis=1, keepdims=True), toward, -np.inf).max(axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            smooth = np.where(s > 0, (r * v).sum(axis=1) / s, np.sqrt((v * v).sum(axis=1)))
-        return s, np.where(box, kink, smooth)
+        sizes, rates = parts(self.shape, r, v)
+        s = sizes.max(axis=-1, keepdims=True)
+        return s[..., 0], np.where(sizes >= s, rates, -np.inf).max(axis=-1)
 
     def sampled(self, per_piece):
         """Times (K,) and norms (M, K), the grid itself among them."""
         u = np.linspace(0.0, 1.0, per_piece, endpoint=False)
-        r = np.zeros((*self.pieces.shape[:2], len(u), 3))
+        r = np.zeros((*self.pieces.shape[:2], len(u), self.pieces.shape[-1]))
         for k in range(DEGREE, -1, -1):
             r *= u[:, None]
             r += self.pieces[:, :, k, None]
-        r = np.concatenate([r.reshape(len(r), -1, 3), self.pieces[:, -1].sum(axis=1)[:, None]], axis=1)
+        r = np.concatenate(
+            [r.reshape(len(r), -1, r.shape[-1]), self.pieces[:, -1].sum(axis=1)[:, None]], axis=1
+        )
         times = (self.grid[:-1, None] + np.diff(self.grid)[:, None] * u).ravel()
-        s = np.where(self.box[:, None], np.abs(r).max(axis=2), np.sqrt((r * r).sum(axis=2)))
-        return np.append(times, self.grid[-1]), s
+        return np.append(times, self.grid[-1]), parts(self.shape, r, r)[0].max(axis=-1)
 
     def extrema(self, per_piece=None):
         """Samples (times (K,), norms (M, K)) and every extremum between: pair, time, norm, is least."""
@@ -335,7 +348,7 @@ def faults(relative, extrema, conflicts):
                 if not edge and abs(norm - 1) > tiny + 2.3e-16 * span * abs(rate):
                     said.append(f"surface: norm {norm!r} at a crossing")
             least = min([*f[within], *at])
-            if abs(ratio - least) > 1e-9 * least + tiny or abs(at[2] - ratio) > 1e-9 * ratio + tiny:
+            if max(abs(ratio - least), abs(at[2] - ratio)) > 1e-9 * abs(least) + tiny:
                 said.append(f"ratio: {ratio!r}, sampled {least!r}")
             if within.any() and f[within].max() > 1 + tiny:
                 said.append(f"false: norm {f[within].max()!r} inside of a stay")

@@ -3,7 +3,7 @@
     python tools/certify.py --pairs 100000 --grazing 10000 [--seed 1]
 
 Every pair is flown twice: by the package, and by an integrator that shares nothing with it
-(tests/truth.py). Orbit heights 200 to 40 000 km and deep space, six shapes of zone, seven kinds
+(tests/truth.py). Orbit heights 200 to 40 000 km and deep space, eight shapes of zone, seven kinds
 of path, durations from seconds to ten orbits. A grazing pair has its zone scaled so that one
 extremum of its norm lies within 1 % of the surface, down to 1e-10. Exit status 1 if a conflict is
 missed, false, off the surface at an end, or if a least ratio is wrong.
@@ -43,7 +43,7 @@ def judge(batch, tally, seconds):
     for pair, approach in enumerate(near):
         # never above what sampling finds, and attained: sampling may miss the least itself
         least = min(sampled[pair].min(), norms[who == pair].min(initial=np.inf))
-        slack = 1e-9 * least + 1e-12 + batch.relative.rounding[pair]
+        slack = 1e-9 * abs(least) + 1e-12 + batch.relative.rounding[pair]
         if approach.ratio > least + slack or abs(approach.ratio - attained[pair]) > slack:
             words[pair].append(f"approach: {approach.ratio!r}, sampled {least!r}, there {attained[pair]!r}")
     tally["pairs"] += len(found)
