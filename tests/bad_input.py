@@ -329,7 +329,7 @@ SCENARIOS = (
         "craft.position: F1 and F2 start inside each other's zone, at 0.75 x zone; move one of them or make keep_out smaller",
     ),
     Bad(
-        "zones of which neither is the larger",
+        "zones of which neither holds the other",
         KEEP_OUT,
         'keep_out = [{ sphere = "20 m" }, { ellipsoid = "10 40 10 m" }, { sphere = "20 m" }]',
         "craft.keep_out: F1 and F2: neither zone holds the other; give both one that holds both",
@@ -389,13 +389,6 @@ SCENARIOS = (
         KEEP_OUT,
         'keep_out = { half_spaces = "50 m", normals = [[0, 0, 0]] }',
         "craft.keep_out: normals: a row is zero; give the direction out of each face",
-    ),
-    Bad(
-        "a shape that plans do not pass",
-        KEEP_OUT,
-        'keep_out = { cylinder = "10 40 m", axis = [0, 1, 0] }',
-        "craft.keep_out: avoid in stage[2] keeps clear of a sphere, box, ellipsoid or covariance only; "
-        "give one that holds the others",
     ),
     Bad(
         "half-spaces for craft that are alike",
@@ -710,6 +703,13 @@ SEARCHES = (
         'name = "lost"\ndo = "gather"\n\n[[stage]]\ndo = "regather"\nas_before = "lost"\nwithin = "1 h"',
         "stage[2].as_before: the craft were lost when stage lost began; name a stage after the gather\n"
         'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }',
+    ),
+    lost(
+        "a shape that a gathering does not keep clear",
+        'velocity = "0 0 0 cm/s"',
+        'velocity = "0 0 0 cm/s"\nkeep_out = { cylinder = "5 20 m", axis = [0, 1, 0] }',
+        "craft.keep_out: gather in stage[1] keeps clear of a sphere, box, ellipsoid or covariance only; "
+        "give one that holds the others",
     ),
     lost(
         "a relative orbit in deep space",

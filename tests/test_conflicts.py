@@ -142,6 +142,9 @@ SHAPES = {
     "ellipsoid": cf.Ellipsoid([5.0, 10.0, 20.0]),
     "tilted": cf.Ellipsoid([10.0, 10.0, 10.0], axes=[[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]]),
     "sphere": cf.Sphere(10.0),
+    "side of a cylinder": cf.Cylinder(10.0, 30.0, axis=[1, 0, 0]),
+    "end of a cylinder": cf.Cylinder(30.0, 10.0, axis=[0, 1, 0]),
+    "half-spaces": cf.HalfSpaces([*np.eye(3), *-np.eye(3)], [5.0, 10.0, 20.0] * 2),
 }
 
 

@@ -202,7 +202,7 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
         return
     unlike = any(zone.shape in (CYLINDER, FACES) for zone in kept.zones)
     for number, stage in enumerate(scenario.stages, 1):
-        if unlike and isinstance(stage, Avoid | Joint | Gather):
+        if unlike and isinstance(stage, Gather):
             yield (
                 f"craft.keep_out: {stage.verb} in stage[{number}] keeps clear of a sphere, box, ellipsoid or "
                 "covariance only; give one that holds the others"

@@ -19,8 +19,9 @@ class PairZones:
     """The zone of every pair among N bodies: of the two bodies' own, the one that holds the other.
 
     A pair in which one body has no zone goes by the other's; without any it has none.  Nor has a
-    pair of two bodies that cannot move.  `kinds` (N,) tells which bodies have equal zones, `table`
-    which of the `zones` holds between kind and kind: nothing here grows with the number of pairs.
+    pair of two bodies of which neither `moves` (N,).  `kinds` (N,) tells which bodies have equal
+    zones, `table` which of the `zones` holds between kind and kind: nothing here grows with the
+    number of pairs.
 
     The zone of a pair i < j is about r_i - r_j: around j, or what is around i as j sees it.
     """
@@ -37,9 +38,10 @@ class PairZones:
         names: Sequence[str] | None = None,
         moves: Sequence[bool] | None = None,
     ) -> Self:
-        """From each body's own zone, None where it has none, and whether it `moves`, as all do unless given.
+        """From each body's own among `zones` (N,), or None; whether it `moves` (N,), all unless given.
 
-        Raises ValueError naming two bodies of which neither zone holds the other.
+        Raises ValueError, with their `names` (N,) if any, for two bodies of which neither zone
+        holds the other.
         """
         given: dict[Any, Zone] = {}
         for zone in zones:
@@ -68,7 +70,7 @@ class PairZones:
         return len(self.kinds)
 
     def which(self, first: Any, second: Any) -> Any:
-        """Which of the `zones` holds for pairs first < second, arrays of one shape; NONE for none."""
+        """Which of the `zones` holds for pairs `first` < `second`, arrays of one shape; -1 for none."""
         found = self.table[self.kinds[first], self.kinds[second]]
         return np.where(self.moves[first] | self.moves[second], found, NONE)
 
@@ -80,7 +82,7 @@ class PairZones:
         return self.zones[k] if one < other else self.zones[k].mirrored
 
     def around(self, body: int) -> tuple[Zone | None, ...]:
-        """The zones of one body about every other, in the others' order."""
+        """The zones of one `body` about every other, in the others' order."""
         return tuple(self.between(body, other) for other in range(len(self)) if other != body)
 
     def groups(self) -> Iterator[tuple[Zone, Any]]:

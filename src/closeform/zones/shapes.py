@@ -48,18 +48,19 @@ def part(shape, faces, k, x, y, z):
     gx = gy = gz = 0.0
     if shape == FACES:
         gx, gy, gz = faces[k, 0], faces[k, 1], faces[k, 2]
+        s = gx * x + gy * y + gz * z
     elif shape == BALL or (shape == CYLINDER and k == 0):
         height = z if shape == BALL else 0.0
         s = sqrt(x * x + y * y + height * height)
         if s > 0.0:
             gx, gy, gz = x / s, y / s, height / s
     elif shape == CUBE and k == 0:
-        gx = 1.0 if x >= 0.0 else -1.0
+        s, gx = abs(x), 1.0 if x >= 0.0 else -1.0
     elif shape == CUBE and k == 1:
-        gy = 1.0 if y >= 0.0 else -1.0
+        s, gy = abs(y), 1.0 if y >= 0.0 else -1.0
     else:
-        gz = 1.0 if z >= 0.0 else -1.0
-    return gx * x + gy * y + gz * z, gx, gy, gz
+        s, gz = abs(z), 1.0 if z >= 0.0 else -1.0
+    return s, gx, gy, gz
 
 
 @kernel()

@@ -1,0 +1,491 @@
+"""Shapes of zones: cylinders and half-spaces beside balls and boxes, as norms and in flight."""
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import linprog, minimize_scalar
+
+import closeform as cf
+from closeform.zones.pair_zones import containing_zone, greatest_norm
+from closeform.zones.shapes import FORM, norm, part, part_count, rank, rate
+
+N = 1.1e-3
+ORBIT, DEEP = cf.Orbit(N), cf.Orbit(0.0)
+PERIOD = 2 * np.pi / N
+ZERO = np.zeros(6)
+AXIS = np.array([0.36, 0.48, -0.8])
+TURN = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+WEDGE = cf.HalfSpaces([[1.0, 1.0, 0.0], [1.0, -1.0, 0.3]], [20.0, 35.0])
+BODY = cf.HalfSpaces([*np.eye(3), *-np.eye(3), [1, 1, 1]], [2.0, 3.0, 4.0, 2.5, 3.5, 4.5, 4.0])
+SHAPES = {
+    "sphere": cf.Sphere(3.0),
+    "ellipsoid": cf.Ellipsoid([2.0, 4.0, 8.0], TURN),
+    "box": cf.Box([2.0, 4.0, 8.0], TURN),
+    "cylinder": cf.Cylinder(3.0, 7.0, AXIS),
+    "disc": cf.Cylinder(7.0, 0.5, [0.0, 0.0, -2.0]),
+    "half-space": cf.HalfSpaces([[0.0, -3.0, 4.0]], [5.0]),
+    "wedge": WEDGE,
+    "body": BODY,
+}
+lengths = st.floats(0.1, 100.0)
+vectors = st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=3).map(np.array)
+directions = vectors.filter(lambda v: np.linalg.norm(v) > 1e-3)
+
+
+@st.composite
+def half_spaces(draw):
+    """Between one and eight faces, and what they were made from."""
+    normals = np.array(draw(st.lists(directions, min_size=1, max_size=8)))
+    offsets = np.array(draw(st.lists(lengths, min_size=len(normals), max_size=len(normals))))
+    return cf.HalfSpaces(normals, offsets), normals, offsets
+
+
+# --- norms ------------------------------------------------------------------------------------
+
+
+@given(lengths, lengths, directions, vectors)
+def test_a_cylinder_is_its_distance_from_the_axis_and_along_it(radius, half_length, axis, position):
+    along = axis / np.linalg.norm(axis)
+    side, end = np.linalg.norm(np.cross(position, along)) / radius, abs(position @ along) / half_length
+    rounding = 1e-15 * np.linalg.norm(position) / min(radius, half_length)
+    found = cf.Cylinder(radius, half_length, axis).norm(position)
+    assert found == pytest.approx(max(side, end), rel=1e-12, abs=100 * rounding)
+
+
+@given(half_spaces(), vectors)
+def test_half_spaces_are_met_where_each_offset_is(made, position):
+    zone, normals, offsets = made
+    heights = normals @ position / np.linalg.norm(normals, axis=1)
+    rounding = 1e-14 * np.linalg.norm(position) / offsets.min()
+    assert zone.norm(position) == pytest.approx((heights / offsets).max(), rel=1e-12, abs=rounding)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@settings(deadline=None, max_examples=50)
+@given(a=vectors, b=vectors, factor=st.floats(0, 10))
+def test_every_norm_is_convex_and_grows_with_its_argument(shape, a, b, factor):
+    zone = SHAPES[shape]
+    rounding = 1e-12 * (np.linalg.norm(a) + np.linalg.norm(b))
+    assert zone.norm(a + b) <= zone.norm(a) + zone.norm(b) + rounding
+    assert zone.norm(factor * a) == pytest.approx(factor * zone.norm(a), rel=1e-12, abs=1e-12)
+    assert zone.mirrored.norm(-a) == zone.norm(a)
+    assert zone.enlarged(1.5).norm(1.5 * a) == pytest.approx(zone.norm(a), rel=1e-12, abs=1e-12)
+    assert zone.symmetric == (zone.mirrored is zone)
+
+
+@settings(deadline=None, max_examples=200)
+@given(half_spaces(), directions)
+def test_support_of_half_spaces_is_that_of_a_linear_program(made, direction):
+    zone, normals, offsets = made
+    unit = direction / np.linalg.norm(direction)
+    rows = normals / np.linalg.norm(normals, axis=1)[:, None]
+    solved = linprog(-unit, rows, offsets, bounds=(None, None))
+    found = float(zone.support(unit))
+    # the origin is feasible, so what the program's presolve calls infeasible (2) is unbounded (3) too
+    wanted = np.inf if solved.status in (2, 3) else -solved.fun
+    far = 1e4 * offsets.max()  # where faces are as good as parallel either says that there is no end
+    assert found == pytest.approx(wanted, rel=1e-6) or min(found, wanted) > far
+
+
+@pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "box", "cylinder", "disc", "body"])
+def test_support_extents_and_vertices_are_those_of_the_surface(shape):
+    zone = SHAPES[shape]
+    rng = np.random.Generator(np.random.Philox(3))
+    points = rng.normal(size=(400_000, 3)) @ np.linalg.inv(zone.matrix).T
+    surface = points / zone.norm(points)[:, None]
+    ways = rng.normal(size=(6, 3))
+    for reached, known in (
+        ((surface @ ways.T).max(axis=0), zone.support(ways)),
+        (np.abs(surface).max(axis=0), zone.extents),
+    ):
+        assert (reached <= known * (1 + 1e-12)).all()
+        assert (reached >= known * 0.97).all()  # as near as so many points come to a corner
+    assert zone.bounded
+    np.testing.assert_allclose(zone.norm(zone.vertices), 1.0, rtol=1e-9)
+    assert len(zone.vertices) == {"box": 8, "body": 10}.get(shape, 0)
+
+
+def test_open_zones_have_no_end():
+    half = SHAPES["half-space"]
+    np.testing.assert_allclose(
+        half.support([[0.0, -0.6, 0.8], [0.0, 0.6, -0.8], [1.0, 0.0, 0.0]]), [5, np.inf, np.inf]
+    )
+    assert not half.bounded
+    assert np.isinf(half.extents).all()
+    assert half.norm([0.0, 30.0, -40.0]) == pytest.approx(-10.0)
+    slab = cf.HalfSpaces([[0, 1, 0], [0, -1, 0]], [5.0, 3.0])
+    assert slab.extents.tolist() == [np.inf, 5.0, np.inf]
+    assert slab.support([0, -1, 0]) == 3.0
+    assert slab.support([0, 0, 0]) == 0.0
+
+
+# --- kernels ----------------------------------------------------------------------------------
+
+
+@numba.njit(numba.float64[:, ::1](FORM, numba.float64[::1], numba.float64[::1]))
+def kernels(form, q, v):
+    """Rows of the parts: value, gradient, rank; and one of the norm and its rate."""
+    shape, _, faces = form
+    count = part_count(shape, faces)
+    rows = np.zeros((count + 1, 5))
+    for k in range(count):
+        rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3] = part(shape, faces, k, q[0], q[1], q[2])
+        rows[k, 4] = rank(shape, k)
+    rows[count, 0] = norm(shape, faces, q[0], q[1], q[2])
+    rows[count, 1] = rate(shape, faces, q[0], q[1], q[2], v[0], v[1], v[2])
+    return rows
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_parts_have_the_gradients_of_finite_differences(shape):
+    zone = SHAPES[shape]
+    rng = np.random.Generator(np.random.Philox(4))
+    for q in rng.normal(size=(20, 3)):
+        *own, total = kernels(zone.form, q, q)
+        assert total[0] == pytest.approx(zone.norm(np.linalg.solve(zone.matrix, q)), rel=1e-12)
+        assert total[0] == max(row[0] for row in own)
+        for k, (_, *gradient, leading) in enumerate(own):
+            step = 1e-6
+            slopes = [
+                (kernels(zone.form, q + e, q)[k, 0] - kernels(zone.form, q - e, q)[k, 0]) / (2 * step)
+                for e in step * np.eye(3)
+            ]
+            np.testing.assert_allclose(gradient, slopes, atol=1e-8)
+            assert leading == {"s": 3, "e": 3, "c": 2, "d": 2}.get(shape[0], 1) or k == 1 or shape == "box"
+            assert leading == 1 or not np.any(gradient[int(leading) :])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_rates_are_those_to_the_right(shape):
+    """At kinks too: on the axis, at the centre, where two faces meet."""
+    zone = SHAPES[shape]
+    rng = np.random.Generator(np.random.Philox(5))
+    kinks = [np.zeros(3), np.array([0.0, 0.0, 0.7]), np.array([0.6, 0.8, 1.0]), np.array([0.5, -0.5, 0.5])]
+    for q in [*rng.normal(size=(10, 3)), *kinks]:
+        for v in [*rng.normal(size=(5, 3)), np.array([0.0, 0.0, 1.0])]:
+            found = kernels(zone.form, q, v)[-1, 1]
+            here, step = kernels(zone.form, q, v)[-1, 0], 1e-7
+            later = kernels(zone.form, q + step * v, v)[-1, 0]
+            assert found == pytest.approx((later - here) / step, abs=3e-6)
+
+
+# --- which zone holds another -----------------------------------------------------------------
+
+
+def reached(outer, inner, rng):
+    """Greatest norm of a zone over another by samples, refined by ascent along its boundary."""
+    best, at, width = -np.inf, 0.0, 1.0
+    for trial in range(60):
+        points = rng.normal(size=(2000 if trial else 200_000, 3)) @ np.linalg.inv(inner.matrix).T
+        points = at + width * points / inner.norm(points)[:, None]
+        surface = points / inner.norm(points)[:, None]
+        norms = outer.norm(surface)
+        if norms.max() > best:
+            best, at = norms.max(), surface[norms.argmax()]
+        width *= 0.7 if trial else 0.05
+    return best
+
+
+CLOSED = ["sphere", "ellipsoid", "box", "cylinder", "disc", "body"]
+
+
+@pytest.mark.parametrize("inner", CLOSED)
+@pytest.mark.parametrize("outer", CLOSED)
+def test_the_greatest_norm_is_that_of_samples(outer, inner):
+    outer, inner = SHAPES[outer], SHAPES[inner]
+    known = greatest_norm(outer, inner)
+    best = reached(outer, inner, np.random.Generator(np.random.Philox(6)))
+    assert best <= known * (1 + 1e-9)
+    assert best >= known * (1 - 1e-4)
+    if outer is inner:
+        assert known == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_closed_zone_holds_no_open_one():
+    for outer in (SHAPES[name] for name in CLOSED):
+        assert greatest_norm(outer, WEDGE) == np.inf
+    assert greatest_norm(WEDGE, cf.Sphere(20.0)) == pytest.approx(1.0)  # the nearer face touches
+    assert containing_zone(cf.Sphere(19.9), WEDGE) is WEDGE
+    assert containing_zone(cf.Sphere(20.1), WEDGE) is None
+    ball, rod = cf.Sphere(5.0), cf.Cylinder(3.0, 4.0, AXIS)  # it touches the ball all around both rims
+    assert containing_zone(rod, ball) is ball
+    assert containing_zone(rod, ball.enlarged(1 - 1e-6)) is None
+
+
+# --- in flight --------------------------------------------------------------------------------
+
+
+def flown(state, duration):
+    """Natural motion by an integrator that knows nothing but Hill's equations."""
+
+    def hill(_, s):
+        x, _, z, vx, vy, vz = s
+        return [vx, vy, vz, 3 * N * N * x + 2 * N * vy, -2 * N * vx, -N * N * z]
+
+    return solve_ivp(
+        hill, (0.0, duration), state, method="DOP853", rtol=1e-12, atol=1e-12, dense_output=True
+    ).sol
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_conflicts_are_those_of_an_integrator(shape):
+    """Dense samples of the integrated motion; every crossing bisected, every dip refined."""
+    zone = SHAPES[shape].enlarged(12.0)
+    rng = np.random.Generator(np.random.Philox(7))
+    chief, total = ORBIT.coast(ZERO, PERIOD), 0
+    for _ in range(6):
+        state = rng.normal(size=6) * np.repeat([40.0, 40.0 * N], 3)
+        state[4] = -2 * N * state[0]
+        found = cf.find_conflicts(ORBIT.coast(state, PERIOD), chief, zone)
+        motion = flown(state, PERIOD)
+        times = np.linspace(0.0, PERIOD, 20_001)
+        norms = zone.norm(motion(times)[:3].T)
+        inside = np.zeros(len(times), dtype=bool)
+        for stay in found:
+            within = (times >= stay.start) & (times <= stay.end)
+            inside |= within
+            for edge in (stay.start, stay.end):
+                if 0.0 < edge < PERIOD:
+                    assert zone.norm(motion(edge)[:3]) == pytest.approx(1.0, abs=1e-9)
+            least = zone.norm(motion(stay.time)[:3])
+            assert stay.ratio == pytest.approx(least, abs=1e-9)
+            assert stay.ratio <= norms[within].min(initial=np.inf) + 1e-9
+        assert (norms[inside] <= 1 + 1e-9).all()
+        assert (norms[~inside] > 1 - 1e-9).all()
+        near = cf.closest_approach(ORBIT.coast(state, PERIOD), chief, zone)
+        k = int(norms.argmin())
+        low, high = times[max(k - 1, 0)], times[min(k + 1, len(times) - 1)]
+        dip = minimize_scalar(
+            lambda t, z=zone, m=motion: z.norm(m(t)[:3]),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": 1e-9},
+        )
+        assert near.ratio == pytest.approx(min(dip.fun, norms[k]), abs=1e-7)
+        total += len(found)
+    assert total > 0
+
+
+@pytest.mark.parametrize("offset", [1e-3, 1e-6, 1e-9])
+def test_grazing_the_rim_of_a_cylinder(offset):
+    """Deep space, past the edge between side and end along its tangent: just in, just out."""
+    zone = cf.Cylinder(3.0, 4.0, [0.0, 0.0, 1.0])
+    for sign, count in ((-1, 1), (1, 0)):
+        rim = np.array([3.0 * (1 + sign * offset), 0.0, 4.0 * (1 - offset)])
+        path = DEEP.coast([*(rim - [0, 50.0, 0]), 0.0, 1.0, 0.0], 100.0)
+        found = cf.find_conflicts(path, DEEP.coast(ZERO, 100.0), zone)
+        assert len(found) == count
+        for stay in found:  # a chord of the circle, 1e-12 of the norm good to the root of it
+            half = 3.0 * np.sqrt(1 - (1 - offset) ** 2)
+            assert stay.end - stay.start == pytest.approx(2 * half, abs=1e-11 / half)
+            assert stay.time == pytest.approx(50.0, abs=half)
+    level = DEEP.coast(
+        [-50.0, 0.0, 4.0 * (1 + offset), 1.0, 0.0, 0.0], 100.0
+    )  # over the end, and just into it
+    assert cf.find_conflicts(level, DEEP.coast(ZERO, 100.0), zone) == ()
+    below = DEEP.coast([-50.0, 0.0, 4.0 * (1 - offset), 1.0, 0.0, 0.0], 100.0)
+    (stay,) = cf.find_conflicts(below, DEEP.coast(ZERO, 100.0), zone)
+    assert (stay.start, stay.end) == pytest.approx((47.0, 53.0), abs=1e-10)
+
+
+def test_along_the_axis_of_a_cylinder():
+    """Straight through both ends; beside it, on the side, never in; slower than the last digit."""
+    zone = cf.Cylinder(5.0, 20.0, AXIS)
+    chief = DEEP.coast(ZERO, 100.0)
+    for depth, count in ((0.0, 1), (0.999999, 1), (1.000001, 0)):
+        across = 5.0 * depth * np.array([0.8, -0.6, 0.0])
+        path = DEEP.coast([*(across - 50.0 * AXIS), *AXIS], 100.0)
+        found = cf.find_conflicts(path, chief, zone)
+        assert len(found) == count
+        for stay in found:
+            assert (stay.start, stay.end) == pytest.approx((30.0, 70.0), abs=1e-10)
+            assert stay.ratio == pytest.approx(depth, abs=1e-9)
+    still = DEEP.coast([*(4.0 * AXIS), 0.0, 0.0, 0.0], 100.0)
+    (stay,) = cf.find_conflicts(still, chief, zone)
+    assert (stay.start, stay.end, stay.ratio) == (0.0, 100.0, pytest.approx(0.2))
+
+
+@pytest.mark.parametrize("turns", [1, 10, 100])
+@pytest.mark.parametrize("offset", [1e-6, 1e-9, 3e-12])
+def test_a_circle_around_a_cylinder_along_its_side(turns, offset):
+    """The general circular orbit keeps at 200 m from the line through its middle, forever."""
+    e = 100.0
+    path = ORBIT.coast([-e, 0, np.sqrt(3) * e, 0, 2 * e * N, 0], turns * PERIOD)
+    chief = ORBIT.coast(ZERO, turns * PERIOD)
+    normal = np.array([np.sqrt(3) / 2, 0.0, 0.5])
+    assert np.abs(path.position(np.linspace(0, PERIOD, 9)) @ normal).max() < 1e-9
+    assert cf.find_conflicts(path, chief, cf.Cylinder(200 * (1 - offset), 50.0, normal)) == ()
+    (stay,) = cf.find_conflicts(path, chief, cf.Cylinder(200 * (1 + offset), 50.0, normal))
+    assert (stay.start, stay.end) == (0.0, turns * PERIOD)
+
+
+def test_a_half_space_is_entered_and_never_left():
+    """Drifting along the track from ahead to behind a plane that lies 50 m ahead."""
+    zone = cf.HalfSpaces([[0.0, 1.0, 0.0]], [50.0])
+    chief, leader = DEEP.coast(ZERO, 1000.0), DEEP.coast([0, 150.0, 0, 0, -1.0, 0], 1000.0)
+    (stay,) = cf.find_conflicts(leader, chief, zone)
+    assert (stay.start, stay.end) == (pytest.approx(100.0, abs=1e-10), 1000.0)
+    assert (stay.time, stay.ratio) == (1000.0, pytest.approx(-17.0))  # 850 m behind the chief, 50 m ahead
+    assert cf.find_conflicts(chief, leader, zone)[0].start == 0.0  # the chief is behind the leader at first
+    near = cf.closest_approach(leader, chief, zone)
+    assert (near.time, near.ratio) == (stay.time, stay.ratio)
+
+
+def test_deepest_in_an_open_zone_is_found_between_samples():
+    """Behind a half-space the norm goes on falling below 0, to a least at an instant of its own."""
+    zone = cf.HalfSpaces([[1.0, 0.0, 0.0]], [10.0])
+    path = ORBIT.coast([5.0, 0.0, 0.0, 0.0, -10.0 * N * 1.7, 0.0], PERIOD)
+    motion = flown(path.state(0.0), PERIOD)
+    dip = minimize_scalar(
+        lambda t: motion(t)[0], bounds=(0.2 * PERIOD, 0.8 * PERIOD), method="bounded", options={"xatol": 1e-9}
+    )
+    near = cf.closest_approach(path, ORBIT.coast(ZERO, PERIOD), zone)
+    assert dip.fun < 0.0
+    assert near.ratio == pytest.approx(dip.fun / 10.0, rel=1e-9)
+    assert near.time == pytest.approx(dip.x, abs=1e-2)
+
+
+def test_the_last_possible_conflict_with_an_open_zone_is_never():
+    behind = ORBIT.coast([2.0, -1000.0, 0, 0, -3.3e-3, 0], 100.0)
+    assert cf.last_possible_conflict(behind, ORBIT.coast(ZERO, 100.0), WEDGE) == np.inf
+    cylinder = cf.Cylinder(20.0, 40.0, [0.0, 1.0, 0.0])
+    box = cf.Box([20.0, 40.0, 20.0])
+    assert cf.last_possible_conflict(behind, ORBIT.coast(ZERO, 100.0), cylinder) == pytest.approx(
+        cf.last_possible_conflict(behind, ORBIT.coast(ZERO, 100.0), box)
+    )
+
+
+# --- zones of pairs ---------------------------------------------------------------------------
+
+
+def test_screen_searches_a_one_sided_zone_both_ways():
+    rng = np.random.Generator(np.random.Philox(8))
+    states = rng.normal(size=(12, 6)) * np.repeat([60.0, 60.0 * N], 3)
+    states[:, 4] = -2 * N * states[:, 0]
+    paths = ORBIT.coast(states, PERIOD)
+    zone = cf.HalfSpaces([*BODY.faces], 1.0 / np.linalg.norm(BODY.faces, axis=1)).enlarged(15.0)
+    found = cf.screen(paths, zone)
+    rows = [
+        (i, j, stay.start, stay.end)
+        for i in range(12)
+        for j in range(12)
+        if i != j
+        for stay in cf.find_conflicts(paths[i], paths[j], zone)
+    ]
+    np.testing.assert_array_equal(np.column_stack([found.pairs, found.start, found.end]), rows)
+    assert {i < j for i, j in found.pairs.tolist()} == {True, False}
+
+
+KINDS = [cf.Sphere(20.0), cf.Box([30.0, 45.0, 30.0]), None, cf.Sphere(70.0), WEDGE.enlarged(3.0)]
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.lists(st.sampled_from([0, 1, 2, 3]), max_size=9), st.data())
+def test_zones_of_pairs_are_those_of_each_pair(chosen, data):
+    moves = data.draw(st.lists(st.booleans(), min_size=len(chosen), max_size=len(chosen)))
+    zones = [KINDS[k] for k in chosen]
+    kept = cf.PairZones.of(zones, moves=moves)
+    assert len(kept) == len(zones)
+    grouped = {tuple(pair): zone for zone, pairs in kept.groups() for pair in pairs.tolist()}
+    for i in range(len(zones)):
+        for j in range(i + 1, len(zones)):
+            rivals = [zone for zone in (zones[i], zones[j]) if zone is not None]
+            wanted = max(
+                rivals, key=lambda zone: zone.extents[0], default=None
+            )  # these hold each other by size
+            if not (moves[i] or moves[j]):
+                wanted = None
+            assert kept.between(i, j) is wanted
+            assert kept.between(j, i) is wanted
+            assert grouped.pop((i, j), None) is wanted
+    assert not grouped
+    for i in range(len(zones)):
+        assert kept.around(i) == tuple(kept.between(i, j) for j in range(len(zones)) if j != i)
+
+
+def test_a_one_sided_zone_turns_with_the_order_of_its_pair():
+    """Around the station, whichever number it has: its visitor may not come ahead of the plane."""
+    station, small = cf.HalfSpaces([[0.0, 1.0, 0.0]], [50.0]), cf.Sphere(5.0)
+    behind = np.array([0.0, -80.0, 0.0])  # of the visitor from the station
+    assert station.norm(behind) < 1 < station.norm(-behind)
+    for zones, visitor, host in (([station, small], 1, 0), ([small, station], 0, 1)):
+        kept = cf.PairZones.of(zones)
+        assert kept.between(visitor, host).norm(behind) == station.norm(behind)
+        assert kept.between(host, visitor).norm(-behind) == station.norm(behind)
+        ((zone, pairs),) = kept.groups()
+        assert pairs.tolist() == [[0, 1]]
+        places = np.zeros((2, 3))
+        places[visitor] = behind
+        assert zone.norm(places[0] - places[1]) == station.norm(behind)
+
+
+def test_two_one_sided_zones_do_not_hold_each_other():
+    with pytest.raises(ValueError, match="A and B: neither zone holds the other"):
+        cf.PairZones.of([WEDGE, WEDGE], ["A", "B"])
+    assert cf.PairZones.of([WEDGE, WEDGE], moves=[False, False]).between(0, 1) is None
+
+
+def test_screening_goes_by_the_zones_of_pairs():
+    rng = np.random.Generator(np.random.Philox(9))
+    states = rng.normal(size=(15, 6)) * np.repeat([60.0, 60.0 * N], 3)
+    states[:, 4] = -2 * N * states[:, 0]
+    paths = ORBIT.coast(states, PERIOD)
+    kept = cf.PairZones.of([KINDS[k % 4] for k in range(15)], moves=[k % 3 > 0 for k in range(15)])
+    found = cf.screen(paths, kept)
+    rows = [
+        (i, j, stay.start, stay.end, stay.ratio)
+        for i in range(15)
+        for j in range(i + 1, 15)
+        if kept.between(i, j) is not None
+        for stay in cf.find_conflicts(paths[i], paths[j], kept.between(i, j))
+    ]
+    assert len(rows) > 30
+    np.testing.assert_array_equal(np.column_stack([found.pairs, found.start, found.end, found.ratio]), rows)
+    with pytest.raises(ValueError, match="zone: zones of 15 craft for 3 paths"):
+        cf.screen(paths[:3], kept)
+
+
+def test_obstacles_of_any_zones_are_no_reason_to_refuse():
+    """A cigar and a disc that coast side by side never give way to each other."""
+    states = np.array([[0, 300.0, 0, 0, 0, 0], [0, 600.0, 0, 0, 0, 0]])
+    cigar, disc, ball = cf.Ellipsoid([5.0, 50.0, 5.0]), cf.Ellipsoid([50.0, 5.0, 50.0]), cf.Sphere(60.0)
+    plan = cf.reconfigure(
+        ORBIT, [[0, 0, 0, 0, 0, 0]], [[0, 10.0, 0, 0, 0, 0]], 1000.0, [ball, cigar, disc],
+        obstacles=ORBIT.coast(states, 1000.0),
+    )  # fmt: skip
+    assert plan.ok
+
+
+BAD = {
+    "no length": (lambda: cf.Cylinder(1.0, 0.0), "half_length: must be positive and finite, got 0"),
+    "no radius": (lambda: cf.Cylinder(np.inf, 1.0), "radius: must be positive and finite, got inf"),
+    "no axis": (lambda: cf.Cylinder(1.0, 2.0, [0, 0, 0]), "axis: must be finite and not zero"),
+    "plane": (lambda: cf.Cylinder(1.0, 2.0, [1, 0]), r"axis: expected shape \(3,\), got \(2,\)"),
+    "flat": (lambda: cf.HalfSpaces([1, 0, 0], [1.0]), r"normals: expected shape \(F, 3\)"),
+    "none": (lambda: cf.HalfSpaces(np.empty((0, 3)), []), r"normals: expected shape \(F, 3\)"),
+    "zero": (
+        lambda: cf.HalfSpaces([[1, 0, 0], [0, 0, 0]], [1.0, 1.0]),
+        "normals: must be finite and not zero",
+    ),
+    "nan": (lambda: cf.HalfSpaces([[1, 0, np.nan]], [1.0]), "normals: must be finite and not zero"),
+    "touching": (lambda: cf.HalfSpaces([[1, 0, 0]], [0.0]), "offsets: must be positive and finite, got"),
+    "one more": (
+        lambda: cf.HalfSpaces([[1, 0, 0]], [1.0, 2.0]),
+        r"offsets: expected shape \(1,\), got \(2,\)",
+    ),
+    "direction": (lambda: WEDGE.support([1.0, 0.0]), r"direction: expected shape \(..., 3\)"),
+    "gather": (
+        lambda: cf.gather(cf.Search.basic(cf.Sensor(1.2), 0.004, 0.4), np.eye(3), np.eye(3), keep_out=WEDGE),
+        "keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a HalfSpaces",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_named(case):
+    call, message = BAD[case]
+    with pytest.raises(ValueError, match=message):
+        call()
