@@ -3,10 +3,11 @@
     python tools/certify.py --pairs 100000 --grazing 10000 [--seed 1]
 
 Every pair is flown twice: by the package, and by an integrator that shares nothing with it
-(tests/truth.py). Orbit heights 200 to 40 000 km and deep space, eight shapes of zone, seven kinds
-of path, durations from seconds to ten orbits. A grazing pair has its zone scaled so that one
-extremum of its norm lies within 1 % of the surface, down to 1e-10. Exit status 1 if a conflict is
-missed, false, off the surface at an end, or if a least ratio is wrong.
+(tests/truth.py). It is searched twice: all over, and where tracks do not exclude it, as `screen`
+does. Orbit heights 200 to 40 000 km and deep space, eight shapes of zone, seven kinds of path,
+durations from seconds to ten orbits. A grazing pair has its zone scaled so that one extremum of
+its norm lies within 1 % of the surface, down to 1e-10. Exit status 1 if a conflict is missed,
+false, off the surface at an end, if a least ratio is wrong, or if tracks change what is found.
 """
 
 import argparse
@@ -20,11 +21,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
 import closeform as cf
+from closeform.conflicts.all_pairs import search_pairs
+from closeform.conflicts.tracks import follow
 from pairs import draw, graze
 from truth import faults
 
 BATCH = 25  # pairs of one orbit, duration and kinds of path
-KINDS_OF_FAULT = ("missed", "false", "surface", "ratio", "approach")
+KINDS_OF_FAULT = ("missed", "false", "surface", "ratio", "approach", "tracks")
+ENOUGH = 1_000_000  # pairs for which craft would be followed
 
 
 def judge(batch, tally, seconds):
@@ -32,9 +36,13 @@ def judge(batch, tally, seconds):
     begun = time.perf_counter()
     extrema = batch.relative.extrema()
     searching = time.perf_counter()
-    found, near = [], []
+    found, near, tracked = [], [], []
+    one = np.zeros(1, dtype=np.int64)
     for path, other, zone in zip(batch.path, batch.other, batch.zones, strict=True):
         found.append([(c.start, c.end, c.time, c.ratio) for c in cf.find_conflicts(path, other, zone)])
+        bodies = path.arcs, path.offsets, other.arcs, other.offsets
+        tracks = follow(*bodies, (zone,), ENOUGH)[zone]
+        tracked.append(search_pairs(*bodies, zone, one, one, tracks)[1].tolist())
         near.append(cf.closest_approach(path, other, zone))
     ended = time.perf_counter()
     words = faults(batch.relative, extrema, found)
@@ -46,6 +54,9 @@ def judge(batch, tally, seconds):
         slack = 1e-9 * abs(least) + 1e-12 + batch.relative.rounding[pair]
         if approach.ratio > least + slack or abs(approach.ratio - attained[pair]) > slack:
             words[pair].append(f"approach: {approach.ratio!r}, sampled {least!r}, there {attained[pair]!r}")
+    for pair, rows in enumerate(tracked):
+        if rows != [list(stay) for stay in found[pair]]:
+            words[pair].append(f"tracks: {rows!r}, without {found[pair]!r}")
     tally["pairs"] += len(found)
     tally["in conflict"] += sum(map(bool, found))
     tally["stays"] += sum(map(len, found))
