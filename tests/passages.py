@@ -52,10 +52,10 @@ class Passage:
         pairs = enumerate(zip(self.obstacles, self.zones, strict=True))
         return [k for k, (other, zone) in pairs if cf.find_conflicts(path, other, zone)]
 
-    def least_ratio(self, path):
-        """Least norm of `path` in the zone of any obstacle."""
+    def ratios(self, path):
+        """Least norm of `path` in the zone of each obstacle (M,)."""
         pairs = zip(self.obstacles, self.zones, strict=True)
-        return min(cf.closest_approach(path, other, zone).ratio for other, zone in pairs)
+        return np.array([cf.closest_approach(path, other, zone).ratio for other, zone in pairs])
 
     def end_ratio(self):
         """Least norm of either end of the path in the zone of any obstacle."""

@@ -10,10 +10,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+import passages as drawn_passages
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from cases import MEAN_MOTION, PERIOD, ZONE, cluster, lost_craft, lost_pairs, passages
-from peers import boresight_scan, convex, mixed_integer, sampling, zero_crossings
+from peers import boresight_scan, convex, exchange, mixed_integer, sampling, zero_crossings
 from peers.motion import held, natural, position, state, states_of, transfer
 from turns import Turning, margin, turns
 
@@ -159,6 +160,29 @@ def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
         assert ZONES[True].norm(at[:3] - place(np.array([t]))[0]) > 1 - 1e-5  # HiGHS's feasibility
     assert found.optimal
     assert found.fuel >= found.delta_v * (1 - 1e-12)  # the sum over axes is never below the length
+
+
+@pytest.mark.parametrize(("group", "seed"), [("one ellipsoid", 2), ("one box", 5), ("tilted", 3)])
+def test_exchanged_planes_lead_to_a_clear_path_as_cheap_as_any_planner_found(group, seed):
+    case = drawn_passages.passage(group, seed)
+    zones = [zone.matrix for zone in case.zones], [zone.box for zone in case.zones]
+    n, places = case.orbit.mean_motion, case.obstacles.position
+    task = exchange.Exchange(case.initial, case.final, case.duration, n, places, *zones)
+    times = np.linspace(0, 1, 1001)
+    unit, free = task.unit, np.zeros(task.free.shape[-1])
+    # a hundred linear pieces of thrust follow the optimum's to some 1e-7 of the way
+    np.testing.assert_allclose(
+        (task.states(free, times) * unit)[:, :3], case.path.position(case.duration * times), atol=1e-4
+    )
+    found = task.solve(seed)[0]
+    path = task.states(found.steer, times) * unit
+    np.testing.assert_allclose(path[[0, -1], :3], [case.initial[:3], case.final[:3]], atol=1e-6)
+    for zone, other in zip(case.zones, places(case.duration * times), strict=True):
+        assert zone.norm(path[:, :3] - other).min() >= 1 - 1e-5
+    single = cf.avoid(case.path, case.obstacles, case.zones)
+    assert found.extra <= 1.001 * single.extra_energy
+    if single.proven:
+        assert found.extra >= (1 - 1e-5) * single.extra_energy
 
 
 # ---- first locks

@@ -1,12 +1,18 @@
 """Energies that the planners reach on fixed cases, so that a change of a planner can be held against them.
 
     python tools/plan_energies.py [--to FILE]
+    python tools/plan_energies.py --outside [--to FILE]
 
 Plans every passage of tests/passages.py with `avoid` and with `reconfigure`, its crowds and the random
 formations of tests/formations.py with `reconfigure`, and writes tests/data/plan_energies.json, one line
-a case.  It takes some minutes.  Of each plan: energy [m^2/s^3]; `extra`, the energy beyond the direct
+a case.  It takes a minute or two.  Of each plan: energy [m^2/s^3]; `extra`, the energy beyond the direct
 optimum; whether that is proven least; contacts; seconds, which depend on the machine.  A plan counts
 if no two in it come closer than their zone; else its energy is null, and the reason is given.
+
+--outside adds to the file what benchmarks/peers/exchange.py reaches from many starts on the first hundred
+passages of each group, in half an hour: `extra` of its path, rebuilt as optimal transfers from contact to
+contact and certified clear like the others.  It is an upper bound on the least extra energy that owes
+nothing to the planners.  `best` is the least that any of the three found.
 """
 
 import argparse
@@ -21,16 +27,22 @@ from time import perf_counter
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy: small matrices
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import numpy as np
 
 import closeform as cf
 from formations import CASES, random_case
 from passages import GROUPS, crowds, passages
+from peers.exchange import Exchange
 
 FILE = Path(__file__).resolve().parents[1] / "tests" / "data" / "plan_energies.json"
 CLEAR = 1.0 - 1e-12  # least ratio of a clear path
 DIGITS = 12
+INFLATIONS = 20  # of zones, until the outside path is clear between its contacts too
+OUTWARD = 1e-9  # at first
+OUTSIDE = 100  # passages of each group that the outside optimiser looks at: the first, whatever they are
+PLANNERS = "avoid", "reconfigure", "outside"
 
 
 def one_craft(passage):
@@ -51,7 +63,7 @@ def one_craft(passage):
         )
     except ValueError as error:
         return line | {"reconfigure": nothing(str(error))}
-    ratio = passage.least_ratio(plan.paths[0]) if plan.ok else np.nan
+    ratio = float(passage.ratios(plan.paths[0]).min()) if plan.ok else np.nan
     return line | {"reconfigure": plan_found(plan, ratio, spent)}
 
 
@@ -66,7 +78,7 @@ def many_craft(task):
 def single_found(passage, answer, spent):
     if not answer.ok:
         return nothing(answer.reason, spent)
-    ratio = passage.least_ratio(answer.path)
+    ratio = float(passage.ratios(answer.path).min())
     return found(answer, answer.extra_energy, len(answer.contacts), ratio, spent)
 
 
@@ -109,6 +121,52 @@ def least_ratio(task, paths):
     )
 
 
+def outside(passage, seed):
+    """What an optimiser that shares nothing with the planners makes of a passage."""
+    begin = perf_counter()
+    task = Exchange(
+        passage.initial,
+        passage.final,
+        passage.duration,
+        passage.orbit.mean_motion,
+        passage.obstacles.position,
+        [zone.matrix for zone in passage.zones],
+        [zone.box for zone in passage.zones],
+    )
+    paths = (rebuilt(passage, task, path) for path in task.solve(seed))
+    path = next((path for path in paths if path is not None), None)
+    if path is None:
+        return nothing("no start led to a clear path", perf_counter() - begin)
+    extra = path.energy - passage.path.energy
+    return {"extra": shortened(extra), "seconds": shortened(perf_counter() - begin, 3)}
+
+
+def rebuilt(passage, task, path):
+    """An outside path as optimal transfers from contact to contact, certified clear; None where it is not."""
+    factors = np.ones(len(passage.zones))
+    for k in range(INFLATIONS):
+        times = np.concatenate([[0.0], path.times, [passage.duration]])
+        states = np.stack([passage.initial, *path.states, passage.final])
+        chain = cf.join(
+            passage.orbit.transfer(states[i], states[i + 1], times[i + 1] - times[i], times[i])
+            for i in range(len(times) - 1)
+        )
+        ratios = passage.ratios(chain)
+        if ratios.min() >= CLEAR and not passage.conflicts(chain):
+            return chain
+        factors *= np.where(ratios < 1.0 + OUTWARD, (1.0 + OUTWARD * 2.0**k) / ratios, 1.0)
+        path = task.inflated(path, factors)
+        if path is None:
+            return None
+    return None
+
+
+def best(line):
+    """The least extra energy that was found."""
+    found = [line[who]["extra"] for who in PLANNERS if line.get(who, {}).get("extra") is not None]
+    return min(found, default=None)
+
+
 def timed(call, *arguments, **named):
     begin = perf_counter()
     return call(*arguments, **named), perf_counter() - begin
@@ -140,10 +198,50 @@ def groups():
     yield "random formations", [(task.name, task) for task in map(random_case, range(CASES))], many_craft
 
 
-def written(head, tables):
+def planned(known):
+    """All tables anew; what the outside optimiser found is kept."""
+    tables = {}
+    one_craft(passages("one ellipsoid")[0])  # kernels are loaded before anything is timed
+    for group, cases, planner in groups():
+        begin, tables[group] = perf_counter(), {}
+        for k, (name, case) in enumerate(cases, 1):
+            line = tables[group][name] = planner(case)
+            failed = "; ".join(
+                f"{who}: {line[who]['reason']}" for who in PLANNERS if "reason" in line.get(who, {})
+            )
+            old = known.get(group, {}).get(name, {})
+            if "outside" in old:
+                line["outside"] = old["outside"]
+            if group in GROUPS:
+                line["best"] = best(line)
+            if failed or k % 20 == 0 or k == len(cases):
+                print(f"{group}: {k} of {len(cases)}, {perf_counter() - begin:.1f} s. {failed}", flush=True)
+    return {"made": made()} | tables
+
+
+def compared(known):
+    """The known tables with what the outside optimiser finds, after every group."""
+    for group in sorted(GROUPS, key=lambda group: "ellipsoid" in group):  # boxes first
+        begin = perf_counter()
+        for seed, passage in enumerate(passages(group)[:OUTSIDE]):
+            line = known[group][passage.name]
+            before = best({who: line[who] for who in PLANNERS[:2]})
+            line["outside"] = outside(passage, seed)
+            line["best"] = best(line)
+            extra = line["outside"].get("extra")
+            ratio = extra / before if extra is not None and before else np.nan
+            words = f"{ratio:.6f} of the planners' least extra energy"
+            print(f"{passage.name}: {words}, {perf_counter() - begin:.0f} s", flush=True)
+        yield known
+
+
+def written(tables):
     """JSON with one line a case."""
-    parts = [f'"made": {json.dumps(head, ensure_ascii=False)}']
+    parts = []
     for group, lines in tables.items():
+        if group == "made":
+            parts.append(f'"made": {json.dumps(lines, ensure_ascii=False)}')
+            continue
         rows = [f"{json.dumps(name)}: {json.dumps(line, ensure_ascii=False)}" for name, line in lines.items()]
         parts.append(f"{json.dumps(group)}: {{\n" + ",\n".join(rows) + "\n}")
     return "{\n" + ",\n".join(parts) + "\n}\n"
@@ -151,20 +249,12 @@ def written(head, tables):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--outside", action="store_true", help="add what the outside optimiser finds")
     parser.add_argument("--to", type=Path, default=FILE, help="the file to write")
     options = parser.parse_args()
-    head, tables = made(), {}
-    one_craft(passages("one ellipsoid")[0])  # kernels are loaded before anything is timed
-    for group, cases, planned in groups():
-        begin, tables[group] = perf_counter(), {}
-        for k, (name, case) in enumerate(cases, 1):
-            line = tables[group][name] = planned(case)
-            planners = {who: said for who, said in line.items() if who != "direct"}
-            failed = "; ".join(f"{who}: {it['reason']}" for who, it in planners.items() if "reason" in it)
-            if failed or k % 20 == 0 or k == len(cases):
-                print(f"{group}: {k} of {len(cases)}, {perf_counter() - begin:.1f} s. {failed}", flush=True)
-    options.to.parent.mkdir(exist_ok=True)
-    options.to.write_text(written(head, tables), encoding="utf-8")
+    known = json.loads(options.to.read_text(encoding="utf-8")) if options.to.exists() else {}
+    for tables in compared(known) if options.outside else [planned(known)]:
+        options.to.write_text(written(tables), encoding="utf-8")
 
 
 if __name__ == "__main__":
