@@ -20,9 +20,10 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     )
     problem = Problem.of(stack([optimum]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
     search = Search(problem, MARGINS[0])
-    if problem.inside_at_end(problem.direct) or not problem.conflicts(problem.direct):
+    conflicts = problem.conflicts(problem.direct)
+    if problem.inside_at_end(problem.direct) or not conflicts:
         return []
-    search.push_exits()
+    search.push_exits(*min(conflicts, key=lambda one: one[1][3]))
     found: list[Solution] = []
     for _, _, start in sorted(search.queue):
         solution = search.solver.solve(start, nearer(problem))

@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.planning.local import BLOCKED, OPTIMAL, Sides, solve_local
+from closeform.planning.local import BLOCKED, OPTIMAL, Sides, Workspace, solve_local
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.qp import is_definite
 from closeform.planning.scene import Contacts, Scene
@@ -15,7 +15,7 @@ from closeform.zones.shapes import BALL
 
 POWER = 8.0  # of the norm that stands in for a zone with edges while its side is chosen
 FINER = 3  # times that the march may find what samples missed
-ROOM = 64, 24  # contacts, and for each craft
+ROOM = 8, 24  # contacts, and for each craft
 LARGE = 150  # contacts beyond which convexity is not examined
 PROVEN = 1e-9  # tolerance of the proof
 
@@ -55,6 +55,7 @@ class LocalSolver:
         self.problem = problem
         self.margin = margin
         self.scene = self.aimed(problem.seen, inf)
+        self._workspace: Workspace | None = None
 
     def aimed(self, scene: Scene, power: float) -> Scene:
         """The scene at this margin, its edges rounded; rounded zones hold their edges."""
@@ -70,11 +71,20 @@ class LocalSolver:
         blunt = self.relaxed(self.aimed(self.scene, POWER), start, sides, inf)
         return self.certified(self.relaxed(self.scene, blunt.contacts, sides, bar), bar)
 
+    def workspace(self, scene: Scene, count: int) -> Workspace:
+        """Room for as many contacts and more, used again and again."""
+        room, samples = self._workspace, len(scene.times)
+        if room is None or room.states.shape[1] != samples or len(room.gaps) < 2 * count:
+            room = Workspace.of(scene, ROOM[0] + ROOM[1] * self.problem.count + 2 * count)
+            self._workspace = room
+        return room
+
     def relaxed(self, scene: Scene, start: Contacts, sides: Sides, bar: float) -> Solution:
         """What the local solver comes to."""
-        room = ROOM[0] + ROOM[1] * self.problem.count + start.number
+        workspace = self.workspace(scene, start.number)
+        room = len(workspace.gaps)
         contacts, best = start.joined(Contacts.none(room - start.number)), Contacts.none(room)
-        ended, count, energy = solve_local(scene, sides, contacts, start.number, bar, best)
+        ended, count, energy = solve_local(scene, sides, contacts, start.number, bar, best, workspace)
         kept = best.some(slice(0, count))
         return Solution(self.problem, kept, energy, ended != BLOCKED, ended == OPTIMAL)
 

@@ -9,19 +9,19 @@ are raised by the little that is missing.  The cheapest clear solution is never 
 """
 
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float64, int64, types
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform.compiled import borrowed, kernel
 from closeform.planning.approaches import find_minima, sample_craft, slide, spread
 from closeform.planning.deflection import deflect, fill_factors, fill_gram, relative_motion
 from closeform.planning.optimality import newton
 from closeform.planning.qp import solve_qp
 from closeform.planning.rounding import gradient, rounded_norm
-from closeform.planning.scene import CONTACTS, ROWS, SCENE, Contacts
+from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, NUMBERS, ROWS, SCENE, Contacts, Scene
 
 ROUNDS, HOPELESS = 60, 15  # rounds, and those without getting nearer to clear that are waited for
 SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
@@ -58,7 +58,53 @@ class Samples(NamedTuple):
     speeds: Floats
 
 
+class Workspace(NamedTuple):
+    """Room for one problem's local solver: its samples, K contacts, their compliance and paths."""
+
+    states: Floats
+    places: Floats
+    speeds: Floats
+    slid: Contacts
+    following: Contacts
+    trial: Contacts
+    factors: Floats
+    gram: Floats
+    work: Floats
+    gaps: Floats
+    found: Floats
+    arcs: Floats
+    offsets: Any
+
+    @classmethod
+    def of(cls, scene: Scene, count: int) -> "Workspace":
+        """For as many contacts."""
+        bodies, samples, craft = len(scene.states), len(scene.times), len(scene.base)
+        return cls(
+            np.empty((bodies, samples, 6)),
+            np.empty((bodies, 3, samples)),
+            np.empty(bodies),
+            Contacts.none(count),
+            Contacts.none(count),
+            Contacts.none(count),
+            np.empty((count, 2, 4, 3, 6)),
+            np.empty((count, count)),
+            np.empty((count, count)),
+            np.empty(count),
+            np.empty((count, 3)),
+            np.empty((3 * craft + 2 * count, scene.base.shape[1])),
+            np.empty(craft + 1, dtype=np.int64),
+        )
+
+
 SIDES = types.NamedTuple((ROWS, float64, types.boolean), Sides)
+FACTORS = float64[:, :, :, :, ::1]
+WORKSPACE = types.NamedTuple(
+    (
+        *(BLOCKS, BLOCKS, NUMBERS, CONTACTS, CONTACTS, CONTACTS, FACTORS),
+        *(ROWS, ROWS, NUMBERS, ROWS, ROWS, INDICES),
+    ),
+    Workspace,
+)
 
 
 @kernel()
@@ -281,35 +327,66 @@ def copy_contacts(source, count, target):
 
 
 @kernel()
-def spare(room):
-    """Room for contacts."""
-    return Contacts(np.empty(room, dtype=np.int64), np.empty(room), np.empty((room, 3)), np.empty(room))
+def lend(scene):
+    """The same scene, its arrays not counted while they are passed around (see `borrowed`)."""
+    return Scene(
+        borrowed(scene.base),
+        borrowed(scene.inverses),
+        borrowed(scene.direct),
+        borrowed(scene.direct_offsets),
+        borrowed(scene.others),
+        borrowed(scene.other_offsets),
+        borrowed(scene.pairs),
+        borrowed(scene.kinds),
+        borrowed(scene.windows),
+        borrowed(scene.presence),
+        borrowed(scene.shapes),
+        borrowed(scene.matrices),
+        borrowed(scene.faces),
+        borrowed(scene.face_offsets),
+        borrowed(scene.radii),
+        borrowed(scene.powers),
+        borrowed(scene.aims),
+        borrowed(scene.times),
+        borrowed(scene.states),
+        borrowed(scene.span),
+    )
 
 
 @kernel()
-def sampled(scene):
-    """Samples of all bodies, those of the obstacles filled in."""
-    bodies, count = scene.states.shape[0], len(scene.times)
-    samples = Samples(scene.states.copy(), np.empty((bodies, 3, count)), np.empty(bodies))
-    for body in range(bodies):
-        samples.speeds[body] = spread(scene.states[body], samples.places[body])
-    return samples
+def lend_contacts(contacts):
+    """The same contacts, their arrays not counted while they are passed around."""
+    return Contacts(
+        borrowed(contacts.which),
+        borrowed(contacts.times),
+        borrowed(contacts.normals),
+        borrowed(contacts.multipliers),
+    )
 
 
-@kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, CONTACTS, int64, float64, CONTACTS))
-def solve_local(scene, sides, contacts, count, bar, best):
+@kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, CONTACTS, int64, float64, CONTACTS, WORKSPACE))
+def solve_local(scene, sides, contacts, count, bar, best, room):
     """Relax the first `count` contacts, and those that turn up: (how it ended, how many contacts, energy).
 
     `best` is filled with the contacts of the cheapest clear solution; BLOCKED: with those it came to.
     Given up where it costs well above `bar` when nearly clear.  `contacts` has room for more, and is spoilt.
     """
-    room = len(contacts.times)
-    samples, slid, following, trial = sampled(scene), spare(room), spare(room), spare(room)
-    factors, gram = np.empty((room, 2, 4, 3, 6)), np.empty((room, room))
-    work, gaps, found = np.empty((room, room)), np.empty(room), np.empty((room, 3))
-    arcs = np.empty((3 * len(scene.base) + 2 * room, scene.base.shape[1]))
-    offsets = np.empty(len(scene.base) + 1, dtype=np.int64)
+    scene, best, contacts = lend(scene), lend_contacts(best), lend_contacts(contacts)
+    samples = Samples(borrowed(room.states), borrowed(room.places), borrowed(room.speeds))
+    slid, following, trial = (
+        lend_contacts(room.slid),
+        lend_contacts(room.following),
+        lend_contacts(room.trial),
+    )
+    factors, gram, work = borrowed(room.factors), borrowed(room.gram), borrowed(room.work)
+    gaps, found = borrowed(room.gaps), borrowed(room.found)
+    arcs, offsets = borrowed(room.arcs), borrowed(room.offsets)
     paths = arcs, offsets
+    for body in range(len(scene.base), len(scene.states)):
+        samples.speeds[body] = spread(scene.states[body], samples.places[body])
+        for k in range(len(scene.times)):
+            for i in range(6):
+                samples.states[body, k, i] = scene.states[body, k, i]
     kept, least_energy = 0, inf
     before, close, least, latest = inf, CLOSE, inf, 0
     for turn in range(ROUNDS):

@@ -7,6 +7,7 @@ from math import inf
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.planning.certify import LocalSolver, Solution, shifted
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
@@ -22,6 +23,7 @@ PATIENCE = {
 }  # candidates without a better one, of few pairs and of many
 MORE = 24  # candidates beside them where none of the first is clear
 SHALLOW = 0.3  # of the zone, by which a contact must push for its other side to be tried, of many
+HOPELESS = 2.5  # times the best energy, beyond which a start that may cost so much is not looked at
 SIMILAR = 1e-7  # share of its energy by which a solution must be better to count as such
 ANOTHER = 0.9  # cosine of the angle between two normals below which they are different sides
 
@@ -58,14 +60,22 @@ class Search:
         self.seen: list[Solution] = []
         self.queue: list[tuple[float, int, Contacts]] = []
         self.pushed = 0
+        self.alone = False  # one conflict: every way out of it is looked at
+        self.first: Solution | None = None
 
     def run(self) -> Found:
         """Examine candidates until one is proven, none is left, or the budget is over."""
-        root = self.examine(Contacts.none(), 0, DEEP, SHIFT)
-        pairs = len(np.unique(root.contacts.which))
-        few = pairs <= FEW
-        if few:
-            self.push_exits()
+        conflicts = self.problem.conflicts(self.problem.direct, self.solver.margin)
+        self.alone = len(conflicts) == 1
+        if self.alone:
+            self.push_exits(*conflicts[0])
+            pairs, few = 1, True
+        else:
+            root = self.examine(Contacts.none(), 0, DEEP, SHIFT)
+            pairs = len(np.unique(root.contacts.which))
+            few = pairs <= FEW
+            if few and conflicts:
+                self.push_exits(*min(conflicts, key=lambda one: one[1][3]))
         patience = inf if self.budget or self.more else PATIENCE[few]
         budget = self.budget or next((number for most, number in BUDGETS if pairs <= most), 1)
         budget += MORE if self.more else 0
@@ -75,13 +85,17 @@ class Search:
                 break
             before = self.best
             if self.queue:
-                self.examine(heapq.heappop(self.queue)[2], 0, DEEP, SHIFT)
+                cost, _, start = heapq.heappop(self.queue)
+                if self.best is not None and cost > HOPELESS * self.best.energy and not self.more:
+                    self.queue.clear()
+                    continue
+                self.examine(start, 0, DEEP, SHIFT)
             elif few and self.best is not None:
                 break
             else:
                 self.examine(Contacts.none(), self.tried, 1.0, FAR)
             improved = improved if self.best is before else self.tried
-        best = self.best if self.best is not None else root
+        best = self.best or self.first or self.examine(Contacts.none(), 0, DEEP, SHIFT)
         exhausted = few and not self.queue and self.best is not None
         return Found(best, self.solver.margin, self.proven, self.tried, exhausted)
 
@@ -90,12 +104,13 @@ class Search:
         bar = self.best.energy if self.best is not None else inf
         solution = self.solver.solve(start, shifted(self.problem, seed, depth, size), bar)
         self.tried += 1
+        self.first = self.first or solution
         if solution.clear and not any(solution.same(other) for other in self.seen):
             self.seen.append(solution)
             if solution.energy < bar * (1.0 - SIMILAR) or self.best is None:
                 self.best = solution
                 self.proven = self.solver.proven(solution)
-                if not self.proven:
+                if not self.proven and not (self.alone and solution.contacts.number == 1):
                     self.push_turns(solution)
         return solution
 
@@ -104,13 +119,9 @@ class Search:
         self.pushed += 1
         heapq.heappush(self.queue, (cost, self.pushed, start))
 
-    def push_exits(self) -> None:
-        """Every way out of the deepest conflict of the unconstrained paths."""
-        found = self.problem.conflicts(self.problem.direct, self.solver.margin)
-        if not found:
-            return
-        pair, row = min(found, key=lambda one: one[1][3])
-        contact = self.clipped(self.problem.at(pair, row[2]))
+    def push_exits(self, pair: tuple[int, int], conflict: Floats) -> None:
+        """Every way out of a conflict of the unconstrained paths."""
+        contact = self.clipped(self.problem.at(pair, conflict[2]))
         for cost, normal in self.ways_out(contact, self.problem.motions(self.problem.direct, contact)[0]):
             self.push(cost, contact._replace(normals=normal[None], multipliers=np.ones(1)))
 
