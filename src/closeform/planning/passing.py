@@ -4,6 +4,7 @@ import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -16,15 +17,14 @@ from closeform.planning.sides import exit_normals
 MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # zones are enlarged by: the least that is certified, then more
 DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are not the nearer ones; sizes of shifts
 FEW = 6  # pairs in contact, up to which every way out of a contact is looked at
-BUDGETS = ((FEW, 96), (12, 20), (30, 8), (80, 4), (200, 2))  # most candidates for so many pairs; else one
-PATIENCE = {
-    True: 24,
-    False: 4,
-}  # candidates without a better one, of few pairs and of many
+BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # most candidates for so many pairs; else one
+PATIENCE_FEW, PATIENCE_MANY = 60, 4  # candidates without a better one, after which the search ends
 MORE = 24  # candidates beside them where none of the first is clear
 SHALLOW = 0.3  # of the zone, by which a contact must push for its other side to be tried, of many
 HOPELESS = 2.5  # times the best energy, beyond which a start that may cost so much is not looked at
 SIMILAR = 1e-7  # share of its energy by which a solution must be better to count as such
+DRAWN = 4  # every so many candidates begin with sides that are drawn, to be led elsewhere
+ALIKE = 0.1  # of the window and of a normal, within which two starts are not both looked at
 ANOTHER = 0.9  # cosine of the angle between two normals below which they are different sides
 
 
@@ -59,7 +59,7 @@ class Search:
         self.proven = False
         self.seen: list[Solution] = []
         self.queue: list[tuple[float, int, Contacts]] = []
-        self.pushed = 0
+        self.starts: set[Any] = set()
         self.alone = False  # one conflict: every way out of it is looked at
         self.first: Solution | None = None
 
@@ -74,9 +74,9 @@ class Search:
             root = self.examine(Contacts.none(), 0, DEEP, SHIFT)
             pairs = len(np.unique(root.contacts.which))
             few = pairs <= FEW
-            if few and conflicts:
-                self.push_exits(*min(conflicts, key=lambda one: one[1][3]))
-        patience = inf if self.budget or self.more else PATIENCE[few]
+            for pair, conflict in conflicts if few else ():
+                self.push_exits(pair, conflict)
+        patience = inf if self.budget or self.more else (PATIENCE_FEW if few else PATIENCE_MANY)
         budget = self.budget or next((number for most, number in BUDGETS if pairs <= most), 1)
         budget += MORE if self.more else 0
         improved = self.tried
@@ -84,16 +84,16 @@ class Search:
             if self.best is not None and self.tried - improved >= patience:
                 break
             before = self.best
-            if self.queue:
+            if self.queue and (self.alone or self.tried % DRAWN):
                 cost, _, start = heapq.heappop(self.queue)
                 if self.best is not None and cost > HOPELESS * self.best.energy and not self.more:
                     self.queue.clear()
                     continue
                 self.examine(start, 0, DEEP, SHIFT)
-            elif few and self.best is not None:
+            elif self.best is not None and (self.alone or (few and not self.queue)):
                 break
             else:
-                self.examine(Contacts.none(), self.tried, 1.0, FAR)
+                self.examine(Contacts.none(), self.tried // DRAWN if few else self.tried, 1.0, FAR)
             improved = improved if self.best is before else self.tried
         best = self.best or self.first or self.examine(Contacts.none(), 0, DEEP, SHIFT)
         exhausted = few and not self.queue and self.best is not None
@@ -110,14 +110,19 @@ class Search:
             if solution.energy < bar * (1.0 - SIMILAR) or self.best is None:
                 self.best = solution
                 self.proven = self.solver.proven(solution)
-                if not self.proven and not (self.alone and solution.contacts.number == 1):
-                    self.push_turns(solution)
+            if not self.proven and not (self.alone and solution.contacts.number == 1):
+                self.push_turns(solution)
         return solution
 
     def push(self, cost: float, start: Contacts) -> None:
-        """Put a start in the queue; of equal costs the earlier goes first."""
-        self.pushed += 1
-        heapq.heappush(self.queue, (cost, self.pushed, start))
+        """Put a start in the queue that no other is like; of equal costs the earlier goes first."""
+        windows = self.problem.windows[0][start.which]
+        when = (start.times - windows[:, 0]) / (windows[:, 1] - windows[:, 0])
+        rows = np.column_stack([start.which, np.round(when / ALIKE), np.round(start.normals / ALIKE)])
+        like = tuple(sorted(map(tuple, rows.astype(int).tolist())))
+        if like not in self.starts:
+            self.starts.add(like)
+            heapq.heappush(self.queue, (cost, len(self.starts), start))
 
     def push_exits(self, pair: tuple[int, int], conflict: Floats) -> None:
         """Every way out of a conflict of the unconstrained paths."""
