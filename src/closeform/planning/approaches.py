@@ -4,7 +4,7 @@ Samples find the minima of every pair's norm, which are then followed to their l
 that is missed costs a round of planning, not safety: the march has the last word.
 """
 
-from math import inf, sqrt
+from math import inf, nan, sqrt
 
 import numpy as np
 from numba import void
@@ -15,10 +15,10 @@ from closeform.motion.march import locate
 from closeform.planning.deflection import relative_motion
 from closeform.planning.rounding import norm_rate, rounded_norm
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
-from closeform.zones.shapes import norm
+from closeform.zones.shapes import BALL, norm
 
 LEVEL = 1e-13  # slope times width, in zones, at which a minimum is known
-SLID = 1e-8  # of its window, to which a contact's time is known while contacts still move
+NEWTON, STRIDE = 8, 0.1  # steps to a minimum, and how long one may be, of the time that is searched
 ABSENT = 1e150  # coordinate of a body at a time when it is not there
 
 
@@ -127,9 +127,38 @@ def minimum_between(scene, arcs, offsets, which, a, b, falling, rising, fine, mo
 
 
 @kernel()
+def descend(scene, arcs, offsets, which, t, low, high, fine, motion):
+    """The time of a ball's locally least norm near t, within [low, high], by Newton's steps on its rate.
+
+    nan where they do not settle; fills the relative motion there.
+    """
+    for _ in range(NEWTON):
+        relative_motion(scene, arcs, offsets, which, t, motion)
+        square, slope, bend = 0.0, 0.0, 0.0
+        for i in range(3):
+            square += motion[0, i] * motion[0, i]
+            slope += motion[0, i] * motion[1, i]
+            bend += motion[1, i] * motion[1, i] + motion[0, i] * motion[2, i]
+        bend -= slope * slope / square  # of the norm, times the norm
+        if not bend > 0.0:
+            return nan
+        step = -slope / bend
+        if (t == low and step < 0.0) or (t == high and step > 0.0) or abs(step) <= fine:
+            return t
+        if abs(step) > STRIDE * (high - low):
+            return nan
+        t = min(max(t + step, low), high)
+    return nan
+
+
+@kernel()
 def slide(scene, arcs, offsets, which, t, fine, motion, work):
     """The time of the pair's locally least norm downhill from t, within the pair's window."""
     start, end = scene.windows[which, 0], scene.windows[which, 1]
+    if scene.shapes[scene.kinds[which]] == BALL:
+        settled = descend(scene, arcs, offsets, which, t, start, end, fine * (end - start), motion)
+        if settled == settled:
+            return settled
     here = rate_at(scene, arcs, offsets, which, t, motion, work)
     sign = -1.0 if here > 0.0 else 1.0
     step = 1e-3 * (end - start)
@@ -198,7 +227,13 @@ def find_minima(scene, arcs, offsets, states, places, speeds, found):
             start = max(times[max(k - 1, 0)], scene.presence[which, 0])
             end = min(times[min(k + 1, last)], scene.presence[which, 1])
             when = times[k]
-            if start < end:
+            settled = nan
+            if start < end and scene.shapes[kind] == BALL:
+                settled = descend(
+                    scene, arcs, offsets, which, when, start, end, 1e-12 * (end - start), motion
+                )
+                when = settled
+            if start < end and settled != settled:
                 falling = rate_at(scene, arcs, offsets, which, start, motion, work)
                 rising = rate_at(scene, arcs, offsets, which, end, motion, work)
                 when = start if falling >= 0.0 else end
