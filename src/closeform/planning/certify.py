@@ -13,11 +13,13 @@ from closeform.planning.qp import is_definite
 from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
-POWER = 8.0  # of the norm that stands in for a zone with edges while its side is chosen
+BLUNT = ((8.0, 2.0 ** (1.0 / 8.0)), (4.0, 1.0))  # powers of norms that stand in for edges at first; sizes
+SHARPER = 32.0, 512.0  # and after that, where the zones themselves are not reached at once
 FINER = 3  # times that the march may find what samples missed
 ROOM = 8, 24  # contacts, and for each craft
 LARGE = 150  # contacts beyond which convexity is not examined
 PROVEN = 1e-9  # tolerance of the proof
+AHEAD = np.array([1.0, 0.0, 0.0])  # a side like any other, where two craft meet
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,22 +56,34 @@ class LocalSolver:
     def __init__(self, problem: Problem, margin: float) -> None:
         self.problem = problem
         self.margin = margin
-        self.scene = self.aimed(problem.seen, inf)
+        self.scene = problem.seen
         self._workspace: Workspace | None = None
 
-    def aimed(self, scene: Scene, power: float) -> Scene:
-        """The scene at this margin, its edges rounded; rounded zones hold their edges."""
-        edged = scene.shapes != BALL
+    def aimed(self, power: float, rounding: float) -> Scene:
+        """The scene with its edges rounded by a power, to balls that are `rounding` times as large."""
+        edged = self.scene.shapes != BALL
         powers = np.where(edged, power, inf)
-        aims = np.where(edged, self.margin * 2.0 ** (1.0 / power), self.margin)
-        return scene._replace(powers=powers, aims=aims)
+        return self.scene._replace(powers=powers, aims=np.where(edged, self.margin * rounding, self.margin))
 
-    def solve(self, start: Contacts, sides: Sides, bar: float = inf) -> Solution:
-        """The cheapest certified solution that a start leads to; given up well above the energy `bar`."""
+    def solve(self, start: Contacts, sides: Sides, bar: float = inf, blunt: int = 0) -> Solution:
+        """The cheapest certified solution that a start leads to; given up well above the energy `bar`.
+
+        `blunt`: which of the roundings sides are chosen around, where zones have edges.
+        """
+        sharp = self.aimed(inf, 1.0)
         if self.problem.round:
-            return self.certified(self.relaxed(self.scene, start, sides, bar), bar)
-        blunt = self.relaxed(self.aimed(self.scene, POWER), start, sides, inf)
-        return self.certified(self.relaxed(self.scene, blunt.contacts, sides, bar), bar)
+            return self.certified(self.relaxed(sharp, start, sides, bar), bar)
+        rough = self.relaxed(self.aimed(*BLUNT[blunt]), start, sides, inf)
+        best = self.certified(self.relaxed(sharp, rough.contacts, sides, bar), bar)
+        for power in () if best.clear else SHARPER:  # balls that hold the zone, ever closer to it
+            finer = self.relaxed(self.aimed(power, 3.0 ** (1.0 / power)), rough.contacts, sides, inf)
+            rough = finer if finer.clear else rough
+            last = self.relaxed(sharp, rough.contacts, sides, inf)
+            for found in (last, finer):
+                if found.clear and found.energy < best.energy:
+                    found = self.certified(found, inf)
+                    best = found if found.energy < best.energy else best
+        return best
 
     def workspace(self, scene: Scene, count: int) -> Workspace:
         """Room for as many contacts and more, used again and again."""
@@ -100,13 +114,16 @@ class LocalSolver:
             start = solution.contacts
             for contact in more:
                 start = start.joined(self.nearest(solution.flown, contact))
-            solution = self.relaxed(self.scene, start, nearer(self.problem), bar)
+            solution = self.relaxed(self.aimed(inf, 1.0), start, nearer(self.problem), bar)
         return replace(solution, clear=False, energy=inf)
 
     def nearest(self, flown: Flown, contacts: Contacts) -> Contacts:
         """The contacts on the sides on which paths pass."""
         places = self.problem.motions(flown, contacts)[:, 0]
-        return contacts._replace(normals=places / np.linalg.norm(places, axis=1, keepdims=True))
+        sizes = np.linalg.norm(places, axis=1, keepdims=True)
+        return contacts._replace(
+            normals=np.where(sizes > 0.0, places, AHEAD) / np.where(sizes > 0.0, sizes, 1.0)
+        )
 
     def proven(self, solution: Solution) -> bool:
         """Whether no paths that are clear at the times of a solution's contacts can cost less.

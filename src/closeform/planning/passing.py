@@ -18,7 +18,7 @@ MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # zones are enlarged by: the least that is 
 DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are not the nearer ones; sizes of shifts
 FEW = 6  # pairs in contact, up to which every way out of a contact is looked at
 BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # most candidates for so many pairs; else one
-PATIENCE_FEW, PATIENCE_MANY = 60, 4  # candidates without a better one, after which the search ends
+PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 10, 4  # candidates without a better one: the search ends
 MORE = 24  # candidates beside them where none of the first is clear
 SHALLOW = 0.3  # of the zone, by which a contact must push for its other side to be tried, of many
 HOPELESS = 2.5  # times the best energy, beyond which a start that may cost so much is not looked at
@@ -76,7 +76,11 @@ class Search:
             few = pairs <= FEW
             for pair, conflict in conflicts if few else ():
                 self.push_exits(pair, conflict)
-        patience = inf if self.budget or self.more else (PATIENCE_FEW if few else PATIENCE_MANY)
+        patience = (
+            inf
+            if self.budget or self.more
+            else (PATIENCE_MANY if not few else PATIENCE_ONE if self.problem.count == 1 else PATIENCE_FEW)
+        )
         budget = self.budget or next((number for most, number in BUDGETS if pairs <= most), 1)
         budget += MORE if self.more else 0
         improved = self.tried
@@ -102,7 +106,8 @@ class Search:
     def examine(self, start: Contacts, seed: int, depth: float, size: float) -> Solution:
         """Solve from a start; keep what is better, and rank the ways around it."""
         bar = self.best.energy if self.best is not None else inf
-        solution = self.solver.solve(start, shifted(self.problem, seed, depth, size), bar)
+        blunt = self.tried % 2 if self.problem.count > 1 else 0
+        solution = self.solver.solve(start, shifted(self.problem, seed, depth, size), bar, blunt)
         self.tried += 1
         self.first = self.first or solution
         if solution.clear and not any(solution.same(other) for other in self.seen):
