@@ -12,7 +12,7 @@ import numpy as np
 import closeform as cf
 from closeform.zones.shapes import CUBE
 from formations import LOW_ORBIT, Task, cases, conflicting_cases, reconfiguration, swap
-from peers import joint_convex
+from peers import convex, joint_convex
 from peers.motion import Array
 from tables import Figure, Report, Table, seconds, times
 from timing import say
@@ -223,7 +223,7 @@ def notes(rows: list[Row]) -> list[str]:
         f"the best start alone: that takes {times(alone)} closeform's time in the median, a start "
         f"{times(each)} one of the ways that closeform tries.",
         f"Convex programs: {joint_convex.NODES} nodes, thrust linear between them, Clarabel to "
-        f"{joint_convex.TOLERANCE:g}, planes for near pairs only, taken anew until the energy settles to "
+        f"{convex.TOLERANCE:g}, planes for near pairs only, taken anew until the energy settles to "
         f"{joint_convex.SETTLED:g}, each pair's zone then inflated until it is clear between nodes (by up to "
         f"{100 * max(f.inflation - 1 for f in solved):.1f} %). By closeform's march {clear} of {len(solved)} "
         f"are clear. Without zones they cost at most {free:.1e} more than the optimum (thrust held constant "

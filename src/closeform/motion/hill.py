@@ -36,7 +36,7 @@ def _series(first: int, doubled: bool) -> tuple[float, ...]:
     return tuple(reversed(terms))
 
 
-P2 = _series(3, doubled=False)
+P1_NEAR, P2_NEAR = _series(2, doubled=False)[-9:], _series(3, doubled=False)[-9:]  # up to n t = 1
 P3 = _series(4, doubled=False)
 P4 = _series(5, doubled=False)
 Q3 = _series(6, doubled=True)
@@ -56,9 +56,8 @@ def oscillation(n, t):
     """sin(nt)/n, (1 - cos nt)/n^2 and (nt - sin nt)/n^3: P_0, P_1, P_2."""
     angle = n * t
     if abs(angle) < 1.0:
-        p2 = t * t * t * horner(P2, angle * angle)
-        half = 0.5 * t if abs(angle) < 1e-150 else sin(0.5 * angle) / n
-        return t - n * n * p2, 2.0 * half * half, p2
+        p2 = t * t * t * horner(P2_NEAR, angle * angle)
+        return t - n * n * p2, t * t * horner(P1_NEAR, angle * angle), p2
     s = sin(angle)
     c = cos(angle)
     return s / n, (1.0 - c) / (n * n), (angle - s) / (n * n * n)
