@@ -30,16 +30,22 @@ from closeform.motion.hill import inverse_transforms, oscillation
 
 # Steps in one window before the Taylor model is tried: at first, and once it has been needed.
 PATIENCE, LESS_PATIENCE = 60, 3
+# Reach of a window of natural motion in n t.  Half as much: twice as many windows in a hundred
+# orbits.  Twice as much: wider bounds, and more that is searched though tracks exclude its half.
+COAST_ANGLE = 3.0
 TAYLOR_DEGREE = 14
 TAYLOR_ANGLE = 0.25  # reach in n t; the terms left out are below 1e-17 of the squared norm
 
 
 @kernel()
 def window_end(a, b, t, end):
-    """How far arcs a and b are seen at once from time t on: to where one ends, at most ANGLE in n t."""
+    """How far arcs a and b are seen at once from time t on: to where one ends, or the bounds get wide."""
     n = max(a[MEAN_MOTION], b[MEAN_MOTION])
     stop = min(end, a[END], b[END])
-    return min(stop, t + ANGLE / n) if n > 0.0 else stop
+    if n == 0.0:
+        return stop
+    coasts = a[MEAN_MOTION] == b[MEAN_MOTION] and not (thrusts(a) or thrusts(b))
+    return min(stop, t + (COAST_ANGLE if coasts else ANGLE) / n)
 
 
 @kernel()
