@@ -178,7 +178,7 @@ def screen(
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
-    from closeform.report.flight import approaches, conflicts
+    from closeform.report.conflicts import approaches, listed
     from closeform.zones.pair_zones import PairZones
 
     try:
@@ -195,7 +195,7 @@ def screen(
         f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
         f"on a circle of {frame.radius / 1e3:.3f} km",
     )
-    lines, tables = conflicts("Conflicts", flight)
+    lines, tables = listed("Conflicts", flight)
     say(console, *lines)
     for table in (*tables, *approaches("Closest approaches", flight)):
         show(console, table)

@@ -1,17 +1,17 @@
 """The section of a coast: nothing burns."""
 
 from closeform.mission_result import Mission, StageResult
-from closeform.report import flight
+from closeform.report import conflicts
 from closeform.report.section import Section, heading
 from closeform.scenario import Coast
 
 
 def section(mission: Mission, result: StageResult[Coast, None]) -> Section:
     """Conflicts and closest approaches."""
-    lines, tables = flight.conflicts("Conflicts", result.after)
+    lines, tables = conflicts.listed("Conflicts", result.after)
     return Section(
         heading(result),
         lines,
-        tables + flight.approaches("Closest approaches", result.after),
-        pictures=flight.pictures(result.after),
+        tables + conflicts.approaches("Closest approaches", result.after),
+        pictures=conflicts.pictures(result.after),
     )

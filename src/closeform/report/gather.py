@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from closeform.mission_result import Mission, StageResult
-from closeform.report import flight, search
+from closeform.report import conflicts, search
 from closeform.report.section import Film, Picture, Section, heading
 from closeform.report.table import MOST_ROWS, PHASE, Column, Table, counted, minutes
 from closeform.scenario import Gather
@@ -31,7 +31,7 @@ def section(mission: Mission, result: Gathered) -> Section:
     history = timeline(gathering, names)
     once = search.one_round(gathering.search, rounds)
     knew = known(result)
-    told, conflicts = acquainted(result, knew)
+    told, met = acquainted(result, knew)
     spent = spendings(gathering, names)
     return Section(
         heading(result),
@@ -41,11 +41,11 @@ def section(mission: Mission, result: Gathered) -> Section:
             *((history,) if history.rows else ()),
             with_total(spent),
             *ways(gathering, names),
-            *conflicts,
+            *met,
             search.facts(once, gathering.duration),
             search.phases(once, rounds),
             search.turns(once),
-            *flight.approaches("Closest approaches", result.after),
+            *conflicts.approaches("Closest approaches", result.after),
         ),
         pictures=pictures(gathering, names),
         figures={"search": search.figures(once), "gathering": figures(result, knew)},
@@ -195,7 +195,7 @@ def known(result: Gathered) -> list[bool]:
 
 def acquainted(result: Gathered, knew: list[bool]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Conflicts as a line, and as a table that says whether the two craft knew each other."""
-    lines, tables = search.conflicts(result)
+    lines, tables = search.watched(result)
     if not tables:
         return lines, tables
     (table,) = tables

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.mission_result import FirstLocks, Mission, StageResult
-from closeform.report import flight, search
+from closeform.report import conflicts, search
 from closeform.report.section import Picture, Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, PHASE, Column, Table, counted, minutes
 from closeform.scenario import Lock
@@ -29,10 +29,10 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
         rows=[locks.rows[k] for k in np.argsort(found.locks.time, kind="stable")],
         folded=len(locks.rows) > MOST_ROWS,
     )
-    conflicts, tables = search.conflicts(result)
+    met, tables = search.watched(result)
     return Section(
         heading(result),
-        (*search.since(result), outcome(found), *conflicts),
+        (*search.since(result), outcome(found), *met),
         (
             *((by_phase(found),) if shown.folded else ()),
             shown,
@@ -40,14 +40,14 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
             search.facts(found.search, found.search.duration),
             search.phases(found.search),
             search.turns(found.search),
-            *flight.approaches("Closest approaches", result.after),
+            *conflicts.approaches("Closest approaches", result.after),
         ),
         pictures=(
             Picture(
                 "in-plane-search", "The in-plane search of both groups", "in_plane_search", (found.search,)
             ),
             Picture("manoeuvres", "The turns of the first round", "manoeuvres", (found.search,)),
-            *flight.pictures(result.after),
+            *conflicts.pictures(result.after),
         ),
         figures={"search": search.figures(found.search), "locks": figures(found, names)},
         files={"locks": locks},

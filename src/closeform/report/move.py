@@ -3,9 +3,9 @@
 from typing import Any
 
 from closeform.mission_result import AvoidResult, Mission, StageResult
-from closeform.report import flight, optimum
+from closeform.report import conflicts, effort, optimum
 from closeform.report.section import Picture, Section, heading
-from closeform.report.table import Column, Table, record
+from closeform.report.table import Column, Table
 from closeform.scenario import Avoid
 
 Move = StageResult[Avoid, AvoidResult]
@@ -14,16 +14,16 @@ Move = StageResult[Avoid, AvoidResult]
 def section(mission: Mission, result: Move) -> Section:
     """One craft moves."""
     moved = result.result
-    lines, before = flight.conflicts("Conflicts before", result.before)
-    closing, after = flight.conflicts("Conflicts after", result.after)
+    lines, before = conflicts.listed("Conflicts before", result.before)
+    closing, after = conflicts.listed("Conflicts after", result.after)
     if not moved.avoidance.ok:
         closing, after = ("The direct path is kept: no way around was found",), ()
     tables = (
         *before,
         efforts(moved),
         *after,
-        *flight.approaches("Closest approaches before", result.before),
-        *flight.approaches("Closest approaches after", result.after),
+        *conflicts.approaches("Closest approaches before", result.before),
+        *conflicts.approaches("Closest approaches after", result.after),
     )
     return Section(
         heading(result, f"{moved.craft} moves"),
@@ -37,14 +37,14 @@ def section(mission: Mission, result: Move) -> Section:
 
 def efforts(moved: AvoidResult) -> Table:
     """Energy and delta-v of the direct path and of the way around, beside each other."""
-    direct, path = flight.effort(moved.direct), moved.avoidance.path
+    direct, path = effort.row(moved.direct), moved.avoidance.path
     rows: list[tuple[Any, ...]] = [("direct", *direct)]
     if path is not None and path is not moved.direct:
-        around = flight.effort(path)
+        around = effort.row(path)
         pairs = zip(direct, around, strict=True)
         rows.append(("around", *around))
         rows.append(("change", *(f"{100 * (b / a - 1):+.3f} %" if a else "-" for a, b in pairs)))
-    return Table("Change made", (Column("path", words=True), *flight.EFFORT), rows)
+    return Table("Change made", (Column("path", words=True), *effort.EFFORT), rows)
 
 
 def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
@@ -74,10 +74,8 @@ def figures(method: str, moved: AvoidResult) -> dict[str, Any]:
             {"craft": moved.others[at.second - 1], "time_s": at.time, "position_m": at.position.tolist()}
             for at in avoidance.contacts
         ],
-        "direct": record(flight.EFFORT, flight.effort(moved.direct)),
-        "around": record(flight.EFFORT, flight.effort(avoidance.path))
-        if avoidance.path is not None
-        else None,
+        "direct": effort.figures(moved.direct),
+        "around": effort.figures(avoidance.path),
     }
 
 

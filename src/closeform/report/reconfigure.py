@@ -7,9 +7,9 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
-from closeform.report import flight, optimum
+from closeform.report import conflicts, effort, optimum
 from closeform.report.section import Picture, Section, heading
-from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
+from closeform.report.table import MOST_ROWS, PAIR, Column, Table
 from closeform.scenario import Regather, Scatter
 
 Moved = StageResult[Any, ReconfigureResult]  # of a Joint stage
@@ -22,13 +22,13 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
     moved, plan = result.result, result.result.plan
     direct = result.after is result.before  # all of them
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
-    lines, tables = flight.summed(title, result.before)
-    near = flight.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
+    lines, tables = conflicts.summed(title, result.before)
+    near = conflicts.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
     closing: tuple[str, ...] = ()
     if not direct:
-        closing, more = flight.summed("Conflicts of the plan", result.after)
+        closing, more = conflicts.summed("Conflicts of the plan", result.after)
         tables += more
-        near += flight.approaches("Closest approaches of the plan", result.after)
+        near += conflicts.approaches("Closest approaches of the plan", result.after)
     burnt = mission.propellant[result.number - 1]
     who = f"{moved.movers[0]} moves" if len(moved.movers) == 1 else f"{len(moved.movers)} craft move"
     slots = {name: int(k) + 1 for name, k in zip(moved.movers, plan.slots, strict=True)}
@@ -39,7 +39,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
         (*worth(result), *closing, *([reached] if reached and moved.plan.ok else [])),
         pictures(mission, result),
         {"plan": figures(result, slots)},
-        flight.files(mission, result, slots),
+        effort.files(mission, result, slots),
     )
 
 
@@ -79,11 +79,11 @@ def costs(result: Moved, burnt: Floats) -> Iterator[Table]:
     for title, times in (("from [s]", plan.starts), ("to [s]", plan.starts + plan.durations)):
         if np.ptp(times) > 0.0:
             columns[Column(title, form="{:.1f}".format, absent="")] = [*times, None]
-    columns[flight.EFFORT[0]] = [*energy]
+    columns[effort.EFFORT[0]] = [*energy]
     if result.after is not result.before:
         shares = [one / free - 1.0 if free else None for one, free in zip(energy, direct, strict=True)]
         columns[Column("extra [%]", form="{:.3f}".format, scale=100.0)] = shares
-    columns[flight.EFFORT[1]] = [*paths.delta_v, paths.delta_v.sum()]
+    columns[effort.EFFORT[1]] = [*paths.delta_v, paths.delta_v.sum()]
     peak = Column("peak [mm/s²]", form="{:#.6g}".format, scale=1e3)
     columns[peak] = [*paths.peak_thrust, paths.peak_thrust.max()]
     fuel = burnt[who]
@@ -148,10 +148,8 @@ def figures(result: Moved, slots: dict[str, int]) -> dict[str, Any]:
                 "slot": slot,
                 "start_s": start,
                 "end_s": start + duration,
-                "direct": record(flight.EFFORT, flight.effort(result.before.path(name))),
-                "flown": record(flight.EFFORT, flight.effort(plan.paths[k]))
-                if plan.paths is not None
-                else None,
+                "direct": effort.figures(result.before.path(name)),
+                "flown": effort.figures(plan.paths[k] if plan.paths is not None else None),
             }
             for k, ((name, slot), start, duration) in enumerate(efforts)
         },

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from closeform.mission_result import Mission, StageResult
-from closeform.report import coast, flight, gather, limits, lock, move, page, reconfigure
+from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure
 from closeform.report.drawing import drawn
 from closeform.report.section import Progress, Section
 from closeform.report.table import counted
@@ -115,12 +115,12 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "do": result.stage.verb,
             "start_s": result.start,
             "end_s": result.end,
-            "before": flight.figures(result.before),
-            "after": flight.figures(result.after),
+            "before": conflicts.figures(result.before),
+            "after": conflicts.figures(result.after),
             **told.figures,
             **used,
         },
-        files={**flight.files(mission, result), **told.files},
+        files={**conflicts.files(result), **effort.files(mission, result), **told.files},
     )
 
 

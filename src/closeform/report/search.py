@@ -6,7 +6,7 @@ from math import degrees, isinf, pi
 from typing import Any
 
 from closeform.mission_result import StageResult
-from closeform.report import flight
+from closeform.report import conflicts
 from closeform.report.table import PHASE, Column, Table, minutes
 from closeform.search.schedule import Search
 
@@ -107,8 +107,8 @@ def since(result: StageResult[Any, Any]) -> tuple[str, ...]:
     return (f"Times count from the start of the search, at {result.start:.1f} s",) if result.start else ()
 
 
-def conflicts(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+def watched(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Conflicts during a search, which may go without keep-out zones; times of the mission."""
     if not result.after.approaches:
         return ("Conflicts: not looked for, no craft has a keep_out",), ()
-    return flight.conflicts("Conflicts", result.after)
+    return conflicts.listed("Conflicts", result.after)

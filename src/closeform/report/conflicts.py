@@ -1,14 +1,11 @@
-"""Of a flight: its conflicts, how near each two craft come, and what each craft spends."""
+"""The conflicts of a flight, and how near each two craft come."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from math import isfinite
 from typing import Any
 
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
-from closeform.mission_result import Mission, StageResult
-from closeform.motion.path import Path
+from closeform.mission_result import StageResult
 from closeform.report.section import Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 
@@ -29,12 +26,6 @@ APPROACH = (
     Column("distance [m]", "distance_m", "{:.3f}".format),
     Column("at [s]", "time_s", "{:.3f}".format),
 )
-EFFORT = (
-    Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format),
-    Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format),
-    Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3),
-)
-CRAFT = (Column("craft", "craft"), Column("slot", "slot"), *EFFORT, Column("propellant", "propellant_kg"))
 WHEN = Column("when", "when")
 
 
@@ -48,12 +39,7 @@ def approach_row(near: PairApproach) -> tuple[Any, ...]:
     return (near.first, near.second), near.ratio, near.distance, near.time
 
 
-def effort(path: Path) -> tuple[float, float, float]:
-    """A row of EFFORT: energy [m^2/s^3], delta-v [m/s] and peak thrust [m/s^2]."""
-    return path.energy, path.delta_v, path.peak_thrust
-
-
-def conflicts(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+def listed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """A table of conflicts, or a line that there are none, and how close the closest pair comes."""
     if flight.conflicts:
         return (), (Table(title, CONFLICT, [conflict_row(met) for met in flight.conflicts]),)
@@ -68,7 +54,7 @@ def conflicts(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table,
 
 def summed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Conflicts; where they are many, a line for the terminal and the table for the page."""
-    lines, tables = conflicts(title, flight)
+    lines, tables = listed(title, flight)
     if len(flight.conflicts) <= MOST_ROWS:
         return lines, tables
     pairs = len({(met.first, met.second) for met in flight.conflicts})
@@ -99,36 +85,12 @@ def figures(flight: Flight) -> dict[str, Any]:
     }
 
 
-def files(
-    mission: Mission, result: StageResult[Any, Any], slots: Mapping[str, int] | None = None
-) -> dict[str, Table]:
-    """Conflicts and closest approaches before avoidance and after it, and what every craft spends.
-
-    `slots`: those that craft took, counted from 1.
-    """
+def files(result: StageResult[Any, Any]) -> dict[str, Table]:
+    """Conflicts and closest approaches before avoidance and after it."""
     flights = {"before": result.before, "after": result.after}
-    burnt = mission.propellant[result.number - 1].tolist()
-    taken = slots or {}
-    return {
-        "conflicts": Table(
-            "",
-            (WHEN, *CONFLICT),
-            [(when, *conflict_row(met)) for when, flight in flights.items() for met in flight.conflicts],
-        ),
-        "approaches": Table(
-            "",
-            (WHEN, *APPROACH),
-            [(when, *approach_row(near)) for when, flight in flights.items() for near in flight.approaches],
-        ),
-        "craft": Table(
-            "",
-            CRAFT,
-            [
-                (name, taken.get(name), *effort(result.after.paths[k]), mass if isfinite(mass) else None)
-                for k, (name, mass) in enumerate(zip(result.after.names, burnt, strict=True))
-            ],
-        ),
-    }
+    met = [(when, *conflict_row(met)) for when, flight in flights.items() for met in flight.conflicts]
+    near = [(when, *approach_row(near)) for when, flight in flights.items() for near in flight.approaches]
+    return {"conflicts": Table("", (WHEN, *CONFLICT), met), "approaches": Table("", (WHEN, *APPROACH), near)}
 
 
 def pictures(flight: Flight) -> tuple[Picture, ...]:
