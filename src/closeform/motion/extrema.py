@@ -191,7 +191,7 @@ def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
     Returns it, its time, and the time reached: short of `stop` where the march stalls.
     """
     ax, ay, az, a, _ = bounds(q, order, n, stop)
-    if shape == BALL and t == 0.0:
+    if shape == BALL and t == 0.0 < stop:
         best, best_time, t = least_length(q, order, n, stop, a, best, best_time)
         if t == stop:
             return best, best_time, stop
