@@ -223,7 +223,7 @@ def test_two_craft_cost_what_a_touch_must_cost(name):
             continue
         assert plan.ok, plan.reason
         assert faults(plan, **task) == []
-        extra, least = plan.energy - plan.lower_bound, least_extra(task)
+        extra, least = plan.extra_energy, least_extra(task)
         # planned 1e-9 outside of the zone
         assert extra >= least * (1 - 1e-7) - 1e-12 * plan.energy
         if len(plan.contacts) == 1 and plan.proven:
@@ -265,7 +265,7 @@ def test_two_share_the_deviation_and_halve_its_energy(orbit):
     plan = planned(task)
     alone = cf.avoid(plan.direct[0], plan.direct[1], cf.Sphere(30.0))
     assert alone.extra_energy > 0
-    assert plan.energy - plan.lower_bound == pytest.approx(alone.extra_energy / 2, rel=1e-6)
+    assert plan.extra_energy == pytest.approx(alone.extra_energy / 2, rel=1e-6)
     times = np.linspace(0, 3000.0, 101)
     moved = plan.paths.position(times) - plan.direct.position(times)
     np.testing.assert_allclose(moved[0], -moved[1], atol=1e-6)
@@ -361,7 +361,7 @@ def test_brute_force_finds_nothing_cheaper(orbit, count, seed):
     task = asked(orbit, count, seed, cf.Sphere(20.0))
     plan = planned(task)
     assert 1 < len(plan.contacts) <= 12  # or brute force takes for ever
-    extra = plan.energy - plan.lower_bound
+    extra = plan.extra_energy
     own, *others = brute_force(task, plan, sides=4)
     assert own == pytest.approx(extra, rel=1e-4)  # a local optimum
     assert extra <= min(others) * (1 + GRAIN)

@@ -7,9 +7,12 @@ from typing import Literal
 import numpy as np
 
 from closeform.motion.path import Path, stack
+from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Avoidance, Status
-from closeform.planning.planner import solve
+from closeform.planning.planner import outcome, solve
 from closeform.planning.problem import Problem
+from closeform.planning.prove import closeness, is_proven
+from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
 from closeform.zones.zone import Zone
 
@@ -23,6 +26,7 @@ def avoid(
     method: Literal["exact", "sauter-palmer"] = "exact",
     *,
     budget: int | None = None,
+    prove: float = 0.0,
 ) -> Avoidance:
     """The cheapest path found with the end states and times of `path` that stays out of every zone.
 
@@ -31,14 +35,15 @@ def avoid(
 
     "exact": least energy, by the kernel of paths with fixed ends and forces at contacts.  The sides on which
     zones are passed are searched, ranked by what they may cost: `budget` candidates at most (96 unless
-    given), each solved to its local optimum; the best is returned, with a proof that it is
-    global where there is one (theory 4).  "sauter-palmer": the paper's one deviation point for each conflict,
-    perpendicular to the cost's gradients (SP11 section 4), for n > 0.  Either way the path is
-    certified clear of the zone itself, or the status says why there is none: an end inside a zone, or
-    no clear path found.
+    given), each solved to its local optimum; the best is returned, with a certified lower bound of what any
+    path costs (theory 4).  `prove` [s]: for so long at most, branch and bound over all sides raises the bound
+    until it is within 0.1 %, and takes a cheaper path where it finds one.  "sauter-palmer": the paper's one
+    deviation point for each conflict, perpendicular to the cost's gradients (SP11 section 4), for n > 0.
+    Either way the path is certified clear of the zone itself, or the status says why there is none: an end
+    inside a zone, or no clear path found.
 
     Raises ValueError for a batch of paths, another orbit, zones that do not match the
-    obstacles, a budget below 1, or an unknown method.
+    obstacles, a budget below 1, a negative time, or an unknown method.
     """
     if path.shape:
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
@@ -46,6 +51,8 @@ def avoid(
         raise ValueError(f"method: 'exact' or 'sauter-palmer', not {method!r}")
     if budget is not None and budget < 1:
         raise ValueError(f"budget: at least one candidate, got {budget}")
+    if not prove >= 0.0:
+        raise ValueError(f"prove: seconds, 0 or more, got {prove}")
     batch = obstacle_batch(path, obstacles)
     zones = zones_of(zone, len(batch))
     optimum = path.orbit.transfer(
@@ -62,10 +69,10 @@ def avoid(
         return Avoidance(path, path.energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict")
     if method == "sauter-palmer":
         return deviated(path, problem)
-    return shaped(problem, budget)
+    return shaped(problem, budget, prove)
 
 
-def shaped(problem: Problem, budget: int | None) -> Avoidance:
+def shaped(problem: Problem, budget: int | None, seconds: float) -> Avoidance:
     """`avoid` by method "exact"."""
     found = solve(problem, budget)
     optimum, duration = problem.energy(problem.direct), problem.last - problem.first
@@ -78,20 +85,25 @@ def shaped(problem: Problem, budget: int | None) -> Avoidance:
     if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
         reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; give it a longer transfer"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
+    proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds)
+    if proof.better is not None:
+        found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes, False))
+    assert found.flown is not None
     path = problem.path(found.flown)[0]
+    bound = optimum + proof.bound
     number = len(found.contacts)
-    best = "proven the global optimum" if found.proven else f"the best of {ways}"
+    best = f"the best of {ways}, {closeness(path.energy, bound)}"
     return Avoidance(
         path=path,
         energy=path.energy,
         extra_energy=found.extra,
         delta_v=path.delta_v,
-        lower_bound=path.energy if found.proven else optimum,
+        lower_bound=min(bound, path.energy),
         contacts=found.contacts,
         status=Status.AVOIDED,
         reason=f"{number} contact{'s' * (number != 1)}, {best}",
         margin=found.margin,
-        proven=found.proven,
+        proven=is_proven(path.energy, bound),
         tried=found.tried,
     )
 

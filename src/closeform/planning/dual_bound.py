@@ -237,7 +237,9 @@ def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, fo
                 barrier = FIRST * total / count
             elif length == 1.0 and decrement < CENTRED * barrier:
                 left = barrier * (size + count)  # to the top, from the middle
-                if left < FINE * abs(level) or (left < tolerance * abs(level) and level + left < enough):
+                if left < FINE * abs(level) or (
+                    left < tolerance * max(abs(level), enough - level) and level + left < enough
+                ):
                     break
                 barrier *= SHRINK
             slopes(places, gram, offsets, floors, here, roots, x, inverse, barrier, slope, hessian)

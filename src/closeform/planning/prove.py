@@ -1,0 +1,229 @@
+"""What every clear plan must cost: a bound from a plan's contacts, and a search over sides that raises it.
+
+A node of the search holds samples (a pair at a time), and for each the piece of its zone's outside where
+the pair then is.  The dual bound holds for all plans of a node, so the least bound of the nodes that
+are open holds for all plans.  The node of least bound is opened next:
+
+    a sample falls short, its pair inside the zone on average    ->  a node for each of its pieces
+    the bound's own paths are in conflict at another time        ->  the same node with samples there
+    neither                                                      ->  a start for the local solver
+
+until no node is left whose bound is below the goal.                                           # theory 4
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from math import inf
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from closeform.planning.certify import LocalSolver, Solution, nearer
+from closeform.planning.passing import MARGINS
+from closeform.planning.pieces import Piece, outside, pieces
+from closeform.planning.plan import Contact, gap
+from closeform.planning.problem import Problem
+from closeform.planning.samples import Answer, Samples
+
+GAP = 1e-3  # of the energy: at which a proof ends
+PROVEN = 1e-6  # of the energy: a gap that is rounding
+CLOSED = 1e-6  # of the multipliers' own energy: a bound this near is enough
+ROUGH, NEARLY = 0.02, 0.05  # of the bound or what it lacks: how far it is climbed, for a plan and a node
+LARGEST = 80  # contacts of craft that share some, of which a bound is worked out
+SETTLED = 0.02  # of a node's bound, by which its samples may fall short before other times are looked at
+DEEP, SAME = 1e-3, 5e-3  # of the zone, by which paths of a bound may miss; of all time, samples that are one
+FINER = 1e-3  # of both, where there is nothing left to cut
+IDLE = 1e-3  # of the greatest work: samples that do less are left out of the nodes below
+STARTS = 50  # nodes for each start that is solved
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """No clear plan costs less than `bound` beyond the unconstrained optima [m^2/s^3].
+
+    `better`: a cheaper plan than the one that was asked about, where one was found on the way.
+    """
+
+    bound: float
+    nodes: int
+    better: Solution | None
+
+
+class Node(NamedTuple):
+    """Samples by number, each in a piece of its zone's outside; queued by bound, then by order."""
+
+    bound: float
+    order: int
+    samples: list[int]
+    pieces: list[Piece]
+    answer: Answer
+
+
+def lower_bound(problem: Problem, contacts: Sequence[Contact]) -> float:
+    """What every clear plan costs at least beyond the unconstrained optima, from the contacts of one plan."""
+    total = 0.0
+    for group in _apart(problem, contacts):
+        strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
+        samples = _samples(problem, strongest)
+        everywhere = [outside(zone) for zone in samples.zones]
+        forces = np.array(
+            [
+                np.linalg.solve(zone.matrix.T, contact.multiplier * contact.normal)
+                * (1.0 if contact.first < contact.second else -1.0)
+                for zone, contact in zip(samples.zones, strongest, strict=True)
+            ]
+        )
+        enough = (1.0 - CLOSED) * 0.5 * forces.ravel() @ samples.gram @ forces.ravel()
+        exact = all(piece.exact for piece in everywhere)
+        start = np.linalg.norm(forces, axis=1) if exact else None
+        answer = samples.answer(range(len(strongest)), everywhere, enough, ROUGH, start)
+        total += max(answer.bound, 0.0)
+    return total
+
+
+def prove(
+    problem: Problem,
+    contacts: Sequence[Contact],
+    extra: float,
+    energy: float,
+    seconds: float,
+    *,
+    nodes: int = 1_000_000,
+    fixed: bool = False,
+) -> Proof:
+    """The bound of a plan of `energy`, `extra` of it beyond the unconstrained optima [m^2/s^3].
+
+    Raised by the search for so many seconds, or nodes, until a GAP is left; `fixed`: without looking for a
+    cheaper plan.
+    """
+    bound = lower_bound(problem, contacts)
+    left = energy - energy / (1.0 + GAP)
+    if seconds == 0.0 or extra - bound <= left:
+        return Proof(min(bound, extra), 0, None)
+    search = _Search(problem, _samples(problem, contacts), extra, left, fixed)
+    over = perf_counter() + seconds
+    while search.queue and search.nodes < nodes and perf_counter() < over:
+        search.open(heappop(search.queue))
+    return Proof(min(max(bound, search.bound), search.extra), search.nodes, search.better)
+
+
+def is_proven(energy: float, bound: float) -> bool:
+    """Whether an energy is its lower bound, but for rounding."""
+    return energy - bound <= PROVEN * energy
+
+
+def closeness(energy: float, bound: float) -> str:
+    """How near an energy is to its lower bound, in words."""
+    if is_proven(energy, bound):
+        return "proven the global optimum"
+    return f"at most {100.0 * gap(energy, bound):.2g} % above the optimum"
+
+
+class _Search:
+    """The open nodes, and the cheapest plan so far."""
+
+    def __init__(self, problem: Problem, samples: Samples, extra: float, left: float, fixed: bool) -> None:
+        self.samples = samples
+        self.extra, self.left, self.fixed = extra, left, fixed
+        self.solver = LocalSolver(problem, MARGINS[0])
+        self.better: Solution | None = None
+        self.nodes = self.starts = 0
+        self.queue: list[Node] = []
+        self.least = inf  # bound of the nodes that cannot be opened
+        self.examine(0.0, list(range(samples.contacts.number)), [outside(zone) for zone in samples.zones])
+
+    @property
+    def goal(self) -> float:
+        """The bound at which a node is closed."""
+        return self.extra - self.left
+
+    @property
+    def bound(self) -> float:
+        """That of all plans."""
+        return min(self.goal, self.least, self.queue[0].bound if self.queue else inf)
+
+    def examine(self, bound: float, samples: list[int], cut: list[Piece]) -> None:
+        """A node below one of a given bound: queued, unless its own is at the goal."""
+        self.nodes += 1
+        answer = self.samples.answer(samples, cut, self.goal, NEARLY)
+        bound = max(bound, answer.bound)
+        if bound < self.goal:
+            heappush(self.queue, Node(bound, self.nodes, samples, cut, answer))
+
+    def open(self, node: Node) -> None:
+        """Cut the sample that falls short most; where none does by much, look at other times first."""
+        if node.bound >= self.goal:
+            return
+        short = node.answer.short
+        if short.sum() < SETTLED * max(node.bound, self.goal - node.bound):
+            if self.at_conflicts(node, 1.0):
+                return
+            self.start(node)
+            if node.bound >= self.goal:
+                return
+        choices = [k for k in range(len(short)) if node.pieces[k].can_be_cut]
+        if not choices:
+            if not self.at_conflicts(node, FINER):
+                self.least = min(self.least, node.bound)
+            return
+        k = max(choices, key=lambda k: short[k])
+        work = np.abs(np.einsum("ki,ki->k", node.answer.forces, node.answer.reached))
+        keep = [
+            m for m in range(len(short)) if m == k or not node.pieces[m].whole or work[m] > IDLE * work.max()
+        ]
+        number = node.samples[k]
+        if node.pieces[k].whole:
+            smaller = pieces(self.samples.zones[number], self.samples.compliance(number))
+        else:
+            smaller = node.pieces[k].halves()
+        for piece in smaller:
+            cut = [piece if m == k else node.pieces[m] for m in keep]
+            self.examine(node.bound, [node.samples[m] for m in keep], cut)
+
+    def at_conflicts(self, node: Node, fine: float) -> bool:
+        """Whether the bound's own paths conflict where no sample is: the node again, with samples there."""
+        problem = self.samples.problem
+        flown = problem.flown(self.samples.pushed(node.samples, node.answer.forces))
+        found = [
+            self.samples.near(problem.index[pair], row[2], SAME * fine)
+            for pair, row in problem.conflicts(flown)
+            if row[3] < 1.0 - DEEP * fine
+        ]
+        fresh = [number for number in dict.fromkeys(found) if number not in node.samples]
+        if fresh:
+            everywhere = [outside(self.samples.zones[number]) for number in fresh]
+            self.examine(node.bound, node.samples + fresh, node.pieces + everywhere)
+        return bool(fresh)
+
+    def start(self, node: Node) -> None:
+        """Solve for a plan on the sides of a node: one cheaper than the best brings the goal nearer."""
+        if self.fixed or self.starts * STARTS > self.nodes:
+            return
+        self.starts += 1
+        problem = self.solver.problem
+        contacts = self.samples.pushed(node.samples, node.answer.forces)
+        solution = self.solver.solve(contacts, nearer(problem), self.extra)
+        if solution.clear and solution.energy < self.extra:
+            self.extra, self.better = solution.energy, solution
+
+
+def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
+    """Samples where a plan has contacts."""
+    pairs = [(min(c.first, c.second), max(c.first, c.second)) for c in contacts]
+    return Samples(problem, [problem.index[pair] for pair in pairs], [c.time for c in contacts])
+
+
+def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:
+    """Contacts in groups of which no craft has contacts in two: obstacles tie nobody."""
+    ties = [(c.first, c.second) for c in contacts if max(c.first, c.second) < problem.count]
+    first, second = np.array(ties, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(ties)), (first, second)), shape=(problem.count,) * 2)
+    labels = connected_components(graph, directed=False)[1]
+    groups: dict[int, list[Contact]] = {}
+    for contact in contacts:
+        groups.setdefault(int(labels[min(contact.first, contact.second)]), []).append(contact)
+    return list(groups.values())
