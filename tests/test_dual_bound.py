@@ -181,4 +181,4 @@ def test_multipliers_that_suffice_are_kept():
 def test_it_stops_where_enough_is_out_of_reach():
     places, gram = drawn(7, 3)
     best, *_ = bound_of(places, gram)
-    assert 0.8 * best < bound_of(places, gram, enough=10.0 * best, tolerance=0.1)[0] <= best
+    assert 0.8 * best < bound_of(places, gram, enough=2.0 * best, tolerance=0.1)[0] <= best

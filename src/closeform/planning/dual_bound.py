@@ -237,9 +237,8 @@ def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, fo
                 barrier = FIRST * total / count
             elif length == 1.0 and decrement < CENTRED * barrier:
                 left = barrier * (size + count)  # to the top, from the middle
-                if left < FINE * abs(level) or (
-                    left < tolerance * max(abs(level), enough - level) and level + left < enough
-                ):
+                scale = abs(level) if enough == inf else max(abs(level), enough - level)
+                if left < FINE * abs(level) or (left < tolerance * scale and level + left < enough):
                     break
                 barrier *= SHRINK
             slopes(places, gram, offsets, floors, here, roots, x, inverse, barrier, slope, hessian)

@@ -1,0 +1,209 @@
+"""Lower bounds and proofs of plans against a scan of all sides, and every clear plan that is known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import closeform as cf
+from closeform.planning.pieces import outside, pieces
+from closeform.planning.prove import lower_bound, prove
+from closeform.planning.request import Request
+from formations import Task, random_case
+from reflown import faults
+
+SPACE = cf.Orbit(0.0)
+TILT = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+PRISM = np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0], [0, 0, 0.7], [0, 0, -0.7]])
+ZONES = {
+    "ellipsoid": cf.Ellipsoid([20.0, 40.0, 25.0], axes=TILT),
+    "box": cf.Box([20.0, 40.0, 25.0], axes=TILT),
+    "cylinder": cf.Cylinder(20.0, 30.0, [1.0, 2.0, 0.5]),
+    "half-spaces": cf.HalfSpaces(PRISM, [20.0, 15.0, 18.0, 30.0, 25.0]),
+}
+
+
+def four(seed, orbit, duration):
+    """Four craft that change places nearly through one point."""
+    rng = np.random.default_rng(seed)
+    places = []
+    while len(places) < 4:
+        place = rng.normal(size=3)
+        place *= 120.0 / np.linalg.norm(place)
+        if all(np.linalg.norm(place - other) > 22.0 for other in places):
+            places.append(place)
+    initial = np.c_[places, np.zeros((4, 3))]
+    final = np.c_[-np.array(places) + rng.normal(size=(4, 3)) * 6.0, np.zeros((4, 3))]
+    return Task("four", orbit, initial, final, duration, cf.Sphere(15.0))
+
+
+def passage(seed, orbit=SPACE, count=1):
+    """A transfer of 2000 s whose direct path meets obstacles at rest, nearly at their centres."""
+    rng = np.random.default_rng(seed)
+    path = orbit.transfer([-300.0, 20, 0, 0, 0, 0], [300.0, -50, 30, 0, 0, 0], 2000.0)
+    stones = []
+    for k in range(count):
+        time = 2000.0 * (k + 1) / (count + 1)
+        state = np.r_[path.state(time)[:3] + rng.normal(size=3) * 4.0, np.zeros(3)]
+        stones.append(orbit.coast(orbit.transition(-time) @ state, 2000.0))
+    return path, stones
+
+
+@given(st.sampled_from(sorted(ZONES)), st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=100)
+def test_pieces_cover_the_outside_and_nothing_of_it_is_lost(name, seed):
+    rng = np.random.default_rng(seed)
+    zone = ZONES[name]
+    way = np.linalg.solve(zone.matrix, rng.normal(size=3))
+    size = zone.norm(way)
+    if size <= 0.0:
+        return  # half-spaces have no end there
+    place = zone.matrix @ way / size * rng.choice([1.0 + 1e-9, rng.uniform(1.0, 5.0)])
+    factor = rng.normal(size=(3, 3))
+
+    def holds(piece):
+        beyond = piece.normal is None or piece.normal @ place >= piece.floor - 1e-12
+        return beyond and (not len(piece.rows) or np.linalg.norm(piece.rows @ place) >= 1.0 - 1e-12)
+
+    assert holds(outside(zone))
+    level = [piece for piece in pieces(zone, factor @ factor.T) if holds(piece)]
+    assert level
+    if any(piece.corners is None for piece in level):
+        return
+    for _ in range(6):
+        level = [half for piece in level for half in piece.halves() if holds(half)]
+        assert level
+    assert max(piece.floor for piece in level) > 0.9
+
+
+def kernel(t, s, duration):
+    """In deep space, theory (12)."""
+    t, s = np.minimum(t, s), np.maximum(t, s)
+    return t**2 * (duration - s) ** 2 * (3 * duration * s - duration * t - 2 * t * s) / (6 * duration**3)
+
+
+def cheapest_scanned(path, stone, zone):
+    """The least extra energy of paths that one force at one time deflects until they are clear.
+
+    Over many times and directions of the force; theory (11).  All are clear, the best is near the optimum.
+    """
+    sides = np.random.default_rng(0).normal(size=(400, 3))
+    sides /= np.linalg.norm(sides, axis=1)[:, None]
+
+    def lengths(time, ways, samples):
+        """How far each way goes at the time of the force."""
+        gaps = path.position(samples) - stone.position(samples)
+        shares = kernel(samples, time, 2000.0) / kernel(time, time, 2000.0)
+        low, high = np.zeros(len(ways)), np.full(len(ways), 300.0)
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            moved = gaps + shares[:, None] * (middle[:, None] * ways)[:, None, :]
+            clear = zone.norm(moved).min(axis=1) >= 1.0
+            low, high = np.where(clear, low, middle), np.where(clear, middle, high)
+        return high
+
+    coarse, fine = np.linspace(600.0, 1400.0, 161), np.linspace(600.0, 1400.0, 20_001)  # 0.02 m apart
+    rough = []
+    for time in np.linspace(900.0, 1100.0, 15):
+        far = lengths(time, sides, coarse)
+        rough += [(far[k] ** 2 / kernel(time, time, 2000.0), time, k) for k in np.argsort(far)[:5]]
+    least = np.inf
+    for _, time, k in sorted(rough)[:8]:
+        far = lengths(time, sides[k : k + 1], fine)[0]
+        least = min(least, 0.5 * far**2 / kernel(time, time, 2000.0))
+    return least
+
+
+@pytest.mark.parametrize("name", sorted(ZONES))
+@pytest.mark.parametrize("seed", range(1))
+def test_no_path_past_one_obstacle_is_cheaper_than_the_bound(name, seed):
+    path, stones = passage(seed)
+    zone = ZONES[name]
+    found = cf.avoid(path, stones, zone, prove=10.0)
+    assert found.ok
+    assert found.gap <= 1.001e-3
+    assert path.energy < found.lower_bound <= found.energy
+    best = cheapest_scanned(path, stones[0], zone)
+    assert found.lower_bound - path.energy <= best
+    # the scan is near the optimum, so the bound is no trivial one
+    assert best <= 1.02 * found.extra_energy
+
+
+@pytest.mark.parametrize("orbit", [SPACE, cf.Orbit(2 * np.pi / 5760)], ids=["space", "orbit"])
+@pytest.mark.parametrize("seed", range(3))
+def test_changes_of_four_are_proven_to_a_thousandth(orbit, seed):
+    task = four(seed, orbit, 360.0)
+    plain = cf.reconfigure(**task.arguments)
+    plan = cf.reconfigure(**task.arguments, prove=60.0)
+    assert plan.ok
+    assert faults(plan, **task.arguments) == []
+    assert plan.gap <= 1.001e-3
+    assert plan.energy <= plain.energy * (1 + 1e-12)
+    assert plain.lower_bound <= plan.energy
+    assert plan.lower_bound >= plain.lower_bound or plan.energy < plain.energy
+
+
+def test_the_bound_holds_for_plans_on_all_sides():
+    # every local optimum that other starts lead to, of any number of candidates, is dearer than the bound
+    for seed in (9, 20, 69):
+        task = random_case(seed)
+        bounds, energies = [], []
+        for budget in (1, 5, 20):
+            plan = cf.reconfigure(**task.arguments, budget=budget)
+            bounds.append(plan.lower_bound)
+            energies.append(plan.energy)
+        alone = cf.reconfigure(**task.arguments, method="sequential")
+        bounds.append(alone.lower_bound)
+        energies.append(alone.energy)
+        proof = cf.reconfigure(**task.arguments, prove=20.0)
+        assert max(*bounds, proof.lower_bound) <= min(*energies, proof.energy) * (1 + 1e-9)
+        assert proof.gap <= 1.001e-3
+
+
+def test_a_single_contact_with_a_sphere_is_proven_without_a_search():
+    path, stones = passage(0)
+    found = cf.avoid(path, stones, cf.Sphere(20.0))
+    assert found.proven
+    assert found.gap < 1e-6
+    assert "proven the global optimum" in found.reason
+
+
+def test_clear_formations_are_proven_and_time_is_not_negative():
+    path, stones = passage(0)
+    with pytest.raises(ValueError, match="prove: seconds, 0 or more"):
+        cf.avoid(path, stones, cf.Sphere(20.0), prove=-1.0)
+    task = four(0, SPACE, 360.0)
+    with pytest.raises(ValueError, match="prove: seconds, 0 or more"):
+        cf.reconfigure(**task.arguments, prove=float("nan"))
+    clear = cf.reconfigure(**{**task.arguments, "zone": cf.Sphere(0.01)}, prove=1.0)
+    assert clear.proven
+    assert clear.gap == 0.0
+
+
+def test_a_budget_of_nodes_makes_it_repeatable():
+    task = four(1, SPACE, 360.0)
+    plan = cf.reconfigure(**task.arguments)
+    problem = Request.of(
+        *(task.arguments[name] for name in ("orbit", "initial", "final", "duration", "zone")),
+        False,
+        0.0,
+        (),
+        None,
+        None,
+    ).problem()
+    first, again = (
+        prove(problem, plan.contacts, plan.extra_energy, plan.energy, 1e9, nodes=150) for _ in range(2)
+    )
+    assert first.nodes == again.nodes >= 150
+    assert first.bound == again.bound
+    assert lower_bound(problem, plan.contacts) < first.bound < plan.extra_energy
+
+
+def test_the_bound_covers_most_of_the_extra_energy_of_random_formations():
+    shares = []
+    for seed in range(3, 60, 4):
+        plan = cf.reconfigure(**random_case(seed).arguments, if_blocked=())
+        if plan.ok and plan.contacts:
+            shares.append(1.0 - (plan.energy - plan.lower_bound) / plan.extra_energy)
+    assert len(shares) >= 12
+    assert np.median(shares) > 0.6
