@@ -29,7 +29,8 @@ from closeform.planning.plan import Contact, gap
 from closeform.planning.problem import Problem
 from closeform.planning.samples import Answer, Samples
 
-GAP = 1e-3  # of the energy: at which a proof ends
+GAP = 1e-3  # of the lower bound: at which a proof ends
+LEFT = 0.999 * GAP / (1.0 + GAP)  # of the energy, then
 PROVEN = 1e-6  # of the energy: a gap that is rounding
 CLOSED = 1e-6  # of the multipliers' own energy: a bound this near is enough
 ROUGH, NEARLY = 0.02, 0.05  # of the bound or what it lacks: how far it is climbed, for a plan and a node
@@ -101,10 +102,9 @@ def prove(
     cheaper plan.
     """
     bound = lower_bound(problem, contacts)
-    left = energy - energy / (1.0 + GAP)
-    if seconds == 0.0 or extra - bound <= left:
+    if seconds == 0.0 or extra - bound <= LEFT * energy:
         return Proof(min(bound, extra), 0, None)
-    search = _Search(problem, _samples(problem, contacts), extra, left, fixed)
+    search = _Search(problem, _samples(problem, contacts), extra, energy - extra, fixed)
     over = perf_counter() + seconds
     while search.queue and search.nodes < nodes and perf_counter() < over:
         search.open(heappop(search.queue))
@@ -126,9 +126,9 @@ def closeness(energy: float, bound: float) -> str:
 class _Search:
     """The open nodes, and the cheapest plan so far."""
 
-    def __init__(self, problem: Problem, samples: Samples, extra: float, left: float, fixed: bool) -> None:
+    def __init__(self, problem: Problem, samples: Samples, extra: float, free: float, fixed: bool) -> None:
         self.samples = samples
-        self.extra, self.left, self.fixed = extra, left, fixed
+        self.extra, self.free, self.fixed = extra, free, fixed
         self.solver = LocalSolver(problem, MARGINS[0])
         self.better: Solution | None = None
         self.nodes = self.starts = 0
@@ -139,7 +139,7 @@ class _Search:
     @property
     def goal(self) -> float:
         """The bound at which a node is closed."""
-        return self.extra - self.left
+        return self.extra - LEFT * (self.free + self.extra)
 
     @property
     def bound(self) -> float:
