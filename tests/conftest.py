@@ -12,6 +12,34 @@ hypothesis.settings.register_profile("compiles", deadline=None)
 hypothesis.settings.load_profile("compiles")
 
 
+LONG = (
+    "avoidance",
+    "campaign",
+    "cli",
+    "kernel_cache",
+    "margins",
+    "mission_formation",
+    "mission_search",
+    "plots",
+    "reconfigure",
+    "reconfigure_cases",
+    "reference_methods",
+    "shaping",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """`-m quick` leaves out the files that take longest; test_docs runs commands and plans."""
+    for item in items:
+        if item.path.stem.removeprefix("test_") not in LONG:
+            item.add_marker("quick")
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """All tests run side by side on all cores; a file or test that is named runs in this process."""
+    return 0 if config.args_source is config.ArgsSource.ARGS else None
+
+
 @pytest.fixture(scope="session", autouse=True)
 def announced() -> None:
     """That kernels are compiled is said before a test looks at what a command says on standard error."""

@@ -1,0 +1,60 @@
+"""Runs the command line in its arguments and prints as JSON where the main thread's time went, in seconds."""
+
+import json
+import threading
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
+from time import perf_counter
+from typing import Any
+
+BEGIN = perf_counter()
+spent: dict[str, float] = {}
+inside: list[float] = [0.0]  # what phases within the present one took, innermost last
+
+
+def timed(owner: Any, name: str, phase: str) -> None:
+    """Let a function's own time, without phases inside, count as `phase`."""
+    function: Callable[..., Any] = getattr(owner, name)
+
+    def call(*arguments: Any, **named: Any) -> Any:
+        if threading.current_thread() is not threading.main_thread():
+            return function(*arguments, **named)
+        begin = perf_counter()
+        inside.append(0.0)
+        try:
+            return function(*arguments, **named)
+        finally:
+            took = perf_counter() - begin
+            spent[phase] = spent.get(phase, 0.0) + took - inside.pop()
+            inside[-1] += took
+
+    setattr(owner, name, call)
+
+
+def main() -> None:
+    import closeform.cli
+
+    make_haste = closeform.cli.make_haste
+
+    def then_watch(tokens: list[str]) -> None:
+        make_haste(tokens)
+        import closeform.compiled
+        import closeform.mission
+        import closeform.report.run
+        import closeform.report.section
+
+        timed(closeform.compiled, "prepare", "kernels")
+        timed(closeform.mission, "fly", "flying")
+        timed(closeform.report.run, "drawn", "pictures")
+        timed(closeform.report.section.Film, "leave", "animation")
+        timed(closeform.report.run, "leave", "tables, page")
+
+    closeform.cli.make_haste = then_watch
+    with redirect_stdout(StringIO()):
+        closeform.cli.main()
+    spent["imports"] = perf_counter() - BEGIN - sum(spent.values())
+    print(json.dumps(spent))
+
+
+main()
