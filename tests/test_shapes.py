@@ -489,3 +489,30 @@ def test_bad_input_is_named(case):
     call, message = BAD[case]
     with pytest.raises(ValueError, match=message):
         call()
+
+
+SCENARIO = """
+closeform = 1
+title = "A station with a plane ahead of it"
+[orbit]
+deep_space = true
+[craft]
+name = ["visitor", "station"]
+position = ["0 150 0 m", "0 0 0 m"]
+velocity = ["0 -1 0 m/s", "0 0 0 m/s"]
+keep_out = [{ sphere = "5 m" }, { half_spaces = "50 m", normals = [[0, 1, 0]] }]
+[[stage]]
+do = "coast"
+for = "1000 s"
+"""
+
+
+def test_a_scenario_goes_by_a_one_sided_zone():
+    """The visitor, named first, crosses the station's plane after 100 s and stays behind it."""
+    from closeform.mission import fly
+    from closeform.scenario import parse
+
+    (met,) = fly(parse(SCENARIO)).results[0].after.conflicts
+    assert (met.first, met.second) == ("visitor", "station")
+    assert (met.start, met.end) == (pytest.approx(100.0, abs=1e-10), 1000.0)
+    assert met.ratio == pytest.approx(-17.0)
