@@ -24,12 +24,13 @@ from numba import float64, int64
 from closeform.compiled import kernel
 
 DEFINITE = 1e-9  # certified smallest eigenvalue of S: far above rounding, and costs as much of the bound
-ENLARGED = 1e-13  # of G's diagonal, for each row: above the rounding of the kernel
+ENLARGED = 1e-12  # of G's diagonal, for each row: above the rounding of the kernel
 ROUNDING = 1e-13  # of the terms of the bound, for each row
 STEPS = 200  # of Newton's method, at most
 FINE = 1e-9  # of the bound, to which it is climbed where `enough` is in sight
 FIRST = 1.0  # barrier to start with, of the mean multiplier's part of the bound
 CENTRED, SHRINK = 2.0, 0.12  # decrement, in barriers, at which the barrier is lowered, and by how much
+STIFFEST = 1e-12  # compliance, of the greatest, below which a multiplier begins no higher
 BACK = 0.7  # of the multipliers to start with, while S is not definite
 INSIDE = 0.9  # of the way to where a multiplier vanishes
 CLIMBING = 0.3  # of the rise that the slope promises
@@ -178,13 +179,16 @@ def begin(places, gram, offsets, floors, multipliers, roots, aims, inverse):
     """Multipliers to start from: what each alone could be, scaled until S is definite."""
     groups = len(offsets) - 1
     size = offsets[groups]
+    softest = 0.0
+    for r in range(len(places)):
+        softest = max(softest, gram[r, r])
     for g in range(groups):
-        own = 0.0
+        own = STIFFEST * softest  # what hardly gives way, at an end of its craft's time, asks for no more
         for r in range(offsets[g], offsets[g + 1]):
             own += gram[r, r]
         multipliers[g] = 1.0 / own
     for c in range(len(floors)):
-        multipliers[groups + c] = 1.0 / gram[size + c, size + c]
+        multipliers[groups + c] = 1.0 / (gram[size + c, size + c] + STIFFEST * softest)
     while True:
         weigh(places, gram, offsets, floors, multipliers, 0.0, 0.0, roots, aims, inverse)
         definite = invert(inverse, size) > -inf
@@ -201,6 +205,8 @@ def begin(places, gram, offsets, floors, multipliers, roots, aims, inverse):
 )
 def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, forces):
     """A certified bound of the extra energy, climbed until it is `enough` or cannot become it.
+
+    It is known to `tolerance`, or to this share of what is missing to `enough`.  G must not vanish.
 
     `places` (m,), `gram` (m, m); rows offsets[g] to offsets[g + 1] are the squares of group g, the last
     len(floors) rows the halves.  `multipliers`, of groups and then halves, are kept where they are enough, as
