@@ -257,6 +257,14 @@ def test_one_instant_in_common():
     assert cf.closest_approach(path, other, zone).ratio == pytest.approx(0.5)
 
 
+def test_one_instant_in_common_at_rest():
+    """Nothing moves and there is no time to halve: the search ends all the same."""
+    path, other = DEEP.coast([5, 0, 0, 0, 0, 0], 10.0), DEEP.coast(ZERO, 10.0, start=10.0)
+    assert cf.closest_approach(path, other, cf.Sphere(10.0)).ratio == 0.5
+    (conflict,) = cf.find_conflicts(path, other, cf.Sphere(10.0))
+    assert (conflict.start, conflict.end, conflict.ratio) == (10.0, 10.0, 0.5)
+
+
 def test_no_common_time():
     zone = cf.Sphere(10.0)
     path, other = DEEP.coast(ZERO, 10.0), DEEP.coast(ZERO, 10.0, start=10.1)
