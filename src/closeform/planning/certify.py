@@ -17,6 +17,7 @@ BLUNT = ((8.0, 2.0 ** (1.0 / 8.0)), (4.0, 1.0))  # powers of norms that stand in
 SHARPER = 32.0, 512.0  # and after that, where the zones themselves are not reached at once
 FINER = 3  # times that the march may find what samples missed
 ROOM = 8, 24  # contacts, and for each craft
+CROWDED = 8  # contacts, beyond which edges are not tried at once
 LARGE = 150  # contacts beyond which convexity is not examined
 PROVEN = 1e-9  # tolerance of the proof
 AHEAD = np.array([1.0, 0.0, 0.0])  # a side like any other, where two craft meet
@@ -74,16 +75,20 @@ class LocalSolver:
         if self.problem.round:
             return self.certified(self.relaxed(sharp, start, sides, bar), bar)
         rough = self.relaxed(self.aimed(*BLUNT[blunt]), start, sides, inf)
-        best = self.certified(self.relaxed(sharp, rough.contacts, sides, bar), bar)
-        for power in () if best.clear else SHARPER:  # balls that hold the zone, ever closer to it
+        if rough.contacts.number <= CROWDED:
+            best = self.certified(self.relaxed(sharp, rough.contacts, sides, bar), bar)
+            if best.clear:
+                return best
+        holding: list[Solution] = []
+        for power in SHARPER:  # balls that hold the zone, ever closer to it
             finer = self.relaxed(self.aimed(power, 3.0 ** (1.0 / power)), rough.contacts, sides, inf)
-            rough = finer if finer.clear else rough
-            last = self.relaxed(sharp, rough.contacts, sides, inf)
-            for found in (last, finer):
-                if found.clear and found.energy < best.energy:
-                    found = self.certified(found, inf)
-                    best = found if found.energy < best.energy else best
-        return best
+            if finer.clear:
+                rough = finer
+                holding = [finer]
+        found = [
+            self.certified(one, inf) for one in (self.relaxed(sharp, rough.contacts, sides, inf), *holding)
+        ]
+        return min(found, key=lambda one: one.energy)
 
     def workspace(self, scene: Scene, count: int) -> Workspace:
         """Room for as many contacts and more, used again and again."""
