@@ -55,7 +55,7 @@ def reconfigure(
     `method` "joint": all paths are deflected together, by forces between pairs (theory 4).
     "sequential": craft plan one after another in `order` (indices; 0, 1, ... unless given), as in
     SP11.  The sides on which pairs pass each other are searched: `budget` candidates at most, each solved to
-    its local optimum (by how many pairs are in contact unless given: 96 for up to six, one beyond 200).
+    its local optimum (by how many pairs are in contact unless given, down to one beyond 200).
     The plan comes with a certified lower bound of what any costs.  `prove` [s]: for so long at most, branch
     and bound over all sides raises the bound until it is within 0.1 %, and takes a cheaper plan where it
     finds one (not with `max_acceleration`).  Where no clear plan is found, `if_blocked` says what is tried,

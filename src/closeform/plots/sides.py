@@ -86,8 +86,8 @@ def two_ways(path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None
     the ways, each solid to its own closest approach (initial leg) and dotted from there on
     (terminal leg).  Right: the same as seen from the obstacle, with the zone's cut.
 
-    `ways` are up to two paths between the same ends; without them, the least-energy path through
-    one deviation point on either side.  Where the path is clear it stands alone.
+    `ways` are up to two paths between the same ends; without them, the cheapest path
+    found and the cheapest that was found on the other side.  Where the path is clear it stands alone.
 
     Raises ValueError for batches, more than two ways, or paths without a common time.
     """
