@@ -38,9 +38,9 @@ def avoid(
     zones are touched unless given), each solved to its local optimum; the best is returned, with a certified
     lower bound of what any path costs (theory 4).  `prove` [s]: for so long at most, branch and bound over
     all sides raises the bound until it is within 0.1 %, and takes a cheaper path where it finds one.
-    "sauter-palmer": the paper's one deviation point for each conflict, perpendicular to the cost's gradients (SP11 section 4), for n > 0.
-    Either way the path is certified clear of the zone itself, or the status says why there is none: an end
-    inside a zone, or no clear path found.
+    "sauter-palmer": the paper's one deviation point for each conflict, perpendicular to the cost's gradients
+    (SP11 section 4), for n > 0.  Either way the path is certified clear of the zone itself, or the status
+    says why there is none: an end inside a zone, or no clear path found.
 
     Raises ValueError for a batch of paths, another orbit, zones that do not match the
     obstacles, a budget below 1, a negative time, or an unknown method.
