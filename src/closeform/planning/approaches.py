@@ -220,7 +220,7 @@ def find_minima(scene, arcs, offsets, states, places, speeds, found):
         for k in range(len(times)):
             before, here, pace = here, after, speed
             after = inf
-            if k < last:
+            if k < last and squares[k + 1] <= reach * reach:  # from beyond no minimum is in reach
                 after, speed = apart(scene, kind, states[i, k + 1], states[j, k + 1])
             if here == inf or here > before or here > after or here - pace * widest > aim:
                 continue

@@ -66,7 +66,10 @@ def avoid(
     if not problem.conflicts(problem.with_path(path)):
         extra = max(path.energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
         bound = min(float(optimum.energy), path.energy)
-        return Avoidance(path, path.energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict")
+        proven = is_proven(path.energy, bound)
+        return Avoidance(
+            path, path.energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict", proven=proven
+        )
     if method == "sauter-palmer":
         return deviated(path, problem)
     return shaped(problem, budget, prove)
@@ -78,8 +81,9 @@ def shaped(problem: Problem, budget: int | None, seconds: float) -> Avoidance:
     optimum, duration = problem.energy(problem.direct), problem.last - problem.first
     ways = f"{found.tried} candidates examined"
     if found.flown is None:
-        left = "none is left" if found.exhausted else "raise budget for more"
-        return refused(problem, Status.NOT_FOUND, f"no clear path among {ways}; {left}", found.tried)
+        return refused(
+            problem, Status.NOT_FOUND, f"no clear path among {ways}; raise budget for more", found.tried
+        )
     # rest to rest over one zone in a hundredth of the time costs 1e6 of these
     zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
     if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
@@ -87,12 +91,12 @@ def shaped(problem: Problem, budget: int | None, seconds: float) -> Avoidance:
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
     proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds)
     if proof.better is not None:
-        found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes, False))
+        found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes))
     assert found.flown is not None
     path = problem.path(found.flown)[0]
     bound = optimum + proof.bound
     number = len(found.contacts)
-    best = f"the best of {ways}, {closeness(path.energy, bound)}"
+    best = f"the best of {found.tried} candidates examined, {closeness(path.energy, bound)}"
     return Avoidance(
         path=path,
         energy=path.energy,

@@ -80,13 +80,14 @@ class LocalSolver:
             if best.clear:
                 return best
         holding: list[Solution] = []
-        for power in SHARPER:  # balls that hold the zone, ever closer to it
+        for power in SHARPER:  # balls that hold three parts at a corner, ever closer to it
             finer = self.relaxed(self.aimed(power, 3.0 ** (1.0 / power)), rough.contacts, sides, inf)
             if finer.clear:
                 rough = finer
                 holding = [finer]
         found = [
-            self.certified(one, inf) for one in (self.relaxed(sharp, rough.contacts, sides, inf), *holding)
+            self.certified(one, inf)
+            for one in (self.relaxed(self.aimed(inf, 1.0), rough.contacts, sides, inf), *holding)
         ]
         return min(found, key=lambda one: one.energy)
 
@@ -109,10 +110,12 @@ class LocalSolver:
 
     def certified(self, solution: Solution, bar: float) -> Solution:
         """A solution that the march finds clear too; what samples missed becomes a contact."""
-        for _ in range(FINER):
+        for turn in range(FINER + 1):
             missed = self.problem.conflicts(solution.flown) if solution.clear else []
             if not missed:
                 return solution
+            if turn == FINER:
+                break
             times = np.array([row[2] for _, row in missed])
             self.scene = self.problem.sampled(self.scene, np.union1d(self.scene.times, times))
             more = [self.problem.at(pair, time) for (pair, _), time in zip(missed, times, strict=True)]
@@ -152,8 +155,8 @@ class LocalSolver:
 
 
 def nearer(problem: Problem) -> Sides:
-    """New contacts on the nearer side."""
-    return Sides(np.zeros((len(problem.direct[1]) - 1, 3)), 0.0, False)
+    """New contacts on the nearer side, always."""
+    return Sides(np.zeros((len(problem.direct[1]) - 1, 3)), -inf, False)
 
 
 def shifted(problem: Problem, seed: int, depth: float, size: float) -> Sides:

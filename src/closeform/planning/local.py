@@ -134,7 +134,7 @@ def turn_normal(scene, which, motion, out):
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     shape, power = scene.shapes[kind], scene.powers[kind]
-    if rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2]) > MEET:
+    if abs(rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2])) > MEET:
         gradient(shape, faces, power, motion, out)
 
 
@@ -212,7 +212,7 @@ def slide_all(scene, arcs, offsets, contacts, count, slid):
 
 
 @kernel()
-def next_contacts(scene, arcs, offsets, contacts, count, slid, following):
+def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
     """The contacts of the next round: where they have slid to, and old times that are far from there."""
     motion = np.empty((3, 3))
     total = 0
@@ -224,8 +224,9 @@ def next_contacts(scene, arcs, offsets, contacts, count, slid, following):
         span = scene.windows[which, 1] - scene.windows[which, 0]
         if contacts.multipliers[k] > 0.0 and abs(slid.times[k] - t) > SAME * span:
             relative_motion(scene, arcs, offsets, which, t, motion)
-            turn_normal(scene, which, motion, contacts.normals[k])
-            total = merge(scene, contacts, k, following, total)
+            copy_contact(contacts, k, turned, 0)
+            turn_normal(scene, which, motion, turned.normals[0])
+            total = merge(scene, turned, 0, following, total)
     return total
 
 
@@ -400,7 +401,7 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
         moved = slide_all(scene, arcs, offsets, contacts, count, slid)
         number = look(scene, arcs, offsets, contacts, count, samples, found)
         short = shortfall(found, number)
-        settled = next_contacts(scene, arcs, offsets, contacts, count, slid, following)
+        settled = next_contacts(scene, arcs, offsets, contacts, count, slid, trial, following)
         total = add_fresh(scene, sides, arcs, offsets, found, number, following, settled)
         if short < max(least, NEARLY):
             least, latest = short, turn
@@ -425,7 +426,8 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
             )
             if energy < least_energy:
                 kept, least_energy = copy_contacts(contacts, count, best), energy
-            if least_energy < inf and short < ENOUGH and abs(energy - before) <= STEADY * energy:
+            steady = energy == inf or abs(energy - before) <= STEADY * energy
+            if least_energy < inf and short < ENOUGH and steady:
                 return CLEAR, kept, least_energy
             before = energy
         contacts, following = following, contacts

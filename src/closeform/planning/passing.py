@@ -32,15 +32,13 @@ ANOTHER = 0.9  # cosine of the angle between two normals below which they are di
 class Found:
     """What the search has come to: the best solution, or the one that it began with where none is clear.
 
-    `margin`: the zones it was made for are so many times as large; `tried` candidates were examined, and
-    `exhausted` tells whether none was left when the search ended.
+    `margin`: the zones it was made for are so many times as large; `tried` candidates were examined.
     """
 
     best: Solution
     margin: float
     proven: bool
     tried: int
-    exhausted: bool
 
 
 class Search:
@@ -55,6 +53,7 @@ class Search:
         self.budget = budget
         self.more = more
         self.tried = 0
+        self.drawn = 0
         self.best: Solution | None = None
         self.proven = False
         self.seen: list[Solution] = []
@@ -97,11 +96,12 @@ class Search:
             elif self.best is not None and (self.alone or (few and not self.queue)):
                 break
             else:
-                self.examine(Contacts.none(), self.tried // DRAWN if few else self.tried, 1.0, FAR)
+                self.drawn += 1
+                self.examine(Contacts.none(), self.drawn, 1.0, FAR)
             improved = improved if self.best is before else self.tried
-        best = self.best or self.first or self.examine(Contacts.none(), 0, DEEP, SHIFT)
-        exhausted = few and not self.queue and self.best is not None
-        return Found(best, self.solver.margin, self.proven, self.tried, exhausted)
+        best = self.best or self.first
+        assert best is not None  # a budget is at least one candidate
+        return Found(best, self.solver.margin, self.proven, self.tried)
 
     def examine(self, start: Contacts, seed: int, depth: float, size: float) -> Solution:
         """Solve from a start; keep what is better, and rank the ways around it."""

@@ -17,7 +17,7 @@ class Outcome:
     """Clear paths and where they touch, or None and the pair that is deepest in conflict.
 
     `extra` is the energy beyond the unconstrained optima; `margin`: the paths were made for zones so many
-    times as large; `exhausted`: no candidate was left, the budget was not what ended the search.
+    times as large.
     `order`: that in which craft planned one after another, where it is not the one asked for.
     """
 
@@ -27,7 +27,6 @@ class Outcome:
     margin: float
     proven: bool
     tried: int
-    exhausted: bool = False
     blocked: tuple[int, int] | None = None
     order: tuple[int, ...] = ()
 
@@ -52,9 +51,9 @@ def outcome(found: Found) -> Outcome:
     if not best.clear:
         conflicts = best.problem.conflicts(best.flown)
         blocked = min(conflicts, key=lambda one: one[1][3])[0] if conflicts else None
-        return Outcome(None, (), nan, found.margin, False, found.tried, found.exhausted, blocked)
+        return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
     touched = contacts_of(best.problem, best.contacts, best.flown)
-    return Outcome(best.flown, touched, best.energy, found.margin, found.proven, found.tried, found.exhausted)
+    return Outcome(best.flown, touched, best.energy, found.margin, found.proven, found.tried)
 
 
 def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
@@ -70,7 +69,7 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
     together = solver.solve(start, nearer(problem))
     if not together.clear or problem.energy(together.flown) > problem.energy(alone.flown):
         return replace(alone, tried=tried)
-    return outcome(Found(together, MARGINS[0], False, tried + 1, False))
+    return outcome(Found(together, MARGINS[0], False, tried + 1))
 
 
 def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:

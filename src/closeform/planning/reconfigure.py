@@ -154,7 +154,7 @@ def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
     limited = request.limits is not None
     proof = prove_bound(problem, plan.contacts, plan.extra_energy, plan.energy, seconds, fixed=limited)
     if proof.better is not None:
-        better = outcome(Found(proof.better, MARGINS[0], False, plan.tried + proof.nodes, False))
+        better = outcome(Found(proof.better, MARGINS[0], False, plan.tried + proof.nodes))
         plan = _planned(plan, problem, better, request.names)
     bound = min(float(plan.direct.energy.sum()) + proof.bound, plan.energy)
     reason = f"{plan.reason}, {closeness(plan.energy, bound)}"

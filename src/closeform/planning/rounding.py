@@ -10,7 +10,7 @@ from math import inf
 import numpy as np
 
 from closeform.compiled import kernel
-from closeform.zones.shapes import BALL, norm, part, part_count, rank, rate
+from closeform.zones.shapes import BALL, FACES, norm, part, part_count, rank, rate
 
 ON_EDGE = 1e-7  # how nearly two parts are the largest at once
 NEAR_EDGE = 1e-4  # and how nearly where Newton's method begins
@@ -39,9 +39,9 @@ def gradient(shape, faces, power, motion, out):
     """
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
     s = rounded_norm(shape, faces, power, x, y, z)
-    if s <= 0.0:
+    if s == 0.0 or (s < 0.0 and shape != FACES):
         return
-    sharp = power == inf or shape == BALL
+    sharp = power == inf or shape == BALL or s < 0.0
     slowest, fastest = inf, -inf
     ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(part_count(shape, faces)):
@@ -49,7 +49,7 @@ def gradient(shape, faces, power, motion, out):
         if not sharp:
             share = (value / s) ** (power - 1.0) if value > 0.0 else 0.0
             ax, ay, az = ax + share * gx, ay + share * gy, az + share * gz
-        elif value >= s * (1.0 - ON_EDGE):
+        elif value >= s - ON_EDGE * abs(s):
             speed = gx * motion[1, 0] + gy * motion[1, 1] + gz * motion[1, 2]
             if speed < slowest:
                 slowest, ax, ay, az = speed, gx, gy, gz

@@ -46,7 +46,7 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
     for k in order:
         alone, others = _alone(problem, k, published)
         path, tried = alone.path(alone.direct)[0], tried + 1
-        if conflicts := alone.conflicts(alone.direct, margin):
+        if conflicts := alone.conflicts(alone.direct, MARGINS[0]):
             held = alone.inside_at_end(alone.direct)  # its ends are where they are
             found = solve(alone, budget) if held is None else None
             tried += found.tried if found is not None else 0
