@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 import passages as drawn_passages
+from closeform.zones.shapes import CUBE
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from cases import MEAN_MOTION, PERIOD, ZONE, cluster, lost_craft, lost_pairs, passages
@@ -165,7 +166,7 @@ def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
 @pytest.mark.parametrize(("group", "seed"), [("one ellipsoid", 2), ("one box", 5), ("tilted", 3)])
 def test_exchanged_planes_lead_to_a_clear_path_as_cheap_as_any_planner_found(group, seed):
     case = drawn_passages.passage(group, seed)
-    zones = [zone.matrix for zone in case.zones], [zone.box for zone in case.zones]
+    zones = [zone.matrix for zone in case.zones], [zone.shape == CUBE for zone in case.zones]
     n, places = case.orbit.mean_motion, case.obstacles.position
     task = exchange.Exchange(case.initial, case.final, case.duration, n, places, *zones)
     times = np.linspace(0, 1, 1001)

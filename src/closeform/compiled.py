@@ -22,7 +22,7 @@ before_first_compilation: list[Callable[[], None]] = []  # called when a kernel 
 @cache
 def announce() -> None:
     """Say once, on standard error, that a compilation is under way."""
-    print("closeform: compiling its kernels, once for this version (half a minute)", file=sys.stderr)
+    print("closeform: compiling its kernels, once (half a minute)", file=sys.stderr)
     for begin in before_first_compilation:
         begin()
 

@@ -136,7 +136,7 @@ def zones_of(zone: Zone | Sequence[Zone], count: int) -> list[Zone]:
     """One zone for each obstacle."""
     given = [zone] * count if isinstance(zone, Zone) else list(zone) if isinstance(zone, Sequence) else []
     if not given or not all(isinstance(one, Zone) for one in given):
-        raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each obstacle, got {zone!r}")
+        raise ValueError(f"zone: expected a zone, or one for each obstacle, got {zone!r}")
     if len(given) != count:
         raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
     return given

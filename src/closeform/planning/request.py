@@ -179,7 +179,7 @@ def _zones(zone: Zone | Sequence[Zone | None], count: int, extra: int) -> list[Z
         return [zone] * (count + extra)
     zones = list(zone) if isinstance(zone, Sequence) else [False]
     if not all(one is None or isinstance(one, Zone) for one in zones):
-        raise ValueError(f"zone: expected a Box, Ellipsoid or Sphere, or one for each craft, got {zone!r}")
+        raise ValueError(f"zone: expected a zone, or one for each craft, got {zone!r}")
     if len(zones) not in (count, count + extra):
         with_obstacles = f" or {count + extra} with the obstacles" * bool(extra)
         raise ValueError(f"zone: {len(zones)} zones for {count} craft; give one, or {count}{with_obstacles}")
