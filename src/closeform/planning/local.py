@@ -16,15 +16,14 @@ from numba import float64, int64, types
 
 from closeform.arrays import Floats
 from closeform.compiled import borrowed, kernel
-from closeform.planning.approaches import find_minima, sample_craft, slide, spread
+from closeform.planning.approaches import find_minima, sample_craft, spread
+from closeform.planning.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
 from closeform.planning.deflection import deflect, fill_factors, fill_gram, relative_motion
 from closeform.planning.optimality import newton
 from closeform.planning.qp import solve_qp
-from closeform.planning.rounding import gradient, rounded_norm
 from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, NUMBERS, ROWS, SCENE, Contacts, Scene
 
 ROUNDS, HOPELESS = 60, 15  # rounds, and those without getting nearer to clear that are waited for
-SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
 SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
 CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
 NEARLY = 1e-2  # how deep inside the zone paths may be to be raised out of it
@@ -32,22 +31,9 @@ ENOUGH, STEADY = 1e-6, 1e-6  # depth and relative change of energy at which roun
 RAISES = 4
 GIVEN_UP = 1.5  # times the energy to beat
 TOO_FAR = 1e5  # zones that a contact alone would push its craft
-MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
 LEFT = 1e-9  # what Newton's method may leave of a minimum below the aim
 SMALL = 120  # contacts of which the dense conditions of optimality are solved
 BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # how it ended; optimal: the conditions of optimality hold to rounding
-
-
-class Sides(NamedTuple):
-    """On which side a contact begins that no start gives: the nearer one, unless its norm is below `depth`.
-
-    Then as though every body were shifted a little, so that the choices for all pairs agree: across the
-    motion, or `along` it, to pass before or behind by being early or late.
-    """
-
-    shifts: Floats  # (N + M, 3) in zones
-    depth: float
-    along: bool
 
 
 class Samples(NamedTuple):
@@ -96,7 +82,6 @@ class Workspace(NamedTuple):
         )
 
 
-SIDES = types.NamedTuple((ROWS, float64, types.boolean), Sides)
 FACTORS = float64[:, :, :, :, ::1]
 WORKSPACE = types.NamedTuple(
     (
@@ -126,130 +111,6 @@ def solve_multipliers(scene, contacts, count, gram, gaps, lift, give, work):
         for m in range(count):
             energy += 0.5 * push * gram[k, m] * contacts.multipliers[m]
     return energy if energy >= 0.0 else inf
-
-
-@kernel()
-def turn_normal(scene, which, motion, out):
-    """The zone's outward normal at a relative motion; `out` stays where two craft meet."""
-    kind = scene.kinds[which]
-    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
-    shape, power = scene.shapes[kind], scene.powers[kind]
-    if abs(rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2])) > MEET:
-        gradient(shape, faces, power, motion, out)
-
-
-@kernel()
-def choose_side(scene, sides, which, motion, out):
-    """Fill the normal of a new contact at a relative motion, which is spoilt."""
-    kind = scene.kinds[which]
-    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
-    shape, power = scene.shapes[kind], scene.powers[kind]
-    depth = rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2])
-    if depth < sides.depth:
-        first, second = scene.pairs[which, 0], scene.pairs[which, 1]
-        pace, slip = 0.0, 0.0
-        for i in range(3):
-            shift = sides.shifts[first, i] - sides.shifts[second, i]
-            pace += motion[1, i] * motion[1, i]
-            slip += (motion[0, i] + shift) * motion[1, i]
-        sign = 1.0 if sides.shifts[first, 0] > sides.shifts[second, 0] else -1.0
-        for i in range(3):
-            shift = sides.shifts[first, i] - sides.shifts[second, i]
-            if sides.along and pace > 0.0:
-                motion[0, i] = sign * motion[1, i]
-            else:
-                motion[0, i] += shift - (slip / pace * motion[1, i] if pace > 0.0 else 0.0)
-    out[0], out[1], out[2] = 1.0, 0.0, 0.0
-    gradient(shape, faces, power, motion, out)
-
-
-@kernel()
-def copy_contact(source, k, target, m):
-    """Copy contact k of `source` to place m of `target`."""
-    target.which[m], target.times[m] = source.which[k], source.times[k]
-    target.multipliers[m] = source.multipliers[k]
-    for i in range(3):
-        target.normals[m, i] = source.normals[k, i]
-
-
-@kernel()
-def merge(scene, source, k, target, count):
-    """Add contact k of `source` to `target`, or to the one of its pair that it has come together with."""
-    span = scene.windows[source.which[k], 1] - scene.windows[source.which[k], 0]
-    for m in range(count):
-        if target.which[m] == source.which[k] and abs(target.times[m] - source.times[k]) < SAME * span:
-            push = target.multipliers[m]
-            if source.multipliers[k] > push:  # the time of the hardest pressed
-                copy_contact(source, k, target, m)
-                target.multipliers[m] += push
-            else:
-                target.multipliers[m] += source.multipliers[k]
-            return count
-    if count < len(target.times):
-        copy_contact(source, k, target, count)
-        count += 1
-    return count
-
-
-@kernel()
-def slide_all(scene, arcs, offsets, contacts, count, slid):
-    """Fill `slid` with the contacts where their pairs now come closest: how far the farthest has moved."""
-    motion, work = np.empty((3, 3)), np.empty(3)
-    moved = 0.0
-    for k in range(count):
-        copy_contact(contacts, k, slid, k)
-        if contacts.multipliers[k] <= 0.0:
-            continue
-        which = contacts.which[k]
-        slid.times[k] = slide(scene, arcs, offsets, which, contacts.times[k], 1e-10, motion, work)
-        relative_motion(scene, arcs, offsets, which, slid.times[k], motion)
-        turn_normal(scene, which, motion, slid.normals[k])
-        span = scene.windows[which, 1] - scene.windows[which, 0]
-        moved = max(moved, abs(slid.times[k] - contacts.times[k]) / span)
-        for i in range(3):
-            moved = max(moved, abs(slid.normals[k, i] - contacts.normals[k, i]))
-    return moved
-
-
-@kernel()
-def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
-    """The contacts of the next round: where they have slid to, and old times that are far from there."""
-    motion = np.empty((3, 3))
-    total = 0
-    for k in range(count):
-        if contacts.multipliers[k] > 0.0:
-            total = merge(scene, slid, k, following, total)
-    for k in range(count):
-        which, t = contacts.which[k], contacts.times[k]
-        span = scene.windows[which, 1] - scene.windows[which, 0]
-        if contacts.multipliers[k] > 0.0 and abs(slid.times[k] - t) > SAME * span:
-            relative_motion(scene, arcs, offsets, which, t, motion)
-            copy_contact(contacts, k, turned, 0)
-            turn_normal(scene, which, motion, turned.normals[0])
-            total = merge(scene, turned, 0, following, total)
-    return total
-
-
-@kernel()
-def add_fresh(scene, sides, arcs, offsets, found, number, following, count):
-    """Add contacts without force at minima that no contact is near: how many contacts there are then."""
-    motion = np.empty((3, 3))
-    total = count
-    for row in range(number):
-        which = int(found[row, 0])
-        start, end = scene.windows[which, 0], scene.windows[which, 1]
-        t = min(max(found[row, 1], start), end)
-        near = total == len(following.times)
-        for m in range(count):
-            if following.which[m] == which and abs(following.times[m] - t) < 2.0 * SAME * (end - start):
-                near = True
-        if near:
-            continue
-        following.which[total], following.times[total], following.multipliers[total] = which, t, 0.0
-        relative_motion(scene, arcs, offsets, which, t, motion)
-        choose_side(scene, sides, which, motion, following.normals[total])
-        total += 1
-    return total
 
 
 @kernel()
@@ -314,17 +175,6 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
         for m in range(count):
             energy += 0.5 * contacts.multipliers[k] * gram[k, m] * contacts.multipliers[m]
     return energy
-
-
-@kernel()
-def copy_contacts(source, count, target):
-    """Copy the first `count` contacts that push."""
-    total = 0
-    for k in range(count):
-        if source.multipliers[k] > 0.0:
-            copy_contact(source, k, target, total)
-            total += 1
-    return total
 
 
 @kernel()

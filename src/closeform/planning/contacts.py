@@ -1,0 +1,167 @@
+"""Contacts between rounds: where they slide to, which become one, which are new, and on which side."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import float64, types
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.planning.approaches import slide
+from closeform.planning.deflection import relative_motion
+from closeform.planning.rounding import gradient, rounded_norm
+from closeform.planning.scene import ROWS
+
+SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
+SLID = 1e-10  # of that time, to which a contact's instant is known between rounds
+MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
+
+
+class Sides(NamedTuple):
+    """On which side a contact begins that no start gives: the nearer one, unless its norm is below `depth`.
+
+    Then as though every body were shifted a little, so that the choices for all pairs agree: across the
+    motion, or `along` it, to pass before or behind by being early or late.
+    """
+
+    shifts: Floats  # (N + M, 3) in zones
+    depth: float
+    along: bool
+
+
+SIDES = types.NamedTuple((ROWS, float64, types.boolean), Sides)
+
+
+@kernel()
+def turn_normal(scene, which, motion, out):
+    """The zone's outward normal at a relative motion; `out` stays where two craft meet."""
+    kind = scene.kinds[which]
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    shape, power = scene.shapes[kind], scene.powers[kind]
+    if abs(rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2])) > MEET:
+        gradient(shape, faces, power, motion, out)
+
+
+@kernel()
+def choose_side(scene, sides, which, motion, out):
+    """Fill the normal of a new contact at a relative motion, which is spoilt."""
+    kind = scene.kinds[which]
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    shape, power = scene.shapes[kind], scene.powers[kind]
+    depth = rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2])
+    if depth < sides.depth:
+        first, second = scene.pairs[which, 0], scene.pairs[which, 1]
+        pace, slip = 0.0, 0.0
+        for i in range(3):
+            shift = sides.shifts[first, i] - sides.shifts[second, i]
+            pace += motion[1, i] * motion[1, i]
+            slip += (motion[0, i] + shift) * motion[1, i]
+        sign = 1.0 if sides.shifts[first, 0] > sides.shifts[second, 0] else -1.0
+        for i in range(3):
+            shift = sides.shifts[first, i] - sides.shifts[second, i]
+            if sides.along and pace > 0.0:
+                motion[0, i] = sign * motion[1, i]
+            else:
+                motion[0, i] += shift - (slip / pace * motion[1, i] if pace > 0.0 else 0.0)
+    out[0], out[1], out[2] = 1.0, 0.0, 0.0
+    gradient(shape, faces, power, motion, out)
+
+
+@kernel()
+def copy_contact(source, k, target, m):
+    """Copy contact k of `source` to place m of `target`."""
+    target.which[m], target.times[m] = source.which[k], source.times[k]
+    target.multipliers[m] = source.multipliers[k]
+    for i in range(3):
+        target.normals[m, i] = source.normals[k, i]
+
+
+@kernel()
+def merge(scene, source, k, target, count):
+    """Add contact k of `source` to `target`, or to the one of its pair that it has come together with."""
+    span = scene.windows[source.which[k], 1] - scene.windows[source.which[k], 0]
+    for m in range(count):
+        if target.which[m] == source.which[k] and abs(target.times[m] - source.times[k]) < SAME * span:
+            push = target.multipliers[m]
+            if source.multipliers[k] > push:  # the time of the hardest pressed
+                copy_contact(source, k, target, m)
+                target.multipliers[m] += push
+            else:
+                target.multipliers[m] += source.multipliers[k]
+            return count
+    if count < len(target.times):
+        copy_contact(source, k, target, count)
+        count += 1
+    return count
+
+
+@kernel()
+def slide_all(scene, arcs, offsets, contacts, count, slid):
+    """Fill `slid` with the contacts where their pairs now come closest: how far the farthest has moved."""
+    motion, work = np.empty((3, 3)), np.empty(3)
+    moved = 0.0
+    for k in range(count):
+        copy_contact(contacts, k, slid, k)
+        if contacts.multipliers[k] <= 0.0:
+            continue
+        which = contacts.which[k]
+        slid.times[k] = slide(scene, arcs, offsets, which, contacts.times[k], SLID, motion, work)
+        relative_motion(scene, arcs, offsets, which, slid.times[k], motion)
+        turn_normal(scene, which, motion, slid.normals[k])
+        span = scene.windows[which, 1] - scene.windows[which, 0]
+        moved = max(moved, abs(slid.times[k] - contacts.times[k]) / span)
+        for i in range(3):
+            moved = max(moved, abs(slid.normals[k, i] - contacts.normals[k, i]))
+    return moved
+
+
+@kernel()
+def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
+    """The contacts of the next round: where they have slid to, and old times that are far from there."""
+    motion = np.empty((3, 3))
+    total = 0
+    for k in range(count):
+        if contacts.multipliers[k] > 0.0:
+            total = merge(scene, slid, k, following, total)
+    for k in range(count):
+        which, t = contacts.which[k], contacts.times[k]
+        span = scene.windows[which, 1] - scene.windows[which, 0]
+        if contacts.multipliers[k] > 0.0 and abs(slid.times[k] - t) > SAME * span:
+            relative_motion(scene, arcs, offsets, which, t, motion)
+            copy_contact(contacts, k, turned, 0)
+            turn_normal(scene, which, motion, turned.normals[0])
+            total = merge(scene, turned, 0, following, total)
+    return total
+
+
+@kernel()
+def add_fresh(scene, sides, arcs, offsets, found, number, following, count):
+    """Add contacts without force at minima that no contact is near: how many contacts there are then."""
+    motion = np.empty((3, 3))
+    total = count
+    for row in range(number):
+        which = int(found[row, 0])
+        start, end = scene.windows[which, 0], scene.windows[which, 1]
+        t = min(max(found[row, 1], start), end)
+        near = total == len(following.times)
+        for m in range(count):
+            if following.which[m] == which and abs(following.times[m] - t) < 2.0 * SAME * (end - start):
+                near = True
+        if near:
+            continue
+        following.which[total], following.times[total], following.multipliers[total] = which, t, 0.0
+        relative_motion(scene, arcs, offsets, which, t, motion)
+        choose_side(scene, sides, which, motion, following.normals[total])
+        total += 1
+    return total
+
+
+@kernel()
+def copy_contacts(source, count, target):
+    """Copy the first `count` contacts that push."""
+    total = 0
+    for k in range(count):
+        if source.multipliers[k] > 0.0:
+            copy_contact(source, k, target, total)
+            total += 1
+    return total
