@@ -239,7 +239,7 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
             for i in range(6):
                 samples.states[body, k, i] = scene.states[body, k, i]
     kept, least_energy = 0, inf
-    before, close, least, latest = inf, CLOSE, inf, 0
+    before, close, least, latest, closing = inf, CLOSE, inf, 0, False
     for turn in range(ROUNDS):
         fill_factors(scene, contacts, count, factors)
         fill_gram(scene, contacts, count, factors, gram)
@@ -260,11 +260,11 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
         if short < NEARLY:
             if energy > GIVEN_UP * bar:
                 break
-            if total == settled and moved < close:
+            if total == settled and (moved < close or closing):
                 if settled <= SMALL:
                     copy_contacts(following, settled, trial)
                     polished = polish(scene, trial, settled, factors, gram, paths, samples, found)
-                    if polished < least_energy:
+                    if polished < inf and polished <= least_energy * (1.0 + STEADY):  # its touches are exact
                         return OPTIMAL, copy_contacts(trial, settled, best), polished
                     if polished < inf:
                         return CLEAR, kept, least_energy
@@ -278,7 +278,9 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
                 kept, least_energy = copy_contacts(contacts, count, best), energy
             steady = energy == inf or abs(energy - before) <= STEADY * energy
             if least_energy < inf and short < ENOUGH and steady:
-                return CLEAR, kept, least_energy
+                if closing:
+                    return CLEAR, kept, least_energy
+                closing = True  # Newton's method has the last word, however far contacts still move
             before = energy
         contacts, following = following, contacts
         count = total
