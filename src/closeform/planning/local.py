@@ -32,7 +32,8 @@ RAISES = 4
 GIVEN_UP = 1.5  # times the energy to beat
 TOO_FAR = 1e5  # zones that a contact alone would push its craft
 LEFT = 1e-9  # what Newton's method may leave of a minimum below the aim
-SMALL = 120  # contacts of which the dense conditions of optimality are solved
+SMALL = 60  # contacts of which the dense conditions of optimality are solved
+HUGGING = 16  # contacts, beyond which a path hugs its zones and has no single ones to go to
 BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # how it ended; optimal: the conditions of optimality hold to rounding
 
 
@@ -278,7 +279,7 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
                 kept, least_energy = copy_contacts(contacts, count, best), energy
             steady = energy == inf or abs(energy - before) <= STEADY * energy
             if least_energy < inf and short < ENOUGH and steady:
-                if closing:
+                if closing or settled > HUGGING:
                     return CLEAR, kept, least_energy
                 closing = True  # Newton's method has the last word, however far contacts still move
             before = energy
