@@ -421,6 +421,18 @@ SCENARIOS = (
         "deep_space = true",
         'stage[2].within: deep space has no orbits; give a time, for example "30 min"',
     ),
+    Bad(
+        "a stage that is over before it began",
+        FOR,
+        'for = "1e-20 s"',
+        "stage[1].for: must be at least 1e-12 s, got 1e-20 s; give another time",
+    ),
+    Bad(
+        "orbits without end",
+        'within = "0.1 orbits"',
+        'within = "1e9 orbits"',
+        "stage[2].within: must be at most 1e+06 orbits, got 1e+09; give another time",
+    ),
     # stages
     Bad(
         "an unknown verb",

@@ -494,6 +494,27 @@ def test_bad_input_is_named(case):
         call()
 
 
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        (-56.56828300358712, 218.69680303663452),
+        (-35.593119898395194, 482.3283249006789),
+        (-76.61218623535792, 82.74469361126117),
+    ],
+)
+def test_nothing_happens_after_the_common_end(start, end):
+    """Seconds from the start, added to it again, may round to the next double after the end."""
+    assert start + (end - start) > end
+    incoming = DEEP.sampled([start, end], [[1000.0, 0, 0, -0.4, 0, 0], [50.0, 0, 0, -0.4, 0, 0]])
+    rest = DEEP.coast(ZERO, 2.0 * (end - start), start=start)
+    approach = cf.closest_approach(incoming, rest, cf.Sphere(10.0))
+    assert approach.time == end
+    (stay,) = cf.find_conflicts(incoming, rest, cf.Sphere(100.0))
+    assert stay.time == stay.end == end
+    (row,) = cf.screen([incoming, rest], cf.Sphere(100.0)).conflicts
+    assert row.time == row.end == end
+
+
 SMALL = """
     import sys
     import closeform as cf

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from closeform.motion.duration import MOST_ORBITS, SHORTEST
 from truth import Flight, Reference
 
 N = 1.1e-3
@@ -319,6 +320,23 @@ BAD = {
     "state nan": (lambda o: o.coast([np.nan] * 6, 10.0), "state: every number must be finite"),
     "duration zero": (lambda o: o.coast(INITIAL, 0.0), "duration: must be positive"),
     "duration negative": (lambda o: o.transfer(INITIAL, FINAL, -5.0), "duration: must be positive"),
+    "duration tiny": (
+        lambda o: o.transfer(INITIAL, FINAL, 1e-80),
+        "duration: must be at least 1e-12 s, got 1e-80",
+    ),
+    "duration denormal": (
+        lambda o: o.coast(INITIAL, 1e-320),
+        "duration: must be at least 1e-12 s, got 9.99989e-321",
+    ),
+    "duration without end": (
+        lambda o: o.transfer(INITIAL, FINAL, 1e14),
+        r"duration: must be at most 1e\+06 orbits",
+    ),
+    "mean motion without end": (lambda o: cf.Orbit(1e160).coast(INITIAL, 1.0), "duration: must be at most"),
+    "times tiny": (
+        lambda o: o.sampled([0.0, 1e-80], [INITIAL] * 2),
+        "times: from one to the next must be at least",
+    ),
     "duration inf": (lambda o: o.coast(INITIAL, np.inf), "duration: every number must be finite"),
     "duration lost": (lambda o: o.coast(INITIAL, 1e-3, start=1e15), "duration: 0.001 s vanishes"),
     "start nan": (lambda o: o.coast(INITIAL, 1.0, start=np.nan), "start: every number must be finite"),
@@ -341,6 +359,20 @@ BAD = {
     "period": (lambda o: cf.Orbit.from_period(0.0), "period: must be positive"),
     "axis": (lambda o: cf.Orbit.from_semi_major_axis(-1.0), "semi_major_axis: must be positive"),
 }
+
+
+@pytest.mark.parametrize("n", [0.0, N])
+def test_shortest_and_longest_flights_have_totals(n):
+    """At the least duration nothing overflows, and at the greatest delta-v comes back."""
+    shortest = cf.Orbit(n).transfer(INITIAL, FINAL, SHORTEST)
+    # from 6 L / T^2 steadily to its opposite: 3 L / T in all, beside which speeds and n are nothing
+    gap = np.linalg.norm(FINAL[:3] - INITIAL[:3])
+    assert shortest.delta_v == pytest.approx(3 * gap / SHORTEST, rel=1e-9)
+    assert shortest.peak_thrust == pytest.approx(6 * gap / SHORTEST**2, rel=1e-9)
+    longest = cf.Orbit(N).transfer(INITIAL, FINAL, MOST_ORBITS * 2 * np.pi / N)
+    assert 0.0 < longest.delta_v <= np.sqrt(2 * longest.energy * longest.end)  # Cauchy and Schwarz
+    hit = cf.find_conflicts(shortest, cf.Orbit(n).coast(np.zeros(6), 1.0), cf.Sphere(60.0))
+    assert len(hit) == 1
 
 
 @pytest.mark.parametrize("case", BAD)

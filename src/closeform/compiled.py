@@ -9,7 +9,7 @@ from typing import Any
 
 import numba
 from numba.core import cgutils, config
-from numba.core.types import unliteral
+from numba.core.types import Array, BaseTuple, unliteral
 from numba.extending import intrinsic
 
 from closeform.kernel_cache import KernelCache, alone, parts
@@ -60,22 +60,39 @@ def prepare(entry: Any, wait: bool = True) -> None:
                 if not mine:
                     return
                 entry.compile(cached.signature)
-        entry.disable_compile()
 
 
-def _at_first_call(entry: Any) -> Callable[..., Any]:
-    """What numba asks for the compiled form that fits some arguments, as long as there is none."""
+def _writeable(kind: Any) -> Any:
+    """A type with arrays that may be written to, in it or in what it holds."""
+    if isinstance(kind, Array):
+        return kind.copy(readonly=False)
+    if isinstance(kind, BaseTuple):
+        return BaseTuple.from_types([*map(_writeable, kind)], getattr(kind, "instance_class", None))
+    return kind
 
-    def first_call(*arguments: Any) -> Any:
+
+def _match(entry: Any) -> Callable[..., Any]:
+    """What numba asks for the compiled form that fits arguments of types it has not yet met.
+
+    There is one form, and it serves read-only arrays too (of memory maps, joblib, pandas): kernels
+    write only to arrays that their callers have just made, never to what a user hands over.
+    """
+    served: set[Any] = set()
+
+    def match(*arguments: Any) -> Any:
         prepare(entry)
         ((declared, result),) = entry.overloads.items()
-        given = [entry.typeof_pyval(argument) for argument in arguments]
+        given = tuple(entry.typeof_pyval(argument) for argument in arguments)
         convert = entry.typingctx.can_convert
-        if len(given) == len(declared) and None not in map(convert, given, declared):
-            return result.entry_point
-        return entry(*arguments)  # says what does not fit
+        if len(given) != len(declared) or None in map(convert, map(_writeable, given), declared):
+            raise TypeError(f"{entry.__name__}: takes {declared}, got {given}")
+        with entry._cache.lock:
+            if given not in {declared, *served}:  # the next time numba finds it by itself
+                entry._insert([kind._code for kind in given], result.entry_point)
+                served.add(given)
+        return result.entry_point
 
-    return first_call
+    return match
 
 
 def _by_type(part: Any) -> Any:
@@ -112,7 +129,7 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
     def declare(function: Callable[..., Any]) -> Any:
         entry = numba.njit(**options)(function)
         entry._cache = KernelCache(entry, signature)
-        entry._compile_for_args = _at_first_call(entry)
+        entry._compile_for_args = _match(entry)
         ENTRIES.append(entry)
         return entry
 

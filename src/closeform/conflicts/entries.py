@@ -79,7 +79,7 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
         order, n = window(arcs[i], others[j], t, matrix, q)
         least, when, reached = minimum_norm(shape, faces, q, order, n, 0.0, stop - t, patience, best, nan)
         if least < best:
-            best, best_time = least, t + when
+            best, best_time = least, min(t + when, stop)  # t + (stop - t) may round to beyond it
         if reached < stop - t:
             patience = LESS_PATIENCE
             t += reached
@@ -111,9 +111,9 @@ def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
                 break
             inside = not inside
             if inside:
-                entry = t + local
+                entry = min(t + local, stop)
             else:
-                count = append(rows, count, pair, entry, t + local)
+                count = append(rows, count, pair, entry, min(t + local, stop))
         if local >= stop - t:
             return inside, entry, count
         t += local

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import LARGEST, Floats, numbers
 from closeform.compiled import kernel
 from closeform.motion.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
+from closeform.motion.duration import flaw
 from closeform.motion.elements import (
     EARTH_MU,
     EARTH_RADIUS,
@@ -100,7 +101,8 @@ class Orbit:
 
     States are (..., 6): x radial outward, y along the velocity, z along the orbit normal [m],
     then their rates [m/s], in the frame that turns with the orbit.  In deep space the frame
-    does not turn.  Raises ValueError for a mean motion that is negative or not finite.
+    does not turn.  Motion lasts from 1e-12 s to 1e6 orbits (`duration`), else ValueError is raised,
+    as it is for a mean motion that is negative or not finite.
     """
 
     mean_motion: float
@@ -228,6 +230,8 @@ class Orbit:
             )
         if not (np.diff(instants) > 0).all():
             raise ValueError("times: must increase strictly")
+        if wrong := flaw(np.diff(instants), self.mean_motion):
+            raise ValueError(f"times: from one to the next {wrong}")
         batch = nodes.shape[:-2]
         arcs = np.zeros((*batch, len(instants) - 1, WIDTH))
         arcs[..., START] = instants[:-1]
@@ -243,8 +247,8 @@ class Orbit:
     ) -> Floats:
         states = _checked("state", state, 6)
         lengths, starts = _checked("duration", duration), _checked("start", start)
-        if not (lengths > 0).all():
-            raise ValueError(f"duration: must be positive, got {lengths.min():g} s")
+        if wrong := flaw(lengths, self.mean_motion):
+            raise ValueError(f"duration: {wrong}")
         shape = broadcast(state=states.shape[:-1], duration=lengths.shape, start=starts.shape, other=like)
         arcs = np.zeros((*shape, WIDTH))
         arcs[..., START] = starts

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
+from closeform.motion.duration import SHORTEST
 from closeform.motion.elements import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, broadcast
@@ -83,7 +84,12 @@ def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str
         return np.asarray(orbit.transfer(begin, end, times).peak_thrust)
 
     reach = REACH * orbit.period if orbit.mean_motion else surely_enough(begin, end, limit)
-    times = _scan(orbit.mean_motion, surely_too_short(orbit.mean_motion, begin, end, limit, reach), reach)
+    soonest = surely_too_short(orbit.mean_motion, begin, end, limit, reach)
+    if soonest < SHORTEST:
+        raise ValueError(
+            f"max_acceleration: {craft}{limit:g} m/s^2 may take less than {SHORTEST:g} s; give less of it"
+        )
+    times = _scan(orbit.mean_motion, soonest, reach)
     least, least_time = inf, nan
     for first in range(0, len(times) - 2, CHUNK):
         chunk = times[first : first + CHUNK + 2]  # two more, so that every sample is once in a middle

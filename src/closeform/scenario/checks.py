@@ -6,6 +6,7 @@ from math import nan
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.motion.duration import flaw
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted
@@ -34,7 +35,7 @@ def check(scenario: Scenario) -> list[str]:
     else:
         orbit = scenario.orbit.build()
         lines += deep_space(scenario)
-    return lines or [*zones(scenario, orbit)]
+    return lines or [*spans(scenario, orbit), *zones(scenario, orbit)]
 
 
 def duplicates(scenario: Scenario) -> Iterator[str]:
@@ -191,6 +192,15 @@ def in_orbit(scenario: Scenario) -> Iterator[str]:
         for key, target in stage.targets.items():
             if target.orbital is False:
                 yield f"stage[{number}].{key}: a line is at rest in deep space only; {remedy}"
+
+
+def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
+    """Stages that are too short or too long to be flown."""
+    for number, stage in enumerate(scenario.stages, 1):
+        for key, duration in stage.durations.items():
+            if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
+                name = "for" if key == "length" else key
+                yield f"stage[{number}].{name}: {wrong}; give another time"
 
 
 def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
