@@ -1,6 +1,7 @@
 """Paths of an orbit against 200-digit references, published numbers and an integrator."""
 
 import itertools
+import re
 
 import mpmath as mp
 import numpy as np
@@ -184,10 +185,96 @@ def test_two_impulse_meets_both_ends():
         assert path.energy == np.inf
 
 
-@pytest.mark.parametrize("turns", [0.5, 1.0, 1.5])
-def test_two_impulse_refuses_half_orbits(turns):
-    with pytest.raises(ValueError, match="duration: no two impulses"):
-        cf.Orbit(N).two_impulse(INITIAL, FINAL, turns * 2 * np.pi / N)
+# After half an orbit z has changed its sign, after a whole one x and z are as before: what is missed.
+@pytest.mark.parametrize(("turns", "missed"), [(0.5, 25.0), (1.0, np.hypot(180.0, 65.0)), (1.5, 25.0)])
+def test_two_impulse_says_how_near_it_comes(turns, missed):
+    orbit, duration = cf.Orbit(N), turns * 2 * np.pi / N
+    with pytest.raises(ValueError, match=r"final: two impulses .* or change the duration") as caught:
+        orbit.two_impulse(INITIAL, FINAL, duration)
+    words = str(caught.value)
+    assert float(re.search(r"nearer than (\S+) m", words)[1]) == pytest.approx(missed, rel=1e-5)
+    nearest = FINAL.copy()
+    nearest[:3] = [float(word) for word in re.search(r"\[(.*)\]", words)[1].split(",")]
+    path = orbit.two_impulse(INITIAL, nearest, duration)  # the remedy
+    np.testing.assert_allclose(path.position(duration), nearest[:3], rtol=0, atol=1e-7)
+    with pytest.raises(ValueError, match="final: craft 1, 0: two impulses"):
+        orbit.two_impulse([[INITIAL], [INITIAL]], [[nearest], [FINAL]], duration)
+
+
+HALF, WHOLE = np.pi / N, 2 * np.pi / N
+# Fehse, Automated Rendezvous and Docking of Spacecraft (2003), 3.3: start, end, delta-v of each impulse.
+HOPS = {
+    "radial hop of half an orbit": ([0, 100, 0, 0, 0, 0], [0, -100, 0, 0, 0, 0], HALF, 200 * N / 4),
+    "radial hop out of the plane": ([0, 100, 30, 0, 0, 0], [0, -100, -30, 0, 0, 0], HALF, 200 * N / 4),
+    "tangential hop of an orbit": ([0, 100, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0], WHOLE, 100 * N / (6 * np.pi)),
+    "tangential hop of two": ([0, 0, 5, 0, 0, 0], [0, 60, 5, 0, 0, 0], 2 * WHOLE, 60 * N / (12 * np.pi)),
+    "Hohmann transfer": (
+        [-50, 0, 0, 0, 75 * N, 0],
+        [0, 37.5 * np.pi, 0, 0, 0, 0],
+        HALF,
+        50 * N / 4,
+    ),
+    "back to the start": ([0, 100, 0, 0, 0, 0], [0, 100, 0, 0, 0, 0], WHOLE, 0.0),
+}
+
+
+@pytest.mark.parametrize("beside", [0.0, 1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-8, 1e-6, -1e-6])
+@pytest.mark.parametrize("hop", HOPS)
+def test_two_impulse_flies_textbook_hops(hop, beside):
+    """At and beside multiples of half an orbit; the integrator says where the craft come."""
+    start, end, duration, impulse = HOPS[hop]
+    duration *= 1.0 + beside
+    path = cf.Orbit(N).two_impulse(start, end, duration)
+    # the change of duration counts for some times as much in the impulses
+    assert [np.linalg.norm(jump) for _, jump in path.impulses] == pytest.approx(
+        [impulse] * len(path.impulses), rel=1e-9 + 20 * abs(beside), abs=1e-12
+    )
+
+    def rate(t, s):
+        return [*s[3:], 3 * N * N * s[0] + 2 * N * s[4], -2 * N * s[3], -N * N * s[2]]
+
+    flown = solve_ivp(rate, (0.0, duration), path.state(0.0), method="DOP853", rtol=1e-12, atol=1e-12).y[
+        :, -1
+    ]
+    np.testing.assert_allclose(flown[:3], end[:3], rtol=0, atol=1e-6)  # m, of 100 m: both to 1e-9
+    brake = path.impulses[-1][1] if impulse else 0.0
+    np.testing.assert_allclose(flown[3:] + brake, end[3:], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 1.5, 1.4067296143649153, 2.445298131384212])
+def test_of_many_drifts_the_least_squares_of_impulses(turns):
+    """Any other drift that meets the place, found by the singular directions of the transition, has more."""
+    orbit, duration = cf.Orbit(N), turns * 2 * np.pi / N
+    flow = orbit.transition(duration)
+    end = flow @ (INITIAL + [0, 0, 0, 0.02, -0.01, 0.03])  # some drift meets it
+    end[3:] = FINAL[3:]
+    path = orbit.two_impulse(INITIAL, end, duration)
+    np.testing.assert_allclose(path.state(duration), end, rtol=0, atol=1e-7)
+    speed = path.velocity(0.0)
+
+    def squares(v):
+        return sum((v - INITIAL[3:]) ** 2) + sum((end[3:] - flow[3:] @ [*INITIAL[:3], *v]) ** 2)
+
+    jumps = [jump for _, jump in path.impulses]
+    assert squares(speed) == pytest.approx(sum(jump @ jump for jump in jumps), rel=1e-9)
+    _, sizes, directions = np.linalg.svd(flow[:3, 3:])
+    free = directions[sizes < 1e-9 * duration]
+    assert len(free) == (2 if turns == 1.0 else 1)
+    for direction in free:
+        assert np.linalg.norm(flow[:3, 3:] @ direction) < 1e-9 * duration
+        for step in (-0.01, -1e-4, 1e-4, 0.01):
+            assert squares(speed + step * direction) > squares(speed)
+
+
+def test_beside_half_an_orbit_what_is_missed_costs_more_and_more():
+    """30 m across the track, which half an orbit cannot change, cost 30 m n / sin(n t) and no more."""
+    orbit = cf.Orbit(N)
+    for beside in (1e-2, 1e-4, 1e-6, 1e-8):
+        duration = HALF * (1 + beside)
+        jump = orbit.two_impulse([0, 100, 0, 0, 0, 0], [0, -100, 30, 0, 0, 0], duration).impulses[0][1]
+        assert abs(jump[2]) == pytest.approx(30 * N / np.sin(np.pi * beside), rel=1e-6)
+    with pytest.raises(ValueError, match="no nearer than 30 m"):
+        orbit.two_impulse([0, 100, 0, 0, 0, 0], [0, -100, 30, 0, 0, 0], HALF * (1 + 1e-12))
 
 
 def test_transition_is_a_flow_in_both_directions():

@@ -19,8 +19,9 @@ from closeform.motion.elements import (
     mean_motion_from_semi_major_axis,
 )
 from closeform.motion.hill import coast, response
+from closeform.motion.lambert import start_velocities
 from closeform.motion.linear import solve
-from closeform.motion.path import Path, broadcast
+from closeform.motion.path import FORGIVEN, Path, broadcast
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
@@ -46,26 +47,6 @@ def steer(n: float, arcs: Floats, finals: Floats) -> None:
             solve(work, rhs, 6)
             for i in range(6):
                 arc[THRUST + i] += rhs[i]
-
-
-@kernel(void(float64, float64[:, ::1], float64[:, ::1]))
-def aim(n: float, arcs: Floats, finals: Floats) -> None:
-    """Set the start velocity of each arc so that it drifts to its final position."""
-    matrix = np.empty((3, 3))
-    rhs = np.empty(3)
-    for p in range(len(arcs)):
-        arc = arcs[p]
-        t = arc[END] - arc[START]
-        for k in range(3):
-            column = coast(n, t, 0.0, 0.0, 0.0, 1.0 * (k == 0), 1.0 * (k == 1), 1.0 * (k == 2))
-            for i in range(3):
-                matrix[i, k] = column[i]
-        reached = coast(n, t, arc[6], arc[7], arc[8], 0.0, 0.0, 0.0)
-        for i in range(3):
-            rhs[i] = finals[p, i] - reached[i]
-        solve(matrix, rhs, 3)
-        for i in range(3):
-            arc[STATE + 3 + i] = rhs[i]
 
 
 @kernel(void(float64, float64[::1], float64[:, :, ::1]))
@@ -101,8 +82,9 @@ class Orbit:
 
     States are (..., 6): x radial outward, y along the velocity, z along the orbit normal [m],
     then their rates [m/s], in the frame that turns with the orbit.  In deep space the frame
-    does not turn.  Motion lasts from 1e-12 s to 1e6 orbits (`duration`), else ValueError is raised,
-    as it is for a mean motion that is negative or not finite.
+    does not turn.  Whatever moves does so for 1e-12 s at least and 1e6 orbits at most (`duration`).
+
+    Raises ValueError for a mean motion that is negative or not finite.
     """
 
     mean_motion: float
@@ -177,19 +159,23 @@ class Orbit:
     ) -> Path:
         """Drift from `initial` to `final` (..., 6) in `duration` [s] between two impulses.
 
-        The first is at time `start` [s].  All arguments broadcast.  Raises ValueError for a
-        duration that is not positive or, for n > 0, singular (a multiple of half an orbit), wrong
-        shapes or non-finite numbers.
+        The first is at time `start` [s].  All arguments broadcast.  After half an orbit, and
+        at other times at which a start velocity changes nothing along some direction (see `lambert`),
+        many drifts meet a place or none does: of many it is the one with the least sum of the
+        squares of both impulses [m^2/s^2].
+
+        Raises ValueError for a final position that no two impulses reach in the duration (it
+        says how near they come), a duration that is not positive, wrong shapes or non-finite
+        numbers.
         """
         arcs, finals = self._between(initial, final, duration, start)
         rows = arcs.reshape(-1, WIDTH)
-        turns = self.mean_motion * (rows[:, END] - rows[:, START]) / np.pi
-        if np.any((turns > 0.5) & (np.abs(turns - np.round(turns)) < 1e-9)):
-            raise ValueError("duration: no two impulses reach every point in a multiple of half an orbit")
-        before = rows[:, STATE + 3 : STATE + 6].copy()
-        aim(self.mean_motion, rows, finals)
-        rows[:, IMPULSE : IMPULSE + 3] = rows[:, STATE + 3 : STATE + 6] - before
+        begins, lengths = rows[:, STATE : STATE + 6].copy(), rows[:, END] - rows[:, START]
+        speeds = start_velocities(self.transition(lengths), lengths, begins, finals)
+        rows[:, STATE + 3 : STATE + 6] = speeds
+        rows[:, IMPULSE : IMPULSE + 3] = speeds - begins[:, 3:]
         arrived = self._path(rows)._evaluate_rows(rows[:, END : END + 1])[:, 0]
+        self._reached(arcs.shape[:-1], rows, arrived, finals)
         last = np.zeros_like(rows)
         last[:, [START, END]] = rows[:, [END]]
         last[:, MEAN_MOTION] = self.mean_motion
@@ -197,6 +183,25 @@ class Orbit:
         last[:, IMPULSE : IMPULSE + 3] = finals[:, 3:] - arrived[:, 3:]
         both = np.stack([rows, last], axis=1).reshape(-1, WIDTH)
         return Path(self, both, 2 * np.arange(len(rows) + 1), arcs.shape[:-1])
+
+    def _reached(self, shape: tuple[int, ...], rows: Floats, arrived: Floats, finals: Floats) -> None:
+        """ValueError where craft of a batch arrive beside their final position."""
+        if not len(rows):
+            return
+        lengths = rows[:, END] - rows[:, START]
+        missed = np.linalg.norm(arrived[:, :3] - finals[:, :3], axis=1)
+        places = np.abs(np.concatenate([rows[:, STATE : STATE + 3], finals[:, :3]], axis=1)).max(axis=1)
+        drift = np.abs(rows[:, STATE + 3 : STATE + 6]).max(axis=1) * lengths
+        k = int(np.argmax(missed - FORGIVEN * np.maximum(places, drift)))
+        if missed[k] <= FORGIVEN * max(places[k], drift[k]):
+            return
+        craft = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
+        apart = f"{lengths[k]:g} s ({lengths[k] / self.period:.6g} orbits) apart"
+        place = ", ".join(f"{coordinate:.9g}" for coordinate in arrived[k, :3])
+        raise ValueError(
+            f"final: {craft}two impulses {apart} come no nearer than {missed[k]:.6g} m, at [{place}]; "
+            "end there, or change the duration"
+        )
 
     def burn(
         self, state: ArrayLike, acceleration: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
