@@ -68,7 +68,7 @@ def test_folder_is_complete(flown: tuple[Path, str]) -> None:
     assert {name for name in names if name.endswith(".png")} >= {f"stage-2-{name}.png" for name in pictures}
     assert list(results.parent.iterdir()) == [results]
     assert (results / "scenario.toml").read_text() == CLUSTER.read_text()
-    assert "clear: no conflict remains; results in cluster-results" in printed
+    assert "clear: no conflict remains, limits are kept; results in cluster-results" in printed
 
 
 def test_conflicts_before_agree_with_sampling_an_integration(flown: tuple[Path, str]) -> None:
@@ -267,7 +267,7 @@ def test_a_goal_inside_a_zone_stops_the_mission(tmp_path, capsys) -> None:
 def test_both_methods_and_a_fellow_that_does_not_give_way(tmp_path, capsys) -> None:
     """F3 goes from one end of the string to the other while F1 moves aside."""
     fellow = 'meanwhile = [{ craft = "F1", to = { position = "0 0 60 m", velocity = "0 0 0 m/s" } }]\n'
-    text = GOOD.replace("0.1 orbits", "5 min")
+    text = GOOD.replace("0.1 orbits", "5 min").replace("1.5 N", "15 N")
     spent = {}
     for method in ("exact", "sauter-palmer"):
         status, summary = run(tmp_path, f'{text}method = "{method}"\n{fellow}')
@@ -281,16 +281,21 @@ def test_both_methods_and_a_fellow_that_does_not_give_way(tmp_path, capsys) -> N
 
 
 def test_thrust_and_budget_are_watched(tmp_path, capsys) -> None:
-    text = GOOD.replace('"1.5 N"', '"1 uN"').replace("keep_out", 'delta_v_budget = "1 mm/s"\nkeep_out')
+    text = GOOD.replace("keep_out", 'delta_v_budget = "1 mm/s"\nkeep_out')
     status, summary = run(tmp_path, text)
-    assert status == 0
+    assert status == 1
     (leg,) = [stage for stage in summary["stages"] if stage["do"] == "avoid"]
-    force = 150.0 * leg["change"]["around"]["peak_thrust_m_s2"]
     assert summary["warnings"] == [
         f"F3 needs {leg['change']['around']['delta_v_m_s']:.4g} m/s, its delta_v_budget is 0.001 m/s",
-        f"F3 needs {force:.4g} N, its max_thrust is 1e-06 N",
     ]
     assert summary["warnings"][0] in capsys.readouterr().out
+    status, summary = run(tmp_path, text.replace('"1.5 N"', '"1 uN"'))
+    assert status == 1
+    assert re.match(
+        r"stopped in stage 2 \(avoid\): F3 needs \S+ N in \S+ s, its max_thrust is 1e-06 N; ",
+        summary["verdict"],
+    )
+    assert summary["warnings"] == []  # nobody flies it
 
 
 def test_check(tmp_path, capsys) -> None:

@@ -151,6 +151,7 @@ def check_sheets(run: Run, number: int, name: str) -> None:
                 "energy [m²/s³]": ("flown", "energy_m2_s3", 1),
                 "delta-v [m/s]": ("flown", "delta_v_m_s", 1),
                 "peak [mm/s²]": ("flown", "peak_thrust_m_s2", 1e3),
+                "peak [N]": ("flown", "peak_thrust_N", 1),
                 "propellant [g]": ("propellant_kg", None, 1e3),
             }[title]
             if kind == "propellant_kg":
@@ -465,7 +466,8 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
         spent[k] = 100.0 - mass
     np.testing.assert_allclose(mission.propellant.sum(axis=0), spent, rtol=1e-4)
     run = run_text(text, tmp_path, monkeypatch, capsys)
-    assert run.status == 0
+    assert run.status == 1
+    assert run.summary["verdict"] == "limits are not kept: delta-v (F1), propellant (F2)"
     assert list(run.summary["propellant_kg"].values()) == pytest.approx(spent, rel=1e-4)
     assert run.summary["warnings"] == list(mission.warnings)
     over, empty = mission.warnings
@@ -600,14 +602,14 @@ def test_an_engine_that_no_duration_suits(pictureless, tmp_path, monkeypatch, ca
     run = run_text(weak(SPREAD, thrust='"1e-9 uN"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1
     assert run.summary["stages"][0]["plan"]["status"] == "thrust limit exceeded"
-    who, need, long = re.search(r"\bF([1-4]) needs (\S+) m/s² in (\S+) s", run.summary["verdict"]).groups()
+    who, need, long = re.search(r"\bF([1-4]) needs (\S+) N in (\S+) s", run.summary["verdict"]).groups()
     assert float(long) > 10_000 * 0.5 * TURN
     orbit, states = cf.Orbit(N), np.zeros((4, 6))
     states[:, 1] = [-150.0, -50.0, 50.0, 150.0]
     goals = cf.targets.scattered(orbit, states, 0.5 * TURN, 2.0)
     peaks = orbit.transfer(states, goals, float(long)).peak_thrust
-    assert float(need) == pytest.approx(peaks[int(who) - 1], rel=1e-3)
-    assert "its limit is 1e-17 m/s²" in run.summary["verdict"]
+    assert float(need) == pytest.approx(100.0 * peaks[int(who) - 1], rel=1e-3)
+    assert "its max_thrust is 1e-15 N" in run.summary["verdict"]
     assert run.summary["warnings"] == []  # nobody flies it
 
 

@@ -21,7 +21,7 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
-RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase"}
+RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 # Take and give objects that carry their own units.
 UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged", "EventKind", "GatherStatus"}
 UNITLESS |= {"Search.coverage", "PairZones.which", "PairZones.between", "PairZones.around"}

@@ -15,7 +15,7 @@ _NAMES = {
     "conflicts.all_pairs": "Screening screen",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
-    "planning.plan": "Avoidance Contact Plan Status",
+    "planning.plan": "Avoidance Contact Plan Status TooWeak",
     "planning.sauter_palmer": "end_gradients",
     "planning.limits": "shortest_transfer propellant",
     "motion.frames": "relative_from_inertial inertial_from_relative",

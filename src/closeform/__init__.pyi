@@ -8,6 +8,7 @@ from closeform.planning.plan import (
     Contact as Contact,
     Plan as Plan,
     Status as Status,
+    TooWeak as TooWeak,
 )
 from closeform.planning.reconfigure import reconfigure as reconfigure
 from closeform.planning.sauter_palmer import end_gradients as end_gradients

@@ -1,4 +1,4 @@
-"""The command line. Exit status: 0 done and clear, 1 conflicts or lost craft remain, 2 bad input."""
+"""The command line. Exit status: 0 done and clear, 1 a clearance or a limit is not met, 2 bad input."""
 
 import os
 import sys
@@ -119,7 +119,7 @@ def run(
         complain(*error.lines)
         return BAD_INPUT
     tell_run(report, place)
-    return CLEAR if mission.clear else CONFLICT
+    return mission.verdict.status
 
 
 @app.command(sort_key=1)
@@ -179,6 +179,7 @@ def screen(
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
     from closeform.report.conflicts import approaches, listed
+    from closeform.verdict import Verdict, conflicts_in
     from closeform.zones.pair_zones import PairZones
 
     try:
@@ -199,7 +200,9 @@ def screen(
     say(console, *lines)
     for table in (*tables, *approaches("Closest approaches", flight)):
         show(console, table)
-    return CONFLICT if flight.conflicts else CLEAR
+    found = Verdict(None, *conflicts_in([flight]), exceeded=None, searched=False)
+    say(console, "", str(found))
+    return found.status
 
 
 @app.command(sort_key=3)

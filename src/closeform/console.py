@@ -74,9 +74,9 @@ def tell_run(report: "RunReport", place: Path) -> None:
         if section.closing:
             say(console, "", *section.closing)
     say(console, "", *(f"Warning: {line}" for line in mission.warnings))
-    end = f"{report.verdict}; "
+    end = f"{mission.verdict}; "
     if len(end) > console.width:
-        say(console, report.verdict)
+        say(console, str(mission.verdict))
         end = ""
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
 

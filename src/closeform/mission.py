@@ -22,7 +22,7 @@ from closeform.conflicts.flight import Flight, watch
 from closeform.mission_result import AvoidResult, FirstLocks, Mission, ReconfigureResult, StageResult
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, stack
+from closeform.motion.path import Path, join, stack
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -128,29 +128,54 @@ def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
 
 def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     """One craft moves; the others coast or fly their own transfers and do not give way."""
-    from closeform.planning.avoid import avoid
+    from closeform.planning.avoid import avoid_by
+    from closeform.planning.plan import weakness
 
-    names = start.scenario.names
-    duration = stage.within.on(start.orbit.mean_motion)
+    names, asked = start.scenario.names, stage.within.on(start.orbit.mean_motion)
     targets = {fellow.craft: fellow.to for fellow in stage.meanwhile}
-    if stage.to is not None:
-        targets[stage.craft] = stage.to
-    paths = [
-        start.transfer(targets[name], k, duration) if name in targets else start.coast(k, duration)
-        for k, name in enumerate(names)
-    ]
     mover = names.index(stage.craft)
-    direct, others = paths[mover], paths[:mover] + paths[mover + 1 :]
-    before = start.flight(paths)
-    zones = start.scenario.zones_around(stage.craft)
-    avoidance = avoid(direct, others, zones, method=stage.method)
-    after = before
-    if avoidance.path is not None:
-        after = start.flight([*paths[:mover], avoidance.path, *paths[mover + 1 :]])
     rest = tuple(name for name in names if name != stage.craft)
-    result = AvoidResult(stage.craft, rest, zones, direct, avoidance)
-    failure = None if avoidance.ok else avoidance.reason
-    return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok)
+
+    def other(name: str, duration: float) -> Path:
+        k = names.index(name)
+        if name not in targets:
+            return start.coast(k, duration)
+        path = start.transfer(targets[name], k, asked)
+        later = start.time + duration - path.end
+        return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
+
+    def flight(path: Path) -> Flight:
+        around = [other(name, path.end - start.time) for name in rest]
+        return start.flight([*around[:mover], path, *around[mover:]])
+
+    def way(factor: float) -> Path:
+        if stage.to is None:
+            return start.coast(mover, factor * asked)
+        return start.transfer(stage.to, mover, factor * asked)
+
+    craft, zones, direct = start.scenario.craft[mover], start.scenario.zones_around(stage.craft), way(1.0)
+    avoidance = avoid_by(
+        lambda factor: way(factor) if factor != 1.0 else direct,
+        [other(name, OBSERVED * asked) for name in rest],
+        zones,
+        stage.method,
+        max_acceleration=craft.max_acceleration if craft.max_thrust is not None else None,
+        longer=stage.longer,
+    )
+    if avoidance.weak is not None:
+        avoidance = replace(avoidance, reason=weakness(avoidance.weak, craft.name, craft.mass))
+    before = flight(direct)
+    after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
+    result = AvoidResult(stage.craft, rest, zones, direct, avoidance, asked)
+    failure, late = (None, too_late(start, stage, after)) if avoidance.ok else (avoidance.reason, None)
+    return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
+
+
+def too_late(start: StageStart, stage: Avoid | Joint, after: Flight) -> str | None:
+    """That a stage takes longer than it was asked to, where it does."""
+    took, asked = after.end - start.time, stage.within.on(start.orbit.mean_motion)
+    late = f'stage {start.number} ({stage.verb}) takes {took:.1f} s, not {asked:.1f} s; see "Tried"'
+    return late if took > asked * LATE else None
 
 
 def scatter(start: StageStart, stage: Scatter) -> StageResult[Joint, ReconfigureResult]:
@@ -211,9 +236,7 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> StageResult[Joint
     asked = stage.within.on(start.orbit.mean_motion)
     before = start.mixed(who, plan.direct)
     after = start.mixed(who, plan.paths) if plan.paths is not None and plan.contacts else before
-    took, late = after.end - start.time, None
-    if took > asked * LATE:
-        late = f'stage {start.number} ({stage.verb}) takes {took:.1f} s, not {asked:.1f} s; see "Tried"'
+    late = too_late(start, stage, after)
     failure = None if plan.ok else f"{plan.status}: {plan.reason}"
     result = ReconfigureResult(movers, others, asked, plan, measures)
     return StageResult(start.number, stage, start.time, before, after, result, failure, plan.ok, late)
@@ -226,7 +249,7 @@ def planned(
 
     Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
     """
-    from closeform.planning.plan import Status
+    from closeform.planning.plan import Status, weakness
     from closeform.planning.reconfigure import reconfigure
 
     scenario = start.scenario
@@ -255,6 +278,9 @@ def planned(
             names=[scenario.names[k] for k in who + rest],
         )
         measures += plan.measures
+        if plan.weak is not None:
+            weak = scenario.craft[who[plan.weak.craft]]
+            plan = replace(plan, reason=weakness(plan.weak, weak.name, weak.mass))
         took = float(np.max(plan.starts + plan.durations)) - start.time
         if not plan.ok or abs(took - duration) <= ROUNDING * duration:
             return plan, measures

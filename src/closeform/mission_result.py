@@ -14,18 +14,12 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Scenario, StageTable
 from closeform.search.schedule import Search
+from closeform.verdict import Use, Verdict, conflicts_in
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.planning.plan import Avoidance, Plan
     from closeform.search.locks import Locks
-
-ROUNDING = 1e-9  # of a limit that a plan was to keep to
-WARNINGS = {  # of a limit: of what, and what there is
-    "thrust": ("", "its max_thrust is"),
-    "delta-v": ("", "its delta_v_budget is"),
-    "propellant": (" of propellant", "it has"),
-}
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
 AnyResult = TypeVar("AnyResult")
@@ -58,13 +52,17 @@ class StageResult(Generic[AnyStage, AnyResult]):
 
 @dataclass(frozen=True, eq=False)
 class AvoidResult:
-    """The `direct` path of one `craft` and the way around the `others`, each with its zone."""
+    """The `direct` path of one `craft` and the way around the `others`, each with its zone.
+
+    It was asked to arrive `asked` [s] after the start of the stage.
+    """
 
     craft: str
     others: tuple[str, ...]
     zones: tuple[Zone, ...]
     direct: Path
     avoidance: "Avoidance"
+    asked: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,33 +102,6 @@ class FirstLocks:
         return self.pairs[self.locks.leg < 0]
 
 
-@dataclass(frozen=True)
-class Use:
-    """How much of what it has a `craft` uses: `what` ("thrust", "delta-v", "propellant"), in one `unit`."""
-
-    what: str
-    unit: str
-    craft: str
-    used: float
-    limit: float
-
-    @property
-    def share(self) -> float:
-        """The share of the limit that is used."""
-        return self.used / self.limit
-
-    @property
-    def exceeded(self) -> bool:
-        """Whether that is more than there is."""
-        return self.share > 1.0 + ROUNDING
-
-    @property
-    def warning(self) -> str:
-        """The same in words, for a limit that is exceeded."""
-        of, has = WARNINGS[self.what]
-        return f"{self.craft} needs {self.used:.4g} {self.unit}{of}, {has} {self.limit:g} {self.unit}"
-
-
 @dataclass(frozen=True, eq=False)
 class Mission:
     """All stages flown; `stopped` says why there are fewer than in the file, else it is None."""
@@ -140,10 +111,25 @@ class Mission:
     results: tuple[StageResult[Any, Any], ...]
     stopped: str | None = None
 
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether all were found, all is clear, and every limit is kept."""
+        flown = [result for result in self.results if result.flown]
+        searched = any(result.stage.searches for result in self.results)
+        watched = any(result.after.approaches for result in self.results) or not searched
+        conflicts, pairs = conflicts_in(result.after for result in flown)
+        return Verdict(
+            self.stopped,
+            conflicts if watched else None,
+            pairs,
+            tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
+            searched,
+        )
+
     @property
     def clear(self) -> bool:
         """Whether every stage was flown and no conflict remains."""
-        return self.stopped is None and not any(result.after.conflicts for result in self.results)
+        return self.verdict.clear
 
     @cached_property
     def delta_v(self) -> Floats:
@@ -163,6 +149,16 @@ class Mission:
                 burnt[:, k] = np.diff(so_far, prepend=0.0)
         return burnt
 
+    def burnt(self, number: int, k: int, delta_v: float) -> float:
+        """What craft k burns for a delta-v [m/s] in stage `number` [kg]; nan where not known."""
+        from closeform.planning.limits import propellant
+
+        craft = self.scenario.craft[k]
+        if craft.mass is None or craft.specific_impulse is None:
+            return nan
+        mass = craft.mass - float(self.propellant[: number - 1, k].sum())
+        return float(propellant(mass, delta_v, craft.specific_impulse))
+
     def thrusts(self, result: StageResult[Any, Any]) -> Iterator[Use]:
         """The greatest thrust of each craft that has a limit, in one stage."""
         for craft, peak in zip(self.scenario.craft, result.after.paths.peak_thrust.tolist(), strict=True):
@@ -180,13 +176,16 @@ class Mission:
                 if (has := getattr(craft, key)) is not None:
                     yield Use(what, unit, craft.name, used, has)
 
+    @cached_property
+    def uses(self) -> tuple[Use, ...]:
+        """What each craft uses of each of its limits in all stages flown, of thrust the most at a time."""
+        uses = list(self.spent([result.flown for result in self.results]))
+        flown = (self.thrusts(result) for result in self.results if result.flown)
+        uses += [max(thrusts, key=lambda use: use.used) for thrusts in zip(*flown, strict=True)]
+        return tuple(sorted(uses, key=lambda use: self.scenario.names.index(use.craft)))
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Stages that take longer than asked, and craft that need more than they have, one line each."""
-        flown = [result for result in self.results if result.flown]
-        uses = list(self.spent([result.flown for result in self.results]))
-        for thrusts in zip(*(self.thrusts(result) for result in flown), strict=True):
-            uses.append(max(thrusts, key=lambda use: use.used))
-        uses.sort(key=lambda use: self.scenario.names.index(use.craft))
-        late = [result.warning for result in flown if result.warning is not None]
-        return (*late, *(use.warning for use in uses if use.exceeded))
+        late = [result.warning for result in self.results if result.flown and result.warning is not None]
+        return (*late, *(use.warning for use in self.uses if use.exceeded))

@@ -1,14 +1,17 @@
 """`avoid`: the cheapest path of one craft around obstacles that do not give way."""
 
-from collections.abc import Sequence
-from math import nan
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import inf, nan
 from typing import Literal
 
 import numpy as np
 
+from closeform.arrays import Floats, numbers
 from closeform.motion.path import Path, stack
+from closeform.planning.limits import FULL, stretched
 from closeform.planning.passing import MARGINS, Found
-from closeform.planning.plan import Avoidance, Status
+from closeform.planning.plan import Avoidance, Status, TooWeak, weakness
 from closeform.planning.planner import outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
@@ -17,6 +20,7 @@ from closeform.planning.sauter_palmer import deviated
 from closeform.zones.zone import Zone
 
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
+ROUNDING = 1e-9  # of a duration
 
 
 def avoid(
@@ -25,6 +29,8 @@ def avoid(
     zone: Zone | Sequence[Zone],
     method: Literal["exact", "sauter-palmer"] = "exact",
     *,
+    max_acceleration: float | None = None,
+    longer: bool = True,
     budget: int | None = None,
     prove: float = 0.0,
 ) -> Avoidance:
@@ -37,16 +43,51 @@ def avoid(
     zones are passed are searched, ranked by what they may cost: `budget` candidates at most (by how many
     zones are touched unless given), each solved to its local optimum; the best is returned, with a certified
     lower bound of what any path costs (theory 4).  `prove` [s]: for so long at most, branch and bound over
-    all sides raises the bound until it is within 0.1 %, and takes a cheaper path where it finds one.
+    all sides raises the bound until it is within 0.1 %, and takes a cheaper path where it finds one (not with
+    `max_acceleration`).
     "sauter-palmer": the paper's one deviation point for each conflict, perpendicular to the cost's gradients
     (SP11 section 4), for n > 0.  Either way the path is certified clear of the zone itself, or the status
     says why there is none: an end inside a zone, or no clear path found.
 
+    `max_acceleration` [m/s^2] bounds the thrust.  A path beyond it takes the shortest longer duration that
+    was found to respect it, with the same final state, if `longer` allows; but it ends no later than any
+    obstacle that is there when `path` ends, as nobody knows where that goes on to.  Where that does not
+    help the status is "thrust limit exceeded", and `weak` says by how much.  Impulses are beyond any limit.
+
     Raises ValueError for a batch of paths, another orbit, zones that do not match the
-    obstacles, a budget below 1, a negative time, or an unknown method.
+    obstacles, a limit that is not positive, a budget below 1, a negative time, or an unknown method.
     """
     if path.shape:
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+
+    def way(factor: float) -> Path:
+        return path if factor == 1.0 else transfer(path, factor)
+
+    return avoid_by(
+        way,
+        obstacles,
+        zone,
+        method,
+        max_acceleration=max_acceleration,
+        longer=longer,
+        budget=budget,
+        prove=prove,
+    )
+
+
+def avoid_by(
+    direct: Callable[[float], Path],
+    obstacles: Path | Sequence[Path],
+    zone: Zone | Sequence[Zone],
+    method: Literal["exact", "sauter-palmer"] = "exact",
+    *,
+    max_acceleration: float | None = None,
+    longer: bool = True,
+    budget: int | None = None,
+    prove: float = 0.0,
+) -> Avoidance:
+    """`avoid` for a craft whose `direct` path depends on the factor by which it takes longer."""
+    path = direct(1.0)
     if method not in ("exact", "sauter-palmer"):
         raise ValueError(f"method: 'exact' or 'sauter-palmer', not {method!r}")
     if budget is not None and budget < 1:
@@ -54,28 +95,91 @@ def avoid(
     if not prove >= 0.0:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
     batch = obstacle_batch(path, obstacles)
-    zones = zones_of(zone, len(batch))
-    optimum = path.orbit.transfer(
-        path.state(path.start), path.state(path.end), path.end - path.start, path.start
-    )
-    groups = ((one, np.array([[0, 1 + k] for k in those])) for one, those in grouped(zones))
-    problem = Problem.of(stack([optimum]), batch, groups)
-    inside = problem.inside_at_end(problem.direct)
-    if inside:
-        return refused(problem, Status.END_INSIDE, inside)
-    if not problem.conflicts(problem.with_path(path)):
-        extra = max(path.energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
-        bound = min(float(optimum.energy), path.energy)
-        proven = is_proven(path.energy, bound)
-        return Avoidance(
-            path, path.energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict", proven=proven
-        )
-    if method == "sauter-palmer":
-        return deviated(path, problem)
-    return shaped(problem, budget, prove)
+    task = Around(batch, tuple(zones_of(zone, len(batch))), method, budget, max_acceleration is not None)
+    if max_acceleration is None:
+        return task.plan(path, prove)
+    limit = numbers("max_acceleration", max_acceleration)
+    if limit.shape or not limit > 0.0:
+        raise ValueError(f"max_acceleration: one positive number [m/s^2], got {max_acceleration!r:.60}")
+    return within_limit(task, direct, float(limit), longer, prove)
 
 
-def shaped(problem: Problem, budget: int | None, seconds: float) -> Avoidance:
+@dataclass(frozen=True, eq=False)
+class Around:
+    """What one craft keeps clear of, and how it plans; `fixed`: no cheaper path is taken while proving."""
+
+    obstacles: Path
+    zones: tuple[Zone, ...]
+    method: str
+    budget: int | None
+    fixed: bool
+
+    def plan(self, path: Path, prove: float = 0.0) -> Avoidance:
+        """The way around for a path, or the path itself where it is clear."""
+        optimum = transfer(path)
+        groups = ((one, np.array([[0, 1 + k] for k in those])) for one, those in grouped(self.zones))
+        problem = Problem.of(stack([optimum]), self.obstacles, groups)
+        inside = problem.inside_at_end(problem.direct)
+        if inside:
+            return refused(problem, Status.END_INSIDE, inside)
+        if not problem.conflicts(problem.with_path(path)):
+            energy, bound = path.energy, min(float(optimum.energy), path.energy)
+            extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
+            proven = is_proven(energy, bound)
+            return Avoidance(
+                path, energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict", proven=proven
+            )
+        if self.method == "sauter-palmer":
+            return deviated(path, problem)
+        return shaped(problem, self.budget, prove, self.fixed)
+
+
+def transfer(path: Path, factor: float = 1.0) -> Path:
+    """The unconstrained optimum between the end states of a path, in so many times its duration."""
+    ends = path.state(path.start), path.state(path.end)
+    return path.orbit.transfer(*ends, factor * (path.end - path.start), path.start)
+
+
+def within_limit(
+    task: Around, direct: Callable[[float], Path], limit: float, longer: bool, prove: float
+) -> Avoidance:
+    """A way around that keeps a thrust limit [m/s^2], in the shortest longer duration found where it must."""
+
+    def excess(found: Path) -> Floats:
+        return np.array([inf if found.impulses else found.peak_thrust / limit])
+
+    def attempt(factor: float) -> tuple[Avoidance, Floats] | None:
+        found = task.plan(direct(factor))
+        return (found, excess(found.path)) if found.path is not None else None
+
+    path = direct(1.0)
+    for way in (path, transfer(path)):  # which is another one, of less thrust, only where `path` is clear
+        plan = task.plan(way, prove)
+        if plan.path is None or (over := excess(plan.path)) <= FULL:
+            return plan
+    if not longer:
+        return too_weak(plan, path, over, limit, "allow longer, or give more time")
+    there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * (path.end - path.start)]
+    most = (float(min(there, default=inf)) - path.start) / (path.end - path.start)
+    if most <= 1.0 + ROUNDING:
+        remedy = f"give more time, or obstacles that are known beyond {path.end:.6g} s"
+        return too_weak(plan, path, over, limit, remedy)
+    later = stretched(over, lambda factor: excess(direct(factor)), attempt, most)
+    if later.found is None:
+        plan = replace(plan, measures=(later.measure,))
+        return too_weak(plan, direct(later.factor), later.excess, limit, "give it more")
+    found = task.plan(direct(later.factor), prove) if prove else later.found
+    return replace(found, measures=(later.measure,))
+
+
+def too_weak(plan: Avoidance, path: Path, excess: Floats, limit: float, remedy: str) -> Avoidance:
+    """An avoidance without a path, for want of thrust; `path` has the times in which it was tried."""
+    weak = TooWeak(0, float(excess[0]) * limit, limit, float(path.end - path.start), remedy)
+    none = replace(plan, path=None, energy=nan, extra_energy=nan, delta_v=nan, contacts=(), proven=False)
+    return replace(none, status=Status.TOO_WEAK, reason=weakness(weak, "path"), weak=weak)
+
+
+def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) -> Avoidance:
     """`avoid` by method "exact"."""
     found = solve(problem, budget)
     optimum, duration = problem.energy(problem.direct), problem.last - problem.first
@@ -89,7 +193,7 @@ def shaped(problem: Problem, budget: int | None, seconds: float) -> Avoidance:
     if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
         reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; give it a longer transfer"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
-    proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds)
+    proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds, fixed=fixed)
     if proof.better is not None:
         found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes))
     assert found.flown is not None

@@ -1,8 +1,8 @@
-"""What engines and tanks allow: the shortest transfer under a thrust limit, propellant from delta-v."""
+"""What engines and tanks allow: shortest transfers and longer plans under a thrust limit, propellant."""
 
 from collections.abc import Callable
 from math import inf, isfinite, nan, sqrt
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,12 @@ REACH = 10.0  # orbits: no longer transfer is looked for
 SHARE, ANGLE = 0.02, 0.05  # steps of the scan: of the duration itself, and in n T
 CHUNK = 128
 FINE = 1e-13  # of the duration
+LEAST_STEP, LARGEST_STEP = 1.02, 2.0  # by which durations are stretched at a time to respect a thrust limit
+STRETCHINGS = 16  # times at most
+HALVINGS = 5  # and how often the last stretch is halved
+FULL = 1 + 1e-9  # of a limit
 
+Planned = TypeVar("Planned")
 Peak = Callable[[Floats], Floats]
 
 
@@ -77,6 +82,62 @@ def propellant(mass: ArrayLike, delta_v: ArrayLike, specific_impulse: ArrayLike)
     if np.any(np.less(spent, 0.0)):
         raise ValueError(f"delta_v: must be at least 0, got {np.min(spent):g} m/s")
     return -wet * np.expm1(-spent / exhaust)
+
+
+class Stretched(NamedTuple, Generic[Planned]):
+    """What was found at a `factor` of all durations, or None; `excess` (N,): thrust over its limit."""
+
+    factor: float
+    found: Planned | None
+    excess: Floats
+
+    @property
+    def measure(self) -> str:
+        """What was tried, and what came of it."""
+        if self.found is None:
+            return f"longer, up to {self.factor:.4g} times the duration: the thrust limit is not kept"
+        return f"longer, {self.factor:.6g} times the duration: the thrust limit is kept"
+
+
+def stretched(
+    excess: Floats,
+    free: Callable[[float], Floats],
+    attempt: Callable[[float], tuple[Planned, Floats] | None],
+    most: float = inf,
+) -> Stretched[Planned]:
+    """The shortest stretch of all durations that was found to keep thrust limits, of `most` at most.
+
+    `excess` (N,) is peak thrust over its limit of what was planned without one, `free` (N,) that of
+    the direct paths at a factor, and `attempt` plans at a factor: None where it finds no clear plan.
+    """
+    short = long = weak = 1.0
+    found = None
+    for _ in range(STRETCHINGS):
+        if long >= most:
+            break
+        short = long
+        step = np.clip(np.sqrt(excess.max()), LEAST_STEP, LARGEST_STEP)  # thrust: as 1 / time^2
+        long = min(long * float(step), most)
+        peaks = free(long)
+        if peaks.max() <= FULL:
+            planned = attempt(long)
+            if planned is None:
+                continue
+            found, peaks = planned
+            if peaks.max() <= FULL:
+                break
+            found = None
+        weak, excess = long, peaks
+    if found is None:
+        return Stretched(weak, None, excess)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (short + long)
+        planned = attempt(middle)
+        if planned is not None and planned[1].max() <= FULL:
+            found, long = planned[0], middle
+        else:
+            short = middle
+    return Stretched(long, found, excess)
 
 
 def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str) -> float:

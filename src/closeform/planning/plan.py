@@ -38,6 +38,30 @@ class Contact:
     multiplier: float
 
 
+@dataclass(frozen=True)
+class TooWeak:
+    """The `craft`, by index, that misses its thrust limit by most, and the `remedy` in words.
+
+    It would need `needed` [m/s^2], where `limit` [m/s^2] is allowed, in the `duration` [s] that was tried
+    last.
+    """
+
+    craft: int
+    needed: float
+    limit: float
+    duration: float
+    remedy: str
+
+
+def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
+    """The same in words: in m/s^2, or in newtons for a craft of `mass` [kg]."""
+    size, unit, has = (1.0, "m/s²", "its limit is") if mass is None else (mass, "N", "its max_thrust is")
+    return (
+        f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s, "
+        f"{has} {size * weak.limit:.4g} {unit}; {weak.remedy}"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Avoidance:
     """A path around obstacles, or why there is none.
@@ -48,7 +72,8 @@ class Avoidance:
     energy than `lower_bound` [m^2/s^3]; `proven`: it is the energy itself, to rounding.  Otherwise the
     path is the best of the `tried` candidates.  `contacts` are in order of time; the craft is 0,
     obstacle k is k + 1.  The path was made for zones `margin` times as large.  `status` says how it
-    ended, and `reason` in words.
+    ended, and `reason` in words; `measures`: what was done to keep a thrust limit, and `weak` by how
+    much it was missed.
     """
 
     path: Path | None
@@ -62,6 +87,8 @@ class Avoidance:
     margin: float = 1.0
     proven: bool = False
     tried: int = 0
+    measures: tuple[str, ...] = ()
+    weak: TooWeak | None = None
 
     @property
     def ok(self) -> bool:
@@ -87,7 +114,8 @@ class Plan:
     assigned to slots, no other assignment) has less energy than `lower_bound` [m^2/s^3].  `contacts` in order
     of time.  The plan was made for zones `margin` times as large.  `proven`: the energy is proven the global
     optimum for these slots and times; otherwise it is the best of the `tried` candidates.  `status` says how
-    it ended, `reason` in words, and `blocked` the two craft that stand in the way (N + k for obstacle k).
+    it ended, `reason` in words, `blocked` the two craft that stand in the way (N + k for obstacle k), and
+    `weak` who misses its thrust limit, and by how much.
     """
 
     paths: Path | None
@@ -106,6 +134,7 @@ class Plan:
     margin: float = 1.0
     proven: bool = False
     tried: int = 0
+    weak: TooWeak | None = None
 
     @property
     def ok(self) -> bool:

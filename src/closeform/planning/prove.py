@@ -121,8 +121,8 @@ def is_proven(energy: float, bound: float) -> bool:
 def closeness(energy: float, bound: float) -> str:
     """How near an energy is to its lower bound, in words."""
     if is_proven(energy, bound):
-        return "proven the global optimum"
-    return f"at most {100.0 * gap(energy, bound):.2g} % above the optimum"
+        return "proven the least energy there is"
+    return f"at most {100.0 * gap(energy, bound):.2g} % above the least energy there is"
 
 
 class _Search:

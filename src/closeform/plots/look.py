@@ -53,12 +53,12 @@ def length_unit(longest: float) -> Unit:
     return Unit(1.0, "m") if longest >= 0.1 else Unit(1e-3, "mm")
 
 
-def thrust_unit(greatest: float) -> Unit:
-    """The unit of acceleration for a greatest thrust [m/s^2]; mm/s² where there is none."""
-    for unit in (Unit(1.0, "m/s²"), Unit(1e-3, "mm/s²"), Unit(1e-6, "µm/s²"), Unit(1e-9, "nm/s²")):
-        if greatest >= 0.1 * unit.size:
-            return unit
-    return Unit(1e-9, "nm/s²") if greatest > 0 else Unit(1e-3, "mm/s²")
+def thrust_unit(greatest: float, basic: str = "m/s²") -> Unit:
+    """The unit for a greatest thrust [m/s^2 or N]; thousandths where there is none."""
+    for size, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")):
+        if greatest >= 0.1 * size:
+            return Unit(size, prefix + basic)
+    return Unit(1e-9, f"n{basic}") if greatest > 0 else Unit(1e-3, f"m{basic}")
 
 
 def speed_unit(greatest: float) -> Unit:

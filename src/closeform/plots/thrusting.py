@@ -35,14 +35,17 @@ from closeform.plots.look import (
 LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # of the last path, the one before ...
 
 
-def thrust(paths: Any, labels: Sequence[str]) -> Figure:
+def thrust(paths: Any, labels: Sequence[str], mass: float | None = None) -> Figure:
     """Magnitude and components of the thrust of up to three paths against time.
 
     `paths` is a sequence of single craft, or a batch, with one label each, such as before and
-    after; the last is drawn strongest.  Impulses are stems with their own axis on the right.
+    after; the last is drawn strongest.  Thrust is an acceleration, or in newtons with the `mass` [kg]
+    of the craft.  Impulses are stems with their own axis on the right.
 
-    Raises ValueError for more than three paths or another number of labels.
+    Raises ValueError for more than three paths, another number of labels, or a mass that is not positive.
     """
+    if mass is not None and not 0.0 < mass < np.inf:
+        raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
     flown = crafts(paths)
     if not 1 <= len(flown) <= len(LINES):
         raise ValueError(f"paths: from one to {len(LINES)}, got {len(flown)}")
@@ -50,7 +53,8 @@ def thrust(paths: Any, labels: Sequence[str]) -> Figure:
         raise ValueError(f"labels: {len(labels)} labels for {len(flown)} paths")
     start, end = min(path.start for path in flown), max(path.end for path in flown)
     ticks = clock(flown[0], start, end)
-    unit = thrust_unit(max(path.peak_thrust for path in flown))
+    force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
+    unit = thrust_unit(force * max(path.peak_thrust for path in flown), basic)
 
     figure = page(9.0)
     column = list(figure.subplots(4, 1, sharex=True, height_ratios=[1.25, 1, 1, 1]))
@@ -62,7 +66,7 @@ def thrust(paths: Any, labels: Sequence[str]) -> Figure:
         axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
     for path, (colour, dashes), label in zip(flown, LINES[len(flown) - 1 :: -1], labels, strict=True):
         times = instants(path.start, path.end, path)
-        push = path.thrust(times)
+        push = force * path.thrust(times)
         text = f"{label}: Δv {speed(path.delta_v)}"
         if np.isfinite(path.energy):
             text += f", energy {path.energy:.4g} m²/s³"

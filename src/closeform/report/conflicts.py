@@ -8,6 +8,7 @@ from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
 from closeform.report.section import Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
+from closeform.verdict import conflicts_in
 
 MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all
 
@@ -57,7 +58,7 @@ def summed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ..
     lines, tables = listed(title, flight)
     if len(flight.conflicts) <= MOST_ROWS:
         return lines, tables
-    pairs = len({(met.first, met.second) for met in flight.conflicts})
+    _, pairs = conflicts_in([flight])
     worst = min(flight.conflicts, key=lambda met: round(met.ratio, 6))
     often = f"{len(flight.conflicts)} in " if len(flight.conflicts) > pairs else ""
     line = (
@@ -77,9 +78,10 @@ def approaches(title: str, flight: Flight) -> tuple[Table, ...]:
 
 
 def figures(flight: Flight) -> dict[str, Any]:
-    """Conflicts and the closest pair."""
+    """Conflicts, of how many pairs, and the closest pair."""
     close = flight.closest
     return {
+        "pairs_in_conflict": conflicts_in([flight])[1],
         "conflicts": [record(CONFLICT, conflict_row(met)) for met in flight.conflicts],
         "closest": None if close is None else record(APPROACH, approach_row(close)),
     }

@@ -1,38 +1,53 @@
 """What paths cost: energy, delta-v, peak thrust, propellant."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import isfinite
 from typing import Any
+
+import numpy as np
 
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.path import Path
 from closeform.report.table import Column, Table, record
 
-EFFORT = (
-    Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format),
-    Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format),
-    Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3),
-)
-CRAFT = (Column("craft", "craft"), Column("slot", "slot"), *EFFORT, Column("propellant", "propellant_kg"))
+ENERGY = Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format)
+SPEED = Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format)
+PUSH = Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3)
+FORCE = Column("peak thrust [N]", "peak_thrust_N", "{:#.6g}".format)
+FUEL = Column("propellant [g]", "propellant_kg", "{:.2f}".format, 1e3)
+COST = ENERGY, SPEED, PUSH, FORCE, FUEL
+CRAFT = Column("craft", "craft"), Column("slot", "slot"), *COST
 
 
-def row(path: Path) -> tuple[float, float, float]:
-    """A row of EFFORT: energy [m^2/s^3], delta-v [m/s] and peak thrust [m/s^2]."""
-    return path.energy, path.delta_v, path.peak_thrust
+def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> tuple[Any, ...]:
+    """A row of COST: of one craft on a path in this stage; None where not known."""
+    k = mission.scenario.names.index(name)
+    mass, burnt = mission.scenario.force_mass(name), mission.burnt(result.number, k, path.delta_v)
+    force = None if mass is None else mass * path.peak_thrust
+    return path.energy, path.delta_v, path.peak_thrust, force, burnt if isfinite(burnt) else None
 
 
-def figures(path: Path | None) -> dict[str, Any] | None:
+def shown(mission: Mission) -> tuple[Column, ...]:
+    """COST as it is shown: thrust in newtons where the file speaks of them, propellant where it is known."""
+    hide = {PUSH if mission.scenario.newtons else FORCE}
+    hide |= set() if np.isfinite(mission.propellant).any() else {FUEL}
+    return tuple(replace(column, heading=None) if column in hide else column for column in COST)
+
+
+def figures(
+    mission: Mission, result: StageResult[Any, Any], name: str, path: Path | None
+) -> dict[str, Any] | None:
     """The same for `summary.json`; None where there is no path."""
-    return None if path is None else record(EFFORT, row(path))
+    return None if path is None else record(COST, spent(mission, result, name, path))
 
 
 def files(
     mission: Mission, result: StageResult[Any, Any], slots: Mapping[str, int] | None = None
 ) -> dict[str, Table]:
     """What every craft spends, and the slot that it took, counted from 1, if any."""
-    burnt = mission.propellant[result.number - 1].tolist()
     rows = [
-        (name, (slots or {}).get(name), *row(result.after.paths[k]), mass if isfinite(mass) else None)
-        for k, (name, mass) in enumerate(zip(result.after.names, burnt, strict=True))
+        (name, (slots or {}).get(name), *spent(mission, result, name, result.after.paths[k]))
+        for k, name in enumerate(result.after.names)
     ]
     return {"craft": Table("", CRAFT, rows)}

@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from closeform.mission_result import Mission, StageResult
-from closeform.report import conflicts, search
+from closeform.report import conflicts, effort, search
 from closeform.report.section import Film, Picture, Section, heading
-from closeform.report.table import MOST_ROWS, PHASE, Column, Table, counted, minutes
+from closeform.report.table import MOST_ROWS, PHASE, Column, Table, minutes
 from closeform.scenario import Gather
 from closeform.search.gather_result import Event, EventKind, Gathering, listed
+from closeform.verdict import conflicts_in, conflicts_of
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
 MOMENTS = 6  # of a gathering that are shown
@@ -32,7 +33,7 @@ def section(mission: Mission, result: Gathered) -> Section:
     once = search.one_round(gathering.search, rounds)
     knew = known(result)
     told, met = acquainted(result, knew)
-    spent = spendings(gathering, names)
+    spent = spendings(mission, result)
     return Section(
         heading(result),
         (*search.since(result), *outcome(result), *told),
@@ -143,14 +144,17 @@ def came(event: Event) -> tuple[str, int] | None:
     return (event.phase, event.round) if event.time > 0.0 else None
 
 
-def spendings(gathering: Gathering, names: Sequence[str]) -> Table:
+def spendings(mission: Mission, result: Gathered) -> Table:
     """What each craft spent, and its set at the end: 0 the formation set, k a knowledge set, -1 lost."""
+    gathering, names = result.result, result.after.names
+    burnt = mission.propellant[result.number - 1].tolist()
+    known = np.isfinite(burnt).any()
     burns = [0] * len(names)
     for event in gathering.events:
         burns[event.first] += event.kind is not EventKind.LOCK
     label = {k: number for number, some in enumerate(gathering.sets) for k in some}
     rows = [
-        (name, group, label.get(k, -1), burns[k], float(gathering.delta_v[k]))
+        (name, group, label.get(k, -1), burns[k], float(gathering.delta_v[k]), burnt[k] if known else None)
         for k, (name, group) in enumerate(zip(names, gathering.groups, strict=True))
     ]
     columns = (
@@ -159,14 +163,16 @@ def spendings(gathering: Gathering, names: Sequence[str]) -> Table:
         Column(None, "set"),
         Column("burns"),
         replace(speed(gathering), key="delta_v_m_s"),
+        effort.FUEL if known else replace(effort.FUEL, heading=None),
     )
     return Table("Delta-v of each craft", columns, rows, folded=len(names) > MOST_ROWS)
 
 
 def with_total(spent: Table) -> Table:
     """The same with a last row for all craft."""
-    burns, speeds = (sum(row[k] for row in spent.rows) for k in (3, 4))
-    return replace(spent, rows=[*spent.rows, ("all", "", None, burns, speeds)])
+    burns, speeds, fuels = ([row[k] for row in spent.rows] for k in (3, 4, 5))
+    fuel = None if None in fuels else sum(fuels)
+    return replace(spent, rows=[*spent.rows, ("all", "", None, sum(burns), sum(speeds), fuel)])
 
 
 def ways(gathering: Gathering, names: Sequence[str]) -> tuple[Table, ...]:
@@ -201,7 +207,8 @@ def acquainted(result: Gathered, knew: list[bool]) -> tuple[tuple[str, ...], tup
     (table,) = tables
     columns = *table.columns, Column("known", form=lambda yes: "yes" if yes else "no")
     rows = [(*row, yes) for row, yes in zip(table.rows, knew, strict=True)]
-    line = f"{counted(len(knew), 'conflict')}, {knew.count(False)} with craft still unknown"
+    count = conflicts_of(*conflicts_in([result.after]))
+    line = f"{count}, {knew.count(False)} with craft still unknown"
     return (line,), (Table(table.title, columns, rows, folded=len(rows) > MOST_ROWS),)
 
 

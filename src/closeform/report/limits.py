@@ -3,7 +3,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from closeform.mission_result import Mission, StageResult, Use
+from closeform.mission_result import Mission, StageResult
+from closeform.verdict import Use
 
 
 def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple[Use, ...]]:

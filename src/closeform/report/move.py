@@ -3,6 +3,7 @@
 from typing import Any
 
 from closeform.mission_result import AvoidResult, Mission, StageResult
+from closeform.motion.path import Path
 from closeform.report import conflicts, effort, optimum
 from closeform.report.section import Picture, Section, heading
 from closeform.report.table import Column, Table
@@ -20,31 +21,41 @@ def section(mission: Mission, result: Move) -> Section:
         closing, after = ("The direct path is kept: no way around was found",), ()
     tables = (
         *before,
-        efforts(moved),
+        efforts(mission, result),
+        *meanwhile(mission, result),
         *after,
         *conflicts.approaches("Closest approaches before", result.before),
         *conflicts.approaches("Closest approaches after", result.after),
     )
     return Section(
         heading(result, f"{moved.craft} moves"),
-        lines,
+        (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
         (*how(result.stage.method, moved), *closing),
-        pictures(result),
-        {"change": figures(result.stage.method, moved)},
+        pictures(mission, result),
+        {"change": figures(mission, result)},
     )
 
 
-def efforts(moved: AvoidResult) -> Table:
-    """Energy and delta-v of the direct path and of the way around, beside each other."""
-    direct, path = effort.row(moved.direct), moved.avoidance.path
+def efforts(mission: Mission, result: Move) -> Table:
+    """What the direct path costs and what the way around, beside each other."""
+    moved, path = result.result, result.result.avoidance.path
+    direct = effort.spent(mission, result, moved.craft, moved.direct)
     rows: list[tuple[Any, ...]] = [("direct", *direct)]
     if path is not None and path is not moved.direct:
-        around = effort.row(path)
+        around = effort.spent(mission, result, moved.craft, path)
         pairs = zip(direct, around, strict=True)
         rows.append(("around", *around))
-        rows.append(("change", *(f"{100 * (b / a - 1):+.3f} %" if a else "-" for a, b in pairs)))
-    return Table("Change made", (Column("path", words=True), *effort.EFFORT), rows)
+        rows.append(("change", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
+    return Table("Change made", (Column("path", words=True), *effort.shown(mission)), rows)
+
+
+def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
+    """What those spend who fly their own transfers."""
+    names = [fellow.craft for fellow in result.stage.meanwhile]
+    rows = [(name, *effort.spent(mission, result, name, result.after.path(name))) for name in names]
+    columns = Column("craft", words=True), *effort.shown(mission)
+    return (Table("Meanwhile", columns, rows),) if rows else ()
 
 
 def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
@@ -62,24 +73,34 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
     )
 
 
-def figures(method: str, moved: AvoidResult) -> dict[str, Any]:
+def figures(mission: Mission, result: Move) -> dict[str, Any]:
     """What a move changed."""
-    avoidance = moved.avoidance
+    moved, avoidance = result.result, result.result.avoidance
+
+    def cost(name: str, path: Path | None) -> dict[str, Any] | None:
+        return effort.figures(mission, result, name, path)
+
     return {
         "craft": moved.craft,
-        "method": method,
+        "method": result.stage.method,
         **optimum.figures(avoidance),
+        "measures": list(avoidance.measures),
+        "asked_s": moved.asked,
         "extra_energy_m2_s3": avoidance.extra_energy,
         "contacts": [
             {"craft": moved.others[at.second - 1], "time_s": at.time, "position_m": at.position.tolist()}
             for at in avoidance.contacts
         ],
-        "direct": effort.figures(moved.direct),
-        "around": effort.figures(avoidance.path),
+        "direct": cost(moved.craft, moved.direct),
+        "around": cost(moved.craft, avoidance.path),
+        "meanwhile": {
+            fellow.craft: cost(fellow.craft, result.after.path(fellow.craft))
+            for fellow in result.stage.meanwhile
+        },
     }
 
 
-def pictures(result: Move) -> tuple[Picture, ...]:
+def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     """The craft that moves and those that share the zone of the one to which it comes closest."""
     moved, before = result.result, result.before
     craft, path, around = moved.craft, moved.direct, moved.avoidance.path
@@ -97,11 +118,14 @@ def pictures(result: Move) -> tuple[Picture, ...]:
     if around is not None and around is not path:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
         ways = path, around, [before.path(name) for name in names], zone
+        flown = [path, around], ["before", "after"]
         near = f"How near {craft} comes to the zones of the others, before and after"
         both = f"The path of {craft} before and after"
         found += [
             Picture("before-after", both, "before_after", ways, {"names": names}),
             Picture("nearness", near, "ratios", ways, {"names": names}),
-            Picture("thrust", f"Thrust of {craft}", "thrust", ([path, around], ["before", "after"])),
+            Picture(
+                "thrust", f"Thrust of {craft}", "thrust", flown, {"mass": mission.scenario.force_mass(craft)}
+            ),
         ]
     return tuple(found)

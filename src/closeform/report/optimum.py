@@ -11,7 +11,9 @@ TOUCHING = 1.0 + 1e-6  # a margin up to this is for rounding only
 
 def best(found: Avoidance | Plan) -> str:
     """Whether it is the best there is."""
-    return "proven the global optimum" if found.proven else f"best of {counted(found.tried, 'candidate')}"
+    return (
+        "proven the least energy there is" if found.proven else f"best of {counted(found.tried, 'candidate')}"
+    )
 
 
 def bounds(found: Avoidance | Plan) -> Iterator[str]:

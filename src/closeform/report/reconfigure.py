@@ -1,12 +1,13 @@
 """The section of a formation that moves together: who flies where, at what cost, and how near the best."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
+from closeform.motion.path import Path
 from closeform.report import conflicts, effort, optimum
 from closeform.report.section import Picture, Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table
@@ -29,16 +30,15 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
         closing, more = conflicts.summed("Conflicts of the plan", result.after)
         tables += more
         near += conflicts.approaches("Closest approaches of the plan", result.after)
-    burnt = mission.propellant[result.number - 1]
     who = f"{moved.movers[0]} moves" if len(moved.movers) == 1 else f"{len(moved.movers)} craft move"
     slots = {name: int(k) + 1 for name, k in zip(moved.movers, plan.slots, strict=True)}
     return Section(
         heading(result, who),
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
-        (*tables, *costs(result, burnt), *contacts(moved), *near),
+        (*tables, *costs(mission, result), *contacts(moved), *near),
         (*worth(result), *closing, *([reached] if reached and moved.plan.ok else [])),
         pictures(mission, result),
-        {"plan": figures(result, slots)},
+        {"plan": figures(mission, result, slots)},
         effort.files(mission, result, slots),
     )
 
@@ -67,8 +67,8 @@ def regather(mission: Mission, result: StageResult[Regather, ReconfigureResult])
     return section(mission, result, reached)
 
 
-def costs(result: Moved, burnt: Floats) -> Iterator[Table]:
-    """What every craft flies and what that costs; `burnt` (N,) [kg], nan where not known."""
+def costs(mission: Mission, result: Moved) -> Iterator[Table]:
+    """What every craft flies and what that costs."""
     moved, plan = result.result, result.result.plan
     who = [result.after.names.index(name) for name in moved.movers]
     paths = result.after.paths[who]
@@ -79,16 +79,19 @@ def costs(result: Moved, burnt: Floats) -> Iterator[Table]:
     for title, times in (("from [s]", plan.starts), ("to [s]", plan.starts + plan.durations)):
         if np.ptp(times) > 0.0:
             columns[Column(title, form="{:.1f}".format, absent="")] = [*times, None]
-    columns[effort.EFFORT[0]] = [*energy]
+    columns[effort.ENERGY] = [*energy]
     if result.after is not result.before:
         shares = [one / free - 1.0 if free else None for one, free in zip(energy, direct, strict=True)]
         columns[Column("extra [%]", form="{:.3f}".format, scale=100.0)] = shares
-    columns[effort.EFFORT[1]] = [*paths.delta_v, paths.delta_v.sum()]
-    peak = Column("peak [mm/s²]", form="{:#.6g}".format, scale=1e3)
-    columns[peak] = [*paths.peak_thrust, paths.peak_thrust.max()]
-    fuel = burnt[who]
-    if np.isfinite(fuel).any():
-        columns[Column("propellant [g]", form="{:.2f}".format, scale=1e3)] = [*fuel, fuel.sum()]
+    spent = [effort.spent(mission, result, name, result.after.path(name)) for name in moved.movers]
+    _, speed, push, force, fuel = zip(*spent, strict=True)
+    columns[effort.SPEED] = [*speed, sum(speed)]
+    if mission.scenario.newtons:
+        columns[replace(effort.FORCE, heading="peak [N]")] = [*force, max(force)]
+    else:
+        columns[replace(effort.PUSH, heading="peak [mm/s²]")] = [*push, max(push)]
+    if None not in fuel:
+        columns[effort.FUEL] = [*fuel, sum(fuel)]
     rows = list(zip(*columns.values(), strict=True))
     title = "Paths of the plan" if plan.ok else "Direct paths"
     if len(who) == 1:
@@ -131,9 +134,13 @@ def worth(result: Moved) -> Iterator[str]:
         yield f"Touches zones: {', '.join(where)}"
 
 
-def figures(result: Moved, slots: dict[str, int]) -> dict[str, Any]:
+def figures(mission: Mission, result: Moved, slots: dict[str, int]) -> dict[str, Any]:
     """How a formation moved together."""
     moved, plan = result.result, result.result.plan
+
+    def cost(name: str, path: Path | None) -> dict[str, Any] | None:
+        return effort.figures(mission, result, name, path)
+
     efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
     return {
         **optimum.figures(plan),
@@ -148,8 +155,8 @@ def figures(result: Moved, slots: dict[str, int]) -> dict[str, Any]:
                 "slot": slot,
                 "start_s": start,
                 "end_s": start + duration,
-                "direct": effort.figures(result.before.path(name)),
-                "flown": effort.figures(plan.paths[k] if plan.paths is not None else None),
+                "direct": cost(name, result.before.path(name)),
+                "flown": cost(name, plan.paths[k] if plan.paths is not None else None),
             }
             for k, ((name, slot), start, duration) in enumerate(efforts)
         },

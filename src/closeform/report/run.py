@@ -17,6 +17,7 @@ from closeform.report.section import Progress, Section
 from closeform.report.table import counted
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable
+from closeform.verdict import Verdict
 
 SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Coast: coast.section,
@@ -46,21 +47,6 @@ class RunReport:
         craft = counted(len(self.mission.scenario.craft), "craft", "craft")
         return f"{craft} in {where}, {results[-1].end if results else 0.0:.1f} s"
 
-    @property
-    def verdict(self) -> str:
-        """The last line: clear, or what remains."""
-        mission = self.mission
-        if mission.stopped is not None:
-            return f"stopped in {mission.stopped}"
-        remaining = sum(len(result.after.conflicts) for result in mission.results)
-        if remaining:
-            return f"{counted(remaining, 'conflict')} remain{'s' * (remaining == 1)}"
-        searched = any(result.stage.searches for result in mission.results)
-        watched = any(result.after.approaches for result in mission.results) or not searched
-        found = ["nobody is lost"] * searched
-        found.append("no conflict remains" if watched else "conflicts were not looked for")
-        return f"clear: {', '.join(found)}"
-
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """One for each stage flown."""
@@ -75,8 +61,7 @@ class RunReport:
             "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
             "seed": scenario.study.seed if scenario.study is not None and scenario.case is not None else None,
             "case": scenario.case,
-            "status": 0 if mission.clear else 1,
-            "verdict": self.verdict,
+            **verdict(mission.verdict),
             "warnings": list(mission.warnings),
             "mean_motion_rad_s": mission.orbit.mean_motion,
             "craft": list(scenario.names),
@@ -96,6 +81,20 @@ class RunReport:
                 for key, cells in columns.items():
                     below[key] += cells
         return found
+
+
+def verdict(reached: Verdict) -> dict[str, Any]:
+    """What it has come to."""
+    exceeded = [vars(use) for use in reached.exceeded or ()]
+    return {
+        "status": reached.status,
+        "verdict": str(reached),
+        "clear": reached.clear,
+        "conflicts": reached.conflicts,
+        "pairs_in_conflict": reached.pairs if reached.conflicts is not None else None,
+        "limits_kept": None if reached.exceeded is None else not exceeded,
+        "exceeded": exceeded,
+    }
 
 
 def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
@@ -154,7 +153,7 @@ def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: N
     shown = iter(drawn(pictures, folder, progress))
     folder.summary(report.summary)
     faint = f"{report.opening}; {Path(mission.scenario.file).name}"
-    parts = page.head(mission.scenario.title, [faint], report.verdict, mission.clear)
+    parts = page.head(mission.scenario.title, [faint], str(mission.verdict), mission.verdict.ok)
     parts += [page.paragraph(line, "bad") for line in mission.warnings]
     for told in report.sections:
         parts += page.section(told, islice(shown, len(told.pictures)))

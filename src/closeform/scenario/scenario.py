@@ -18,6 +18,7 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
 
+LIMITS = ("max_thrust", "delta_v_budget", "propellant")  # keys of [craft]
 IMPERFECT = ("pointing_error", "slew_rate_error", "start_offset", "silent")  # keys of [craft]
 
 
@@ -48,6 +49,20 @@ class Scenario:
     def names(self) -> tuple[str, ...]:
         """The craft's names."""
         return tuple(craft.name for craft in self.craft)
+
+    @property
+    def limited(self) -> bool:
+        """Whether any craft has a limit of thrust, delta-v or propellant."""
+        return any(getattr(craft, key) is not None for craft in self.craft for key in LIMITS)
+
+    @property
+    def newtons(self) -> bool:
+        """Whether the file speaks of thrust in newtons."""
+        return any(craft.max_thrust is not None for craft in self.craft)  # and then all have a mass
+
+    def force_mass(self, name: str) -> float | None:
+        """The mass [kg] by which a craft's thrust is told in newtons; None where it is an acceleration."""
+        return self.craft[self.names.index(name)].mass if self.newtons else None
 
     @cached_property
     def keep_out(self) -> tuple[Zone | None, ...]:

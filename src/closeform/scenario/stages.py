@@ -75,6 +75,7 @@ class Avoid(StageTable):
     meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = Field(
         (), examples=['[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]']
     )
+    longer: bool = Field(True, examples=["false"])
 
     @model_validator(mode="after")
     def different(self) -> Self:

@@ -1,0 +1,122 @@
+"""Verdict: what a run has come to, and its exit status: all found, clear, limits kept; or what is not so."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from closeform.conflicts.flight import Flight
+
+ROUNDING = 1e-9  # of a limit that a plan was to keep to
+MET, NOT_MET = 0, 1  # exit status: of what was asked for
+MOST_NAMES = 3  # of craft beyond a limit; more are counted
+WARNINGS = {  # of a limit: of what, and what there is
+    "thrust": ("", "its max_thrust is"),
+    "delta-v": ("", "its delta_v_budget is"),
+    "propellant": (" of propellant", "it has"),
+}
+
+
+@dataclass(frozen=True)
+class Use:
+    """How much of what it has a `craft` uses: `what` ("thrust", "delta-v", "propellant"), in one `unit`."""
+
+    what: str
+    unit: str
+    craft: str
+    used: float
+    limit: float
+
+    @property
+    def share(self) -> float:
+        """The share of the limit that is used."""
+        return self.used / self.limit
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether that is more than there is."""
+        return self.share > 1.0 + ROUNDING
+
+    @property
+    def warning(self) -> str:
+        """The same in words, for a limit that is exceeded."""
+        of, has = WARNINGS[self.what]
+        return f"{self.craft} needs {self.used:.4g} {self.unit}{of}, {has} {self.limit:g} {self.unit}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether what was asked for is met.
+
+    `stopped`: why there are fewer stages than in the file, else None; `conflicts`, each from an entry
+    into a zone to the exit, of so many `pairs`; None where nobody looked for them.  `exceeded`: who
+    uses more than there is, None without any limit.  `searched`: whether craft were lost.
+    """
+
+    stopped: str | None
+    conflicts: int | None
+    pairs: int
+    exceeded: tuple[Use, ...] | None
+    searched: bool
+
+    @property
+    def clear(self) -> bool:
+        """Whether every stage was flown, nobody is lost and no conflict remains."""
+        return self.stopped is None and not self.conflicts
+
+    @property
+    def ok(self) -> bool:
+        """Whether it is clear and every limit is kept."""
+        return self.clear and not self.exceeded
+
+    @property
+    def status(self) -> int:
+        """The exit status of the command."""
+        return MET if self.ok else NOT_MET
+
+    def __str__(self) -> str:
+        """One line: clear, or what is not met."""
+        if self.ok:
+            found = ["nobody is lost"] * self.searched
+            found.append(
+                "no conflict remains" if self.conflicts is not None else "conflicts were not looked for"
+            )
+            found += ["limits are kept"] * (self.exceeded is not None)
+            return f"clear: {', '.join(found)}"
+        unmet = [f"stopped in {self.stopped}"] if self.stopped is not None else []
+        if self.conflicts:
+            unmet.append(f"{conflicts_of(self.conflicts, self.pairs)} remain{'s' * (self.conflicts == 1)}")
+        if self.exceeded:
+            unmet.append(f"limits are not kept: {beyond(self.exceeded)}")
+        return "; ".join(unmet)
+
+
+def conflicts_of(conflicts: int, pairs: int) -> str:
+    """A number of conflicts, and of the pairs that are in them, perhaps again and again."""
+    of = f" of {pairs} pair{'s' * (pairs != 1)}" if conflicts != 1 else ""
+    return f"{conflicts} conflict{'s' * (conflicts != 1)}{of}"
+
+
+def beyond(uses: Iterable[Use]) -> str:
+    """Which limits are not kept, and by whom."""
+    craft: dict[str, list[str]] = {}
+    for use in uses:
+        craft.setdefault(use.what, []).append(use.craft)
+    parts = []
+    for what, names in craft.items():
+        more = [f"{len(names) - MOST_NAMES} more"] * (len(names) > MOST_NAMES)
+        parts.append(f"{what} ({', '.join(names[:MOST_NAMES] + more)})")
+    return ", ".join(parts)
+
+
+def conflicts_in(flights: Iterable[Flight]) -> tuple[int, int]:
+    """How many conflicts there are in flights that follow one another, and of how many pairs.
+
+    One that lasts from one flight into the next is one.
+    """
+    count, pairs, ends = 0, set(), dict[tuple[str, str], float]()
+    for flight in flights:
+        for met in flight.conflicts:
+            pair = met.first, met.second
+            count += ends.get(pair) != met.start
+            ends[pair] = met.end
+            pairs.add(pair)
+    return count, len(pairs)

@@ -1,0 +1,357 @@
+"""What a run comes to, limits beside clearance: on the terminal, in the summary, on the page, in Python."""
+
+import json
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from bridge import hill
+from closeform.cli import main
+from closeform.mission import fly
+from closeform.scenario import parse
+from closeform.verdict import Use, Verdict, conflicts_in
+
+G0 = 9.80665
+REST = 'velocity = "0 0 0 m/s"'
+TWO = """\
+closeform = 1
+title = "A passes B"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["A", "B"]
+position = ["0 -100 3 m", "0 0 0 m"]
+velocity = "0 0 0 m/s"
+mass = "100 kg"
+keep_out = { sphere = "20 m" }
+LIMITS
+
+[[stage]]
+do = "avoid"
+craft = "A"
+to = { position = "0 100 3 m", velocity = "0 0 0 m/s" }
+within = "1000 s"
+"""
+CLEAR = TWO.replace(" 3 m", " 25 m")  # by 5 m, on the direct path
+# Rest to rest over 200 m in 1000 s: thrust falls from 6 L / T^2 to its opposite, by which 3 L / 2 T are
+# gained to the middle, and lost again.
+PEAK, SPENT = 6.0 * 200.0 / 1000.0**2, 3.0 * 200.0 / 1000.0
+
+
+def passing(limits: str, stage: str = "", text: str = TWO) -> str:
+    return text.replace("LIMITS", limits) + stage
+
+
+def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
+    """Status, what is printed, the summary and the page in words, of a run without pictures."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.move.pictures", lambda *_: ())
+    Path("file.toml").write_text(text)
+    status = main(["run", "file.toml", "--overwrite"])
+    page = unescape(Path("file-results/report.html").read_text())
+    return status, capsys.readouterr().out, json.loads(Path("file-results/summary.json").read_text()), page
+
+
+@pytest.mark.parametrize(
+    ("limits", "words", "what", "unit"),
+    [
+        ('delta_v_budget = "0.3 m/s"', "delta-v (A)", "delta-v", "m/s"),
+        ('specific_impulse = "60 s"\npropellant = "50 g"', "propellant (A)", "propellant", "kg"),
+    ],
+)
+def test_a_plan_beyond_what_there_is(
+    limits: str, words: str, what: str, unit: str, tmp_path, monkeypatch, capsys
+) -> None:
+    """Clear, but not within its limit: status 1, and who and what is named everywhere."""
+    status, printed, summary, page = run(passing(limits, text=CLEAR), tmp_path, monkeypatch, capsys)
+    assert status == 1
+    last = printed.splitlines()[-1]
+    assert last == f"limits are not kept: {words}; results in file-results"
+    assert f'<p class="verdict bad">limits are not kept: {words}</p>' in page
+    assert summary["verdict"] == f"limits are not kept: {words}"
+    assert (summary["status"], summary["clear"], summary["limits_kept"]) == (1, True, False)
+    assert (summary["conflicts"], summary["pairs_in_conflict"]) == (0, 0)
+    (over,) = summary["exceeded"]
+    assert (over["craft"], over["what"], over["unit"]) == ("A", what, unit)
+    need = SPENT if unit == "m/s" else 100.0 * -np.expm1(-SPENT / (60.0 * G0))
+    assert over["used"] == pytest.approx(need, rel=1e-9)
+    mission = fly(parse(passing(limits, text=CLEAR)))
+    assert mission.clear
+    assert not mission.verdict.ok
+    assert mission.verdict.status == 1
+    assert [use.craft for use in mission.verdict.exceeded] == ["A"]
+
+
+def test_limits_that_are_kept_are_said_to_be(tmp_path, monkeypatch, capsys) -> None:
+    limits = 'max_thrust = "1 N"\ndelta_v_budget = "1 m/s"\nspecific_impulse = "60 s"\npropellant = "1 kg"'
+    status, printed, summary, _ = run(passing(limits), tmp_path, monkeypatch, capsys)
+    assert status == 0
+    assert printed.splitlines()[-1] == "clear: no conflict remains, limits are kept; results in file-results"
+    assert summary["limits_kept"] is True
+    status, printed, summary, _ = run(passing(""), tmp_path, monkeypatch, capsys)
+    assert status == 0
+    assert printed.splitlines()[-1] == "clear: no conflict remains; results in file-results"
+    assert summary["limits_kept"] is None
+
+
+FELLOW = """meanwhile = [{ craft = "B", to = { position = "0 0 500 m", velocity = "0 0 0 m/s" } }]\n"""
+
+
+def test_a_fellow_beyond_its_thrust(tmp_path, monkeypatch, capsys) -> None:
+    """B's own transfer over 500 m needs 6 L / T^2, which no search for a way around lessens."""
+    status, printed, summary, _ = run(passing('max_thrust = "0.2 N"', FELLOW), tmp_path, monkeypatch, capsys)
+    assert status == 1
+    assert printed.splitlines()[-1] == "limits are not kept: thrust (B); results in file-results"
+    (over,) = summary["exceeded"]
+    assert over["used"] == pytest.approx(100.0 * 6.0 * 500.0 / 1000.0**2, rel=1e-9)
+    told = re.search(r"^Meanwhile\n.*\nB +(\S+) +(\S+) +(\S+)$", re.sub(" +\n", "\n", printed), re.MULTILINE)
+    assert float(told[3]) == pytest.approx(over["used"], rel=1e-5)
+
+
+def test_a_stage_that_stops_after_one_beyond_its_budget() -> None:
+    """What was flown before counts, with what made it stop."""
+    stage = passing('delta_v_budget = "0.3 m/s"') + TWO[TWO.index("\n[[stage]]") :].replace(
+        "0 100 3", "0 5 3"
+    )
+    mission = fly(parse(stage))
+    assert mission.stopped is not None
+    words = str(mission.verdict)
+    assert words.startswith("stopped in stage 2 (avoid): ")
+    assert words.endswith("; limits are not kept: delta-v (A)")
+    assert mission.verdict.status == 1
+
+
+def test_many_craft_beyond_their_limits_are_counted() -> None:
+    uses = [Use("thrust", "N", f"F{k}", 2.0, 1.0) for k in range(40)]
+    verdict = Verdict(None, 0, 0, (*uses, Use("delta-v", "m/s", "F1", 2.0, 1.0)), False)
+    assert str(verdict) == "limits are not kept: thrust (F0, F1, F2, 37 more), delta-v (F1)"
+
+
+@pytest.mark.parametrize(
+    ("conflicts", "pairs", "words"),
+    [
+        (1, 1, "1 conflict remains"),
+        (2, 1, "2 conflicts of 1 pair remain"),
+        (79, 15, "79 conflicts of 15 pairs remain"),
+    ],
+)
+def test_conflicts_and_pairs_are_both_counted(conflicts: int, pairs: int, words: str) -> None:
+    assert str(Verdict(None, conflicts, pairs, None, False)) == words
+
+
+def test_pairs_that_meet_again_and_again() -> None:
+    """Cross-track, B and C swing through A's zone twice an orbit, and through each other's once between."""
+    text = """\
+closeform = 1
+title = "Swings"
+[orbit]
+period = "6000 s"
+[craft]
+name = ["A", "B", "C"]
+start = [{ palmer = "0 0 0 0 0 0 m" }, { palmer = "0 0 0 0 200 0 m" }, { palmer = "0 0 0 500 0 0 m" }]
+keep_out = { sphere = "20 m" }
+[[stage]]
+do = "coast"
+for = "1500 s"
+[[stage]]
+do = "coast"
+for = "12000 s"
+"""
+    mission = fly(parse(text))
+    # z = 200 m cos(n t) is within 20 m of A around 1500, 4500, 7500, 10500 and 13500 s; the stages' edge at
+    # 1500 s cuts the first in two, which is one stay all the same
+    assert [len(result.after.conflicts) for result in mission.results] == [1, 5]
+    assert conflicts_in(result.after for result in mission.results) == (5, 1)
+    assert str(mission.verdict) == "5 conflicts of 1 pair remain"
+
+
+# avoid within a thrust limit
+
+DEEP = cf.Orbit(0.0)
+BEFORE, BEHIND = [0, -100, 3, 0, 0, 0], [0, 100, 3, 0, 0, 0]
+PATH = DEEP.transfer(BEFORE, BEHIND, 1000.0)
+BALL = cf.Sphere(20.0)
+LONG = DEEP.coast(np.zeros(6), 1e5)
+
+
+@pytest.mark.parametrize("n", [0.0, 1.1e-3])
+@pytest.mark.parametrize("method", ["exact", "sauter-palmer"])
+def test_avoid_keeps_a_thrust_limit_by_taking_longer(n: float, method) -> None:
+    """Flown again by an integrator: the final state is reached, zone and thrust limit are kept."""
+    if method == "sauter-palmer" and n == 0.0:
+        pytest.skip("for orbits only")
+    orbit = cf.Orbit(n)
+    path, rock = orbit.transfer(BEFORE, BEHIND, 1000.0), orbit.coast(np.zeros(6), 1e5)
+    free = cf.avoid(path, rock, BALL, method)
+    limit = 0.8 * free.path.peak_thrust
+    kept = cf.avoid(path, rock, BALL, method, max_acceleration=limit)
+    assert kept.ok
+    times = np.linspace(0.0, kept.path.end, 4001)
+    assert np.linalg.norm(kept.path.thrust(times), axis=1).max() <= limit * (1.0 + 1e-9)
+    assert kept.path.end > 1000.0
+    assert kept.measures == (
+        f"longer, {kept.path.end / 1000.0:.6g} times the duration: the thrust limit is kept",
+    )
+
+    def motion(t: float, s: np.ndarray) -> np.ndarray:
+        return hill(n) @ s + np.concatenate([np.zeros(3), kept.path.thrust(min(t, kept.path.end))])
+
+    flown = solve_ivp(
+        motion, times[[0, -1]], BEFORE, t_eval=times, rtol=1e-10, atol=1e-9, method="DOP853"
+    ).y.T
+    np.testing.assert_allclose(flown[-1], BEHIND, atol=1e-5)  # m, of the integration of 200 m
+    assert np.linalg.norm(flown[:, :3], axis=1).min() > 20.0 * (1.0 - 1e-6)
+    # 1.12 times as long is enough for 0.8 of the thrust, as it falls as 1 / T^2; sides may differ
+    assert kept.path.end < 1.25 * 1000.0
+
+
+def test_a_limit_that_is_kept_changes_nothing() -> None:
+    free = cf.avoid(PATH, LONG, BALL)
+    kept = cf.avoid(PATH, LONG, BALL, max_acceleration=free.path.peak_thrust)
+    assert kept.path.end == PATH.end
+    assert kept.energy == free.energy
+    assert kept.measures == ()
+
+
+def test_a_clear_path_beyond_the_limit() -> None:
+    """Rest to rest in deep space keeps the limit from sqrt(6 L / limit) on, and not before."""
+    far = DEEP.coast([500.0, 0, 0, 0, 0, 0], 1e5)
+    limit = 0.5 * PEAK
+    kept = cf.avoid(PATH, far, BALL, max_acceleration=limit)
+    least = np.sqrt(6.0 * 200.0 / limit)
+    assert kept.ok
+    assert least * (1.0 - 1e-9) <= kept.path.end <= 1.02 * least  # found to one halving of the last stretch
+    impulses = DEEP.two_impulse(BEFORE, BEHIND, 1000.0)  # clear and no energy, but of infinite thrust
+    assert cf.avoid(impulses, far, BALL).path is impulses
+    smooth = cf.avoid(impulses, far, BALL, max_acceleration=1.01 * PEAK)
+    assert smooth.path.impulses == ()
+    assert smooth.path.end == 1000.0
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "arguments", "remedy"),
+    [
+        (DEEP.coast(np.zeros(6), 1000.0), {}, "give more time, or obstacles that are known beyond 1000 s"),
+        (DEEP.coast(np.zeros(6), 1050.0), {}, "give it more"),  # not beyond what is known of the obstacle
+        (LONG, {"longer": False}, "allow longer, or give more time"),
+    ],
+)
+def test_avoid_says_that_it_cannot(obstacle: cf.Path, arguments: dict, remedy: str) -> None:
+    limit = 0.8 * PEAK
+    weak = cf.avoid(PATH, obstacle, BALL, max_acceleration=limit, **arguments)
+    assert weak.status == cf.Status.TOO_WEAK
+    assert not weak.ok
+    assert weak.path is None
+    assert np.isnan([weak.energy, weak.extra_energy, weak.delta_v]).all()
+    assert weak.weak.limit == limit
+    assert weak.weak.needed > limit
+    assert weak.reason == (
+        f"path needs {weak.weak.needed:.4g} m/s² in {weak.weak.duration:.6g} s, "
+        f"its limit is {limit:.4g} m/s²; {remedy}"
+    )
+    assert weak.weak.duration == pytest.approx(1050.0 if remedy == "give it more" else 1000.0)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, [1.0, 2.0], "much"])
+def test_limits_that_are_none(wrong) -> None:
+    with pytest.raises(ValueError, match=r"^max_acceleration: "):
+        cf.avoid(PATH, LONG, BALL, max_acceleration=wrong)
+
+
+# the same in a file, which speaks of newtons
+
+MOVE = """
+[[stage]]
+do = "reconfigure"
+craft = ["A"]
+to = [{{ position = "{}", velocity = "0 0 0 m/s" }}]
+within = "1000 s"
+"""
+FORCE = 0.1  # N, of the 0.12 that the direct path needs
+
+
+def test_the_stage_takes_longer_and_says_so(tmp_path, monkeypatch, capsys) -> None:
+    text = passing(f'max_thrust = "{FORCE} N"', FELLOW.replace("500 m", "-20 m"))
+    status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
+    assert status == 0
+    change = summary["stages"][0]["change"]
+    assert change["around"]["peak_thrust_N"] <= FORCE * (1.0 + 1e-9)
+    took = summary["stages"][0]["end_s"]
+    assert took > 1000.0
+    assert change["asked_s"] == 1000.0
+    assert f"Tried: {change['measures'][0]}" in printed
+    assert f'Warning: stage 1 (avoid) takes {took:.1f} s, not 1000.0 s; see "Tried"' in printed
+    # B, which arrived before, is kept clear of where it then is
+    assert summary["stages"][0]["after"]["closest"]["ratio"] >= 1.0
+    assert "mm/s²" not in printed
+    assert "mm/s²" not in page
+    assert re.search(r"peak thrust \[N\]", printed)
+
+
+def test_a_craft_that_coasts_goes_to_where_coasting_leads() -> None:
+    """Without `to`: the way around ends where the craft would be by then, had it not burned."""
+    text = passing('max_thrust = "0.03 N"').replace(
+        'to = { position = "0 100 3 m", velocity = "0 0 0 m/s" }\n', ""
+    )
+    text = text.replace(REST, 'velocity = ["0 20 0 cm/s", "0 0 0 m/s"]')
+    mission = fly(parse(text))
+    assert mission.verdict.ok
+    (stage,) = mission.results
+    assert stage.end > 1000.0
+    end = stage.after.paths[0].state(stage.end)
+    np.testing.assert_allclose(end, [0, -100 + 0.2 * stage.end, 3, 0, 0.2, 0], atol=1e-6)
+    assert 100.0 * stage.after.paths[0].peak_thrust <= 0.03 * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [
+        TWO[TWO.index("[[stage]]") :] + "longer = false\n",
+        MOVE.format("0 100 3 m") + "if_blocked = []\n",
+    ],
+    ids=["avoid", "reconfigure"],
+)
+def test_the_engine_is_too_weak_in_newtons(stage: str, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
+    text = passing(f'max_thrust = "{FORCE} N"', stage, TWO[: TWO.index("[[stage]]")])
+    status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
+    assert status == 1
+    for words in (" ".join(printed.split()), page, summary["verdict"]):
+        need, limit = re.search(r"A needs (\S+) N in 1000 s, its max_thrust is (\S+) N; ", words).groups()
+        assert 100.0 * PEAK < float(need) < 110.0 * PEAK
+        assert float(limit) == FORCE
+        assert "m/s² in" not in words
+    key = "change" if "avoid" in stage else "plan"
+    assert "m/s²" not in summary["stages"][0][key]["reason"]
+
+
+# propellant of specific impulse alone
+
+ENGINE = 'specific_impulse = "60 s"'
+
+
+def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -> None:
+    """By the rocket equation from the delta-v that is printed beside it, with the mass that is left."""
+    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.gather.pictures", lambda *_: ())
+    text = passing(ENGINE, FELLOW.replace("500 m", "-50 m") + MOVE.format("0 -100 3 m"))
+    status, printed, summary, _ = run(text, tmp_path, monkeypatch, capsys)
+    assert status == 0
+    assert printed.count("propellant [g]") == 3  # change made, meanwhile, paths of the plan
+    mass = 100.0
+    for cost in (
+        summary["stages"][0]["change"]["around"],
+        summary["stages"][1]["plan"]["craft"]["A"]["flown"],
+    ):
+        burnt = -mass * np.expm1(-cost["delta_v_m_s"] / (60.0 * G0))
+        assert cost["propellant_kg"] == pytest.approx(burnt, rel=1e-12)
+        assert f" {1e3 * burnt:.2f}" in printed
+        mass -= burnt
+    assert summary["propellant_kg"]["A"] == pytest.approx(100.0 - mass, rel=1e-12)
