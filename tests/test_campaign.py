@@ -482,9 +482,16 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         "one.toml: study.vary: P and Q are at one place in case 0; draw their positions"
     ]
     assert {file.name for file in Path().iterdir()} == {"s04.toml", "robust.toml", "cluster.toml", "one.toml"}
-    assert main(["check", "robust.toml"]) == 0
-    printed = capsys.readouterr().out.replace("\n", " ")
-    assert all(line.split(", this")[0] in printed for line in unbuilt)
+    assert main(["check", "robust.toml"]) == 2
+    printed = capsys.readouterr()
+    assert printed.err.splitlines() == unbuilt
+    assert printed.out == (
+        "robust.toml: valid tables, but study and run --case and run cannot fly them: 2 craft; stages: lock\n"
+    )
+    assert main(["check", "s04.toml"]) == 0  # a study flies it, and so does a run of one case
+    assert capsys.readouterr().out == (
+        f"s04.toml: valid: 2 craft; stages: lock\n{together.replace('s04.toml:', 's04.toml: for run:')}\n"
+    )
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def test_the_good_file_is_good() -> None:
     for text in (GOOD, LOST):
         scenario = parse(text)
         assert isinstance(scenario, Scenario)
-        assert (scenario.unbuilt(), scenario.unbuilt_study()) == ((), ())
+        assert [scenario.refused(command) for command in ("run", "run --case", "study")] == [(), (), ()]
 
 
 def test_page_is_up_to_date() -> None:

@@ -124,7 +124,7 @@ def run(
 
 @app.command(sort_key=1)
 def check(scenario: Path, /) -> int:
-    """Validate a scenario without flying it: every error in its tables at once, each with its key.
+    """Validate a scenario without flying it: every error, and what cannot be flown, each with its key.
 
     Parameters
     ----------
@@ -135,11 +135,19 @@ def check(scenario: Path, /) -> int:
     if loaded is None:
         return BAD_INPUT
     stages = ", ".join(stage.verb for stage in loaded.stages)
-    console = stdout()
-    say(console, f"{scenario}: valid: {len(loaded.craft)} craft; stages: {stages}")
-    for line in (*loaded.unbuilt(), *loaded.unbuilt_study()):
-        say(console, f"{scenario}: {line}")
-    return CLEAR
+    told = f"{len(loaded.craft)} craft; stages: {stages}"
+    commands = ("study", "run --case", "run") if loaded.study is not None else ("run",)
+    refused = {command: lines for command in commands if (lines := loaded.refused(command))}
+    if commands[0] not in refused:
+        say(stdout(), f"{scenario}: valid: {told}")
+        for lines in refused.values():
+            say(stdout(), f"{scenario}: for run: {lines[0]}")
+        return CLEAR
+    others = [command for command in commands if command not in refused]
+    taken = f", {others[0]} takes it" if others else ""
+    say(stdout(), f"{scenario}: valid tables, but {' and '.join(refused)} cannot fly them{taken}: {told}")
+    complain(*(f"{scenario}: {line}" for line in refused[commands[0]]))
+    return BAD_INPUT
 
 
 @app.command(sort_key=2)
@@ -300,7 +308,7 @@ def read(file: Path) -> "Scenario | None":
 def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
     """The scenario with the states of one case of its study, or as it is where none was asked for.
 
-    None after saying why there is no such case, or that a search needs craft that are apart.
+    None after saying why there is no such case, or why it cannot be flown.
     """
     if case is not None:
         from closeform.campaign import case_of
@@ -313,11 +321,10 @@ def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
             return None
         except ValueError as error:
             raise UsageError(f"--case: {error}") from None
-    together = scenario.coincident() if any(stage.searches for stage in scenario.stages) else ()
-    if not together:
-        return scenario
-    complain(*(f"{scenario.file}: {line}" for line in scenario.unbuilt_study() or together))
-    return None
+    if lines := scenario.refused("run"):
+        complain(*(f"{scenario.file}: {line}" for line in lines))
+        return None
+    return scenario
 
 
 def zone_of(axis: str | None, **shapes: str | None) -> "Zone":

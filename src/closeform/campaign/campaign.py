@@ -152,7 +152,7 @@ def flown(
     """The campaign of a scenario that has been read; `progress` is told how many cases are done."""
     if scenario.study is None:
         raise ScenarioError(scenario.file, ["study: missing; add [study] with cases = 1000 and seed = 1"])
-    if lines := (*scenario.unbuilt(), *scenario.unbuilt_study()):
+    if lines := scenario.refused("study"):
         raise ScenarioError(scenario.file, lines)
     count = whole("cases", scenario.study.cases if cases is None else cases, 1, MOST_CASES)
     chosen = whole("seed", scenario.study.seed if seed is None else seed, 0, None)

@@ -59,14 +59,14 @@ def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats) -> Floats:
 def case_of(scenario: Scenario, case: int) -> Scenario:
     """The scenario with the states that the craft have in one `case` of its study, by the file's seed.
 
-    Raises ScenarioError for draws that are not built, or craft at one place in that case, and
+    Raises ScenarioError for what is not built, or craft at one place in that case, and
     ValueError for a scenario without a study or a case below 0.
     """
     if scenario.study is None:
         raise ValueError(f"{scenario.file} has no cases; add a [study] table, or leave the case out")
     if case < 0:
         raise ValueError(f"{case} is negative, cases count from 0; give 0 or more")
-    if lines := scenario.unbuilt_study():
+    if lines := scenario.refused("run --case"):
         raise ScenarioError(scenario.file, lines)
     states = drawn(scenario, scenario.study.seed, case, case + 1)[0].tolist()
     craft = tuple(

@@ -118,24 +118,31 @@ class Scenario:
             "max_speed": self.search.max_speed if self.search is not None else None,
         }
 
+    def refused(self, command: str) -> tuple[str, ...]:
+        """Why "run", "run --case" or "study" would not begin to fly this scenario, one line each."""
+        if command != "run":
+            return self.unbuilt() + self.unbuilt_study()
+        if lines := self.unbuilt():
+            return lines
+        together = self.coincident() if any(stage.searches for stage in self.stages) else ()
+        return together and (self.unbuilt_study() or together)  # the cases of a study keep them apart
+
     def unbuilt(self) -> tuple[str, ...]:
-        """What a run would need and this version does not have, one line each."""
+        """What every command would need and this version does not have, one line each."""
         lines = [
             f'craft.start: "{craft.unbuilt}" is not built yet; give position and velocity, or palmer'
             for craft in self.craft
             if craft.unbuilt
         ]
-        for stage in self.stages:
-            if stage.searches:
-                lines += [
-                    f"craft.{key}: is not built yet; remove it"
-                    for key in IMPERFECT
-                    if any(np.any(getattr(craft, key)) for craft in self.craft)
-                ]
+        lines += [
+            f"craft.{key}: is not built yet; remove it"
+            for key in IMPERFECT
+            if any(np.any(getattr(craft, key)) for craft in self.craft)
+        ]
         return tuple(dict.fromkeys(lines))
 
     def unbuilt_study(self) -> tuple[str, ...]:
-        """What a study would need and this version does not have, one line each."""
+        """What a study, or one case of it, would need beyond that, one line each."""
         if self.study is None:
             return ()
         lines = []
