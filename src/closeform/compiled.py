@@ -8,9 +8,8 @@ from functools import cache
 from typing import Any
 
 import numba
-from numba.core import cgutils, config
+from numba.core import config
 from numba.core.types import Array, BaseTuple, unliteral
-from numba.extending import intrinsic
 
 from closeform.kernel_cache import KernelCache, alone, parts
 from closeform.kernel_parts import PartCompiler
@@ -134,19 +133,3 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return entry
 
     return declare
-
-
-def _borrowed(typing: Any, array: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        view = context.make_array(array)(context, builder, args[0])
-        view.meminfo = cgutils.get_null_value(view.meminfo.type)
-        view.parent = cgutils.get_null_value(view.parent.type)
-        return view._getvalue()
-
-    return array(array), generate
-
-
-# The same array without its count of references: for an entry point's arguments, which outlive the
-# call.  numba counts in every part that an array is passed to, with atomic operations that cores
-# wait for: without them pairs of natural motion are screened 1.7 times as fast.
-borrowed = (lambda array: array) if config.DISABLE_JIT else intrinsic(_borrowed)

@@ -5,8 +5,9 @@ from math import inf, nan
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.compiled import borrowed, kernel
+from closeform.compiled import kernel
 from closeform.conflicts.exclusion import FEW, coasts_apart, count_near, interval, is_clear, mark_near
+from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, START
 from closeform.motion.extrema import minimum_norm
 from closeform.motion.march import (
@@ -176,7 +177,7 @@ def conflicts_of_pairs(
     arcs, others, rows, times = borrowed(arcs), borrowed(others), borrowed(rows), borrowed(times)
     tracks, other_tracks = borrowed(tracks), borrowed(other_tracks)
     form = form[0], borrowed(form[1]), borrowed(form[2])
-    q = np.empty((8, 3))
+    q = stack_matrix(8, 3)
     near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
     count = 0
     for p in range(pair, len(first)):
@@ -228,7 +229,7 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, for
     """Time and least norm of every pair over its common time."""
     arcs, others = borrowed(arcs), borrowed(others)
     form = form[0], borrowed(form[1]), borrowed(form[2])
-    q = np.empty((8, 3))
+    q = stack_matrix(8, 3)
     for pair in range(len(first)):
         i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
         j, j_end = other_offsets[second[pair]], other_offsets[second[pair] + 1]

@@ -17,10 +17,10 @@ operations for an interval, without a branch, whatever the paths.
 
 from math import sqrt
 
-import numpy as np
 from numba import float64, int64, void
 
-from closeform.compiled import borrowed, kernel
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, state_at, thrusts
 from closeform.motion.march import bounds, store, window
 from closeform.zones.shapes import BALL, CUBE, FACES, support
@@ -95,7 +95,7 @@ def fill_track(arcs, first, last, matrix, scale, times, q, track):
 def fill_tracks(arcs, offsets, matrix, times, tracks):
     """Fill the tracks (N, 4, K + 1) of all craft; where a craft is not, they are left."""
     arcs, matrix, times, tracks = borrowed(arcs), borrowed(matrix), borrowed(times), borrowed(tracks)
-    q = np.empty((8, 3))
+    q = stack_matrix(8, 3)
     scale = 0.0
     for axis in range(3):
         for other in range(3):

@@ -2,10 +2,10 @@
 
 from math import sqrt
 
-import numpy as np
 from numba import float64, int64, void
 
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import (
     CONSTANT,
     END,
@@ -147,8 +147,8 @@ ENERGY, DELTA_V, PEAK = 0, 1, 2
 @kernel(void(float64[:, ::1], int64[::1], float64, int64, float64[::1]))
 def totals(arcs, offsets, n, what, out):
     """Energy, delta-v or peak thrust of every path; the impulses count in none of them."""
-    stack = np.empty(200)
-    q = np.empty((8, 3))
+    stack = stack_vector(200)
+    q = stack_matrix(8, 3)
     for p in range(len(offsets) - 1):
         total = 0.0
         for a in range(offsets[p], offsets[p + 1]):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, numbers
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.duration import flaw
 from closeform.motion.elements import (
@@ -27,14 +28,14 @@ from closeform.motion.path import FORGIVEN, Path, broadcast
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
 def steer(n: float, arcs: Floats, finals: Floats) -> None:
     """Set the optimal thrust of each arc so that it ends in its final state.        # theory (7, 8)"""
-    matrix = np.empty((6, 6))
-    work = np.empty((6, 6))
-    rhs = np.empty(6)
+    matrix = stack_matrix(6, 6)
+    work = stack_matrix(6, 6)
+    rhs = stack_vector(6)
     for p in range(len(arcs)):
         arc = arcs[p]
         t = arc[END] - arc[START]
         response(n, t, matrix)
-        gap = np.empty(6)
+        gap = stack_vector(6)
         reached = coast(n, t, arc[6], arc[7], arc[8], arc[9], arc[10], arc[11])
         for i in range(6):
             gap[i] = finals[p, i] - reached[i]

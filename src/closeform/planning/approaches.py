@@ -10,6 +10,7 @@ import numpy as np
 from numba import void
 
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, START, state_at
 from closeform.motion.march import locate
 from closeform.planning.deflection import relative_motion
@@ -207,7 +208,7 @@ def find_minima(scene, arcs, offsets, states, places, speeds, found):
     count, last, widest = 0, len(times) - 1, 0.0
     for k in range(last):
         widest = max(widest, times[k + 1] - times[k])
-    motion, work, squares = np.empty((3, 3)), np.empty(3), np.empty(len(times))
+    motion, work, squares = stack_matrix(3, 3), stack_vector(3), np.empty(len(times))
     for which in range(len(scene.pairs)):
         i, j = scene.pairs[which, 0], scene.pairs[which, 1]
         kind = scene.kinds[which]

@@ -28,6 +28,7 @@ AHEAD = np.array([1.0, 0.0, 0.0])  # a side like any other, where two craft meet
 class Solution:
     """Paths that are certified clear, or not (`clear`), and the contacts that shape them.
 
+    Those that cost more than was asked for are looked at between the samples by nobody.
     `energy` is that beyond the unconstrained optima [m^2/s^3], inf where not clear; `optimal`: the
     conditions of optimality hold to rounding.
     """
@@ -86,11 +87,12 @@ class LocalSolver:
             if finer.clear:
                 rough = finer
                 holding = [finer]
-        found = [
-            self.certified(one, inf)
-            for one in (self.relaxed(self.aimed(inf, 1.0), rough.contacts, sides, inf), *holding)
-        ]
-        return min(found, key=lambda one: one.energy)
+        found = [self.relaxed(self.aimed(inf, 1.0), rough.contacts, sides, inf), *holding]
+        for one in sorted(found, key=lambda one: one.energy):
+            last = self.certified(one, bar)
+            if last.clear:
+                break
+        return last
 
     def workspace(self, scene: Scene, count: int) -> Workspace:
         """Room for as many contacts and more, used again and again."""
@@ -112,7 +114,9 @@ class LocalSolver:
     def certified(self, solution: Solution, bar: float) -> Solution:
         """A solution that the march finds clear too; what samples missed becomes a contact."""
         for turn in range(FINER + 1):
-            missed = self.problem.conflicts(solution.flown) if solution.clear else []
+            if not solution.clear or solution.energy > bar:
+                return solution
+            missed = self.problem.conflicts(solution.flown)
             if not missed:
                 return solution
             if turn == FINER:

@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import float64, types
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.planning.approaches import slide
 from closeform.planning.deflection import relative_motion
 from closeform.planning.rounding import gradient, rounded_norm
@@ -98,7 +98,7 @@ def merge(scene, source, k, target, count):
 @kernel()
 def slide_all(scene, arcs, offsets, contacts, count, slid):
     """Fill `slid` with the contacts where their pairs now come closest: how far the farthest has moved."""
-    motion, work = np.empty((3, 3)), np.empty(3)
+    motion, work = stack_matrix(3, 3), stack_vector(3)
     moved = 0.0
     for k in range(count):
         copy_contact(contacts, k, slid, k)
@@ -118,7 +118,7 @@ def slide_all(scene, arcs, offsets, contacts, count, slid):
 @kernel()
 def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
     """The contacts of the next round: where they have slid to, and old times that are far from there."""
-    motion = np.empty((3, 3))
+    motion = stack_matrix(3, 3)
     total = 0
     for k in range(count):
         if contacts.multipliers[k] > 0.0:
@@ -137,7 +137,7 @@ def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following
 @kernel()
 def add_fresh(scene, sides, arcs, offsets, found, number, following, count):
     """Add contacts without force at minima that no contact is near: how many contacts there are then."""
-    motion = np.empty((3, 3))
+    motion = stack_matrix(3, 3)
     total = count
     for row in range(number):
         which = int(found[row, 0])

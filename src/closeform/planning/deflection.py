@@ -18,6 +18,7 @@ import numpy as np
 from numba import int64, void
 
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, derivatives_at, primer_at, state_at
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
@@ -30,7 +31,7 @@ PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T
 @kernel(void(ROWS, BLOCKS))
 def invert_responses(base, inverses):
     """Fill `inverses` (N, 6, 6) with each craft's F(T)^-1."""
-    matrix, rhs = np.empty((6, 6)), np.empty(6)
+    matrix, rhs = stack_matrix(6, 6), stack_vector(6)
     for c in range(len(base)):
         for k in range(6):
             response(base[c, MEAN_MOTION], base[c, END] - base[c, START], matrix)
@@ -50,7 +51,7 @@ def is_controllable(scene, body, t):
 @kernel()
 def fill_factors(scene, contacts, count, factors):
     """The factors (count, 2, 4, 3, 6) of contacts; zero for bodies that do not answer."""
-    ahead, left = np.empty((6, 6)), np.empty((6, 6))
+    ahead, left = stack_matrix(6, 6), stack_matrix(6, 6)
     both = np.empty((4, 3, 6))
     for k in range(count):
         which, t = contacts.which[k], contacts.times[k]
@@ -245,7 +246,7 @@ def look_at(scene, arcs, offsets, contacts, motions, gram):
     Without room in `gram` it is left out.
     """
     count = len(contacts.times)
-    factors, block = np.empty((count, 2, 4, 3, 6)), np.empty((3, 3))
+    factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
     fill_factors(scene, contacts, count, factors)
     for k in range(count):
         relative_motion(scene, arcs, offsets, contacts.which[k], contacts.times[k], motions[k])

@@ -15,7 +15,8 @@ import numpy as np
 from numba import float64, int64, types
 
 from closeform.arrays import Floats
-from closeform.compiled import borrowed, kernel
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, lent, stack_matrix
 from closeform.planning.approaches import find_minima, sample_craft, spread
 from closeform.planning.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
 from closeform.planning.deflection import deflect, fill_factors, fill_gram, relative_motion
@@ -30,6 +31,7 @@ NEARLY = 1e-2  # how deep inside the zone paths may be to be raised out of it
 ENOUGH, STEADY = 1e-6, 1e-6  # depth and relative change of energy at which rounds end
 RAISES = 4
 GIVEN_UP = 1.5  # times the energy to beat
+PACE = 10  # rounds as good as the last, in which the energy to beat must come within reach
 TOO_FAR = 1e5  # zones that a contact alone would push its craft
 LEFT = 1e-9  # what Newton's method may leave of a minimum below the aim
 SMALL = 60  # contacts of which the dense conditions of optimality are solved
@@ -134,7 +136,7 @@ def look(scene, arcs, offsets, contacts, count, samples, found):
 @kernel()
 def fill_gaps(scene, contacts, count, gaps):
     """How far the unconstrained paths fall short of the aim along the contacts' normals."""
-    motion = np.empty((3, 3))
+    motion = stack_matrix(3, 3)
     for k in range(count):
         which, t = contacts.which[k], contacts.times[k]
         relative_motion(scene, scene.direct, scene.direct_offsets, which, t, motion)
@@ -178,44 +180,6 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
     return energy
 
 
-@kernel()
-def lend(scene):
-    """The same scene, its arrays not counted while they are passed around (see `borrowed`)."""
-    return Scene(
-        borrowed(scene.base),
-        borrowed(scene.inverses),
-        borrowed(scene.direct),
-        borrowed(scene.direct_offsets),
-        borrowed(scene.others),
-        borrowed(scene.other_offsets),
-        borrowed(scene.pairs),
-        borrowed(scene.kinds),
-        borrowed(scene.windows),
-        borrowed(scene.presence),
-        borrowed(scene.shapes),
-        borrowed(scene.matrices),
-        borrowed(scene.faces),
-        borrowed(scene.face_offsets),
-        borrowed(scene.radii),
-        borrowed(scene.powers),
-        borrowed(scene.aims),
-        borrowed(scene.times),
-        borrowed(scene.states),
-        borrowed(scene.span),
-    )
-
-
-@kernel()
-def lend_contacts(contacts):
-    """The same contacts, their arrays not counted while they are passed around."""
-    return Contacts(
-        borrowed(contacts.which),
-        borrowed(contacts.times),
-        borrowed(contacts.normals),
-        borrowed(contacts.multipliers),
-    )
-
-
 @kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, CONTACTS, int64, float64, CONTACTS, WORKSPACE))
 def solve_local(scene, sides, contacts, count, bar, best, room):
     """Relax the first `count` contacts, and those that turn up: (how it ended, how many contacts, energy).
@@ -223,13 +187,9 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
     `best` is filled with the contacts of the cheapest clear solution; BLOCKED: with those it came to.
     Given up where it costs well above `bar` when nearly clear.  `contacts` has room for more, and is spoilt.
     """
-    scene, best, contacts = lend(scene), lend_contacts(best), lend_contacts(contacts)
-    samples = Samples(borrowed(room.states), borrowed(room.places), borrowed(room.speeds))
-    slid, following, trial = (
-        lend_contacts(room.slid),
-        lend_contacts(room.following),
-        lend_contacts(room.trial),
-    )
+    scene, sides, best, contacts = lent(scene), lent(sides), lent(best), lent(contacts)
+    samples = lent(Samples(room.states, room.places, room.speeds))
+    slid, following, trial = lent(room.slid), lent(room.following), lent(room.trial)
     factors, gram, work = borrowed(room.factors), borrowed(room.gram), borrowed(room.work)
     gaps, found = borrowed(room.gaps), borrowed(room.found)
     arcs, offsets = borrowed(room.arcs), borrowed(room.offsets)
@@ -277,6 +237,8 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
             )
             if energy < least_energy:
                 kept, least_energy = copy_contacts(contacts, count, best), energy
+            if least_energy < inf and energy - bar > PACE * (before - energy) and before < inf:
+                return CLEAR, kept, least_energy
             steady = energy == inf or abs(energy - before) <= STEADY * energy
             if least_energy < inf and short < ENOUGH and steady:
                 if closing or settled > HUGGING:

@@ -16,6 +16,7 @@ from math import sqrt
 import numpy as np
 
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import solve
 from closeform.planning.deflection import add_block, deflect, fill_factors, relative_motion
 from closeform.planning.rounding import active_parts, add_bend, gradient, rounded_norm
@@ -79,7 +80,7 @@ def across(gradients, count, out):
 @kernel()
 def choose_parts(scene, arcs, offsets, contacts, count, active, parts):
     """Which parts each contact touches: fills `active` (count, 2) and how many in `parts` (count,)."""
-    motion, values, gradients = np.empty((3, 3)), np.empty(2), np.empty((2, 3))
+    motion, values, gradients = stack_matrix(3, 3), stack_vector(2), stack_matrix(2, 3)
     for k in range(count):
         which = contacts.which[k]
         kind = scene.kinds[which]
@@ -103,15 +104,15 @@ def fill_conditions(scene, contacts, count, factors, arcs, offsets, active, part
     The contacts' normals are forces here, their multipliers 1.  Wrong: a part that pulls, or a contact
     where the path is farthest, not closest, in time.
     """
-    motion, values, gradients = np.empty((3, 3)), np.empty(2), np.empty((2, 3))
-    lines, weights, bend = np.empty((2, 3)), np.empty(2), np.empty((3, 3))
+    motion, values, gradients = stack_matrix(3, 3), stack_vector(2), stack_matrix(2, 3)
+    lines, weights, bend = stack_matrix(2, 3), stack_vector(2), stack_matrix(3, 3)
     place, place_rate, speed, speed_rate = (
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
-        np.empty((3, 3)),
+        stack_matrix(3, 3),
+        stack_matrix(3, 3),
+        stack_matrix(3, 3),
+        stack_matrix(3, 3),
     )
-    rows = np.empty((3, 3))  # of the equations that hold the position: its coefficients
+    rows = stack_matrix(3, 3)  # of the equations that hold the position: its coefficients
     error, wrong = 0.0, False
     for k in range(count):
         which, force, first = contacts.which[k], contacts.normals[k], 4 * k
@@ -212,7 +213,7 @@ def as_forces(contacts, count):
 @kernel()
 def as_normals(scene, arcs, offsets, contacts, count, active, parts):
     """Back to normals, the means of the active parts' gradients, and multipliers."""
-    motion, gradients, weights = np.empty((3, 3)), np.empty((2, 3)), np.empty(2)
+    motion, gradients, weights = stack_matrix(3, 3), stack_matrix(2, 3), stack_vector(2)
     for k in range(count):
         which = contacts.which[k]
         relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)

@@ -10,6 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.planning.certify import LocalSolver, Solution, shifted
+from closeform.planning.contacts import Sides
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.sides import exit_normals
@@ -21,7 +22,9 @@ BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # most candidates 
 PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 10, 4  # candidates without a better one: the search ends
 MORE = 24  # candidates beside them where none of the first is clear
 SHALLOW = 0.3  # of the zone, by which a contact must push for its other side to be tried, of many
-HOPELESS = 2.5  # times the best energy, beyond which a start that may cost so much is not looked at
+HOPELESS = (
+    1.6  # times the best energy, beyond which a start that may cost so much is not looked at; 1.3: as good
+)
 SIMILAR = 1e-7  # share of its energy by which a solution must be better to count as such
 DRAWN = 4  # every so many candidates begin with sides that are drawn, to be led elsewhere
 ALIKE = 0.1  # of the window and of a normal, within which two starts are not both looked at
@@ -61,6 +64,7 @@ class Search:
         self.starts: set[Any] = set()
         self.alone = False  # one conflict: every way out of it is looked at
         self.first: Solution | None = None
+        self.nearby = shifted(problem, 0, DEEP, SHIFT)
 
     def run(self) -> Found:
         """Examine candidates until one is proven, none is left, or the budget is over."""
@@ -70,7 +74,7 @@ class Search:
             self.push_exits(*conflicts[0])
             pairs, few = 1, True
         else:
-            root = self.examine(Contacts.none(), 0, DEEP, SHIFT)
+            root = self.examine(Contacts.none(), self.nearby)
             pairs = len(np.unique(root.contacts.which))
             few = pairs <= FEW
             for pair, conflict in conflicts if few else ():
@@ -92,22 +96,22 @@ class Search:
                 if self.best is not None and cost > HOPELESS * self.best.energy and not self.more:
                     self.queue.clear()
                     continue
-                self.examine(start, 0, DEEP, SHIFT)
+                self.examine(start, self.nearby)
             elif self.best is not None and (self.alone or (few and not self.queue)):
                 break
             else:
                 self.drawn += 1
-                self.examine(Contacts.none(), self.drawn, 1.0, FAR)
+                self.examine(Contacts.none(), shifted(self.problem, self.drawn, 1.0, FAR))
             improved = improved if self.best is before else self.tried
         best = self.best or self.first
         assert best is not None  # a budget is at least one candidate
         return Found(best, self.solver.margin, self.proven, self.tried)
 
-    def examine(self, start: Contacts, seed: int, depth: float, size: float) -> Solution:
+    def examine(self, start: Contacts, sides: Sides) -> Solution:
         """Solve from a start; keep what is better, and rank the ways around it."""
         bar = self.best.energy if self.best is not None else inf
         blunt = self.tried % 2 if self.problem.count > 1 else 0
-        solution = self.solver.solve(start, shifted(self.problem, seed, depth, size), bar, blunt)
+        solution = self.solver.solve(start, sides, bar, blunt)
         self.tried += 1
         self.first = self.first or solution
         if solution.clear and not any(solution.same(other) for other in self.seen):
@@ -121,13 +125,18 @@ class Search:
 
     def push(self, cost: float, start: Contacts) -> None:
         """Put a start in the queue that no other is like; of equal costs the earlier goes first."""
-        windows = self.problem.windows[0][start.which]
-        when = (start.times - windows[:, 0]) / (windows[:, 1] - windows[:, 0])
-        rows = np.column_stack([start.which, np.round(when / ALIKE), np.round(start.normals / ALIKE)])
-        like = tuple(sorted(map(tuple, rows.astype(int).tolist())))
+        rows = zip(*(column.tolist() for column in start[:3]), strict=True)
+        like = frozenset(
+            (which, self.moment(which, time), *map(alike, normal)) for which, time, normal in rows
+        )
         if like not in self.starts:
             self.starts.add(like)
             heapq.heappush(self.queue, (cost, len(self.starts), start))
+
+    def moment(self, which: int, time: float) -> int:
+        """Which of the short times it is, of those in which a pair's contact can lie."""
+        start, end = self.problem.windows[0][which]
+        return alike((time - start) / (end - start))
 
     def push_exits(self, pair: tuple[int, int], conflict: Floats) -> None:
         """Every way out of a conflict of the unconstrained paths."""
@@ -172,3 +181,8 @@ class Search:
     def clipped(self, contacts: Contacts) -> Contacts:
         """Contacts within the times at which they can lie."""
         return contacts._replace(times=np.clip(contacts.times, *self.problem.windows[0][contacts.which].T))
+
+
+def alike(value: float) -> int:
+    """The same number for what is nearly the same."""
+    return round(value / ALIKE)

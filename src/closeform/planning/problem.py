@@ -16,13 +16,12 @@ from closeform.motion.path import Path, stack
 from closeform.planning.approaches import sample_bodies
 from closeform.planning.deflection import fly, invert_responses, look_at
 from closeform.planning.scene import Contacts, Scene
-from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
 SAMPLES = 64  # of a craft's time, between which a minimum may be missed until the march finds it
 A_TURN = 16  # samples of each turn of the orbit, where that is more
-CORNER = {BALL: 1.0, CUBE: 3.0**0.5, CYLINDER: 2.0**0.5}  # farthest point of a unit shape
 
 Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
 
@@ -126,7 +125,7 @@ class Problem:
             np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3),
             np.concatenate([np.empty((0, 3)), *faces]),
             np.cumsum([0, *map(len, faces)]),
-            np.array([radius(zone) for zone in self.zones]),
+            np.array([zone.radius for zone in self.zones]),
             np.full(len(self.zones), np.inf),
             np.ones(len(self.zones)),
             np.empty(0),
@@ -151,11 +150,11 @@ class Problem:
 
     def samples(self) -> Floats:
         """Times that cover every craft's own time, and every turn of the orbit."""
-        spans = np.unique([*self.base[:, [START, END]], [self.first, self.last]], axis=0)
+        spans = np.array(sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)}))
         turns = self.orbit.mean_motion * np.ptp(spans, axis=1) / (2.0 * np.pi)
         each = np.maximum(SAMPLES / np.sqrt(len(spans)), A_TURN * turns).astype(int) + 1
         grids = [np.linspace(start, end, count) for (start, end), count in zip(spans, each, strict=True)]
-        return np.unique(np.concatenate(grids))
+        return np.unique(np.concatenate(grids)) if len(grids) > 1 else grids[0]
 
     def flown(self, contacts: Contacts) -> Flown:
         """The paths of all bodies under the contacts' multipliers."""
@@ -217,8 +216,7 @@ class Problem:
         """Norm of a pair at one instant."""
         contact = self.at(pair, time)
         zone = self.zones[self.kinds[contact.which[0]]]
-        place = np.linalg.solve(zone.matrix, self.motions(flown, contact)[0, 0])
-        return float(zone.norm(place))
+        return float(zone.norm_there(self.motions(flown, contact)[0, 0]))
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
         """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
@@ -234,17 +232,13 @@ class Problem:
 
     def inside_at_end(self, flown: Flown) -> str | None:
         """Which end of the first craft's path is inside which obstacle's zone, in words."""
+        present = self.windows[1]
         for name, time in (("start", self.first), ("end", self.last)):
-            for which, (_, other) in enumerate(self.pairs.tolist()):
-                start, end = self.windows[1][which]
-                if start <= time <= end and (ratio := self.ratio(flown, (0, other), time)) <= 1.0 + 1e-9:
-                    whose = f"obstacle {other - 1}"
+            there = np.flatnonzero((present[:, 0] <= time) & (time <= present[:, 1]))
+            contacts = Contacts.none(len(there))._replace(which=there, times=np.full(len(there), time))
+            for which, motion in zip(there, self.motions(flown, contacts), strict=True):
+                ratio = float(self.zones[self.kinds[which]].norm_there(motion[0]))
+                if ratio <= 1.0 + 1e-9:
+                    whose = f"obstacle {self.pairs[which, 1] - 1}"
                     return f"the path's {name} is {ratio:.2f} x zone from {whose}; move it or the time"
         return None
-
-
-def radius(zone: Zone) -> float:
-    """Of a ball in metres that holds a zone; inf for one without end."""
-    if zone.shape == FACES:
-        return float(np.linalg.norm(zone.extents))
-    return float(CORNER[zone.shape] * np.linalg.norm(np.linalg.inv(zone.matrix), 2))

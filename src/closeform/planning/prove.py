@@ -19,8 +19,6 @@ from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from closeform.planning.certify import LocalSolver, Solution, nearer
 from closeform.planning.passing import MARGINS
@@ -221,11 +219,13 @@ def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
 
 def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:
     """Contacts in groups of which no craft has contacts in two: obstacles tie nobody."""
-    ties = [(c.first, c.second) for c in contacts if max(c.first, c.second) < problem.count]
-    first, second = np.array(ties, dtype=np.int64).reshape(-1, 2).T
-    graph = coo_array((np.ones(len(ties)), (first, second)), shape=(problem.count,) * 2)
-    labels = connected_components(graph, directed=False)[1]
+    label = list(range(problem.count))
+    for contact in contacts:
+        if max(contact.first, contact.second) < problem.count:
+            one, other = label[contact.first], label[contact.second]
+            if one != other:
+                label = [one if mine == other else mine for mine in label]
     groups: dict[int, list[Contact]] = {}
     for contact in contacts:
-        groups.setdefault(int(labels[min(contact.first, contact.second)]), []).append(contact)
+        groups.setdefault(label[min(contact.first, contact.second)], []).append(contact)
     return list(groups.values())

@@ -28,7 +28,7 @@ def exit_normals(
         normals = np.concatenate([np.pad(normals, ((0, 0), (0, 1))), AXES[[2, 5]]])
     else:
         normals = faces
-    give = np.einsum("ki,ij,kj->k", normals, compliance, normals)
+    give = ((normals @ compliance) * normals).sum(axis=1)
     costs = 0.5 * np.maximum(aim - normals @ position, 0.0) ** 2 / give
     order = np.argsort(costs, kind="stable")
     return [(float(costs[k]), np.ascontiguousarray(normals[k])) for k in order]

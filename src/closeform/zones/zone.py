@@ -16,6 +16,7 @@ from closeform.arrays import Floats, numbers
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # how far the farthest point of a unit shape is
 SAME = 1e-12  # relative: normals that differ by less span nothing
 
 
@@ -79,7 +80,10 @@ class Zone:
 
         Of half-spaces it is negative where every face falls away, as far behind a single one.
         """
-        q = _directions("position", position) @ self.matrix.T
+        return self.norm_there(_directions("position", position) @ self.matrix.T)
+
+    def norm_there(self, q: Floats) -> Any:
+        """Norm of positions (..., 3) in zone coordinates, `matrix` times those in m."""
         if self.shape == FACES:
             return (q @ self.faces.T).max(axis=-1)
         rounded = {BALL: 3, CYLINDER: 2}.get(self.shape, 0)
@@ -93,6 +97,13 @@ class Zone:
         if not (np.isfinite(factor) and factor > 0):
             raise ValueError(f"factor: must be positive and finite, got {factor}")
         return Zone(self.shape, self.matrix / factor, self.faces)
+
+    @cached_property
+    def radius(self) -> float:
+        """Of a ball in m about the origin that holds the zone; inf for one without end."""
+        if self.shape == FACES:
+            return float(np.linalg.norm(self.extents))
+        return float(CORNER[self.shape] / np.linalg.svd(self.matrix, compute_uv=False)[-1])
 
     @property
     def mirrored(self) -> "Zone":
