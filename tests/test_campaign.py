@@ -370,7 +370,10 @@ def test_h03() -> None:
     campaign = study(H03)
     assert isinstance(campaign, GatherCampaign)
     assert len(campaign) == 100_000
-    assert campaign.ok
+    assert len(campaign.failed) == 0
+    # but for those in which craft that do not know each other pass within 20 m, which a run calls conflicts
+    assert campaign.status is CampaignStatus.UNMET
+    np.testing.assert_array_equal(campaign.good, campaign.met_unknown + campaign.met_known == 0)
     share = {one.label: one for one in campaign.shares}
     assert share["IPS 1"].by_end.low > 0.9
     assert share["never"].inside.high < 1e-4

@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from bridge import hill
+from closeform.campaign import case_of
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.scenario import parse
@@ -355,3 +356,79 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
         assert f" {1e3 * burnt:.2f}" in printed
         mass -= burnt
     assert summary["propellant_kg"]["A"] == pytest.approx(100.0 - mass, rel=1e-12)
+
+
+# a study: in what share of its cases a run would end with status 0
+
+LOST = """\
+closeform = 1
+title = "Lost"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["L1", "L2", "L3"]
+group = ["A", "B", "A"]
+position = "0 0 0 m"
+velocity = "0 0 0 m/s"
+mass = "100 kg"
+specific_impulse = "60 s"
+propellant = "14 g"
+delta_v_budget = "8 cm/s"
+keep_out = { sphere = "20 m" }
+
+[sensor]
+half_angle = "70 deg"
+
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+
+[[stage]]
+do = "gather"
+
+[study]
+cases = 120
+seed = 3
+
+[study.vary]
+"craft.position" = { ball = "60 m" }
+"craft.velocity" = { ball = "6 cm/s" }
+"""
+
+
+@pytest.mark.parametrize("stage", ["gather", "lock"])
+def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsys) -> None:
+    """Case by case, flown alone by `run`: clear of zones, within budget and propellant."""
+    monkeypatch.chdir(tmp_path)
+    text = LOST.replace('do = "gather"', f'do = "{stage}"')
+    Path("lost.toml").write_text(text)
+    campaign = cf.study("lost.toml")
+    scenario = parse(text, "lost.toml")
+    alone = [fly(case_of(scenario, case)).verdict for case in range(len(campaign))]
+    np.testing.assert_array_equal(campaign.good, [one.ok for one in alone])
+    np.testing.assert_array_equal(campaign.kept["clear"], [not one.conflicts for one in alone])
+    limits = {"delta-v", "propellant"} if stage == "gather" else set()  # nothing burns in a lock
+    assert campaign.kept.keys() == {"clear"} | limits
+    for what in limits:
+        over = [any(use.what == what for use in one.exceeded) for one in alone]
+        np.testing.assert_array_equal(campaign.kept[what], ~np.array(over))
+    for kept in campaign.kept.values():
+        assert 0.1 < kept.mean() < 0.95  # each of them matters
+    assert not campaign.ok
+    assert main(["study", "lost.toml"]) == 1
+    printed = capsys.readouterr().out
+    share = 100.0 * np.mean([one.ok for one in alone])
+    assert re.search(rf"^all of it +{campaign.good.sum()} +{share:.3f} ", printed, re.MULTILINE)
+    summary = json.loads(Path("lost-results/summary.json").read_text())
+    assert summary["status"] == 1
+    assert summary["asked"]["all of it"]["cases"] == campaign.good.sum()
+    assert summary["verdict"] == campaign.reason
+    for what in ("clear", *(["within delta_v_budget", "within propellant"] if limits else [])):
+        assert f"of 120 cases not {what}: " in campaign.reason
+    assert f"run lost.toml --case {np.argmin(campaign.good)} shows the first" in printed
+    page = unescape(Path("lost-results/report.html").read_text())
+    assert "What is met" in page
+    assert '<p class="verdict bad">' in page

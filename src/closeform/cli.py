@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from closeform.scenario import Scenario
     from closeform.zones.zone import Zone
 
-CLEAR, CONFLICT, BAD_INPUT = 0, 1, 2
+CLEAR, BAD_INPUT = 0, 2
 
 
 class UsageError(ValueError):
@@ -253,6 +253,7 @@ def study(
     from closeform.campaign import flown
     from closeform.report.study import StudyReport, leave
     from closeform.scenario import ScenarioError
+    from closeform.verdict import MET, NOT_MET
 
     notes = stderr()
     try:
@@ -268,7 +269,7 @@ def study(
     with notes.status("writing results"), folder(place, overwrite) as under_way:
         leave(report, under_way)
     tell_study(report, place)
-    return CLEAR if campaign.ok else CONFLICT
+    return MET if campaign.ok else NOT_MET
 
 
 @app.command(sort_key=4)

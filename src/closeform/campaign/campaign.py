@@ -18,9 +18,12 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.draws import drawn
 from closeform.campaign.shares import Share, shares
+from closeform.conflicts.two_paths import closest_approach
+from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stages import Gather, Lock, StageTable
 from closeform.search.gather import gather_cases
+from closeform.search.gather_result import Gatherings
 from closeform.search.locks import lock_times
 from closeform.search.phases import labels, tally
 from closeform.search.sampled import sampled_times
@@ -31,13 +34,15 @@ MOST_LOCKS = 500_000_000  # times with their legs: 8 GB
 PAIRS_AT_ONCE, GATHERINGS_AT_ONCE = 131_072, 4096
 NAMED = 10  # cases that are named where more have failed
 
+WORDS = {"clear": "clear", "delta-v": "within delta_v_budget", "propellant": "within propellant"}
 Progress = Callable[[int], None]
 
 
 class CampaignStatus(StrEnum):
-    """How a campaign ended."""
+    """How a campaign ended: all that was asked for is met, or not in some cases, or some were never done."""
 
     COMPLETE = "complete"
+    UNMET = "a clearance or a limit not met"
     INCOMPLETE = "incomplete"
 
 
@@ -46,6 +51,8 @@ class Campaign:
     """What became of C cases, drawn with `seed`: arrays (C,), case K at index K.
 
     `time` [s] at which the case was done, nan where it never was, and the `leg` of `search`, then -1.
+    `kept` (C,) of each clearance and limit that the file asks for: "clear" of keep-out zones, within the
+    "delta-v" budget, within the "propellant" on board of every craft.
     """
 
     scenario: Scenario
@@ -53,6 +60,7 @@ class Campaign:
     search: Search
     time: Floats
     leg: Any
+    kept: dict[str, Any]
     done: ClassVar[str] = "done"  # what a case is at that time, in words
 
     def __len__(self) -> int:
@@ -63,23 +71,37 @@ class Campaign:
         """The numbers (F,) of the cases that were never done."""
         return np.flatnonzero(self.leg < 0)
 
+    @cached_property
+    def met(self) -> dict[str, Any]:
+        """Of all that was asked for, in which cases (C,) it is met: to be done, and what is to be kept."""
+        return {self.done: self.leg >= 0, **{WORDS[what]: kept for what, kept in self.kept.items()}}
+
+    @cached_property
+    def good(self) -> Any:
+        """In which cases (C,) all of it is met, as in a run that ends with status 0."""
+        return np.all(list(self.met.values()), axis=0)
+
     @property
     def ok(self) -> bool:
-        """Whether every case was done."""
-        return not len(self.failed)
+        """Whether all that was asked for is met in every case."""
+        return bool(self.good.all())
 
     @property
     def status(self) -> CampaignStatus:
-        """Complete if every case was done."""
-        return CampaignStatus.COMPLETE if self.ok else CampaignStatus.INCOMPLETE
+        """How it ended."""
+        if len(self.failed):
+            return CampaignStatus.INCOMPLETE
+        return CampaignStatus.COMPLETE if self.ok else CampaignStatus.UNMET
 
     @property
     def reason(self) -> str | None:
-        """How many cases were never done and which come first; None where there are none."""
-        if self.ok:
-            return None
-        named = ", ".join(map(str, self.failed[:NAMED])) + ", ..." * (len(self.failed) > NAMED)
-        return f"{len(self.failed)} of {len(self)} cases not {self.done}: {named}"
+        """In how many cases what is not met, and which come first; None where all is met."""
+        parts = []
+        for what, met in self.met.items():
+            if len(cases := np.flatnonzero(~met)):
+                named = ", ".join(map(str, cases[:NAMED])) + ", ..." * (len(cases) > NAMED)
+                parts.append(f"{len(cases)} of {len(self)} cases not {what}: {named}")
+        return "; ".join(parts) or None
 
     @cached_property
     def shares(self) -> tuple[Share, ...]:
@@ -202,6 +224,8 @@ def locked(
         line = f"{cases} of {len(pairs)} pairs, {shape[0]} ways of detection, are too many at once"
         raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     times, legs = np.empty(shape), np.empty(shape, dtype=np.int64)
+    watched = any(zone is not None for zone in scenario.keep_out)
+    clear = np.ones(cases, dtype=bool)
     size = max(1, PAIRS_AT_ONCE // len(pairs))
     for first in range(0, cases, size):
         some = slice(first, min(first + size, cases))
@@ -213,10 +237,23 @@ def locked(
         results += [sampled_times(search, moves[:, :3], moves[:, 3:], step) for step in steps]
         for k, (time, leg) in enumerate(results):
             times[k, some], legs[k, some] = time.reshape(-1, len(pairs)), leg.reshape(-1, len(pairs))
+        if watched:
+            clear[some] = coasts_clear(scenario, states, search.duration)
         progress(some.stop)
     exact, *others = (last(*result) for result in zip(times, legs, strict=True))
     sampled = tuple(SampledLocks(step, *other) for step, other in zip(steps, others, strict=True))
-    return LockCampaign(scenario, seed, search, *exact, pairs, times[0], legs[0], sampled)
+    kept = {"clear": clear} if watched else {}
+    return LockCampaign(scenario, seed, search, *exact, kept, pairs, times[0], legs[0], sampled)
+
+
+def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
+    """In which cases (C,) no two craft that coast from states (C, N, 6) come into each other's zone."""
+    paths = scenario.orbit.build().coast(states, duration)
+    clear = np.ones(len(states), dtype=bool)
+    for zone, pairs in scenario.zones.groups():
+        near = closest_approach(paths[:, pairs[:, 0]], paths[:, pairs[:, 1]], zone)
+        clear &= (np.asarray(near.ratio) > 1.0).all(axis=1)
+    return clear
 
 
 def last(time: Floats, leg: Any) -> tuple[Floats, Any]:
@@ -229,11 +266,12 @@ def gathered(
 ) -> GatherCampaign:
     """Gatherings of all craft in all cases."""
     pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
-    parts = []
+    parts, kept = [], []
     for first in range(0, cases, GATHERINGS_AT_ONCE):
         states = drawn(scenario, seed, first, min(first + GATHERINGS_AT_ONCE, cases))
         apart(scenario, states, pairs, first)
         parts.append(gather_cases(search, states[..., :3], states[..., 3:], **scenario.gathering(stage)))
+        kept.append(within_limits(scenario, parts[-1]))
         progress(first + len(parts[-1]))
 
     def column(name: str) -> Any:
@@ -242,7 +280,23 @@ def gathered(
     leg = column("leg")
     time = np.where(leg < 0, np.nan, column("duration"))
     rest = (column(name) for name in ("rounds", "left", "delta_v", "met_unknown", "met_known"))
-    return GatherCampaign(scenario, seed, parts[0].search, time, leg, *rest)
+    limits = {what: np.concatenate([part[what] for part in kept]) for what in kept[0]}
+    return GatherCampaign(scenario, seed, parts[0].search, time, leg, limits, *rest)
+
+
+def within_limits(scenario: Scenario, flown: Gatherings) -> dict[str, Any]:
+    """In which gatherings (C,) each clearance and limit that the file asks for is kept."""
+    kept: dict[str, Any] = {}
+    if scenario.common_zone is not None:
+        kept["clear"] = flown.met_unknown + flown.met_known == 0
+    for k, craft in enumerate(scenario.craft):
+        spent = flown.each_delta_v[:, k]
+        if craft.delta_v_budget is not None:
+            kept["delta-v"] = kept.get("delta-v", True) & (spent <= FULL * craft.delta_v_budget)
+        if craft.propellant is not None and craft.mass is not None and craft.specific_impulse is not None:
+            burnt = propellant(craft.mass, spent, craft.specific_impulse)
+            kept["propellant"] = kept.get("propellant", True) & (burnt <= FULL * craft.propellant)
+    return kept
 
 
 FLIES: dict[type[StageTable], Callable[..., Campaign]] = {Lock: locked, Gather: gathered}

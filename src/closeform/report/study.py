@@ -1,6 +1,6 @@
 """The report of a study: what became of its cases, the same for the terminal, the page and the files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees
@@ -18,6 +18,7 @@ from closeform.report.run import STATE_COLUMNS
 from closeform.report.section import Picture
 from closeform.report.table import Column, Table
 from closeform.result_folder import REPORT, Folder
+from closeform.search.gather_result import listed
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
 
@@ -84,21 +85,23 @@ class StudyReport:
     @property
     def verdict(self) -> str:
         """The last line: all cases done, or which were not."""
-        return self.campaign.reason or f"all {len(self.campaign)} cases {self.campaign.done}"
+        return self.campaign.reason or f"all {len(self.campaign)} cases {listed(list(self.campaign.met))}"
 
     @property
     def hint(self) -> tuple[str, ...]:
-        """How to see a case that failed."""
+        """How to see a case in which something is not met."""
         campaign = self.campaign
         study, name = campaign.scenario.study, campaign.scenario.file
         if campaign.ok or study is None or study.seed != campaign.seed:
             return ()
-        return (f"closeform run {name} --case {campaign.failed[0]} shows the first of them",)
+        return (f"closeform run {name} --case {np.argmin(campaign.good)} shows the first of them",)
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
         """Shares by phase, times, and what this kind of search has of its own."""
-        return (share_table(self.campaign), *spread_table(self.campaign, self.spreads), *self.subject.tables)
+        campaign = self.campaign
+        spreads = spread_table(campaign, self.spreads)
+        return (share_table(campaign), *met_table(campaign), *spreads, *self.subject.tables)
 
     @cached_property
     def spreads(self) -> dict[str, tuple[Floats, Any]]:
@@ -121,6 +124,7 @@ class StudyReport:
             "status": 0 if campaign.ok else 1,
             "verdict": self.verdict,
             "failed": len(campaign.failed),
+            "asked": {what: {"cases": count, **vars(share)} for what, count, share in asked(campaign)},
             "craft": list(scenario.names),
             "stage": scenario.stages[0].verb,
             "draws": draws(campaign),
@@ -195,6 +199,20 @@ def shown(campaign: Campaign) -> list[Share]:
     return [*campaign.shares[: max(worth, default=0) + 1], campaign.shares[-1]]
 
 
+def asked(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
+    """Of all that was asked for: what, and in how many cases it is met; last, all of it."""
+    for what, met in {**campaign.met, "all of it": campaign.good}.items():
+        yield what, int(met.sum()), estimate(int(met.sum()), len(campaign))
+
+
+def met_table(campaign: Campaign) -> tuple[Table, ...]:
+    """The same as a table, where more is asked for than to be done."""
+    if not campaign.kept:
+        return ()
+    columns = Column("what was asked", words=True), Column("cases"), *percent("met in [%]")
+    return (Table("What is met", columns, [(*row, row[2]) for row in asked(campaign)]),)
+
+
 def spread(values: Floats, case: Any) -> dict[str, float]:
     """Mean, quantiles and the greatest with its case."""
     middle = dict(zip((f"quantile_{q:g}" for q in QUANTILES), np.quantile(values, QUANTILES), strict=True))
@@ -243,6 +261,7 @@ def locks(campaign: LockCampaign) -> Subject:
             "second": np.tile(names[pairs[:, 1]], count),
             **dict(zip(STATE_COLUMNS, relative(states, pairs).reshape(-1, 6).T, strict=True)),
             **ended("time_s", campaign.search, time, leg),
+            **{what: np.repeat(kept[rows], len(pairs)) for what, kept in stored(campaign)},
         }
 
     ways = by_detection(campaign) if campaign.sampled else {}
@@ -291,6 +310,7 @@ def gatherings(campaign: GatherCampaign) -> Subject:
             "delta_v_m_s": campaign.delta_v[rows],
             "met_unknown": campaign.met_unknown[rows],
             "met_known": campaign.met_known[rows],
+            **{what: kept[rows] for what, kept in stored(campaign)},
         }
 
     stage: Any
@@ -313,6 +333,12 @@ def gatherings(campaign: GatherCampaign) -> Subject:
         histogram=(campaign.time, "formations gather"),
         cases=cases,
     )
+
+
+def stored(campaign: Campaign) -> Iterator[tuple[str, Any]]:
+    """The columns of the table of cases that say what is kept."""
+    for what, kept in campaign.kept.items():
+        yield what if what == "clear" else f"{what.replace('-', '_')}_kept", kept
 
 
 def ended(name: str, search: Search, time: Floats, leg: Any) -> dict[str, Any]:

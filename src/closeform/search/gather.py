@@ -121,6 +121,7 @@ def gather_cases(
         fleet.begun(duration),
         results[:, LEFT].astype(np.int64),
         results[:, TOTAL],
+        results[:, RESULT:],
         results[:, UNKNOWN].astype(np.int64),
         results[:, KNOWN].astype(np.int64),
     )
@@ -148,11 +149,11 @@ class _Fleet:
     push: float
 
     def fly(self, positions: Floats, velocities: Floats, way: int, room: int) -> tuple[Floats, Any, Floats]:
-        """Events (E, 10) of the last case, if `room` is not 0, labels (C, N) and results (C, 5) of all."""
+        """Events (E, 10) of the last case, if `room` is not 0, labels (C, N) and results (C, RESULT + N)."""
         sensor = self.search.sensor
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
-        results = np.empty((len(positions), RESULT))
+        results = np.empty((len(positions), RESULT + positions.shape[1]))  # and what each craft spent
         zone = self.keep_out or Zone(BALL, np.eye(3))
         fly_all(
             self.search.table,

@@ -213,6 +213,7 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
     result[TOTAL] = 0.0
     for i in range(len(labels)):
         result[TOTAL] += craft.rows[i, SPENT]
+        result[RESULT + i] = craft.rows[i, SPENT]
 
 
 @kernel(

@@ -145,8 +145,8 @@ class Gatherings:
 
     `duration` [s] until gathered, or of all rounds; `leg` of `search` in which they ended, -1 if
     incomplete; `rounds`: searches begun; `left`: craft not in the formation set; `delta_v` of all
-    craft together [m/s]; `met_unknown`: pairs that came within the keep-out zone before they knew
-    each other; `met_known`: those that did so only after.
+    craft together [m/s], `each_delta_v` (C, N) of each; `met_unknown`: pairs that came within the
+    keep-out zone before they knew each other; `met_known`: those that did so only after.
     """
 
     search: Search
@@ -155,6 +155,7 @@ class Gatherings:
     rounds: Any
     left: Any
     delta_v: Floats
+    each_delta_v: Floats
     met_unknown: Any
     met_known: Any
 
