@@ -801,6 +801,11 @@ MISUSES = (
         "done: holds finished results; add --overwrite or choose another --out",
     ),
     Misuse(
+        "files of others among finished results",
+        "run good.toml --out used --overwrite",
+        "used: holds what is none of its results: notes.txt; move that away or choose another --out",
+    ),
+    Misuse(
         "a folder of something else",
         "run good.toml --out folder --overwrite",
         "folder: is not a result folder and not empty; choose another --out",

@@ -17,7 +17,8 @@ import closeform as cf
 from bad_input import GOOD
 from closeform.cli import main
 from closeform.console import WIDTH
-from closeform.result_folder import FolderError, folder
+from closeform.publishing import folder
+from closeform.result_folder import FolderError
 from closeform.scenario import load
 from test_errors import contents, oem
 
@@ -214,15 +215,6 @@ def test_a_broken_run_leaves_nothing(tmp_path) -> None:
     with pytest.raises(KeyboardInterrupt):
         stopped()
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_killed_run_is_done_anew(tmp_path) -> None:
-    left = tmp_path / ".results.unfinished"
-    left.mkdir()
-    (left / "summary.json").write_text("{")
-    with folder(tmp_path / "results") as under_way:
-        under_way.summary({"status": 0})
-    assert [file.name for file in tmp_path.rglob("*")] == ["results", "summary.json"]
 
 
 def test_a_place_that_cannot_be_written(tmp_path) -> None:

@@ -3,6 +3,7 @@
 import re
 import runpy
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from bad_input import GOOD, LOST, MISUSES, SCENARIOS, SEARCHES, Bad, Misuse
 from closeform.cli import main
+from closeform.result_folder import Folder
 from closeform.scenario import Scenario, ScenarioError, parse
 
 ROOT = Path(__file__).parents[1]
@@ -65,7 +67,9 @@ def desk(tmp_path, monkeypatch):
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "thesis.txt").write_text("years of work")
     (tmp_path / "done").mkdir()
-    (tmp_path / "done" / "summary.json").write_text('{"closeform": 1}')
+    Folder(tmp_path / "done").summary({"status": 0})
+    shutil.copytree(tmp_path / "done", tmp_path / "used")
+    (tmp_path / "used" / "notes.txt").write_text("read before the review")
     (tmp_path / "a.oem").write_text(oem("A", 0.0))
     (tmp_path / "b.oem").write_text(oem("B", 1e-4))
     (tmp_path / "later.oem").write_text(oem("B", 1e-4, hour="05"))

@@ -18,7 +18,7 @@ from closeform.cli import main
 from closeform.console import WIDTH
 from closeform.mission import fly
 from closeform.report.run import RunReport, leave
-from closeform.result_folder import folder
+from closeform.publishing import folder
 from closeform.scenario import load, parse
 from lost import BASIC, Sky, gathered
 

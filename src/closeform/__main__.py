@@ -1,7 +1,36 @@
-"""`python -m closeform` is the command line."""
+"""`python -m closeform` and the command `closeform`: the command line, which Ctrl-C ends at any moment."""
 
+import signal
 import sys
+from _thread import interrupt_main
+from threading import Timer
+from typing import Any
 
-from closeform.cli import main
+AGAIN = 0.05  # [s] after which a Ctrl-C that was lost is repeated
 
-sys.exit(main())
+
+def main() -> int:
+    """Run the command line in a process of its own; returns the exit status."""
+    complain = sys.unraisablehook
+
+    def unheard(lost: Any) -> None:
+        """A Ctrl-C in a callback, of a compiler say, is not lost: it comes again."""
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            Timer(AGAIN, interrupt_main).start()
+        else:
+            complain(lost)
+
+    sys.unraisablehook = unheard
+    try:
+        from closeform.cli import main as obey
+
+        return obey()
+    except KeyboardInterrupt:
+        print("closeform: stopped by the keyboard; nothing was written", file=sys.stderr)
+        return 130
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is to end
+
+
+if __name__ == "__main__":
+    sys.exit(main())

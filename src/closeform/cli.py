@@ -2,20 +2,34 @@
 
 import os
 import sys
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
-from closeform.console import complain, one_line, progress, say, show, stderr, stdout, tell_run, tell_study
+from closeform.console import (
+    OutputError,
+    complain,
+    discard_output,
+    one_line,
+    open_output,
+    progress,
+    say,
+    show,
+    stderr,
+    stdout,
+    tell_run,
+    tell_study,
+)
 
 if TYPE_CHECKING:
     from closeform.scenario import Scenario
     from closeform.zones.zone import Zone
 
 CLEAR, BAD_INPUT = 0, 2
+NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
 
 
 class UsageError(ValueError):
@@ -44,24 +58,33 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from closeform.result_folder import FolderError
 
     tokens = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments is None:
-        make_haste(tokens)
     try:
+        if arguments is None:
+            open_output()
+            make_haste(tokens)
         status = app(tokens, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
     except CycloptsError as error:
         complain(f"closeform: {one_line(error)}; see closeform --help")
         return BAD_INPUT
     except (UsageError, FolderError) as error:
         complain(str(error))
         return BAD_INPUT
-    except KeyboardInterrupt:
-        complain("closeform: stopped by the keyboard; nothing was written")
-        return 130
+    except OutputError as error:
+        discard_output()
+        if error.closed:
+            return NOBODY_READS
+        complain(f"closeform: {error}")
+        return NOT_PRINTED
+    except KeyboardInterrupt as error:
+        complain(f"closeform: stopped by the keyboard; {str(error) or 'nothing was written'}")
+        return INTERRUPTED
     return int(status or 0)
 
 
 def make_haste(tokens: list[str]) -> None:
     """What shortens a command that has its process for itself."""
+    os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
     if tokens[:1] == ["run"] and (os.cpu_count() or 1) > 1:
         from closeform.report import drawing
 
@@ -94,7 +117,8 @@ def run(
     overwrite
         Replace finished results.
     """
-    from closeform.result_folder import check_free, folder
+    from closeform.publishing import folder
+    from closeform.result_folder import check_free, written
 
     name = scenario.stem if case is None else f"{scenario.stem}-case-{case}"
     place = out if out is not None else Path(f"{name}-results")
@@ -110,15 +134,16 @@ def run(
 
     notes = stderr()
     try:
-        with notes.status("flying") as status:
+        with notes.status("flying") as status, folder(place, overwrite) as under_way:
             mission = fly(loaded, lambda text: status.update(text))
             report = RunReport(mission)
-            with folder(place, overwrite) as under_way:
+            with written(place):
                 leave(report, under_way, lambda text: status.update(text))
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
-    tell_run(report, place)
+    with kept(place):
+        tell_run(report, place)
     return mission.verdict.status
 
 
@@ -181,7 +206,7 @@ def screen(
     zone = zone_of(axis, sphere=sphere, box=box, ellipsoid=ellipsoid, cylinder=cylinder)
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
-    if missing := next((file for file in files if not file.is_file()), None):
+    if missing := next((file for file in files if not os.path.exists(file)), None):
         raise UsageError(f"{missing}: no such file; check the path")
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
@@ -241,7 +266,8 @@ def study(
     scheduler
         Address of a Dask scheduler. Not built yet.
     """
-    from closeform.result_folder import check_free, folder
+    from closeform.publishing import workplace
+    from closeform.result_folder import FolderError, check_free, written
 
     place = out if out is not None else Path(f"{scenario.stem}-results")
     if scheduler is not None:
@@ -257,18 +283,22 @@ def study(
 
     notes = stderr()
     try:
-        with progress(notes) as bar:
-            task = bar.add_task("cases", total=cases or (loaded.study.cases if loaded.study else None))
-            campaign = flown(loaded, cases, seed, lambda done: bar.update(task, completed=done))
+        with workplace(place, overwrite) as under_way:
+            with progress(notes) as bar:
+                task = bar.add_task("cases", total=cases or (loaded.study.cases if loaded.study else None))
+                campaign = flown(loaded, cases, seed, lambda done: bar.update(task, completed=done))
+            report = StudyReport(campaign)
+            with notes.status("writing results"), written(place):
+                leave(report, under_way)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
+    except FolderError:
+        raise
     except ValueError as error:  # cases or seed
         raise UsageError(f"--{error}") from None
-    report = StudyReport(campaign)
-    with notes.status("writing results"), folder(place, overwrite) as under_way:
-        leave(report, under_way)
-    tell_study(report, place)
+    with kept(place):
+        tell_study(report, place)
     return MET if campaign.ok else NOT_MET
 
 
@@ -291,16 +321,24 @@ def view(directory: Path, /) -> int:
     return CLEAR
 
 
+@contextmanager
+def kept(place: Path) -> Iterator[None]:
+    """After results were published: Ctrl-C does not take them away."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"results in {place}") from None
+
+
 def read(file: Path) -> "Scenario | None":
     """The scenario, or None after saying everything that is wrong with it."""
+    from closeform.scenario import ScenarioError, parse, text_of
     from closeform.warmup import compile_for
 
-    with suppress(OSError):  # load says what is wrong with it
-        compile_for(file.read_bytes())
-    from closeform.scenario import ScenarioError, load
-
     try:
-        return load(file)
+        text = text_of(file)
+        compile_for(text)
+        return parse(text, str(file))
     except ScenarioError as error:
         complain(*error.lines)
         return None

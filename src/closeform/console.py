@@ -1,8 +1,13 @@
 """What is printed: results on standard output, the state of long work on a terminal, complaints."""
 
+import codecs
+import io
+import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unicodedata import normalize
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -13,6 +18,61 @@ if TYPE_CHECKING:
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of the output, on a terminal or not
+
+
+class OutputError(Exception):
+    """Standard output cannot be written: its reader is gone (`closed`), or its disk is full."""
+
+    def __init__(self, error: OSError) -> None:
+        self.closed = isinstance(error, BrokenPipeError)
+        super().__init__(f"standard output: {(error.strerror or str(error)).lower()}")
+
+
+class Output(io.TextIOWrapper):
+    """Standard output that tells its own failures from those of other files."""
+
+    def write(self, text: str) -> int:
+        try:
+            return super().write(text)
+        except OSError as error:
+            raise OutputError(error) from error
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError as error:
+            raise OutputError(error) from error
+
+
+def open_output() -> None:
+    """Make the process's output one that can always be encoded, and that says where it cannot be written."""
+    codecs.register_error("closeform", spelt)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by who started us
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="closeform")
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.__stdout__ is not None:
+        out = sys.stdout
+        sys.stdout = Output(out.buffer, out.encoding, "closeform", line_buffering=out.line_buffering)
+
+
+def spelt(error: UnicodeError) -> tuple[str | bytes, int]:
+    """What stands for characters that an encoding lacks: plainer ones, 2 for a raised 2, or their codes."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    plain = normalize("NFKD", lacking).encode("ascii", "ignore").decode()
+    return plain or codecs.backslashreplace_errors(error)[0], error.end
+
+
+def discard_output() -> None:
+    """Let go of an output that cannot be written, so that nobody tries again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def stdout() -> "Console":
@@ -93,9 +153,10 @@ def tell_study(report: "StudyReport", place: Path) -> None:
 
 
 def complain(*lines: str) -> None:
-    """Say what is wrong, on standard error."""
-    for line in lines:
-        print(line, file=sys.stderr)
+    """Say what is wrong, on standard error, if anybody listens."""
+    with suppress(OSError):
+        for line in lines:
+            print(line, file=sys.stderr, flush=True)
 
 
 def one_line(error: object) -> str:

@@ -25,10 +25,7 @@ from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from platformdirs import user_cache_path
 
-try:
-    import fcntl
-except ImportError:  # Windows: two processes may compile the same kernel at once, and both are right
-    fcntl = None  # type: ignore[assignment]
+from closeform.lock_file import lock
 
 UNUSED = 30 * 86400.0  # [s] that a compiled kernel is kept without being used
 CHECKSUM = 32  # bytes at the start of a file: without it garbage would reach the unpickler
@@ -106,22 +103,17 @@ def drop_unused() -> None:
 def alone(path: Path, wait: bool = True) -> Iterator[bool]:
     """Hold the right to compile a kernel, against other processes; False without, if not to `wait`.
 
-    Where the folder cannot be written, everybody compiles for themselves.
+    Where the folder cannot be written, or knows no locks, everybody compiles for themselves.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_name(f"{path.name}.lock").open("wb")
+        held = lock(path.with_name(f"{path.name}.lock"), wait)
     except OSError:
         yield True
         return
-    with lock:
-        if fcntl is not None:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-            except OSError:
-                yield False
-                return
-        yield True
+    yield held is not None
+    if held is not None:
+        held.close()
 
 
 def parts(entry: Any) -> list[Any]:

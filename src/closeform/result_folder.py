@@ -1,25 +1,33 @@
-"""What a run leaves behind: a folder that is either finished or not there.
+"""What a run or a study leaves behind: its files, and whose the files in a folder are.
 
 `summary.json` (hash of the inputs, versions, seed, every figure printed), tables in Parquet,
-pictures and `report.html`. Everything is written into a neighbour folder that takes the final
-name only when it is complete.
+pictures and `report.html`. The summary is written last and lists all files: a folder is finished
+when it holds one, and what it does not list belongs to somebody else.
 """
 
 import json
+import os
 import platform
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from math import isfinite
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
+
+from closeform.lock_file import is_held
 
 SUMMARY = "summary.json"
 REPORT = "report.html"
 FORMAT = 1  # of summary.json
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
+
+PRIVATE = ".unfinished"  # the folder in a study's folder where it works, and how those of runs end
+LOCK = "lock"  # in a private folder: its owner lives
+RESULTS, REPLACED = "results", "replaced"  # in it too: what is being made, and what it will take the place of
+UNDER_WAY = "a study is under way in it; wait for its end or choose another --out"
+NAMED = 3  # files that are named where more are in the way
 
 
 class FolderError(ValueError):
@@ -33,17 +41,19 @@ class Folder:
     path: Path
 
     def summary(self, figures: Mapping[str, Any]) -> None:
-        """Write `summary.json`: `figures` with the versions; numbers that are not finite as null."""
-        content = {"closeform": FORMAT, "versions": versions(), **figures}
-        text = json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False)
-        (self.path / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        """Write `summary.json`, last: `figures`, versions and files; numbers that are not finite as null."""
+        files = sorted(file.relative_to(self.path).as_posix() for file in below(self.path))
+        content = {"closeform": FORMAT, "versions": versions(), "files": [*files, SUMMARY], **figures}
+        self.text(SUMMARY, json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
         """Write `name`.parquet; the unit stands in a column's name, as in `start_s`."""
         import pyarrow
         import pyarrow.parquet
 
-        pyarrow.parquet.write_table(pyarrow.table(dict(columns)), self.path / f"{name}.parquet")
+        file = self.path / f"{name}.parquet"
+        file.parent.mkdir(exist_ok=True)
+        pyarrow.parquet.write_table(pyarrow.table(dict(columns)), file)
 
     def picture(self, name: str, figure: Any) -> Path:
         """Write a matplotlib figure as `name`.png."""
@@ -54,8 +64,8 @@ class Folder:
         return file
 
     def text(self, name: str, text: str) -> None:
-        """Write a text file."""
-        (self.path / name).write_text(text, encoding="utf-8")
+        """Write a text file as it is; what is no Unicode, as in the name of a file, as JSON writes it."""
+        (self.path / name).write_bytes(text.encode("utf-8", "backslashreplace"))
 
 
 def versions() -> dict[str, str]:
@@ -74,63 +84,109 @@ def finite(value: Any) -> Any:
     return value
 
 
-def finished(path: Path) -> bool:
-    """Whether a folder holds the results of a finished run."""
-    try:
-        return "closeform" in json.loads((path / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError):
-        return False
-
-
-def check_free(path: Path, overwrite: bool) -> None:
-    """Raise FolderError unless results may be written at `path`."""
-    if path.is_dir() and finished(path):
-        if not overwrite:
-            raise FolderError(f"{path}: holds finished results; add --overwrite or choose another --out")
-    elif path.is_dir() and any(path.iterdir()):
-        raise FolderError(f"{path}: is not a result folder and not empty; choose another --out")
-    elif path.exists() and not path.is_dir():
-        raise FolderError(f"{path}: is a file; choose another --out")
-
-
 @contextmanager
-def folder(path: Path, overwrite: bool = False) -> Iterator[Folder]:
-    """A folder to fill; it appears at `path` when the block ends well, and not at all otherwise.
-
-    What a killed run left unfinished is done anew. Raises FolderError for finished results
-    without `overwrite` or a folder of something else, before anything is written, and for a
-    place that cannot be written.
-    """
-    check_free(path, overwrite)
-    place = path.resolve()
-    building = place.with_name(f".{place.name}.unfinished")
-    shutil.rmtree(building, ignore_errors=True)
+def written(path: Path) -> Iterator[None]:
+    """Say in one line why results cannot be written at a `path`."""
     try:
-        building.mkdir(parents=True)
-        yield Folder(building)
-        publish(building, place)
+        yield
     except OSError as error:
-        raise FolderError(
-            f"{path}: {(error.strerror or str(error)).lower()}; choose another --out"
-        ) from error
-    finally:
-        shutil.rmtree(building, ignore_errors=True)
+        reason = os.strerror(error.errno) if error.errno else str(error)  # pyarrow has its own words for it
+        raise FolderError(f"{path}: {reason.lower()}; choose another --out") from error
 
 
-def publish(building: Path, path: Path) -> None:
-    """Give a complete folder its name; what stood there goes last."""
-    old = path.with_name(f".{path.name}.replaced")
-    shutil.rmtree(old, ignore_errors=True)
-    if path.exists():
-        path.rename(old)
-    building.rename(path)
-    shutil.rmtree(old, ignore_errors=True)
+def below(path: Path) -> Iterator[Path]:
+    """Every file below a folder, every empty folder and every link, which is not followed."""
+    for file in path.iterdir():
+        inner = [*below(file)] if file.is_dir() and not file.is_symlink() else []
+        yield from inner or [file]
+
+
+def listed(summary: Path) -> frozenset[str]:
+    """The files that a summary of ours lists; none for any other file."""
+    try:
+        content = json.loads(summary.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return frozenset()
+    if not isinstance(content, dict) or content.get("closeform") != FORMAT:
+        return frozenset()
+    made_with, files = content.get("versions"), content.get("files")
+    if not isinstance(made_with, dict) or not {"python", *LIBRARIES} <= made_with.keys():
+        return frozenset()
+    if not isinstance(files, list) or SUMMARY not in files or not all(map(inside, files)):
+        return frozenset()
+    return frozenset(files)
+
+
+def inside(name: Any) -> bool:
+    """Whether something is the name of a file in the folder that lists it."""
+    if not isinstance(name, str):
+        return False
+    path = PurePosixPath(name)
+    return not path.is_absolute() and ".." not in path.parts and path.as_posix() == name
+
+
+def finished(path: Path) -> bool:
+    """Whether a folder holds the results of a finished run or study."""
+    return bool(listed(path / SUMMARY))
+
+
+def abandoned(path: Path) -> bool:
+    """Whether a folder is one in which a study was killed."""
+    return (path / PRIVATE).is_dir()
+
+
+def own(path: Path) -> frozenset[str]:
+    """The files in a folder that are results, or parts of those of a study that was killed."""
+    summaries = (SUMMARY, f"{PRIVATE}/{RESULTS}/{SUMMARY}", f"{PRIVATE}/{REPLACED}/{SUMMARY}")
+    return frozenset().union(*(listed(path / summary) for summary in summaries))
+
+
+def others(path: Path) -> list[str]:
+    """What is in a folder and neither among our results nor where a study works."""
+    files = own(path)
+    folders = {parent.as_posix() for name in files for parent in PurePosixPath(name).parents}
+    ours = files | folders | {PRIVATE, f"{PRIVATE}/{LOCK}"}
+    found = (file.relative_to(path).as_posix() for file in below(path))
+    making = tuple(f"{PRIVATE}/{part}" for part in (RESULTS, REPLACED))
+    return sorted(name for name in found if name not in ours and not name.startswith(making))
+
+
+def check_free(path: Path, overwrite: bool, called: Path | None = None, mine: bool = False) -> None:
+    """Raise FolderError unless results may be written at `path`, which the user has `called` so.
+
+    `mine`: this process is the one that works in it.
+    """
+    with written(called or path):
+        if reason := refusal(path, overwrite, mine):
+            raise FolderError(f"{called or path}: {reason}")
+
+
+def refusal(path: Path, overwrite: bool, mine: bool) -> str | None:
+    """Why results must not be written at a path, None where they may. Raises OSError as the system does."""
+    try:
+        if not os.listdir(path):
+            return None
+    except FileNotFoundError:
+        return None
+    except NotADirectoryError:
+        return "is a file; choose another --out"
+    if not mine and is_held(path / PRIVATE / LOCK):
+        return UNDER_WAY
+    done = finished(path)
+    if done and not overwrite:
+        return "holds finished results; add --overwrite or choose another --out"
+    if not done and not abandoned(path):
+        return "is not a result folder and not empty; choose another --out"
+    if strange := others(path):
+        named = ", ".join(strange[:NAMED]) + f" and {len(strange) - NAMED} more" * (len(strange) > NAMED)
+        return f"holds what is none of its results: {named}; move that away or choose another --out"
+    return None
 
 
 def report_of(path: Path) -> Path:
     """The report in a finished result folder. Raises FolderError where there is none."""
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise FolderError(f"{path}: no such folder; give the folder that a run left")
-    if not finished(path) or not (path / REPORT).is_file():
+    if not finished(path) or not os.path.isfile(path / REPORT):
         raise FolderError(f"{path}: holds no finished results; run the scenario first")
     return path / REPORT

@@ -9,14 +9,14 @@ from importlib import import_module
 from closeform.compiled import ENTRIES, before_first_compilation, prepare
 
 
-def compile_for(text: bytes) -> None:
+def compile_for(text: str) -> None:
     """Have what the stages of a scenario file need compiled ahead, once a kernel is found missing."""
-    searches = re.search(rb"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
-    moves = set(re.findall(rb'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
+    searches = re.search(r"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
+    moves = set(re.findall(r'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
     modules = []
-    if moves - {b"avoid"}:
+    if moves - {"avoid"}:
         modules.append("closeform.planning.reconfigure")
-    if b"avoid" in moves:
+    if "avoid" in moves:
         modules.append("closeform.planning.avoid")
     if searches:
         modules.append("closeform.search.gather")
@@ -29,7 +29,9 @@ def compile_beside(modules: list[str]) -> None:
     ahead = "from closeform.numba_import import import_numba; import_numba()"
     code = f"{ahead}; from closeform.warmup import compile_all; compile_all({modules})"
     command = [sys.executable, "-P", "-c", code]  # nothing from the folder where the user stands
-    other = subprocess.Popen(command, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    other = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     atexit.register(other.kill)
 
 

@@ -78,7 +78,7 @@ def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress")
                 waiting.append(picture)
                 return
 
-    others = [Thread(target=ask, args=(second,)) for second in _seconds]
+    others = [Thread(target=ask, args=(second,), daemon=True) for second in _seconds]
     for other in others:
         other.start()
     while True:

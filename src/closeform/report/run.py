@@ -151,10 +151,10 @@ def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: N
         folder.table(name, columns)
     pictures = [picture for told in report.sections for picture in told.pictures]
     shown = iter(drawn(pictures, folder, progress))
-    folder.summary(report.summary)
     faint = f"{report.opening}; {Path(mission.scenario.file).name}"
     parts = page.head(mission.scenario.title, [faint], str(mission.verdict), mission.verdict.ok)
     parts += [page.paragraph(line, "bad") for line in mission.warnings]
     for told in report.sections:
         parts += page.section(told, islice(shown, len(told.pictures)))
     folder.text(REPORT, page.document(mission.scenario.title, parts))
+    folder.summary(report.summary)

@@ -149,7 +149,6 @@ def leave(report: StudyReport, folder: Folder) -> None:
     """Fill a result folder with everything that a study leaves."""
     campaign, subject = report.campaign, report.subject
     folder.text("scenario.toml", campaign.scenario.text)
-    (folder.path / "cases").mkdir()
     for first in range(0, len(campaign), EACH_FILE):
         rows = slice(first, min(first + EACH_FILE, len(campaign)))
         folder.table(f"cases/{first:09d}", subject.cases(rows))
@@ -157,7 +156,6 @@ def leave(report: StudyReport, folder: Folder) -> None:
     caption = f"When cases were {campaign.done}"
     picture = Picture("histogram", caption, "histogram", (times, campaign.search), {"what": what})
     shot = picture.leave(folder, lambda text: None)
-    folder.summary(report.summary)
     title, *lines = report.opening
     parts = page.head(title, lines, report.verdict, campaign.ok)
     parts += map(page.paragraph, report.hint)
@@ -166,6 +164,7 @@ def leave(report: StudyReport, folder: Folder) -> None:
     whole = search.facts(campaign.search, campaign.search.duration)
     parts += map(page.titled, (whole, *draw_table(campaign)))
     folder.text(REPORT, page.document(title, parts))
+    folder.summary(report.summary)
 
 
 def published(campaign: Campaign) -> dict[str, str]:

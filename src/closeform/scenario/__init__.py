@@ -4,7 +4,7 @@ from closeform.scenario.craft import Craft
 from closeform.scenario.errors import ScenarioError
 from closeform.scenario.formation import Goal, Target
 from closeform.scenario.keep_out import KeepOut
-from closeform.scenario.load import load, parse
+from closeform.scenario.load import load, parse, text_of
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import (
     Avoid,
@@ -36,4 +36,5 @@ __all__ = [
     "Target",
     "load",
     "parse",
+    "text_of",
 ]

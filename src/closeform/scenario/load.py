@@ -1,6 +1,8 @@
 """A TOML file as a Scenario, or every reason why it is none."""
 
+import os
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,36 +19,50 @@ from closeform.scenario.study import Study
 from closeform.scenario.table import Table
 
 FORMAT = 1
+DEEPEST = 50  # parts of a dotted key: what reads TOML needs memory by their square, and may recurse
+DEEP = re.compile(rf"""(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""")
 Model = TypeVar("Model", bound=Table)
 
 
 def load(file: str | Path) -> Scenario:
     """Read a scenario file. Raises ScenarioError, with one line for each thing that is wrong."""
-    path = Path(file)
+    return parse(text_of(file), str(file))
+
+
+def text_of(file: str | Path) -> str:
+    """What stands in a scenario file, to the last byte. Raises ScenarioError where it is no text."""
     try:
-        data = path.read_bytes()
+        data = Path(file).read_bytes()
     except OSError as error:
-        reason = "is a directory" if path.is_dir() else (error.strerror or "cannot be read").lower()
-        raise ScenarioError(str(path), [f"{reason}; check the path"]) from None
+        reason = "is a directory" if os.path.isdir(file) else (error.strerror or "cannot be read").lower()
+        raise ScenarioError(str(file), [f"{reason}; check the path"]) from None
     try:
-        text = data.decode()
+        return data.decode()
     except UnicodeDecodeError:
-        raise ScenarioError(str(path), ["not UTF-8 text; save it as UTF-8"]) from None
-    return parse(text, str(path))
+        raise ScenarioError(str(file), ["not UTF-8 text; save it as UTF-8"]) from None
 
 
 def parse(text: str, file: str = "scenario") -> Scenario:
-    """The scenario that a TOML text describes; `file` names it in messages.
+    """The scenario that a TOML text describes; `file` names it in messages. A byte-order mark is no matter.
 
     Raises ScenarioError, with one line for each thing that is wrong.
     """
+    if deep := DEEP.search(text):
+        place = f"line {text.count(chr(10), 0, deep.start()) + 1}"
+        raise ScenarioError(file, [f"{place}: a key of {DEEPEST} parts or more; no key here has so many"])
     try:
-        raw = tomllib.loads(text)
+        raw = tomllib.loads(text.removeprefix("\ufeff"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         where = re.search(r"\(at (.*)\)$", str(error))
         what = re.sub(r" \(at .*\)$", "", str(error))
         place = where[1] if where else "the file"
         raise ScenarioError(file, [f"{place}: not TOML: {what}; correct it there"]) from None
+    except ValueError:  # Python converts no more digits than these
+        most = sys.get_int_max_str_digits()
+        before = re.split(rf"[0-9_]{{{most}}}", text)[0].count("\n")
+        raise ScenarioError(
+            file, [f"line {before + 1}: a number of more than {most} digits; write a shorter one"]
+        ) from None
     reading = Reading(raw)
     values = reading.sections()
     if not reading.lines:

@@ -1,0 +1,408 @@
+"""Result folders under attack: two at once, files of others, and an end at every single step on the disk."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from bad_input import GOOD, LOST
+from closeform.publishing import BESIDE, folder, workplace
+from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished
+
+BUILDERS = (folder, workplace)
+
+
+def fill(under_way: Folder, age: str) -> None:
+    """Leave three files that all say how old they are; one is in a folder that only new results have."""
+    under_way.text("figures.txt", age)
+    if age == "new":
+        (under_way.path / "cases").mkdir()
+        under_way.text("cases/000.txt", age)
+    under_way.summary({"age": age})
+
+
+def made(builder, place: Path, age: str, overwrite: bool = False) -> None:
+    with builder(place, overwrite) as under_way:
+        fill(under_way, age)
+
+
+def age_of(place: Path) -> str | None:
+    """The age of finished results, which must be whole and of one age; None where there are none."""
+    if not finished(place):
+        return None
+    summary = json.loads((place / SUMMARY).read_text())
+    for name in set(summary["files"]) - {SUMMARY}:
+        assert (place / name).read_text() == summary["age"], name
+    return summary["age"]
+
+
+def names(place: Path) -> list[str]:
+    return sorted(file.relative_to(place).as_posix() for file in place.rglob("*") if not file.is_dir())
+
+
+NEW = ["cases/000.txt", "figures.txt", "summary.json"]
+OLD = ["figures.txt", "summary.json"]
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_results_appear_whole(builder, tmp_path) -> None:
+    place = tmp_path / "deep" / "results"
+    with builder(place) as under_way:
+        fill(under_way, "old")
+        assert not finished(place)
+    assert (age_of(place), names(tmp_path / "deep" / "results")) == ("old", OLD)
+    made(builder, place, "new", overwrite=True)
+    assert (age_of(place), names(tmp_path), os.listdir(tmp_path / "deep")) == (
+        "new",
+        [f"deep/results/{name}" for name in NEW],
+        ["results"],
+    )
+    made(builder, place, "old", overwrite=True)
+    assert sorted(os.listdir(place)) == OLD  # no empty folder either
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_what_fails_leaves_the_results_before(builder, tmp_path) -> None:
+    place = tmp_path / "deep" / "results"
+
+    def stopped(overwrite: bool) -> None:
+        with builder(place, overwrite) as under_way:
+            fill(under_way, "new")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped(False)
+    assert os.listdir(tmp_path) == []
+    made(builder, place, "old")
+    with pytest.raises(KeyboardInterrupt):
+        stopped(True)
+    assert (age_of(place), names(place)) == ("old", OLD)
+
+
+def test_of_two_runs_at_once_one_is_kept_whole(tmp_path) -> None:
+    place = tmp_path / "results"
+    with pytest.raises(FolderError, match="holds finished results"), folder(place) as slow:
+        fill(slow, "old")
+        made(folder, place, "new")
+    assert age_of(place) == "new"
+    with folder(place, overwrite=True) as slow:  # the later one was asked to replace what it finds
+        fill(slow, "old")
+        made(folder, place, "new", overwrite=True)
+    assert (age_of(place), names(tmp_path)) == ("old", [f"results/{name}" for name in OLD])
+
+
+def test_a_place_that_is_taken_at_the_last_moment(tmp_path, monkeypatch) -> None:
+    """Between the last look and the rename: the rename itself fails."""
+    place = tmp_path / "results"
+    rename = Path.rename
+
+    def late(self: Path, target: Path) -> Path:
+        place.mkdir()
+        (place / "thesis.txt").write_text("years of work")
+        return rename(self, target)
+
+    with pytest.raises(FolderError, match=r"results: appeared during the run; choose another --out$"):
+        with folder(place) as under_way:
+            fill(under_way, "new")
+            monkeypatch.setattr(Path, "rename", late)
+    assert names(tmp_path) == ["results/thesis.txt"]
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_folder_that_appears_during_a_run_stays(overwrite, tmp_path) -> None:
+    place = tmp_path / "results"
+    with pytest.raises(FolderError, match="is not a result folder and not empty"):
+        with folder(place, overwrite) as under_way:
+            fill(under_way, "new")
+            place.mkdir()
+            (place / "thesis.txt").write_text("years of work")
+    assert names(tmp_path) == ["results/thesis.txt"]
+
+
+def test_files_that_come_during_a_run_are_not_replaced(tmp_path, monkeypatch) -> None:
+    """Even between the last look and the rename."""
+    place = tmp_path / "results"
+    made(folder, place, "old")
+    rename = Path.rename
+
+    def late(self: Path, target: Path) -> Path:
+        if self == place:
+            (place / "thesis.txt").write_text("years of work")
+        return rename(self, target)
+
+    with pytest.raises(FolderError, match=r"results: holds what is none of its results: thesis\.txt"):
+        with folder(place, overwrite=True) as under_way:
+            fill(under_way, "new")
+            monkeypatch.setattr(Path, "rename", late)
+    assert (age_of(place), names(place)) == ("old", [*OLD, "thesis.txt"])
+
+
+STRANGERS = {
+    "a file": lambda place: (place / "notes.txt").write_text("mine"),
+    "a file deep down": lambda place: ((place / "a" / "b").mkdir(parents=True), (place / "a/b/c").touch()),
+    "an empty folder": lambda place: (place / "plots").mkdir(),
+    "a hidden file": lambda place: (place / ".git").mkdir(),
+    "a link": lambda place: (place / "link").symlink_to(place.parent),
+    "a dead link": lambda place: (place / "link").symlink_to("nowhere"),
+}
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("add", STRANGERS.values(), ids=STRANGERS)
+def test_overwrite_leaves_the_files_of_others(builder, add, tmp_path) -> None:
+    place = tmp_path / "results"
+    made(builder, place, "old")
+    add(place)
+    strange = sorted(set(os.listdir(place)) - set(OLD))[0]
+    with pytest.raises(FolderError, match=f"holds what is none of its results: {strange}") as refused:
+        made(builder, place, "new", overwrite=True)
+    assert str(refused.value).startswith(f"{place}: ")
+    assert age_of(place) == "old"
+    assert strange in os.listdir(place)
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_a_results_folder_that_became_a_link_is_not_followed(builder, tmp_path) -> None:
+    place, elsewhere = tmp_path / "results", tmp_path / "elsewhere"
+    made(builder, place, "new")
+    (place / "cases").rename(elsewhere)
+    (place / "cases").symlink_to(elsewhere)
+    with pytest.raises(FolderError, match="none of its results: cases"):
+        made(builder, place, "old", overwrite=True)
+    assert names(elsewhere) == ["000.txt"]
+
+
+def summary_with(**changes: object) -> str:
+    """Our own summary, but for some keys."""
+    versions = dict.fromkeys(
+        ("python", "closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow"), "1.0"
+    )
+    return json.dumps({"closeform": 1, "versions": versions, "files": ["a.txt", SUMMARY]} | changes)
+
+
+FOREIGN = {
+    "the word alone": '{"closeform": "a tool that I like"}',
+    "no versions": '{"closeform": 1, "files": ["a.txt", "summary.json"]}',
+    "a list": '["closeform"]',
+    "another format": summary_with(closeform=2),
+    "other versions": summary_with(versions={"python": "3.11"}),
+    "no files": summary_with(files=None),
+    "files outside": summary_with(files=["../a.txt", SUMMARY]),
+    "an absolute file": summary_with(files=["/etc/passwd", SUMMARY]),
+    "no JSON": "{",
+    "a deep list": "[" * 100_000,
+    "no text": "\udcff",
+}
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("text", FOREIGN.values(), ids=FOREIGN)
+def test_only_our_own_summary_is_one(builder, text, tmp_path) -> None:
+    place = tmp_path / "results"
+    place.mkdir()
+    (place / "a.txt").write_text("mine")
+    (place / SUMMARY).write_bytes(summary_with().encode())
+    assert finished(place)  # with the right one
+    (place / SUMMARY).write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(FolderError, match="is not a result folder and not empty; choose another --out"):
+        made(builder, place, "new", overwrite=True)
+    assert (place / "a.txt").read_text() == "mine"
+
+
+def test_a_study_holds_its_place(tmp_path) -> None:
+    place = tmp_path / "results"
+    with workplace(place) as under_way:
+        for builder in BUILDERS:
+            with pytest.raises(FolderError, match="results: a study is under way in it; wait for its end"):
+                made(builder, place, "old", overwrite=True)
+        fill(under_way, "new")
+    assert (age_of(place), names(place)) == ("new", NEW)
+
+
+def test_files_of_others_that_come_during_a_study_stay(tmp_path) -> None:
+    place = tmp_path / "results"
+    with workplace(place) as under_way:
+        (place / "notes.txt").write_text("mine")
+        fill(under_way, "new")
+    assert (age_of(place), names(place)) == ("new", sorted([*NEW, "notes.txt"]))
+    other = tmp_path / "other"
+    with pytest.raises(FolderError, match=r"figures\.txt appeared during the study"):
+        with workplace(other) as under_way:
+            (other / "figures.txt").write_text("mine")
+            fill(under_way, "new")
+    assert ((other / "figures.txt").read_text(), names(other)) == ("mine", ["figures.txt"])
+
+
+# A process that ends, or whose disk fills, at step number K on the disk; a fork for each K, until none is hit.
+AT_EVERY_STEP = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from test_result_folder import fill, made
+from closeform import publishing
+from closeform.result_folder import FolderError
+builder, fault, before = getattr(publishing, sys.argv[2]), sys.argv[3], sys.argv[4] == "over"
+STEPS = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.listdir", "open", "tempfile.mkdtemp", "shutil.rmtree")
+def attack(place, last):
+    left = [last]
+    def hook(event, arguments):
+        if event in STEPS:
+            left[0] -= 1
+            if left[0] == -1:
+                if fault == "kill":
+                    os.kill(os.getpid(), signal.SIGKILL)
+                if fault == "ctrl-c":
+                    raise KeyboardInterrupt
+                if event in ("os.mkdir", "os.rename", "tempfile.mkdtemp") or event == "open" and arguments[2] & os.O_CREAT:
+                    raise OSError(28, "No space left on device")
+    with builder(place, before) as under_way:
+        sys.addaudithook(hook)
+        fill(under_way, "new")
+    os._exit(0 if left[0] >= 0 else 3)
+for k in range(1000):
+    place = Path(f"{k:03d}") / "results"
+    place.parent.mkdir()
+    if before:
+        made(builder, place, "old")
+    child = os.fork()
+    if not child:
+        try:
+            attack(place, k)
+        except (KeyboardInterrupt, FolderError):
+            os._exit(4)
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    print(k, status)
+    if status == 0:
+        break
+"""
+
+
+@pytest.mark.parametrize("before", ["fresh", "over"])
+@pytest.mark.parametrize("fault", ["kill", "ctrl-c", "full"])
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_an_end_at_every_step(builder, fault, before, tmp_path) -> None:
+    """Results are those before, the new ones or none; never half of them, and the next run needs no help."""
+    done = subprocess.run(
+        [sys.executable, "-c", AT_EVERY_STEP, str(Path(__file__).parent), builder.__name__, fault, before],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    ends = [int(line.split()[1]) for line in done.stdout.splitlines()]
+    assert len(ends) > 15  # steps
+    assert {"kill": -9, "ctrl-c": 4, "full": 4}[fault] in ends
+    seen = set()
+    for k, end in enumerate(ends):
+        around = tmp_path / f"{k:03d}"
+        place = around / "results"
+        seen.add(age_of(place))
+        if fault != "kill":
+            assert not [name for name in names(around) if PRIVATE in name], (k, end)
+            if not finished(place):
+                assert before == "fresh", k  # results are never lost but to a kill
+                assert names(around) == [], k
+        elif not finished(place):
+            with pytest.raises(FolderError, match="holds no finished results|no such folder"):
+                from closeform.result_folder import report_of
+
+                report_of(place)
+        made(builder, place, "new", overwrite=finished(place))  # no other remedy is needed
+        assert (age_of(place), names(place)) == ("new", NEW), k
+        assert [name for name in os.listdir(around) if name.startswith(BESIDE)] == [], k
+    assert "new" in seen
+    assert seen <= {"old", "new", None}
+
+
+def test_a_living_run_is_not_cleared_away(tmp_path) -> None:
+    with folder(tmp_path / "slow") as slow:
+        made(folder, tmp_path / "quick", "old")
+        fill(slow, "new")
+    assert age_of(tmp_path / "slow") == "new"
+    theirs = tmp_path / f"{BESIDE}notes{PRIVATE}"
+    theirs.mkdir()
+    (theirs / "mine.txt").touch()
+    made(folder, tmp_path / "third", "old")
+    assert names(theirs) == ["mine.txt"]
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_places_of_every_kind(builder, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to("real")
+    (tmp_path / "hanging").symlink_to("target")
+    kinds = ["plain", "with spaces and $ é 編隊", "./b", "link", "hanging", "x" * 255, str(tmp_path / "all")]
+    for kind in kinds:
+        made(builder, Path(kind), "old")
+        made(builder, Path(kind), "new", overwrite=True)
+        assert age_of(Path(kind)) == "new"
+    assert (tmp_path / "link").is_symlink()
+    assert age_of(tmp_path / "real") == age_of(tmp_path / "target") == "new"
+    for kind in ("x" * 256, "a/" + "y" * 300):
+        with pytest.raises(FolderError, match="file name too long; choose another --out"):
+            made(builder, Path(kind), "new")
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(FolderError, match="too many levels of symbolic links; choose another --out"):
+        made(builder, Path("loop"), "new")
+
+
+@pytest.mark.parametrize("builder", BUILDERS)
+def test_another_file_system(builder, tmp_path) -> None:
+    other = Path("/dev/shm")
+    if not other.is_dir() or other.stat().st_dev == tmp_path.stat().st_dev:
+        pytest.skip("needs a second file system")
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory(dir=other) as there:
+        (tmp_path / "results").symlink_to(Path(there) / "results")
+        made(builder, tmp_path / "results", "old")
+        made(builder, tmp_path / "results", "new", overwrite=True)
+        assert (age_of(Path(there) / "results"), os.listdir(there)) == ("new", ["results"])
+
+
+def command(*arguments: str, **options) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "closeform", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def test_two_commands_at_once(tmp_path) -> None:
+    """Two scenarios into one folder, five times: what is there is of one of them, and it says so."""
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.toml").write_text(GOOD.replace("Three craft", f"Scenario {name}"))
+    for attempt in range(3):
+        place = tmp_path / f"results {attempt}"
+        both = [command("run", f"{name}.toml", "--out", str(place), cwd=tmp_path) for name in ("one", "two")]
+        told = [process.communicate() for process in both]
+        ends = [process.returncode for process in both]
+        assert sorted(ends) == [0, 2], told
+        winner = ("one", "two")[ends.index(0)]
+        assert told[1 - ends.index(0)][1].startswith(f"{place}: ")
+        summary = json.loads((place / SUMMARY).read_text())
+        assert summary["title"] == f"Scenario {winner}"
+        assert f"Scenario {winner}" in (place / "scenario.toml").read_text()
+        assert f"Scenario {winner}" in (place / "report.html").read_text()
+        assert sorted(summary["files"]) == names(place)
+    assert [name for name in os.listdir(tmp_path) if name.startswith(".")] == []
+
+
+def test_a_disk_that_is_full(tmp_path) -> None:
+    """No file may be longer than 20 kB: the pictures are."""
+    (tmp_path / "good.toml").write_text(GOOD)
+    (tmp_path / "lost.toml").write_text(LOST)
+    limits = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (8_000, 8_000))  # noqa: E731
+    for verb, file in (("run", "good.toml"), ("study", "lost.toml")):
+        process = command(verb, file, "--out", "results", cwd=tmp_path, preexec_fn=limits)
+        out, err = process.communicate()
+        assert (process.returncode, out) == (2, ""), err
+        assert err.splitlines()[-1] == "results: file too large; choose another --out"
+        assert sorted(os.listdir(tmp_path)) == ["good.toml", "lost.toml"]
