@@ -24,6 +24,7 @@ LONG = (
     "reconfigure",
     "reconfigure_cases",
     "reference_methods",
+    "result_folder",
     "shaping",
 )
 

@@ -17,8 +17,8 @@ from bad_input import LOST
 from closeform.cli import main
 from closeform.console import WIDTH
 from closeform.mission import fly
-from closeform.report.run import RunReport, leave
 from closeform.publishing import folder
+from closeform.report.run import RunReport, leave
 from closeform.scenario import load, parse
 from lost import BASIC, Sky, gathered
 

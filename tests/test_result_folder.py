@@ -6,12 +6,13 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
 from bad_input import GOOD, LOST
 from closeform.publishing import BESIDE, folder, workplace
-from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished
+from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, report_of
 
 BUILDERS = (folder, workplace)
 
@@ -25,9 +26,10 @@ def fill(under_way: Folder, age: str) -> None:
     under_way.summary({"age": age})
 
 
-def made(builder, place: Path, age: str, overwrite: bool = False) -> None:
+def made(builder, place: Path, age: str, overwrite: bool = False, meanwhile=lambda: None) -> None:
     with builder(place, overwrite) as under_way:
         fill(under_way, age)
+        meanwhile()
 
 
 def age_of(place: Path) -> str | None:
@@ -85,13 +87,11 @@ def test_what_fails_leaves_the_results_before(builder, tmp_path) -> None:
 
 def test_of_two_runs_at_once_one_is_kept_whole(tmp_path) -> None:
     place = tmp_path / "results"
-    with pytest.raises(FolderError, match="holds finished results"), folder(place) as slow:
-        fill(slow, "old")
-        made(folder, place, "new")
+    with pytest.raises(FolderError, match="holds finished results"):
+        made(folder, place, "old", meanwhile=lambda: made(folder, place, "new"))
     assert age_of(place) == "new"
-    with folder(place, overwrite=True) as slow:  # the later one was asked to replace what it finds
-        fill(slow, "old")
-        made(folder, place, "new", overwrite=True)
+    # the one that ends later was asked to replace what it finds
+    made(folder, place, "old", True, meanwhile=lambda: made(folder, place, "new", True))
     assert (age_of(place), names(tmp_path)) == ("old", [f"results/{name}" for name in OLD])
 
 
@@ -106,20 +106,20 @@ def test_a_place_that_is_taken_at_the_last_moment(tmp_path, monkeypatch) -> None
         return rename(self, target)
 
     with pytest.raises(FolderError, match=r"results: appeared during the run; choose another --out$"):
-        with folder(place) as under_way:
-            fill(under_way, "new")
-            monkeypatch.setattr(Path, "rename", late)
+        made(folder, place, "new", meanwhile=lambda: monkeypatch.setattr(Path, "rename", late))
     assert names(tmp_path) == ["results/thesis.txt"]
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_a_folder_that_appears_during_a_run_stays(overwrite, tmp_path) -> None:
     place = tmp_path / "results"
+
+    def appear() -> None:
+        place.mkdir()
+        (place / "thesis.txt").write_text("years of work")
+
     with pytest.raises(FolderError, match="is not a result folder and not empty"):
-        with folder(place, overwrite) as under_way:
-            fill(under_way, "new")
-            place.mkdir()
-            (place / "thesis.txt").write_text("years of work")
+        made(folder, place, "new", overwrite, meanwhile=appear)
     assert names(tmp_path) == ["results/thesis.txt"]
 
 
@@ -135,9 +135,7 @@ def test_files_that_come_during_a_run_are_not_replaced(tmp_path, monkeypatch) ->
         return rename(self, target)
 
     with pytest.raises(FolderError, match=r"results: holds what is none of its results: thesis\.txt"):
-        with folder(place, overwrite=True) as under_way:
-            fill(under_way, "new")
-            monkeypatch.setattr(Path, "rename", late)
+        made(folder, place, "new", True, meanwhile=lambda: monkeypatch.setattr(Path, "rename", late))
     assert (age_of(place), names(place)) == ("old", [*OLD, "thesis.txt"])
 
 
@@ -225,19 +223,15 @@ def test_a_study_holds_its_place(tmp_path) -> None:
 
 def test_files_of_others_that_come_during_a_study_stay(tmp_path) -> None:
     place = tmp_path / "results"
-    with workplace(place) as under_way:
-        (place / "notes.txt").write_text("mine")
-        fill(under_way, "new")
+    made(workplace, place, "new", meanwhile=lambda: (place / "notes.txt").write_text("mine"))
     assert (age_of(place), names(place)) == ("new", sorted([*NEW, "notes.txt"]))
     other = tmp_path / "other"
     with pytest.raises(FolderError, match=r"figures\.txt appeared during the study"):
-        with workplace(other) as under_way:
-            (other / "figures.txt").write_text("mine")
-            fill(under_way, "new")
+        made(workplace, other, "new", meanwhile=lambda: (other / "figures.txt").write_text("mine"))
     assert ((other / "figures.txt").read_text(), names(other)) == ("mine", ["figures.txt"])
 
 
-# A process that ends, or whose disk fills, at step number K on the disk; a fork for each K, until none is hit.
+# A process that ends, or whose disk fills, at step K on the disk; a fork for each K, until there is none.
 AT_EVERY_STEP = """
 import os, signal, sys
 from pathlib import Path
@@ -246,7 +240,8 @@ from test_result_folder import fill, made
 from closeform import publishing
 from closeform.result_folder import FolderError
 builder, fault, before = getattr(publishing, sys.argv[2]), sys.argv[3], sys.argv[4] == "over"
-STEPS = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.listdir", "open", "tempfile.mkdtemp", "shutil.rmtree")
+NEEDS_SPACE = ("os.mkdir", "os.rename", "tempfile.mkdtemp")
+STEPS = (*NEEDS_SPACE, "os.remove", "os.rmdir", "os.listdir", "open", "shutil.rmtree")
 def attack(place, last):
     left = [last]
     def hook(event, arguments):
@@ -257,7 +252,7 @@ def attack(place, last):
                     os.kill(os.getpid(), signal.SIGKILL)
                 if fault == "ctrl-c":
                     raise KeyboardInterrupt
-                if event in ("os.mkdir", "os.rename", "tempfile.mkdtemp") or event == "open" and arguments[2] & os.O_CREAT:
+                if event in NEEDS_SPACE or event == "open" and arguments[2] & os.O_CREAT:
                     raise OSError(28, "No space left on device")
     with builder(place, before) as under_way:
         sys.addaudithook(hook)
@@ -307,9 +302,7 @@ def test_an_end_at_every_step(builder, fault, before, tmp_path) -> None:
                 assert before == "fresh", k  # results are never lost but to a kill
                 assert names(around) == [], k
         elif not finished(place):
-            with pytest.raises(FolderError, match="holds no finished results|no such folder"):
-                from closeform.result_folder import report_of
-
+            with pytest.raises(FolderError, match=r"holds no finished results|no such folder"):
                 report_of(place)
         made(builder, place, "new", overwrite=finished(place))  # no other remedy is needed
         assert (age_of(place), names(place)) == ("new", NEW), k
@@ -356,8 +349,6 @@ def test_another_file_system(builder, tmp_path) -> None:
     other = Path("/dev/shm")
     if not other.is_dir() or other.stat().st_dev == tmp_path.stat().st_dev:
         pytest.skip("needs a second file system")
-    from tempfile import TemporaryDirectory
-
     with TemporaryDirectory(dir=other) as there:
         (tmp_path / "results").symlink_to(Path(there) / "results")
         made(builder, tmp_path / "results", "old")
@@ -396,7 +387,7 @@ def test_two_commands_at_once(tmp_path) -> None:
 
 
 def test_a_disk_that_is_full(tmp_path) -> None:
-    """No file may be longer than 20 kB: the pictures are."""
+    """No file may be longer than 8 kB: tables and pictures are."""
     (tmp_path / "good.toml").write_text(GOOD)
     (tmp_path / "lost.toml").write_text(LOST)
     limits = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (8_000, 8_000))  # noqa: E731

@@ -145,10 +145,14 @@ def others(path: Path) -> list[str]:
     """What is in a folder and neither among our results nor where a study works."""
     files = own(path)
     folders = {parent.as_posix() for name in files for parent in PurePosixPath(name).parents}
-    ours = files | folders | {PRIVATE, f"{PRIVATE}/{LOCK}"}
-    found = (file.relative_to(path).as_posix() for file in below(path))
-    making = tuple(f"{PRIVATE}/{part}" for part in (RESULTS, REPLACED))
-    return sorted(name for name in found if name not in ours and not name.startswith(making))
+    private = (f"{PRIVATE}/{LOCK}", f"{PRIVATE}/{RESULTS}", f"{PRIVATE}/{REPLACED}")
+    strange = []
+    for file in below(path):
+        name = file.relative_to(path).as_posix()
+        ours = name in files or name == PRIVATE or name.startswith(private)
+        if not ours and (name not in folders or file.is_symlink()):
+            strange.append(name)
+    return sorted(strange)
 
 
 def check_free(path: Path, overwrite: bool, called: Path | None = None, mine: bool = False) -> None:
