@@ -361,6 +361,33 @@ SCENARIOS = (
         "craft.keep_out: covariance is not positive definite; check its six numbers: rr tr tt nr nt nn",
     ),
     Bad(
+        "covariances of unlike sigmas",
+        KEEP_OUT,
+        'keep_out = [{ covariance = "25 0 100 0 0 25 m^2", sigmas = 3.0 }, '
+        '{ covariance = "25 0 100 0 0 25 m^2", sigmas = 2.0 }, { sphere = "20 m" }]',
+        "craft.keep_out: F1 and F2: covariances of 3 and 2 sigmas; demand as many of both",
+    ),
+    Bad(
+        "a covariance as a body",
+        KEEP_OUT,
+        'keep_out = { kind = "body", covariance = "25 0 100 0 0 25 m^2", sigmas = 3.0 }',
+        "craft.keep_out: covariance is of where a craft is, not of its body; remove kind",
+    ),
+    Bad(
+        "a kind of zone that it is not",
+        KEEP_OUT,
+        'keep_out = { kind = "covariance", sphere = "20 m" }',
+        'craft.keep_out: kind = "covariance" goes with covariance only; write "region" or "body"',
+    ),
+    Bad(
+        "bodies that touch at the start",
+        KEEP_OUT,
+        'keep_out = [{ kind = "body", sphere = "90 m" }, { kind = "body", sphere = "30 m" }, '
+        '{ kind = "body", sphere = "30 m" }]',
+        "craft.position: F1 and F2 start inside each other's zone, at 0.83 x zone (bodies added); "
+        "move one of them or make keep_out smaller",
+    ),
+    Bad(
         "axes that are not orthonormal",
         KEEP_OUT,
         'keep_out = { box = "20 40 20 m", axes = [[1, 0, 0], [0, 1, 0], [0, 1, 1]] }',
@@ -883,12 +910,12 @@ MISUSES = (
     Misuse(
         "no zone",
         "screen a.oem b.oem",
-        'screen: give one of --sphere, --box, --ellipsoid, --cylinder; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance; for example --sphere "20 m"',
     ),
     Misuse(
         "two zones",
         'screen a.oem b.oem --sphere "20 m" --box "1 1 1 m"',
-        'screen: give one of --sphere, --box, --ellipsoid, --cylinder; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance; for example --sphere "20 m"',
     ),
     Misuse(
         "a zone in the wrong unit",
@@ -909,6 +936,21 @@ MISUSES = (
         "an axis that is no direction",
         'screen a.oem b.oem --cylinder "10 100 m" --axis "0 0 0"',
         '--axis: "0 0 0" is not a direction; write for example "0 1 0"',
+    ),
+    Misuse(
+        "a covariance without sigmas",
+        'screen a.oem b.oem --covariance "25 0 400 0 0 25 m^2"',
+        "screen: --covariance and --sigmas go together; for example --sigmas 3",
+    ),
+    Misuse(
+        "a covariance that is none",
+        'screen a.oem b.oem --covariance "25 0 -400 0 0 25 m^2" --sigmas 3',
+        "--covariance: covariance is not positive definite; check its six numbers: rr tr tt nr nt nn",
+    ),
+    Misuse(
+        "a body of covariance",
+        'screen a.oem b.oem --covariance "25 0 400 0 0 25 m^2" --sigmas 3 --body',
+        "screen: --covariance is of where a craft is, not of its body; leave --body out",
     ),
     Misuse(
         "one ephemeris only",

@@ -271,3 +271,27 @@ def test_an_unknown_collision_is_counted_and_a_gathering_at_once_counts_its_pair
     (stay,) = at_once.conflicts
     assert (stay.first, stay.second) == (0, 1)
     assert not at_once.known(0, 1, stay.start)
+
+
+def test_each_pair_keeps_its_own_zone():
+    """Two of one knowledge set pass at 15 m: a matter of their own zones, whatever the others keep."""
+    exact, unsure = cf.Sphere(20.0), cf.Uncertainty(np.diag([16.0, 16.0, 16.0]), 3.0)  # 12 m, 17 m of both
+    passing = with_kernel([[0, 0, 0], [80.0, 15.0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
+    for own, burns in (
+        ([exact] * 4, 1),
+        ([exact, exact, cf.Sphere(10.0), None], 0),
+        ([exact, exact, unsure, None], 0),
+        ([exact, exact, unsure, unsure], 1),
+        ([exact, exact, cf.Body(cf.Sphere(7.0)), cf.Body(cf.Sphere(9.0))], 1),
+        ([exact, exact, None, None], 0),
+    ):
+        g = cf.gather(SEARCH, *passing, keep_out=own, rounds=1)
+        assert sum(e.kind == "correction" for e in g.events) == burns
+        assert g.conflicts == ()
+        cases = cf.gather_cases(SEARCH, *(array[None] for array in passing), keep_out=own, rounds=1)
+        assert cases.met_known.tolist() == cases.met_unknown.tolist() == [0]
+        if burns:
+            zone = cf.PairZones.of(own).between(3, 2)
+            apart, v = np.array([80.0, 15.0, 0.0]), np.array([-0.1, 0.0, 0.0])
+            least = least_burn(zone, apart, v, np.random.default_rng(1))
+            assert norm(g.delta_v) == pytest.approx(least, rel=2e-4)

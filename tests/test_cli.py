@@ -331,6 +331,16 @@ def test_screen(tmp_path, capsys) -> None:
     assert re.search(r"A - B +0\.000 +600\.000 +600\.000 ", printed)
     assert "0.8750 x zone" in printed
     assert max(map(len, printed.splitlines())) <= WIDTH
+    # three sigmas of one reach 600 m along the track, of both 849 m; two bodies of 400 m reach 800 m
+    unsure = ["--covariance", "25 0 40000 0 0 25 m^2", "--sigmas", "3"]
+    assert main(["screen", *files, *unsure]) == 1
+    printed = capsys.readouterr().out
+    assert "Zones of pairs: covariances added, 3 sigma" in printed
+    assert "0.8250 x zone" in printed  # 700 / (3 x 200 x sqrt 2)
+    assert main(["screen", *files, "--sphere", "400 m"]) == 0
+    assert "Zones of pairs" not in capsys.readouterr().out
+    assert main(["screen", *files, "--sphere", "400 m", "--body"]) == 1
+    assert "Zones of pairs: bodies added" in capsys.readouterr().out
 
 
 def test_version(capsys) -> None:

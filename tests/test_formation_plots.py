@@ -497,7 +497,7 @@ APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
-        (lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})), "zones: those of 4 craft for 3 craft"),
+        (lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})), "zones: zones of 4 craft for 3 paths"),
         (lambda: plots.ratio_matrix(SOME, [BALL] * 2), "zones: 2 zones for 3 craft"),
         (
             lambda: plots.ratio_matrix(SOME, [(BALL, [[0, 1]]), BALL]),

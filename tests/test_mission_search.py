@@ -370,7 +370,7 @@ def test_conflicts_with_craft_still_unknown_are_counted(tmp_path, monkeypatch, c
 def test_each_pair_is_watched_with_its_own_zone() -> None:
     zones = '[{ sphere = "10 m" }, { sphere = "20 m" }, { sphere = "10 m" }]'
     scenario = parse(searched(keep_out=zones, velocity=MOVING))
-    assert scenario.common_zone.norm([20.0, 0.0, 0.0]) == 1.0
+    assert scenario.gathering(scenario.stages[0])["keep_out"] is scenario.zones  # of the gathering, too
     (flown,) = fly(scenario).results
     assert {
         (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0]))

@@ -28,7 +28,7 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
-from closeform.zones.pair_zones import containing_zone, greatest_norm
+from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.zone import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere, Zone
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

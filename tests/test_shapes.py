@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linprog, minimize_scalar
 
 import closeform as cf
-from closeform.zones.pair_zones import containing_zone, greatest_norm
+from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.shapes import FORM, norm, part, part_count, rank, rate
 
 N = 1.1e-3

@@ -19,12 +19,12 @@ PACKAGE = Path(cf.__file__).parent
 PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
-RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around"}
+RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 # Take and give objects that carry their own units.
 UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged", "EventKind", "GatherStatus"}
-UNITLESS |= {"Search.coverage", "PairZones.which", "PairZones.between", "PairZones.around"}
+UNITLESS |= {"Search.coverage", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 UNIT_OR_SHAPE = re.compile(r"\[(m|s|rad)\b[^]]*\]|\bin m\b|\bm and m/s\b|\((\.\.\.|[NMT],|\d,)[^)]*\)")
 
 

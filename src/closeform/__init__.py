@@ -8,6 +8,7 @@ _NAMES = {
     "motion.orbit": "Orbit",
     "motion.path": "Path join stack",
     "zones.zone": "Zone Box Ellipsoid Sphere Cylinder HalfSpaces",
+    "zones.own_zone": "Uncertainty Body",
     "zones.pair_zones": "PairZones",
     "conflicts.two_paths": (
         "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -26,7 +26,6 @@ from closeform.console import (
 
 if TYPE_CHECKING:
     from closeform.scenario import Scenario
-    from closeform.zones.zone import Zone
 
 CLEAR, BAD_INPUT = 0, 2
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
@@ -185,6 +184,9 @@ def screen(
     ellipsoid: str | None = None,
     cylinder: str | None = None,
     axis: str | None = None,
+    covariance: str | None = None,
+    sigmas: float | None = None,
+    body: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Find every conflict among real ephemerides, in the orbital frame of the first.
 
@@ -202,8 +204,20 @@ def screen(
         Keep-out zone by its radius and half-length along --axis: "10 100 m".
     axis
         Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
+    covariance
+        Of the position of every craft, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
+    sigmas
+        How many standard deviations of --covariance are kept clear.
+    body
+        The zone is what each craft fills: those of two add.
     """
-    zone = zone_of(axis, sphere=sphere, box=box, ellipsoid=ellipsoid, cylinder=cylinder)
+    from closeform.scenario.options import own_zone
+
+    shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
+    try:
+        zone = own_zone(shapes | {"covariance": covariance}, axis, sigmas, body)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
     if missing := next((file for file in files if not os.path.exists(file)), None):
@@ -211,7 +225,7 @@ def screen(
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
-    from closeform.report.conflicts import approaches, listed
+    from closeform.report.conflicts import approaches, listed, zones
     from closeform.verdict import Verdict, conflicts_in
     from closeform.zones.pair_zones import PairZones
 
@@ -230,7 +244,7 @@ def screen(
         f"on a circle of {frame.radius / 1e3:.3f} km",
     )
     lines, tables = listed("Conflicts", flight)
-    say(console, *lines)
+    say(console, *zones(flight), *lines)
     for table in (*tables, *approaches("Closest approaches", flight)):
         show(console, table)
     found = Verdict(None, *conflicts_in([flight]), exceeded=None, searched=False)
@@ -364,29 +378,3 @@ def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
         complain(*(f"{scenario.file}: {line}" for line in lines))
         return None
     return scenario
-
-
-def zone_of(axis: str | None, **shapes: str | None) -> "Zone":
-    """The one zone that the options of `screen` describe."""
-    from closeform.scenario.quantity import LENGTH, Reader
-    from closeform.zones.zone import Box, Cylinder, Ellipsoid, Sphere
-
-    given = {shape: text for shape, text in shapes.items() if text is not None}
-    if len(given) != 1:
-        names = ", ".join(f"--{shape}" for shape in shapes)
-        raise UsageError(f'screen: give one of {names}; for example --sphere "20 m"')
-    shape, text = given.popitem()
-    if (shape == "cylinder") != (axis is not None):
-        raise UsageError('screen: --cylinder and --axis go together; for example --axis "0 1 0"')
-    try:
-        size: Any = Reader(LENGTH, {"sphere": 1, "cylinder": 2}.get(shape, 3), "positive")(text)
-    except ValueError as error:
-        raise UsageError(f"--{shape}: {error}") from None
-    if shape == "sphere":
-        return Sphere(size)
-    if axis is not None:
-        try:
-            return Cylinder(size[0], size[1], [float(number) for number in axis.split()])
-        except ValueError:
-            raise UsageError(f'--axis: "{axis}" is not a direction; write for example "0 1 0"') from None
-    return Box(size) if shape == "box" else Ellipsoid(size)

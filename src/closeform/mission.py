@@ -161,6 +161,7 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         stage.method,
         max_acceleration=craft.max_acceleration if craft.max_thrust is not None else None,
         longer=stage.longer,
+        names=rest,
     )
     if avoidance.weak is not None:
         avoidance = replace(avoidance, reason=weakness(avoidance.weak, craft.name, craft.mass))

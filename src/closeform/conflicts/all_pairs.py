@@ -14,7 +14,8 @@ from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.tracks import Tracks, follow
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path, stack
-from closeform.zones.pair_zones import PairZones
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import NONE, PairZones, pair_zones
 from closeform.zones.zone import Zone
 
 CHUNK = 32_768  # pairs that one thread takes at a time
@@ -109,29 +110,29 @@ def search_pairs(
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]
 
 
-def screen(paths: Path | Sequence[Path], zone: Zone | PairZones) -> Screening:
+def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None] | PairZones) -> Screening:
     """Every stay in the `zone` among all pairs of `paths`: a Path of shape (N,) or N paths.
 
-    One zone is around every craft: a pair is searched both ways where it is not symmetric.
-    `PairZones` of N craft tell who keeps which zone with whom.  The search of `find_conflicts`,
-    certified as there, on all cores; most pairs are excluded by bounds on what each craft does
-    between common times (theory 23), whatever their paths.  Half a million pairs take a tenth of a
-    second on two cores and some megabytes.  A progress bar goes to standard error from five million
-    pairs on, where that is a terminal.
+    One zone, `Uncertainty` or `Body` is every craft's own, a list has one for each (None: none of its
+    own), and `PairZones` tells who keeps which zone with whom: of two regions the larger, covariances
+    and bodies added.  One region that is not symmetric is searched for both ways.  The search of
+    `find_conflicts`, certified as there, on all cores; most pairs are excluded by bounds on what each
+    craft does between common times (theory 23), whatever their paths.  Half a million pairs take a
+    tenth of a second on two cores and some megabytes.  A progress bar goes to standard error from five
+    million pairs on, where that is a terminal.
 
-    Raises ValueError for a Path that is not of shape (N,), for paths in different orbits, or for
-    the zones of another number of craft.
+    Raises ValueError for a Path that is not of shape (N,), for paths in different orbits, for the
+    zones of another number of craft, or for two of which none can be made for the pair.
     """
     batch = paths if isinstance(paths, Path) else stack(paths)
     if len(batch.shape) != 1:
         raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
     count = len(batch)
-    if isinstance(zone, PairZones) and len(zone) != count:
-        raise ValueError(f"zone: zones of {len(zone)} craft for {count} paths")
+    held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, count)
     total = count * (count - 1) // 2
     pairs, rows = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, COLUMNS - 1))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for found, table in _shown(_ahead(pool, batch, zone), total):
+        for found, table in _shown(_ahead(pool, batch, held), total):
             pairs.append(found)
             rows.append(table)
     who, table = np.concatenate(pairs), np.concatenate(rows)
@@ -144,8 +145,11 @@ def _jobs(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]
     for first, second in _chunks(count):
         if isinstance(zone, PairZones):
             which = zone.which(first, second)
-            for k, one in enumerate(zone.zones):
-                yield one, first[which == k], second[which == k]
+            order = np.argsort(which, kind="stable")
+            there, begins = np.unique(which[order], return_index=True)
+            for k, some in zip(there.tolist(), np.split(order, begins[1:]), strict=True):
+                if k != NONE:
+                    yield zone.zones[k], first[some], second[some]
         else:
             yield zone, first, second
             if not zone.symmetric:

@@ -17,7 +17,7 @@ from closeform.zones.zone import Zone
 class PairApproach:
     """The closest approach of the craft `first` and `second` in terms of the `zone` that holds for them.
 
-    `time` [s], least norm `ratio`, and the `distance` [m] at that time.
+    `time` [s], least norm `ratio`, and the `distance` [m] at that time; `rule`: how the zone was made.
     """
 
     first: Any
@@ -26,6 +26,7 @@ class PairApproach:
     ratio: float
     distance: float
     zone: Zone
+    rule: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:
     for zone, pairs in zones.groups():
         close = closest_approach(paths[pairs[:, 0]], paths[pairs[:, 1]], zone)
         approaches += [
-            PairApproach(one, other, time, ratio, distance, zone)
+            PairApproach(one, other, time, ratio, distance, zone, zones.rule(one, other) or "")
             for (one, other), time, ratio, distance in zip(
                 *(part.tolist() for part in (pairs, close.time, close.ratio, close.distance)), strict=True
             )

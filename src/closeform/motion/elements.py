@@ -208,23 +208,51 @@ def elements_from_roe(chief: ArrayLike, roe: ArrayLike) -> Floats:
     return deputy
 
 
+def scaled_roe_from_state(state: ArrayLike, mean_motion: ArrayLike, latitude: ArrayLike = 0.0) -> Floats:
+    """Relative orbital elements a [da, dl, dex, dey, dix, diy] (..., 6) in m of a state, to first order.
+
+    state: (..., 6) in m and m/s in the Hill frame of a chief on a circular orbit of `mean_motion`
+    [rad/s], whose argument of latitude at that time is `latitude` [rad].  The error falls with the
+    square of the separation and is of the order of the eccentricity times it for a chief that is not
+    on a circle.  Linear, and regular at any inclination; all are constant on a natural orbit but for
+    a dl, which drifts by -3/2 n a da.        (D'Amico 2010, eqs. 2.2 and 2.17; Palmer's coordinates turned)
+
+    Raises ValueError for wrong shapes and unless the mean motion is positive.
+    """
+    e1, e2, d, l, h1, h2 = np.moveaxis(palmer_from_state(state, mean_motion), -1, 0)  # noqa: E741
+    u = checked("latitude", latitude)
+    cos, sin = np.cos(u), np.sin(u)
+    turned = e1 * cos + e2 * sin, e1 * sin - e2 * cos, h1 * sin + h2 * cos, h2 * sin - h1 * cos
+    return np.stack(np.broadcast_arrays(2.0 * d, l, *turned), axis=-1)
+
+
+def state_from_scaled_roe(scaled: ArrayLike, mean_motion: ArrayLike, latitude: ArrayLike = 0.0) -> Floats:
+    """State (..., 6) in m and m/s in the Hill frame: the inverse of `scaled_roe_from_state`.
+
+    scaled: a [da, dl, dex, dey, dix, diy] (..., 6) in m; `mean_motion` [rad/s] and `latitude` [rad]
+    of the chief, on a circular orbit.  Raises ValueError as `scaled_roe_from_state`.
+    """
+    da, dl, dex, dey, dix, diy = np.moveaxis(checked("scaled", scaled, last=6), -1, 0)
+    u = checked("latitude", latitude)
+    cos, sin = np.cos(u), np.sin(u)
+    eccentricity = dex * cos + dey * sin, dex * sin - dey * cos
+    inclination = dix * sin - diy * cos, dix * cos + diy * sin
+    palmer = np.stack(np.broadcast_arrays(*eccentricity, 0.5 * da, dl, *inclination), axis=-1)
+    return state_from_palmer(palmer, mean_motion)
+
+
 def roe_from_state(
     state: ArrayLike, semi_major_axis: ArrayLike, latitude: ArrayLike, mu: float = EARTH_MU
 ) -> Floats:
-    """Relative orbital elements (..., 6) of a state in the Hill frame, to first order.
+    """Relative orbital elements (..., 6), no units and rad, of a state in the Hill frame, to first order.
 
-    state: (..., 6) in m and m/s beside a chief on a circular orbit of `semi_major_axis` [m], whose
-    argument of latitude at that time is `latitude` [rad].  The error falls with the square of the
-    separation and is of the order of the eccentricity times it for a chief that is not on a
-    circle.  Linear, and regular at any inclination.     (D'Amico 2010; Palmer's coordinates turned)
-    Raises ValueError for wrong shapes and unless the semi-major axis and `mu` [m^3/s^2] are positive.
+    state: (..., 6) in m and m/s beside a chief on a circular orbit of `semi_major_axis` [m] about a body
+    of `mu` [m^3/s^2], at argument of latitude `latitude` [rad]: those of `scaled_roe_from_state`, by a.
+    Raises ValueError for wrong shapes and unless the semi-major axis and `mu` are positive.
     """
     a = checked("semi_major_axis", semi_major_axis, positive=True)
-    palmer = palmer_from_state(state, mean_motion_from_semi_major_axis(a, mu))
-    e1, e2, d, l, h1, h2 = np.moveaxis(palmer, -1, 0)  # noqa: E741
-    cos, sin = np.cos(checked("latitude", latitude)), np.sin(latitude)
-    turned = (e1 * cos + e2 * sin, e1 * sin - e2 * cos, h1 * sin + h2 * cos, h2 * sin - h1 * cos)
-    return np.stack([part / a for part in np.broadcast_arrays(2.0 * d, l, *turned)], axis=-1)
+    scaled = scaled_roe_from_state(state, mean_motion_from_semi_major_axis(a, mu), latitude)
+    return np.asarray(scaled / np.asarray(a)[..., None])
 
 
 def state_from_roe(
@@ -236,18 +264,8 @@ def state_from_roe(
     chief, on a circular orbit about a body of `mu` [m^3/s^2].  Raises as `roe_from_state`.
     """
     a = checked("semi_major_axis", semi_major_axis, positive=True)
-    da, dl, dex, dey, dix, diy = np.moveaxis(checked("roe", roe, last=6), -1, 0)
-    cos, sin = np.cos(checked("latitude", latitude)), np.sin(latitude)
-    parts = (
-        dex * cos + dey * sin,
-        dex * sin - dey * cos,
-        0.5 * da,
-        dl,
-        dix * sin - diy * cos,
-        dix * cos + diy * sin,
-    )
-    palmer = np.stack([part * a for part in np.broadcast_arrays(*parts)], axis=-1)
-    return state_from_palmer(palmer, mean_motion_from_semi_major_axis(a, mu))
+    scaled = checked("roe", roe, last=6) * np.asarray(a)[..., None]
+    return state_from_scaled_roe(scaled, mean_motion_from_semi_major_axis(a, mu), latitude)
 
 
 def _length(vector: Floats) -> Any:

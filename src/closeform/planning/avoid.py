@@ -10,6 +10,7 @@ import numpy as np
 from closeform.arrays import Floats, numbers
 from closeform.motion.path import Path, stack
 from closeform.planning.limits import FULL, stretched
+from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Avoidance, Status, TooWeak, weakness
 from closeform.planning.planner import outcome, solve
@@ -17,7 +18,8 @@ from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
-from closeform.zones.zone import Zone
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones
 
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
 ROUNDING = 1e-9  # of a duration
@@ -26,18 +28,21 @@ ROUNDING = 1e-9  # of a duration
 def avoid(
     path: Path,
     obstacles: Path | Sequence[Path],
-    zone: Zone | Sequence[Zone],
+    zone: OwnZone | Sequence[OwnZone] | PairZones,
     method: Literal["exact", "sauter-palmer"] = "exact",
     *,
     max_acceleration: float | None = None,
     longer: bool = True,
     budget: int | None = None,
     prove: float = 0.0,
+    names: Sequence[str] | None = None,
 ) -> Avoidance:
     """The cheapest path found with the end states and times of `path` that stays out of every zone.
 
     `obstacles`: one path, a Path of shape (M,) or a sequence; coasting, thrusting or sampled.
-    `zone`: one for all, or one for each obstacle.  A path that is clear is returned as it is.
+    `zone`: one for all, or one for each obstacle, which the craft keeps out of as a point that is known
+    exactly; where it has a zone of its own, `PairZones` of craft and obstacles.  `names` are the
+    obstacles', for reasons.  A path that is clear is returned as it is.
 
     "exact": least energy, by the kernel of paths with fixed ends and forces at contacts.  The sides on which
     zones are passed are searched, ranked by what they may cost: `budget` candidates at most (by how many
@@ -54,7 +59,7 @@ def avoid(
     obstacle that is there when `path` ends, as nobody knows where that goes on to.  Where that does not
     help the status is "thrust limit exceeded", and `weak` says by how much.  Impulses are beyond any limit.
 
-    Raises ValueError for a batch of paths, another orbit, zones that do not match the
+    Raises ValueError for a batch of paths, another orbit, zones or names that do not match the
     obstacles, a limit that is not positive, a budget below 1, a negative time, or an unknown method.
     """
     if path.shape:
@@ -72,19 +77,21 @@ def avoid(
         longer=longer,
         budget=budget,
         prove=prove,
+        names=names,
     )
 
 
 def avoid_by(
     direct: Callable[[float], Path],
     obstacles: Path | Sequence[Path],
-    zone: Zone | Sequence[Zone],
+    zone: OwnZone | Sequence[OwnZone] | PairZones,
     method: Literal["exact", "sauter-palmer"] = "exact",
     *,
     max_acceleration: float | None = None,
     longer: bool = True,
     budget: int | None = None,
     prove: float = 0.0,
+    names: Sequence[str] | None = None,
 ) -> Avoidance:
     """`avoid` for a craft whose `direct` path depends on the factor by which it takes longer."""
     path = direct(1.0)
@@ -94,8 +101,11 @@ def avoid_by(
         raise ValueError(f"budget: at least one candidate, got {budget}")
     if not prove >= 0.0:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
-    batch = obstacle_batch(path, obstacles)
-    task = Around(batch, tuple(zones_of(zone, len(batch))), method, budget, max_acceleration is not None)
+    batch = obstacle_batch(path.orbit, obstacles)
+    if batch is None:
+        raise ValueError("obstacles: give at least one path")
+    called, zones = obstacle_names(names, len(batch)), zones_around(zone, len(batch))
+    task = Around(batch, zones, called, method, budget, max_acceleration is not None)
     if max_acceleration is None:
         return task.plan(path, prove)
     limit = numbers("max_acceleration", max_acceleration)
@@ -109,7 +119,8 @@ class Around:
     """What one craft keeps clear of, and how it plans; `fixed`: no cheaper path is taken while proving."""
 
     obstacles: Path
-    zones: tuple[Zone, ...]
+    zones: PairZones
+    names: tuple[str, ...]
     method: str
     budget: int | None
     fixed: bool
@@ -117,11 +128,11 @@ class Around:
     def plan(self, path: Path, prove: float = 0.0) -> Avoidance:
         """The way around for a path, or the path itself where it is clear."""
         optimum = transfer(path)
-        groups = ((one, np.array([[0, 1 + k] for k in those])) for one, those in grouped(self.zones))
-        problem = Problem.of(stack([optimum]), self.obstacles, groups)
-        inside = problem.inside_at_end(problem.direct)
-        if inside:
-            return refused(problem, Status.END_INSIDE, inside)
+        problem = Problem.of(stack([optimum]), self.obstacles, self.zones.groups())
+        if inside := end_inside(problem):
+            end, ratio, which = inside
+            reason = f"the path's {end} is {ratio:.2f} x zone from {self.names[which]}; move it or the time"
+            return refused(problem, Status.END_INSIDE, reason)
         if not problem.conflicts(problem.with_path(path)):
             energy, bound = path.energy, min(float(optimum.energy), path.energy)
             extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
@@ -130,7 +141,7 @@ class Around:
                 path, energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict", proven=proven
             )
         if self.method == "sauter-palmer":
-            return deviated(path, problem)
+            return deviated(path, problem, self.names)
         return shaped(problem, self.budget, prove, self.fixed)
 
 
@@ -222,33 +233,13 @@ def refused(problem: Problem, status: Status, reason: str, tried: int = 0) -> Av
     return Avoidance(None, nan, nan, nan, bound, (), status, reason, tried=tried)
 
 
-def obstacle_batch(path: Path, obstacles: Path | Sequence[Path]) -> Path:
-    """Obstacles as a Path of shape (M,)."""
-    others = [obstacles] if isinstance(obstacles, Path) else list(obstacles or ())
-    if not others or not all(isinstance(other, Path) for other in others):
-        raise ValueError("obstacles: give at least one path")
-    for other in others:
-        if other.orbit.mean_motion != path.orbit.mean_motion:
-            raise ValueError("obstacles: must be in the orbit of path")
-    batch = obstacles if isinstance(obstacles, Path) and obstacles.shape else stack(others)
-    if len(batch.shape) != 1:
-        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
-    return batch
-
-
-def zones_of(zone: Zone | Sequence[Zone], count: int) -> list[Zone]:
-    """One zone for each obstacle."""
-    given = [zone] * count if isinstance(zone, Zone) else list(zone) if isinstance(zone, Sequence) else []
-    if not given or not all(isinstance(one, Zone) for one in given):
+def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> PairZones:
+    """Zones of a craft, which has none unless given, and `count` obstacles."""
+    if isinstance(zone, PairZones):
+        return pair_zones("zone", zone, 1, count)
+    given = [zone] * count if isinstance(zone, OwnZone) else list(zone) if isinstance(zone, Sequence) else []
+    if not given or not all(isinstance(one, OwnZone) for one in given):
         raise ValueError(f"zone: expected a zone, or one for each obstacle, got {zone!r}")
     if len(given) != count:
         raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
-    return given
-
-
-def grouped(zones: Sequence[Zone]) -> list[tuple[Zone, list[int]]]:
-    """Each zone with the obstacles that share it."""
-    groups: dict[int, tuple[Zone, list[int]]] = {}
-    for k, zone in enumerate(zones):
-        groups.setdefault(id(zone), (zone, []))[1].append(k)
-    return list(groups.values())
+    return pair_zones("zone", [None, *given], 1, count)

@@ -4,6 +4,7 @@ import numpy as np
 
 from closeform.motion.path import Path, stack
 from closeform.planning.certify import Solution, nearer
+from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS, Search
 from closeform.planning.problem import Problem
 from closeform.zones.zone import Zone
@@ -21,7 +22,7 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     problem = Problem.of(stack([optimum]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
     search = Search(problem, MARGINS[0])
     conflicts = problem.conflicts(problem.direct)
-    if problem.inside_at_end(problem.direct) or not conflicts:
+    if end_inside(problem) or not conflicts:
         return []
     search.push_exits(*min(conflicts, key=lambda one: one[1][3]))
     found: list[Solution] = []

@@ -21,7 +21,8 @@ from closeform.planning.prove import prove as prove_bound
 from closeform.planning.request import Request
 from closeform.planning.sequential import one_by_one
 from closeform.planning.slots import revised
-from closeform.zones.zone import Zone
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 
 
 def reconfigure(
@@ -29,7 +30,7 @@ def reconfigure(
     initial: ArrayLike,
     final: ArrayLike,
     duration: ArrayLike,
-    zone: Zone | Sequence[Zone | None],
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones,
     *,
     assign: bool = False,
     start: ArrayLike = 0.0,
@@ -47,8 +48,9 @@ def reconfigure(
     In the frame of `orbit`, `initial` (N, 6) holds at each craft's `start` [s] and `final` (N, 6) a
     `duration` [s] later, one for all or (N,) each; before and after their own time craft coast.  With
     `assign`, `final` (S, 6), S >= N, are slots, and craft go to those of least total energy.  `zone`:
-    one for all, or one for each craft and, after them, obstacle (None: none of its own); of two zones
-    the larger holds.  `obstacles`: paths that do not give way, and are gone when they end.
+    one for all, or one for each craft and, after them, obstacle (None: none of its own), each a region, an
+    `Uncertainty` or a `Body`; or `PairZones`.  Of two regions the larger holds, covariances and bodies add.
+    `obstacles`: paths that do not give way, and are gone when they end.
     `max_acceleration` [m/s^2], one for all or (N,), bounds the thrust: a plan beyond it takes the
     shortest longer duration that was found to respect it.
 
@@ -62,7 +64,7 @@ def reconfigure(
     in order; () forbids all.  `names` are used in reasons.
 
     The result says how it ended; it raises ValueError for arguments that do not fit: shapes,
-    fewer slots than craft, zones of which neither holds the other, unknown words.
+    fewer slots than craft, zones that make none for a pair, unknown words.
     """
     request = Request.of(
         orbit, initial, final, duration, zone, assign, start, obstacles, max_acceleration, names

@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, numbers
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, stack
+from closeform.motion.path import Path
+from closeform.planning.obstacles import obstacle_batch, obstacle_names
 from closeform.planning.problem import Problem
-from closeform.zones.pair_zones import PairZones
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
 
 
@@ -43,7 +45,7 @@ class Request:
         initial: ArrayLike,
         final: ArrayLike,
         duration: ArrayLike,
-        zone: Zone | Sequence[Zone | None],
+        zone: OwnZone | Sequence[OwnZone | None] | PairZones,
         assign: bool,
         start: ArrayLike,
         obstacles: Path | Sequence[Path],
@@ -59,12 +61,13 @@ class Request:
             raise ValueError(
                 f"final: {len(places)} states for {count} craft; give one for each, or assign=True for more"
             )
-        others = _obstacles(orbit, obstacles)
+        others = obstacle_batch(orbit, obstacles)
         extra = len(others) if others is not None else 0
         called = tuple(names) if names is not None else tuple(f"craft {k}" for k in range(count))
         if len(called) not in (count, count + extra):
             raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
-        called += tuple(f"obstacle {k}" for k in range(count + extra - len(called)))
+        if len(called) == count:
+            called += obstacle_names(None, extra)
         limits = (
             None
             if max_acceleration is None
@@ -78,9 +81,7 @@ class Request:
             np.zeros(count),
             _each("start", start, count, least=-LARGEST),
             _each("duration", duration, count),
-            tuple(
-                PairZones.of(_zones(zone, count, extra), called, [True] * count + [False] * extra).groups()
-            ),
+            tuple(pair_zones("zone", zone, count, extra, called).groups()),
             others,
             limits,
             called,
@@ -155,32 +156,3 @@ def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest:
     if not ((values > least) & (values <= greatest)).all():
         raise ValueError(f"{name}: must be finite{' and positive' * (least == 0.0)}, got {values.tolist()}")
     return np.full(count, values) if values.shape == () else values
-
-
-def _obstacles(orbit: Orbit, obstacles: Path | Sequence[Path]) -> Path | None:
-    if isinstance(obstacles, Path) and not obstacles.shape:
-        obstacles = [obstacles]
-    if not isinstance(obstacles, Path):
-        obstacles = list(obstacles)
-        if not all(isinstance(one, Path) for one in obstacles):
-            raise ValueError("obstacles: expected paths")
-        if not obstacles:
-            return None
-    batch = obstacles if isinstance(obstacles, Path) and obstacles.shape else stack(obstacles)
-    if len(batch.shape) != 1:
-        raise ValueError(f"obstacles: expected a Path of shape (M,), got shape {batch.shape}")
-    if batch.orbit.mean_motion != orbit.mean_motion:
-        raise ValueError("obstacles: must be in the given orbit")
-    return batch if len(batch) else None
-
-
-def _zones(zone: Zone | Sequence[Zone | None], count: int, extra: int) -> list[Zone | None]:
-    if isinstance(zone, Zone):
-        return [zone] * (count + extra)
-    zones = list(zone) if isinstance(zone, Sequence) else [False]
-    if not all(one is None or isinstance(one, Zone) for one in zones):
-        raise ValueError(f"zone: expected a zone, or one for each craft, got {zone!r}")
-    if len(zones) not in (count, count + extra):
-        with_obstacles = f" or {count + extra} with the obstacles" * bool(extra)
-        raise ValueError(f"zone: {len(zones)} zones for {count} craft; give one, or {count}{with_obstacles}")
-    return zones + [None] * (count + extra - len(zones))

@@ -1,5 +1,6 @@
 """SP11's own method: one deviation point for each conflict, across the cost's gradients."""
 
+from collections.abc import Sequence
 from math import nan
 from typing import Any
 
@@ -109,8 +110,8 @@ def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Pa
     return best
 
 
-def deviated(path: Path, problem: Problem) -> Avoidance:
-    """`avoid` by method "sauter-palmer"; raises ValueError in deep space."""
+def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
+    """`avoid` by method "sauter-palmer", of obstacles with `names`; raises ValueError in deep space."""
     if path.orbit.mean_motion == 0.0:
         raise ValueError("method: 'sauter-palmer' needs an orbit, in deep space use 'exact'")
     optimum = legs = problem.path(problem.direct)[0]
@@ -121,14 +122,14 @@ def deviated(path: Path, problem: Problem) -> Avoidance:
 
     while conflicts := problem.conflicts(problem.with_path(legs)):
         pair, (_, _, time, _) = min(conflicts, key=lambda one: one[1][3])
-        obstacle = pair[1] - 1
+        obstacle = names[pair[1] - 1]
         k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
         leg = _alone(legs, k)
         if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
-            return refused(f"no way past obstacle {obstacle} at {time:.6g} s")
+            return refused(f"no way past {obstacle} at {time:.6g} s")
         found = _deviation(leg, problem.index[pair], time, problem)
         if found is None:
-            return refused(f"no one deviation clears obstacle {obstacle} at {time:.6g} s")
+            return refused(f"no one deviation clears {obstacle} at {time:.6g} s")
         contacts.append(found[1])
         parts: list[Any] = [_alone(legs, i) for i in range(len(legs.arcs)) if i != k]
         legs = join(sorted([*parts, *(_alone(found[0], i) for i in range(2))], key=lambda part: part.start))

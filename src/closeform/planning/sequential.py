@@ -13,6 +13,7 @@ import numpy as np
 
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path, stack
+from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS
 from closeform.planning.plan import Contact
 from closeform.planning.planner import Outcome, solve
@@ -47,7 +48,7 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
         alone, others = _alone(problem, k, published)
         path, tried = alone.path(alone.direct)[0], tried + 1
         if conflicts := alone.conflicts(alone.direct, MARGINS[0]):
-            held = alone.inside_at_end(alone.direct)  # its ends are where they are
+            held = end_inside(alone)  # its ends are where they are
             found = solve(alone, budget) if held is None else None
             tried += found.tried if found is not None else 0
             if found is None or found.flown is None:

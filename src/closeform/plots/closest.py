@@ -40,7 +40,7 @@ def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, co
     """The ratio of the pairs that come closest, against time; below 1 is a conflict.
 
     `paths` is a Path of shape (N,) or a sequence of paths; `zones` is one zone, one for each craft (or
-    None; of two the one that holds the other counts), or `PairZones`; `names` are the
+    None; of two as in `screen`), or `PairZones`; `names` are the
     craft's, else they go by their indices; `count` is how many pairs are shown at most.  Each line
     is the norm of one craft's position relative to the other, over their common time, with a dot
     at the exact least ratio.  Where a line goes beyond 6 zones the axis is

@@ -101,11 +101,10 @@ def formation_paths(
     the start of a craft, a dot its end; `names`, else the indices, stand at the start where they
     fit.  `obstacles` is a Path of any shape or a sequence of paths.  With a `zone` stretches in
     conflict are strong and the zone of the closest pair is drawn where it is then: one for all, one
-    for each craft (or None; of two the one that holds the other counts), or `PairZones`; obstacle k
-    counts as craft N + k.
+    for each craft (or None; of two as in `screen`), or `PairZones`; obstacle k counts as craft N + k.
 
     Raises ValueError for paths that are not of one shape (N,), another number of names, or
-    zones of which neither holds the other.
+    zones that make none for a pair.
     """
     if not isinstance(after, Path):
         raise ValueError(f"after: expected a Path, got {after!r:.60}; a plan that is not ok has none")
@@ -145,7 +144,7 @@ def formation(title: str, paths: Path, others: list[Path], zone: Any, called: li
     tracks, passed = (
         [path.position(instants(path.start, path.end, path)) for path in some] for some in (flown, others)
     )
-    pairs = Pairs.of([*flown, *others], () if zone is None else zone, len(flown))
+    pairs = Pairs.of([*flown, *others], zone, len(flown))
     stays: list[Floats] = []
     for path, spans in zip(flown, together(pairs, len(flown)), strict=True):
         stays += [path.position(np.linspace(start, end, 60)) for start, end in spans]

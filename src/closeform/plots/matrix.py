@@ -16,7 +16,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
 from closeform.motion.path import Path, stack
 from closeform.plots.look import CONFLICT, FAINT, INK, OTHER, SMALL, TEXT, crafts, headline, page
-from closeform.zones.pair_zones import NONE, PairZones
+from closeform.zones.pair_zones import NONE, pair_zones
 from closeform.zones.zone import Zone
 
 SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
@@ -45,13 +45,14 @@ class Pairs:
 
     @classmethod
     def of(cls, paths: Any, zones: Any, flown: int | None = None) -> Self:
-        """Pairs of N `paths`, with one zone for all, one for each, or `PairZones`.
+        """Pairs of N `paths`, with one zone for all, one for each, or `PairZones`; or none.
 
         The first two hold for pairs of which one at least is among the first `flown` craft.
         Raises ValueError for another number of zones, or where two do not hold each other.
         """
         batch = stack(crafts(paths))
-        kept = pair_zones(zones, len(batch), len(batch) if flown is None else flown)
+        flying = len(batch) if flown is None else flown
+        kept = pair_zones("zones", zones or [None] * len(batch), flying, len(batch) - flying)
         craft = np.stack(np.triu_indices(len(batch), 1), axis=1)
         which = kept.which(*craft.T)
         craft = craft[which != NONE]
@@ -86,21 +87,6 @@ class Pairs:
         return [k for ratio, _, k in sorted(ranked) if ratio < np.inf]
 
 
-def pair_zones(zones: Any, count: int, flown: int) -> PairZones:
-    """Who keeps which zone with whom; see `Pairs.of`."""
-    if isinstance(zones, PairZones):
-        if len(zones) != count:
-            raise ValueError(f"zones: those of {len(zones)} craft for {count} craft")
-        return zones
-    given = [zones] * count if isinstance(zones, Zone) else list(zones)
-    if not all(one is None or isinstance(one, Zone) for one in given):
-        raise ValueError("zones: expected a zone, one for each craft, or PairZones")
-    if len(given) not in (0, count, flown):
-        raise ValueError(f"zones: {len(given)} zones for {count} craft")
-    given += [None] * (count - len(given))
-    return PairZones.of(given, moves=[craft < flown for craft in range(count)])
-
-
 def labels(names: Sequence[str] | None, count: int) -> list[str]:
     """What craft are called: their names, in the middle cut short where long, or their indices."""
     if names is None:
@@ -124,7 +110,7 @@ def ratio_matrix(paths: Any, zones: Any, names: Sequence[str] | None = None) -> 
     """How near each two craft come, as a matrix of least ratios; at 1 their zone begins.
 
     `paths` is a Path of shape (N,) or a sequence of paths; `zones` is one zone, one for each craft (or
-    None; of two the one that holds the other counts), or `PairZones`; `names` are the
+    None; of two as in `screen`), or `PairZones`; `names` are the
     craft's, else they go by their indices.  Both halves say the same.  Pairs in conflict are framed,
     or crossed among many craft; pairs without a zone or without a common time are left blank.
 

@@ -1,5 +1,6 @@
 """The conflicts of a flight, and how near each two craft come."""
 
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -7,8 +8,9 @@ from closeform.conflicts.flight import Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
 from closeform.report.section import Picture
-from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
+from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.verdict import conflicts_in
+from closeform.zones.own_zone import REGION
 
 MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all
 
@@ -26,6 +28,7 @@ APPROACH = (
     RATIO,
     Column("distance [m]", "distance_m", "{:.3f}".format),
     Column("at [s]", "time_s", "{:.3f}".format),
+    Column(None, "zone"),
 )
 WHEN = Column("when", "when")
 
@@ -37,7 +40,16 @@ def conflict_row(met: PairConflict) -> tuple[Any, ...]:
 
 def approach_row(near: PairApproach) -> tuple[Any, ...]:
     """A row of APPROACH."""
-    return (near.first, near.second), near.ratio, near.distance, near.time
+    return (near.first, near.second), near.ratio, near.distance, near.time, near.rule
+
+
+def zones(flight: Flight) -> tuple[str, ...]:
+    """How the zones of pairs were made, of how many each, where two craft's own had to be put together."""
+    counts = Counter(near.rule for near in flight.approaches)
+    if not counts.keys() - {REGION}:
+        return ()
+    told = [f"{rule} ({counted(number, 'pair')})" for rule, number in counts.most_common()]
+    return (f"Zones of pairs: {'; '.join(told) if len(told) > 1 else next(iter(counts))}",)
 
 
 def listed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:

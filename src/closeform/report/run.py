@@ -104,6 +104,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     closing = limits.lines(mission, result) if result.result is not None else ()
     return replace(
         told,
+        lines=conflicts.zones(result.before) + told.lines,
         closing=told.closing + closing,
         pictures=tuple(
             replace(picture, name=f"stage-{result.number}-{picture.name}") for picture in told.pictures

@@ -315,7 +315,7 @@ def gatherings(campaign: GatherCampaign) -> Subject:
     stage: Any
     (stage,) = campaign.scenario.stages
     done, met = np.flatnonzero(campaign.leg >= 0), {}
-    if campaign.scenario.common_zone is not None:
+    if campaign.scenario.zones.zones:
         counts = {"before they knew each other": campaign.met_unknown, "only after": campaign.met_known}
         met = {
             name: (estimate(int((pairs > 0).sum()), len(campaign)), int(pairs.sum()))

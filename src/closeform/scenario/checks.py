@@ -15,6 +15,7 @@ from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter
 from closeform.scenario.study import draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
+from closeform.zones.own_zone import REGION
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.shapes import CYLINDER, FACES
 
@@ -204,7 +205,7 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
 
 
 def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Pairs of which neither zone holds the other, and craft that start or end inside another's zone."""
+    """Pairs of which no zone can be made, and craft that start or end inside another's zone."""
     try:
         kept = scenario.zones
     except ValueError as error:
@@ -222,19 +223,20 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
         remedy = "move one of them or make keep_out smaller"
         for one, other, ratio in inside(places, kept):
             names = f"{scenario.names[one]} and {scenario.names[other]}"
-            yield f"craft.position: {names} start inside each other's zone, at {ratio:.2f} x zone; {remedy}"
+            yield f"craft.position: {names} start inside each other's zone, at {ratio}; {remedy}"
     for number, stage in enumerate(scenario.stages, 1):
         if isinstance(stage, Reconfigure):
             yield from ends(scenario, orbit, number, stage)
 
 
-def inside(states: Floats, kept: PairZones) -> Iterator[tuple[int, int, float]]:
-    """The pairs that are inside each other's zone, and how deep."""
+def inside(states: Floats, kept: PairZones) -> Iterator[tuple[int, int, str]]:
+    """The pairs that are inside each other's zone, and how deep in words."""
     for zone, pairs in kept.groups():
         ratios = zone.norm(states[pairs[:, 0], :3] - states[pairs[:, 1], :3])
         deep = ratios <= 1.0
         for (one, other), ratio in zip(pairs[deep].tolist(), ratios[deep], strict=True):
-            yield one, other, float(ratio)
+            made = "" if (rule := kept.rule(one, other)) == REGION else f" ({rule})"
+            yield one, other, f"{ratio:.2f} x zone{made}"
 
 
 def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
@@ -253,7 +255,7 @@ def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> I
     for one, other, ratio in inside(finals, PairZones.of(own, called)):
         yield (
             f"stage[{number}].to: {called[one]} and {called[other]} end inside each other's zone, "
-            f"at {ratio:.2f} x zone; move them apart or make keep_out smaller"
+            f"at {ratio}; move them apart or make keep_out smaller"
         )
 
 

@@ -1,6 +1,6 @@
 """keep_out: the zone around a craft, as a scenario file writes it."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
@@ -9,6 +9,7 @@ from closeform.arrays import Floats
 from closeform.scenario.formation import Six
 from closeform.scenario.quantity import AREA, LENGTH, Reader
 from closeform.scenario.table import Length, Lengths, Table, Vector
+from closeform.zones.own_zone import Body, OwnZone, Uncertainty
 from closeform.zones.zone import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere, Zone
 
 SHAPES = "sphere", "box", "ellipsoid", "covariance", "cylinder", "half_spaces"
@@ -18,6 +19,7 @@ Row = Annotated[Vector, Field(strict=False)]
 class KeepOut(Table):
     """keep_out: the zone around a craft that no other may enter."""
 
+    kind: Literal["region", "covariance", "body"] | None = Field(None, examples=['"body"'])
     sphere: Length | None = Field(None, examples=['"20 m"'])
     box: Lengths | None = Field(None, examples=['"20 40 20 m"'])
     ellipsoid: Lengths | None = Field(None, examples=['"20 40 20 m"'])
@@ -61,6 +63,10 @@ class KeepOut(Table):
             )
         if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
             raise ValueError("covariance is not positive definite; check its six numbers: rr tr tt nr nt nn")
+        if (self.kind == "covariance") > (self.covariance is not None):
+            raise ValueError('kind = "covariance" goes with covariance only; write "region" or "body"')
+        if self.kind == "body" and self.covariance is not None:
+            raise ValueError("covariance is of where a craft is, not of its body; remove kind")
         return self
 
     def covariance_matrix(self) -> Floats:
@@ -69,8 +75,14 @@ class KeepOut(Table):
         matrix[np.tril_indices(3)] = self.covariance
         return np.asarray(matrix + np.tril(matrix, -1).T)
 
+    def own(self) -> OwnZone:
+        """What the core is told: a region, a body, or where the craft may be."""
+        if self.covariance is not None and self.kind != "region":
+            return Uncertainty(self.covariance_matrix(), self.sigmas or 0.0)
+        return Body(self.zone()) if self.kind == "body" else self.zone()
+
     def zone(self) -> Zone:
-        """The zone of the core."""
+        """The set that it names."""
         if self.sphere is not None:
             return Sphere(self.sphere)
         if self.box is not None:

@@ -12,7 +12,8 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import Gather, StageTable
 from closeform.scenario.study import BUILT, Study
-from closeform.zones.pair_zones import PairZones, containing_zone
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -65,23 +66,17 @@ class Scenario:
         return self.craft[self.names.index(name)].mass if self.newtons else None
 
     @cached_property
-    def keep_out(self) -> tuple[Zone | None, ...]:
+    def keep_out(self) -> tuple[OwnZone | None, ...]:
         """Each craft's own zone; None for a craft without one."""
-        return tuple(None if craft.keep_out is None else craft.keep_out.zone() for craft in self.craft)
+        return tuple(None if craft.keep_out is None else craft.keep_out.own() for craft in self.craft)
 
     @cached_property
     def zones(self) -> PairZones:
         """Who keeps which zone with whom.
 
-        Raises ValueError naming two craft where neither zone holds the other (a checked scenario
-        has none such).
+        Raises ValueError naming two craft of which no zone can be made (a checked scenario has none such).
         """
         return PairZones.of(self.keep_out, self.names)
-
-    @property
-    def common_zone(self) -> Zone | None:
-        """The one zone of a gathering: that which holds all others, or None where no craft has any."""
-        return containing_zone(*self.zones.zones)
 
     @property
     def plan(self) -> "Search":
@@ -112,7 +107,7 @@ class Scenario:
         """What `gather` is to be told beside the search and the states."""
         return {
             "groups": self.groups,
-            "keep_out": self.common_zone,
+            "keep_out": self.zones,
             "rounds": stage.rounds,
             "burns": stage.burns,
             "max_speed": self.search.max_speed if self.search is not None else None,

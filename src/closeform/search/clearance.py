@@ -42,6 +42,29 @@ class KeepOut(NamedTuple):
     half_axes: Floats
 
 
+class KeepOuts(NamedTuple):
+    """The zones of all pairs in the hands of the kernel: `kinds` (N,) and `table` are those of `PairZones`.
+
+    `boxes` (K,) tells which zones are boxes, `matrices` (K, 2, 3, 3) have matrix and half-axes of each.
+    """
+
+    kinds: Any
+    table: Any
+    boxes: Any
+    matrices: Floats
+
+
+@kernel()
+def between(zones, i, j):
+    """Which zone a pair keeps; -1 for none."""
+    return zones.table[zones.kinds[min(i, j)], zones.kinds[max(i, j)]]
+
+
+@kernel()
+def chosen(zones, k):
+    return KeepOut(zones.boxes[k], zones.matrices[k, 0], zones.matrices[k, 1])
+
+
 @kernel()
 def times(matrix, x, y, z):
     return (
@@ -84,15 +107,16 @@ def enters(zone, r, v, duration):
 
 
 @kernel()
-def clear_of_all(zone, craft, i, velocity, duration, r, v):
+def clear_of_all(zones, craft, i, velocity, duration, r, v):
     """Whether craft i, at this velocity, keeps clear of all of its set."""
     rows, labels = craft.rows, craft.labels
     for m in range(len(labels)):
-        if m != i and labels[m] == labels[i]:
+        which = between(zones, i, m) if m != i and labels[m] == labels[i] else -1
+        if which >= 0:
             for k in range(3):
                 r[k] = rows[i, k] - rows[m, k]
                 v[k] = velocity[k] - rows[m, 3 + k]
-            if enters(zone, r, v, duration):
+            if enters(chosen(zones, which), r, v, duration):
                 return False
     return True
 
@@ -211,7 +235,7 @@ def candidate(zone, way, r, v, out, scratch):
 
 
 @kernel()
-def correction(zone, craft, i, duration, best, scratch):
+def correction(zones, craft, i, duration, best, scratch):
     """The least burn of craft i that keeps it clear of its set for `duration`: its size; velocity in `best`.
 
     0 where none is needed, inf where none was found among those that pass one of the others
@@ -219,12 +243,14 @@ def correction(zone, craft, i, duration, best, scratch):
     """
     rows, labels = craft.rows, craft.labels
     r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[4]
-    if clear_of_all(zone, craft, i, rows[i, 3:6], duration, r, v):
+    if clear_of_all(zones, craft, i, rows[i, 3:6], duration, r, v):
         return 0.0
     least = inf
     for m in range(len(labels)):
-        if m == i or labels[m] != labels[i]:
+        which = between(zones, i, m) if m != i and labels[m] == labels[i] else -1
+        if which < 0:
             continue
+        zone = chosen(zones, which)
         for way in range(WAYS):
             for k in range(3):
                 r[k] = rows[i, k] - rows[m, k]
@@ -236,7 +262,7 @@ def correction(zone, craft, i, duration, best, scratch):
                 size += (out[k] - v[k]) ** 2
                 tried[k] = out[k] + rows[m, 3 + k]
             size = sqrt(size)
-            if size < least and clear_of_all(zone, craft, i, tried, duration, r, v):
+            if size < least and clear_of_all(zones, craft, i, tried, duration, r, v):
                 least = size
                 for k in range(3):
                     best[k] = tried[k]

@@ -36,6 +36,8 @@ from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.shapes import BALL, CUBE
 from closeform.zones.zone import Zone
 
@@ -52,7 +54,7 @@ def gather(
     velocities: ArrayLike,
     groups: Groups = "alternating",
     *,
-    keep_out: Zone | None = None,
+    keep_out: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
     rounds: int = 2,
     burns: Burns = "least",
     max_speed: float | None = None,
@@ -67,7 +69,8 @@ def gather(
     least delta-v in total; of equals the lower index holds.  Of locks at one time that of the
     lowest craft in A counts first, then of the lowest in B.  Craft that join the formation set
     null their velocity relative to it; knowledge sets coast, but for corrections where
-    `keep_out` would be entered before the end of the search.  A burn voids S04's guarantee for
+    `keep_out` would be entered before the end of the search: one zone for all or one for each
+    craft, as in `screen`, but round or a box.  A burn voids S04's guarantee for
     the pairs that it touches, so the search is repeated up to `rounds` times.  With `max_speed`
     [m/s], a bound of the relative speeds, each round ends with the near-field search (H03
     section III.C): all wait for near_field / max_speed, the lost burn twice max_speed against
@@ -93,7 +96,7 @@ def gather_cases(
     velocities: ArrayLike,
     groups: Groups = "alternating",
     *,
-    keep_out: Zone | None = None,
+    keep_out: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
     rounds: int = 2,
     burns: Burns = "least",
     max_speed: float | None = None,
@@ -145,7 +148,7 @@ class _Fleet:
     rounds: int
     drifts: Any
     groups: tuple[Group, ...]
-    keep_out: Zone | None
+    keep_out: PairZones | None
     push: float
 
     def fly(self, positions: Floats, velocities: Floats, way: int, room: int) -> tuple[Floats, Any, Floats]:
@@ -154,16 +157,19 @@ class _Fleet:
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
         results = np.empty((len(positions), RESULT + positions.shape[1]))  # and what each craft spent
-        zone = self.keep_out or Zone(BALL, np.eye(3))
+        kept = self.keep_out or PairZones.of([None] * len(self.groups))
+        both = [(zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)) for zone in kept.zones]
         fly_all(
             self.search.table,
             self.drifts,
             np.array([sensor.baseline, sensor.cosine, sensor.range]),
             self.push,
             way,
-            self.keep_out is not None,
-            zone.shape == CUBE,
-            np.stack([zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)]),
+            bool(kept.zones),
+            kept.kinds,
+            kept.table,
+            np.array([zone.shape == CUBE for zone in kept.zones], dtype=bool),
+            np.array(both).reshape(-1, 2, 3, 3),
             np.array([k for k, group in enumerate(self.groups) if group == "A"]),
             np.array([k for k, group in enumerate(self.groups) if group == "B"]),
             positions,
@@ -232,7 +238,7 @@ def _fleet(
     search: Search,
     groups: Groups,
     count: int,
-    keep_out: Zone | None,
+    keep_out: OwnZone | Sequence[OwnZone | None] | PairZones | None,
     rounds: int,
     burns: Burns,
     max_speed: float | None,
@@ -241,16 +247,24 @@ def _fleet(
         raise ValueError(f"rounds: must be a whole number from 1 to {MOST_ROUNDS}, got {rounds!r}")
     if burns not in get_args(Burns):
         raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {burns!r}")
-    if keep_out is not None and not isinstance(keep_out, Zone):
-        raise ValueError(f"keep_out: must be a zone, for example Sphere(20.0), got {keep_out!r:.60}")
-    if keep_out is not None and keep_out.shape not in (BALL, CUBE):
-        raise ValueError(
-            f"keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a {type(keep_out).__name__}; "
-            "give one that holds it"
-        )
+    kept = None
+    if keep_out is not None:
+        _cleared(keep_out)
+        kept = pair_zones("keep_out", keep_out, count)
+        for zone in kept.zones:
+            _cleared(zone)
     speed = None if max_speed is None else positive("max_speed", max_speed)
     flown, drifts = all_rounds(search, int(rounds), speed)
-    return _Fleet(flown, int(rounds), drifts, _sides(groups, count), keep_out, 2.0 * (speed or 0.0))
+    return _Fleet(flown, int(rounds), drifts, _sides(groups, count), kept, 2.0 * (speed or 0.0))
+
+
+def _cleared(zone: Any) -> None:
+    """Refuse a zone that the kernel has no burn for."""
+    if isinstance(zone, Zone) and zone.shape not in (BALL, CUBE):
+        raise ValueError(
+            f"keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a {type(zone).__name__}; "
+            "give one that holds it"
+        )
 
 
 def _sides(groups: Groups, count: int) -> tuple[Group, ...]:

@@ -8,7 +8,7 @@ from numba import bool_, float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOut, correction
+from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOuts, correction
 from closeform.search.locks import COSINE, END, NEVER, START, STEADY, LockSensor
 from closeform.search.next_locks import NextLocks, Turns, earliest_row, foresee_anew, forget
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
@@ -118,7 +118,7 @@ def keep_clear(monitor, craft, log, t, leg, label, end):
         least, who = inf, -1
         for i in range(len(labels)):
             if labels[i] == label and (craft.fresh[i] or anyone):
-                size = correction(monitor.zone, craft, i, end - t, best, scratch)
+                size = correction(monitor.zones, craft, i, end - t, best, scratch)
                 if 0.0 < size < least:
                     least, who = size, i
                     chosen[0], chosen[1], chosen[2] = best[0], best[1], best[2]
@@ -224,8 +224,10 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
         float64,
         int64,
         bool_,
-        bool_,
-        float64[:, :, ::1],
+        int64[::1],
+        int64[:, ::1],
+        bool_[::1],
+        float64[:, :, :, ::1],
         int64[::1],
         int64[::1],
         float64[:, :, ::1],
@@ -242,8 +244,10 @@ def fly_all(
     push: float,
     way: int,
     keeps: bool,
-    box: bool,
-    zone: Floats,
+    kinds: Any,
+    table: Any,
+    boxes: Any,
+    matrices: Floats,
     first: Any,
     second: Any,
     positions: Floats,
@@ -258,7 +262,7 @@ def fly_all(
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     seen = count if keeps else 0
     looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
-    monitor = KeepOutMonitor(keeps, KeepOut(box, zone[0], zone[1]), looked, met, scratch)
+    monitor = KeepOutMonitor(keeps, KeepOuts(kinds, table, boxes, matrices), looked, met, scratch)
     turns = Turns(legs, LockSensor(sensor[0], sensor[1], sensor[2]), first, second, drifts, push)
     pairs = np.empty((len(first), len(second)))
     next_locks = NextLocks(pairs, np.empty(len(first)), np.empty(len(first), dtype=np.int64))

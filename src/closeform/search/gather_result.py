@@ -15,7 +15,7 @@ from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
 from closeform.search.schedule import Group, Search
 from closeform.search.sets import LOST
-from closeform.zones.zone import Zone
+from closeform.zones.pair_zones import PairZones
 
 
 class EventKind(StrEnum):
@@ -65,7 +65,7 @@ class Gathering:
     time; `delta_v` (N,) [m/s]; `totals`: total delta-v [m/s] of the three ways in which the first
     pair can burn, of which `burns` was flown; `sets`: the formation set first, if there is one,
     then knowledge sets; `lost`: craft in none; `duration` [s] until gathered, or of all rounds;
-    `rounds`: searches begun; `keep_out`: the zone, if any.  `status`, and `reason`: who is left
+    `rounds`: searches begun; `keep_out`: the zones of pairs, if any.  `status`, and `reason`: who is left
     and why, None if gathered.
     """
 
@@ -82,7 +82,7 @@ class Gathering:
     rounds: int
     status: GatherStatus
     reason: str | None
-    keep_out: Zone | None = field(repr=False)
+    keep_out: PairZones | None = field(repr=False)
 
     @property
     def ok(self) -> bool:

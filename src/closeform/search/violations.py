@@ -8,21 +8,21 @@ from typing import Any, NamedTuple
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.clearance import SINCE, VELOCITY, KeepOut, within
+from closeform.search.clearance import SINCE, VELOCITY, KeepOuts, between, chosen, within
 from closeform.search.sets import LOST
 
 APART, KNOWN, UNKNOWN = 0, 1, 2
 
 
 class KeepOutMonitor(NamedTuple):
-    """Who has come within the `zone`, if it is `on`, that is if there is one.
+    """Who has come within the `zones` of pairs, if it is `on`, that is if there are any.
 
     `looked` (N, N): until when [s] each pair i < j was looked at, `met` (N, N): what was seen;
     `scratch` (10, 3): looking and `clearance` work in its rows 0 to 7, `keep_clear` holds 8 and 9.
     """
 
     on: bool
-    zone: KeepOut
+    zones: KeepOuts
     looked: Floats
     met: Any
     scratch: Floats
@@ -31,13 +31,16 @@ class KeepOutMonitor(NamedTuple):
 @kernel()
 def look(monitor, craft, i, j, t):
     """Look at the straight line of a pair i < j until time t."""
+    which = between(monitor.zones, i, j)
+    if which < 0:
+        return
     rows, labels, met = craft.rows, craft.labels, monitor.met
     since, r, v = monitor.looked[i, j], monitor.scratch[0], monitor.scratch[1]
     for k in range(3):
         v[k] = rows[j, VELOCITY + k] - rows[i, VELOCITY + k]
         r[k] = rows[j, k] + rows[j, VELOCITY + k] * (since - rows[j, SINCE])
         r[k] -= rows[i, k] + rows[i, VELOCITY + k] * (since - rows[i, SINCE])
-    if met[i, j] != UNKNOWN and within(monitor.zone, r, v, t - since):
+    if met[i, j] != UNKNOWN and within(chosen(monitor.zones, which), r, v, t - since):
         met[i, j] = KNOWN if labels[i] == labels[j] and labels[i] != LOST else UNKNOWN
     monitor.looked[i, j] = t
 

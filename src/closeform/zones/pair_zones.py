@@ -1,4 +1,4 @@
-"""Zones of pairs: who keeps which zone with whom. It is that of the two bodies that holds the other's."""
+"""Zones of pairs: who keeps which zone with whom, made of the two bodies' own zones."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,22 +6,23 @@ from typing import Any, Self
 
 import numpy as np
 
-from closeform.arrays import Floats
-from closeform.zones.shapes import BALL, CYLINDER, FACES
+from closeform.zones.own_zone import OwnZone, key, pair_zone
 from closeform.zones.zone import Zone
 
-ROUNDING = 1e-9
 NONE = -1  # the kind of a body without a zone of its own; and of a pair without one, in the table
 
 
 @dataclass(frozen=True, eq=False)
 class PairZones:
-    """The zone of every pair among N bodies: of the two bodies' own, the one that holds the other.
+    """The zone of every pair among N bodies, made of the two bodies' own.
 
-    A pair in which one body has no zone goes by the other's; without any it has none.  Nor has a
-    pair of two bodies of which neither `moves` (N,).  `kinds` (N,) tells which bodies have equal
-    zones, `table` which of the `zones` holds between kind and kind: nothing here grows with the
-    number of pairs.
+    Own zones are regions (any `Zone`), an `Uncertainty` each, or a `Body` each.  Of two regions that
+    counts which holds the other, covariances add, and bodies add as sets, as do zones of unlike
+    kinds.  A body without a zone is a point that is known exactly: its pairs go by the other's own,
+    and a pair of two such has none.  Nor has a pair of two bodies of which neither `moves` (N,).
+
+    `kinds` (N,) tells which bodies have equal zones, `table` which of the `zones` holds between kind
+    and kind: nothing here grows with the number of pairs.  `rules` say of each zone how it was made.
 
     The zone of a pair i < j is about r_i - r_j: around j, or what is around i as j sees it.
     """
@@ -30,41 +31,43 @@ class PairZones:
     kinds: Any  # (N,)
     table: Any  # (K + 1, K + 1), by the kinds of i < j; the last row and column are NONE's
     moves: Any  # (N,) of bool
+    rules: tuple[str, ...] = ()
 
     @classmethod
     def of(
         cls,
-        zones: Sequence[Zone | None],
+        zones: Sequence[OwnZone | None],
         names: Sequence[str] | None = None,
         moves: Sequence[bool] | None = None,
     ) -> Self:
         """From each body's own among `zones` (N,), or None; whether it `moves` (N,), all unless given.
 
-        Raises ValueError, with their `names` (N,) if any, for two bodies of which neither zone
-        holds the other.
+        Raises ValueError, with their `names` (N,) if any, for two bodies with regions of which
+        neither holds the other, with covariances of different sigmas, or of a sum without end.
         """
-        given: dict[Any, Zone] = {}
+        given: dict[Any, OwnZone] = {}
         for zone in zones:
             if zone is not None:
-                given.setdefault(_key(zone), zone)
-        order = {key: kind for kind, key in enumerate(given)}
-        kinds = np.array([NONE if zone is None else order[_key(zone)] for zone in zones], dtype=np.int64)
+                given.setdefault(key(zone), zone)
+        order = {one: kind for kind, one in enumerate(given)}
+        kinds = np.array([NONE if zone is None else order[key(zone)] for zone in zones], dtype=np.int64)
         mobile = np.ones(len(zones), dtype=bool) if moves is None else np.array(moves, dtype=bool)
         members = [np.flatnonzero(kinds == kind) for kind in (*order.values(), NONE)]
-        own: list[Zone | None] = [*given.values(), None]
+        own: list[OwnZone | None] = [*given.values(), None]
         table = np.full((len(own), len(own)), NONE)
-        held: dict[Any, tuple[int, Zone]] = {}
+        held: dict[Any, tuple[int, Zone, str]] = {}
         for one, other in np.ndindex(table.shape):
             pair = _first_pair(members[one], members[other], mobile)
-            around, seen = own[other], own[one]
-            if pair is None or (around is None and seen is None):
+            if pair is None or (own[one] is None and own[other] is None):
                 continue
-            zone = containing_zone(*(z for z in (around, seen and seen.mirrored) if z is not None))
-            if zone is None:
+            try:
+                zone, rule = pair_zone(around=own[other], seen=own[one])
+            except ValueError as error:
                 called = " and ".join(f"craft {body}" if names is None else names[body] for body in pair)
-                raise ValueError(f"{called}: neither zone holds the other; give both one that holds both")
-            table[one, other], _ = held.setdefault(_key(zone), (len(held), zone))
-        return cls(tuple(zone for _, zone in held.values()), kinds, table, mobile)
+                raise ValueError(f"{called}: {error}") from None
+            table[one, other], *_ = held.setdefault((rule, key(zone)), (len(held), zone, rule))
+        found = held.values()
+        return cls(tuple(one[1] for one in found), kinds, table, mobile, tuple(one[2] for one in found))
 
     def __len__(self) -> int:
         return len(self.kinds)
@@ -81,27 +84,56 @@ class PairZones:
             return None
         return self.zones[k] if one < other else self.zones[k].mirrored
 
+    def rule(self, one: int, other: int) -> str | None:
+        """How the zone of `one` and `other` was made: "covariances added, 3 sigma"; None without one."""
+        k = int(self.which(min(one, other), max(one, other)))
+        return None if k == NONE else self.rules[k] if self.rules else "given"
+
     def around(self, body: int) -> tuple[Zone | None, ...]:
         """The zones of one `body` about every other, in the others' order."""
         return tuple(self.between(body, other) for other in range(len(self)) if other != body)
 
     def groups(self) -> Iterator[tuple[Zone, Any]]:
         """Every zone with the pairs (M, 2), i < j, for which it holds."""
-        for k, zone in enumerate(self.zones):
-            yield zone, self._pairs(k)
-
-    def _pairs(self, k: int) -> Any:
-        found = [np.empty((0, 2), dtype=np.int64)]
+        found = [np.empty((0, 3), dtype=np.int64)]
         for body in range(len(self) - 1):
             others = np.arange(body + 1, len(self))
-            others = others[self.which(body, others) == k]
-            found.append(np.stack([np.full(len(others), body), others], axis=1))
-        return np.concatenate(found)
+            found.append(np.stack([self.which(body, others), np.full(len(others), body), others], axis=1))
+        rows = np.concatenate(found)
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        ends = np.searchsorted(rows[:, 0], np.arange(len(self.zones) + 1))
+        for zone, begin, end in zip(self.zones, ends, ends[1:], strict=False):
+            yield zone, rows[begin:end, 1:]
 
 
-def _key(zone: Zone) -> tuple[Any, ...]:
-    """What equals that of every other zone of the same numbers."""
-    return zone.shape, zone.matrix.tobytes(), zone.faces.tobytes()
+def pair_zones(
+    argument: str, zones: Any, craft: int, fixed: int = 0, names: Sequence[str] | None = None
+) -> PairZones:
+    """Zones of pairs of some `craft` and, after them, bodies that are `fixed`, from a function's `argument`.
+
+    That is one own zone for all, one for each craft, or for each of all (None: none of its own), or
+    `PairZones` of all.  Raises ValueError naming the argument for anything else.
+    """
+    count = craft + fixed
+    if isinstance(zones, PairZones):
+        if len(zones) != count:
+            raise ValueError(f"{argument}: zones of {len(zones)} craft for {count} paths")
+        return zones
+    own: list[OwnZone | None] = [zones] * count
+    if not isinstance(zones, OwnZone):
+        own = list(zones) if isinstance(zones, Sequence) else [zones]
+        if not own or not all(one is None or isinstance(one, OwnZone) for one in own):
+            raise ValueError(
+                f"{argument}: expected a zone, one for each craft, or PairZones, got {zones!r:.60}"
+            )
+        if len(own) not in (craft, count):
+            more = f" or {count} with the obstacles" * bool(fixed)
+            raise ValueError(f"{argument}: {len(own)} zones for {craft} craft; give one, or {craft}{more}")
+        own += [None] * (count - len(own))
+    try:
+        return PairZones.of(own, names, [True] * craft + [False] * fixed)
+    except ValueError as error:
+        raise ValueError(f"{argument}: {error}") from None
 
 
 def _first_pair(first: Any, second: Any, moves: Any) -> tuple[int, int] | None:
@@ -112,43 +144,3 @@ def _first_pair(first: Any, second: Any, moves: Any) -> tuple[int, int] | None:
         if len(later):
             return int(body), int(later[0])
     return None
-
-
-def containing_zone(*zones: Zone) -> Zone | None:
-    """The zone that holds all others; None where none does: a cigar and a disc, say."""
-    for zone in zones:
-        if all(greatest_norm(zone, other) <= 1.0 + ROUNDING for other in zones):
-            return zone
-    return None
-
-
-def greatest_norm(outer: Zone, inner: Zone) -> float:
-    """Greatest norm of `outer` over the zone `inner`: at most 1 where it holds all of it, inf at most."""
-    if outer.shape == FACES:
-        return float(np.max(inner.support(outer.faces @ outer.matrix)))
-    leading = {BALL: 3, CYLINDER: 2}.get(outer.shape, 0)  # axes of the round part
-    flat = outer.matrix[leading:]
-    parts = [np.max(inner.support(way)) for way in (flat, -flat) if len(flat)]
-    if leading:
-        parts.append(_greatest_length(outer.matrix[:leading], inner))
-    return float(max(parts))
-
-
-def _greatest_length(rows: Floats, inner: Zone) -> float:
-    """Greatest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
-    if not inner.bounded:
-        return np.inf
-    image = rows @ np.linalg.inv(inner.matrix)
-    if inner.shape == BALL:
-        return float(np.linalg.norm(image, 2))
-    if inner.shape != CYLINDER:
-        return float(np.linalg.norm(inner.vertices @ rows.T, axis=1).max())
-    # |a cos u + b sin u + c|^2 around the rim turns at roots of a quartic in exp(iu); the other
-    # rim is this one's mirror image
-    a, b, c = image.T
-    second = a @ b + 0.5j * (a @ a - b @ b)
-    first = b @ c + 1j * (a @ c)
-    turns = np.roots([second, first, 0.0, first.conjugate(), second.conjugate()])
-    angles = np.append(np.angle(turns), 0.0)
-    rim = a * np.cos(angles)[:, None] + b * np.sin(angles)[:, None] + c
-    return float(np.linalg.norm(rim, axis=1).max())

@@ -1,0 +1,48 @@
+"""Obstacles: paths that do not give way, as one batch, with names, and ends that are inside their zones."""
+
+from collections.abc import Iterable, Sequence
+
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path, stack
+from closeform.planning.problem import Problem
+
+ON = 1.0 + 1e-9  # of a zone: an end there counts as inside
+
+
+def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Path | None:
+    """A Path of shape (M,) from one path, a batch or a sequence of paths; None of none.
+
+    Raises ValueError for what is no path, for another shape, or another orbit.
+    """
+    some = [obstacles] if isinstance(obstacles, Path) else obstacles or ()
+    some = list(some) if isinstance(some, Iterable) else [some]
+    if not all(isinstance(one, Path) for one in some):
+        raise ValueError(f"obstacles: expected paths, got {obstacles!r:.60}")
+    if any(one.orbit.mean_motion != orbit.mean_motion for one in some):
+        raise ValueError("obstacles: must be in the orbit of paths that are planned")
+    if len(some) == 1 and len(some[0].shape) == 1:
+        return some[0] if len(some[0]) else None
+    if wrong := next((one.shape for one in some if one.shape), None):
+        raise ValueError(f"obstacles: expected a Path of shape (M,) or paths, got shape {wrong}")
+    return stack(some) if some else None
+
+
+def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
+    """What each of `count` obstacles is called: "obstacle k" unless given.
+
+    Raises ValueError for another number of names.
+    """
+    if names is None:
+        return tuple(f"obstacle {k}" for k in range(count))
+    if isinstance(names, str) or len(names) != count:
+        raise ValueError(f"names: give one for each of {count} obstacles, got {names!r:.60}")
+    return tuple(names)
+
+
+def end_inside(problem: Problem) -> tuple[str, float, int] | None:
+    """An end of the one craft's path inside a zone: "start" or "end", its norm, which obstacle; else None."""
+    for name, time in (("start", problem.first), ("end", problem.last)):
+        for (_, other), (start, end) in zip(problem.pairs.tolist(), problem.windows[1], strict=True):
+            if start <= time <= end and (ratio := problem.ratio(problem.direct, (0, other), time)) <= ON:
+                return name, ratio, other - 1
+    return None

@@ -1,0 +1,50 @@
+"""Containment: whether one zone holds another, by the greatest norm over it."""
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.zones.shapes import BALL, CYLINDER, FACES
+from closeform.zones.zone import Zone
+
+ROUNDING = 1e-9
+LEADING = {BALL: 3, CYLINDER: 2}  # axes of the round part of a shape; the rest is flat
+
+
+def containing_zone(*zones: Zone) -> Zone | None:
+    """The zone that holds all others; None where none does: a cigar and a disc, say."""
+    for zone in zones:
+        if all(greatest_norm(zone, other) <= 1.0 + ROUNDING for other in zones):
+            return zone
+    return None
+
+
+def greatest_norm(outer: Zone, inner: Zone) -> float:
+    """Greatest norm of `outer` over the zone `inner`: at most 1 where it holds all of it, inf at most."""
+    if outer.shape == FACES:
+        return float(np.max(inner.support(outer.faces @ outer.matrix)))
+    leading = LEADING.get(outer.shape, 0)
+    flat = outer.matrix[leading:]
+    parts = [np.max(inner.support(way)) for way in (flat, -flat) if len(flat)]
+    if leading:
+        parts.append(greatest_length(outer.matrix[:leading], inner))
+    return float(max(parts))
+
+
+def greatest_length(rows: Floats, inner: Zone) -> float:
+    """Greatest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
+    if not inner.bounded:
+        return np.inf
+    image = rows @ np.linalg.inv(inner.matrix)
+    if inner.shape == BALL:
+        return float(np.linalg.norm(image, 2))
+    if inner.shape != CYLINDER:
+        return float(np.linalg.norm(inner.vertices @ rows.T, axis=1).max())
+    # |a cos u + b sin u + c|^2 around the rim turns at roots of a quartic in exp(iu); the other
+    # rim is this one's mirror image
+    a, b, c = image.T
+    second = a @ b + 0.5j * (a @ a - b @ b)
+    first = b @ c + 1j * (a @ c)
+    turns = np.roots([second, first, 0.0, first.conjugate(), second.conjugate()])
+    angles = np.append(np.angle(turns), 0.0)
+    rim = a * np.cos(angles)[:, None] + b * np.sin(angles)[:, None] + c
+    return float(np.linalg.norm(rim, axis=1).max())

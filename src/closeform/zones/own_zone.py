@@ -1,0 +1,114 @@
+"""What a craft's own zone is, a region, an uncertainty or a body, and what two of them make of a pair."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.zones.containment import containing_zone
+from closeform.zones.sums import outer_sum
+from closeform.zones.zone import Ellipsoid, Zone
+
+REGION, COVARIANCE, BODY = "keep-out region", "covariance", "body"
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Uncertainty:
+    """Where a craft is: around its path by a normal distribution, of which `sigmas` are to be kept clear.
+
+    `covariance` (3, 3) in m^2 of its position.  Errors of two craft are taken as independent: their
+    covariances add, and the zone of the pair is the ellipsoid of as many sigmas of the sum.
+
+    Raises ValueError unless the covariance is symmetric positive definite and `sigmas` positive.
+    """
+
+    covariance: Floats
+    sigmas: float
+
+    def __init__(self, covariance: ArrayLike, sigmas: float) -> None:
+        Ellipsoid.from_covariance(covariance, sigmas)
+        object.__setattr__(self, "covariance", np.array(covariance, dtype=float))
+        object.__setattr__(self, "sigmas", float(sigmas))
+
+    @property
+    def zone(self) -> Ellipsoid:
+        """The ellipsoid of this craft alone."""
+        return Ellipsoid.from_covariance(self.covariance, self.sigmas)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What a craft fills: a `zone` in m that holds it, about its path and fixed in the path's frame.
+
+    Two bodies must not touch: the zone of the pair holds the Minkowski sum of both.
+
+    Raises ValueError for what is no zone.
+    """
+
+    zone: Zone
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.zone, Zone):
+            raise ValueError(f"zone: expected a zone, for example Sphere(2.0), got {self.zone!r:.60}")
+
+
+OwnZone = Zone | Uncertainty | Body
+
+
+def key(own: OwnZone) -> tuple[Any, ...]:
+    """What equals that of every other one of the same kind and numbers."""
+    if isinstance(own, Uncertainty):
+        return own.covariance.tobytes(), own.sigmas
+    if isinstance(own, Body):
+        return "body", *key(own.zone)
+    return own.shape, own.matrix.tobytes(), own.faces.tobytes()
+
+
+def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
+    """The zone `around` one craft, and how it was made in words; `seen` is the other's own.
+
+    Of two regions the one that holds the other.  Covariances add.  All else adds as sets: two bodies,
+    or a region and a body, or one of them and where the other craft may be.  Beside None it is one's own.
+
+    Raises ValueError, without saying whose, for regions of which neither holds the other, for
+    covariances of different sigmas, and for a sum without end.
+    """
+    own = [one for one in (seen, around) if one is not None]
+    kinds = sorted({_kind(one) for one in own})
+    if kinds == [COVARIANCE]:
+        return _of_covariances([one for one in own if isinstance(one, Uncertainty)])
+    sets = [_set(around)] if around is not None else []
+    sets += [_set(seen).mirrored] if seen is not None else []
+    if len(own) == 1:
+        return sets[0], REGION if kinds == [REGION] else f"{BODY} of one"
+    if kinds == [REGION]:
+        zone = containing_zone(*sets)
+        if zone is None:
+            raise ValueError("neither zone holds the other; give both one that holds both")
+        return zone, REGION
+    both = " and ".join(kinds) if len(kinds) > 1 else "bodies"
+    sigmas = "".join(f", {one.sigmas:g} sigma" for one in own if isinstance(one, Uncertainty))
+    return outer_sum(*sets), f"{both} added{sigmas}"
+
+
+def _of_covariances(own: list[Uncertainty]) -> tuple[Zone, str]:
+    """The ellipsoid of the sum of one covariance or two."""
+    if len({one.sigmas for one in own}) > 1:
+        demanded = " and ".join(f"{one.sigmas:g}" for one in own)
+        raise ValueError(f"covariances of {demanded} sigmas; demand as many of both")
+    total = np.sum([one.covariance for one in own], axis=0)
+    made = "covariances added" if len(own) > 1 else f"{COVARIANCE} of one"
+    return Ellipsoid.from_covariance(total, own[0].sigmas), f"{made}, {own[0].sigmas:g} sigma"
+
+
+def _kind(own: OwnZone) -> str:
+    if isinstance(own, Uncertainty):
+        return COVARIANCE
+    return BODY if isinstance(own, Body) else REGION
+
+
+def _set(own: OwnZone) -> Zone:
+    """The set of relative positions that it is."""
+    return own if isinstance(own, Zone) else own.zone

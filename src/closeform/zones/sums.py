@@ -1,0 +1,82 @@
+"""Sums of zones: a zone that holds every a + b of two, a in one and b in the other (Minkowski's sum).
+
+A zone of each shape grows into one of its own shape, of which two the smaller is taken; two
+ellipsoids, and two spheres among them, have the least of a family.              # theory (24)-(25)
+"""
+
+from math import pi, sqrt
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.zones.containment import LEADING, greatest_length
+from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.zone import HalfSpaces, Zone, enclosing
+
+VOLUMES = {BALL: 4.0 * pi / 3.0, CUBE: 8.0, CYLINDER: 2.0 * pi}  # of unit shapes
+HALVINGS = 60  # of the logarithm of p: to a double's last digit from any start
+
+
+def outer_sum(one: Zone, other: Zone) -> Zone:
+    """A zone that holds the sum of two: of those that are tried the one of least volume.
+
+    Exact for spheres, for ellipsoids of one form, for boxes with the same axes and for cylinders
+    about one axis.  Raises ValueError where the sum has no end in any direction that has a face.
+    """
+    if FACES in (one.shape, other.shape):
+        return _between_planes(one, other)
+    return min(_grown(one, other), _grown(other, one), key=_volume)
+
+
+def _volume(zone: Zone) -> float:
+    return float(VOLUMES[zone.shape] / abs(np.linalg.det(zone.matrix)))
+
+
+def _grown(zone: Zone, other: Zone) -> Zone:
+    """A zone of the first one's shape that holds the sum: each part of its norm is subadditive."""
+    if zone.shape == BALL:
+        return _ellipsoid(_half_axes(zone.matrix), _half_axes(enclosing(other)))
+    matrix, leading = zone.matrix.copy(), LEADING.get(zone.shape, 0)
+    if leading:
+        matrix[:leading] /= 1.0 + greatest_length(matrix[:leading], other)
+    matrix[leading:] /= 1.0 + other.support(matrix[leading:])[:, None]
+    return Zone(zone.shape, matrix)
+
+
+def _half_axes(matrix: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(matrix))
+
+
+def _ellipsoid(one: Floats, other: Floats) -> Zone:
+    """The ellipsoid of least volume of the family (24) that holds the sum of two, given by half-axes H."""
+    ratios = np.linalg.svd(np.linalg.solve(one, other), compute_uv=False)
+    low, high = 1.0 / ratios[0], 1.0 / ratios[-1]
+    for _ in range(HALVINGS):
+        p = sqrt(low * high)
+        if 3.0 * p / (1.0 + p) < (1.0 / (1.0 + p * ratios**2)).sum():  # theory (25)
+            low = p
+        else:
+            high = p
+    p = sqrt(low * high)
+    # H H^T of both is never formed: a disc thin by 1e-8 would lose its edge
+    half_axes = np.concatenate([sqrt(1.0 + 1.0 / p) * one, sqrt(1.0 + p) * other], axis=1)
+    upper = np.asarray(np.linalg.qr(half_axes.T, mode="r"))
+    return Zone(BALL, np.linalg.inv(upper.T))
+
+
+def _between_planes(one: Zone, other: Zone) -> Zone:
+    """All that is within the planes along faces of either, each as far out as the sum reaches."""
+    normals = np.concatenate([_normals(one), _normals(other)])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    ends = one.support(normals) + other.support(normals)
+    if not np.isfinite(ends).any():
+        raise ValueError("the sum of their zones has no end; give one of them an end")
+    return HalfSpaces(normals[np.isfinite(ends)], ends[np.isfinite(ends)])
+
+
+def _normals(zone: Zone) -> Floats:
+    """Directions (K, 3) out of flat faces."""
+    if zone.shape == FACES:
+        return zone.faces @ zone.matrix
+    flat = zone.matrix[LEADING.get(zone.shape, 0) :]
+    return np.concatenate([flat, -flat])

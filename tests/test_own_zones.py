@@ -1,0 +1,324 @@
+"""Own zones: what a region, an uncertainty and a body of two craft make of their pair."""
+
+import json
+from itertools import product
+from math import sqrt
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+import closeform as cf
+from closeform import cli
+from closeform.scenario import ScenarioError, parse
+from closeform.zones.sums import outer_sum
+
+SPACE = cf.Orbit(0.0)
+COVARIANCE = np.diag([25.0, 400.0, 25.0])  # sigma 5, 20 and 5 m
+PLACE = np.array([18.75, 0.0, 0.0])  # 1.25 times three sigmas of one, 0.884 of both
+TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+BODIES = {
+    "ball": cf.Sphere(7.0),
+    "small ball": cf.Sphere(1e-3),
+    "ellipsoid": cf.Ellipsoid([3.0, 30.0, 5.0]),
+    "disc": cf.Ellipsoid([40.0, 1e-4, 40.0], axes=TURN),
+    "plate": cf.Ellipsoid([40.0, 0.05, 40.0], axes=TURN),
+    "box": cf.Box([4.0, 9.0, 2.0]),
+    "turned box": cf.Box([1.0, 20.0, 3.0], axes=TURN),
+    "cylinder": cf.Cylinder(3.0, 25.0, [0.0, 1.0, 0.0]),
+    "tilted cylinder": cf.Cylinder(6.0, 1.0, [1.0, 2.0, 3.0]),
+    "wedge": cf.HalfSpaces([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]], [8.0, 15.0]),
+    "lopsided": cf.HalfSpaces([[1, 0, 0], [-1, 1, 0], [0, -1, 1], [0, 0, -1]], [2.0, 9.0, 3.0, 5.0]),
+}
+CLOSED = [name for name in BODIES if name != "wedge"]
+
+
+def edge(zone: cf.Zone, rng: np.random.Generator, count: int = 4000) -> np.ndarray:
+    """Points (count, 3) on the surface of a closed zone, many of them far out."""
+    ways = rng.normal(size=(count, 3)) * zone.extents
+    shape = np.linalg.inv(zone.matrix)
+    if zone.shape == 0:  # evenly over the ball that it is the image of, however thin
+        ways = rng.normal(size=(count, 3)) @ shape.T
+    if len(zone.vertices):
+        ways[: len(zone.vertices)] = zone.vertices
+    norms = zone.norm(ways)
+    return ways[norms > 0.0] / norms[norms > 0.0, None]
+
+
+# --- uncertainties ---------------------------------------------------------------------------------
+
+
+def test_covariances_of_two_craft_add():
+    own = cf.Uncertainty(COVARIANCE, 3.0)
+    kept = cf.PairZones.of([own, own])
+    assert own.zone.norm(PLACE) == pytest.approx(1.25)
+    assert kept.between(0, 1).norm(PLACE) == pytest.approx(0.884, abs=5e-4)
+    assert kept.rule(0, 1) == kept.rule(1, 0) == "covariances added, 3 sigma"
+
+
+def test_the_sum_is_the_covariance_of_the_relative_position():
+    """Of a million draws of both errors as many differ by less than 3 sigma as chi-square says."""
+    rng = np.random.default_rng(7)
+    first = TURN @ np.diag([1.0, 90.0, 16.0]) @ TURN.T
+    draws = [rng.multivariate_normal(np.zeros(3), matrix, 1_000_000) for matrix in (first, COVARIANCE)]
+    zone = cf.PairZones.of([cf.Uncertainty(first, 3.0), cf.Uncertainty(COVARIANCE, 3.0)]).between(0, 1)
+    inside = (zone.norm(draws[0] - draws[1]) <= 1.0).mean()
+    assert inside == pytest.approx(chi2(3).cdf(9.0), abs=5 * sqrt(0.03 / 1e6))  # five sigmas of the estimate
+
+
+def test_beside_a_craft_that_is_known_exactly_its_own_counts():
+    own = cf.Uncertainty(COVARIANCE, 3.0)
+    kept = cf.PairZones.of([own, None, None])
+    assert kept.between(0, 1).norm(PLACE) == pytest.approx(1.25)
+    assert kept.rule(0, 1) == "covariance of one, 3 sigma"
+    assert kept.between(1, 2) is None
+    assert kept.rule(1, 2) is None
+
+
+def test_unlike_demands_are_refused_by_name():
+    with pytest.raises(ValueError, match=r"^A and B: covariances of 3 and 2 sigmas; demand as many of both"):
+        cf.PairZones.of([cf.Uncertainty(COVARIANCE, 3.0), cf.Uncertainty(COVARIANCE, 2.0)], ["A", "B"])
+    with pytest.raises(ValueError, match=r"^covariance: must be positive definite"):
+        cf.Uncertainty(np.diag([1.0, -1.0, 1.0]), 3.0)
+    with pytest.raises(ValueError, match=r"^zone: expected a zone"):
+        cf.Body(2.0)
+
+
+# --- sums ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("one", "other"), list(product(CLOSED, CLOSED)))
+def test_two_bodies_that_touch_are_within_the_zone_of_their_pair(one, other):
+    """Points of both at one place: their centres are apart by what the zone must hold."""
+    rng = np.random.default_rng(11)
+    first, second = edge(BODIES[one], rng), edge(BODIES[other], rng)
+    kept = cf.PairZones.of([cf.Body(BODIES[one]), cf.Body(BODIES[other])])
+    count = min(len(first), len(second))
+    apart = np.concatenate([second[:count] - first[:count], (second[:40, None] - first[:40]).reshape(-1, 3)])
+    # a disc of 1e-4 m and 40 m has a condition of 4e5, which rounding is multiplied by
+    assert kept.between(0, 1).norm(apart).max() <= 1.0 + 1e-9
+    assert kept.between(1, 0).norm(-apart).max() <= 1.0 + 1e-9
+    assert kept.rule(0, 1) == "bodies added"
+
+
+@pytest.mark.parametrize(("one", "other"), list(product(["ball", "ellipsoid", "plate"], repeat=2)))
+def test_the_sum_of_ellipsoids_is_touched_and_of_least_volume(one, other):
+    """Against a one-dimensional search over the family, and the farthest point of the sum."""
+    a, b = (np.linalg.inv(BODIES[name].matrix.T @ BODIES[name].matrix) for name in (one, other))
+
+    def volume(logarithm: float) -> float:
+        p = np.exp(logarithm)
+        return float(np.linalg.slogdet((1.0 + 1.0 / p) * a + (1.0 + p) * b)[1])
+
+    best = minimize_scalar(volume, bounds=(-16.0, 16.0), method="bounded", options={"xatol": 1e-10})
+    zone = outer_sum(BODIES[one], BODIES[other])
+    assert -2.0 * np.linalg.slogdet(zone.matrix)[1] == pytest.approx(best.fun, abs=1e-6)
+    ways = np.random.default_rng(2).normal(size=(200_000, 3))
+    reach = np.sqrt(np.einsum("ki,ij,kj->k", ways, a, ways)) + np.sqrt(
+        np.einsum("ki,ij,kj->k", ways, b, ways)
+    )
+    slack = zone.support(ways) / reach
+    assert slack.min() == pytest.approx(1.0, abs=2e-4)  # as near as 200 000 directions come
+    assert slack.min() >= 1.0 - 1e-9
+
+
+EXACT = {
+    "spheres": (cf.Sphere(5.0), cf.Sphere(10.0), cf.Sphere(15.0)),
+    "one form": (cf.Ellipsoid([1, 2, 3], TURN), cf.Ellipsoid([2, 4, 6], TURN), cf.Ellipsoid([3, 6, 9], TURN)),
+    "boxes": (cf.Box([1, 2, 3], TURN), cf.Box([9, 5, 2], TURN), cf.Box([10, 7, 5], TURN)),
+    "cylinders": (cf.Cylinder(2, 9, [1, 1, 0]), cf.Cylinder(3, 1, [1, 1, 0]), cf.Cylinder(5, 10, [1, 1, 0])),
+    "box in planes": (
+        cf.Box([1.0, 2.0, 3.0]),
+        cf.HalfSpaces(np.concatenate([np.eye(3), -np.eye(3)]), [1.0, 1.0, 1.0, 2.0, 2.0, 2.0]),
+        cf.HalfSpaces(np.concatenate([np.eye(3), -np.eye(3)]), [2.0, 3.0, 4.0, 3.0, 4.0, 5.0]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_sums_that_are_exact(name):
+    one, other, whole = EXACT[name]
+    ways = np.random.default_rng(5).normal(size=(1000, 3))
+    for found in (outer_sum(one, other), outer_sum(other, one)):
+        np.testing.assert_allclose(found.norm(ways), whole.norm(ways), rtol=1e-13)
+
+
+def test_a_box_and_a_ball_make_a_box_that_is_larger_by_the_radius():
+    assert outer_sum(cf.Sphere(2.0), cf.Box([4.0, 9.0, 2.0])).extents == pytest.approx([6.0, 11.0, 4.0])
+
+
+def test_a_wall_and_a_ball():
+    """The wall is as far out as the ball's radius; two walls that face different ways leave no room."""
+    wall, ball = cf.HalfSpaces([[0.0, 1.0, 0.0]], [50.0]), cf.Sphere(2.0)
+    kept = cf.PairZones.of([cf.Body(ball), cf.Body(wall)])
+    assert kept.between(0, 1).norm([0.0, 52.0, 7.0]) == pytest.approx(1.0)
+    assert kept.between(0, 1).norm([0.0, -500.0, 0.0]) < 0.0
+    with pytest.raises(ValueError, match=r"^A and B: the sum of their zones has no end"):
+        cf.PairZones.of([cf.Body(wall), cf.Body(cf.HalfSpaces([[1.0, 0.0, 0.0]], [5.0]))], ["A", "B"])
+
+
+# --- unlike kinds ----------------------------------------------------------------------------------
+
+
+def test_unlike_kinds_add_as_sets():
+    """A visitor that may be anywhere in its ellipsoid, or has a body, keeps all of it out of a region."""
+    region, body, unsure = cf.Sphere(50.0), cf.Body(cf.Sphere(2.0)), cf.Uncertainty(np.eye(3), 3.0)
+    kept = cf.PairZones.of([region, body, unsure])
+    assert kept.between(0, 1).extents == pytest.approx([52.0] * 3)
+    assert kept.between(0, 2).extents == pytest.approx([53.0] * 3)
+    assert kept.between(1, 2).extents == pytest.approx([5.0] * 3)
+    assert [kept.rule(0, 1), kept.rule(0, 2), kept.rule(1, 2)] == [
+        "body and keep-out region added",
+        "covariance and keep-out region added, 3 sigma",
+        "body and covariance added, 3 sigma",
+    ]
+    assert kept.rule(0, 1) != cf.PairZones.of([region, region]).rule(0, 1) == "keep-out region"
+
+
+# --- who uses them ---------------------------------------------------------------------------------
+
+
+def drifters() -> cf.Path:
+    """Two that pass each other at 18.75 m, and one far away, at rest in deep space."""
+    states = np.array([[0, 0, 0, 0, 0, 0], [18.75, -50.0, 0, 0, 0.1, 0], [900.0, 0, 0, 0, 0, 0]])
+    return SPACE.coast(states, 1000.0)
+
+
+def test_screening_adds_covariances():
+    paths, own = drifters(), cf.Uncertainty(COVARIANCE, 3.0)
+    for given in (own, [own] * 3, cf.PairZones.of([own] * 3)):
+        found = cf.screen(paths, given)
+        assert found.pairs.tolist() == [[0, 1]]
+        assert found.ratio == pytest.approx(1.25 / sqrt(2.0))
+    assert len(cf.screen(paths, own.zone)) == len(cf.screen(paths, [own, None, own])) == 0
+    with pytest.raises(ValueError, match=r"^zone: expected a zone, one for each craft, or PairZones, got 5"):
+        cf.screen(paths, 5.0)
+
+
+def mahalanobis(path: cf.Path, other: cf.Path, covariance: np.ndarray) -> float:
+    """Least distance of two paths in sigmas, by dense sampling."""
+    times = np.linspace(path.start, path.end, 40_001)
+    apart = path.position(times) - other.position(times)
+    return float(np.sqrt(np.einsum("ti,ij,tj->t", apart, np.linalg.inv(covariance), apart)).min())
+
+
+def test_plans_keep_three_sigmas_of_both():
+    """A swap along the track; each alone would let them pass at 2.1 sigmas of their sum."""
+    first, second = np.diag([25.0, 100.0, 25.0]), np.diag([9.0, 25.0, 64.0])
+    own = [cf.Uncertainty(first, 3.0), cf.Uncertainty(second, 3.0)]
+    states = np.array([[0, 300.0, 0, 0, 0, 0], [0, -300.0, 4.0, 0, 0, 0]])
+    plan = cf.reconfigure(SPACE, states, states[::-1], 2500.0, own)
+    assert plan.ok
+    assert plan.contacts
+    # as near as the plan's margin of 1e-9 and samples of 1/16 s let it be
+    assert mahalanobis(plan.paths[0], plan.paths[1], first + second) == pytest.approx(3.0, abs=1e-5)
+
+
+def test_avoid_takes_the_zones_of_the_craft_and_its_obstacles():
+    first, second = np.diag([25.0, 100.0, 25.0]), np.diag([9.0, 25.0, 64.0])
+    path = SPACE.transfer([0, 300.0, 0, 0, 0, 0], [0, -300.0, 0, 0, 0, 0], 2500.0)
+    other = SPACE.coast([0, 0, 2.0, 0, 0, 0], 2500.0)
+    own = [cf.Uncertainty(first, 3.0), cf.Uncertainty(second, 3.0)]
+    for zones, total in ((cf.PairZones.of(own), first + second), (own[1], second), (own[1:], second)):
+        found = cf.avoid(path, other, zones)
+        assert found.ok
+        assert mahalanobis(found.path, other, total) == pytest.approx(3.0, abs=1e-5)
+
+
+def test_obstacles_have_names_in_reasons():
+    path = SPACE.transfer([0, 300.0, 0, 0, 0, 0], [0, -300.0, 0, 0, 0, 0], 2500.0)
+    there = SPACE.coast([[0, 900.0, 0, 0, 0, 0], [0, -310.0, 0, 0, 0, 0]], 2500.0)
+    zone = cf.Sphere(20.0)
+    assert "from F7; move it" in cf.avoid(path, there, zone, names=["F3", "F7"]).reason
+    assert "from obstacle 1; move it" in cf.avoid(path, there, zone).reason
+    with pytest.raises(ValueError, match=r"^names: give one for each of 2 obstacles"):
+        cf.avoid(path, there, zone, names=["F3"])
+
+
+# --- from a file -----------------------------------------------------------------------------------
+
+FILE = """
+closeform = 1
+title = "Two that are uncertain"
+[orbit]
+deep_space = true
+[craft]
+name = ["A", "B"]
+position = ["0 0 0 m", "18.75 -50 0 m"]
+velocity = ["0 0 0 m/s", "0 0.1 0 m/s"]
+keep_out = KEEP_OUT
+[[stage]]
+do = "coast"
+for = "1000 s"
+"""
+UNSURE = '{ covariance = "25 0 400 0 0 25 m^2", sigmas = 3.0 }'
+
+
+def flown(tmp_path, keep_out, capsys):
+    file = tmp_path / "two.toml"
+    file.write_text(FILE.replace("KEEP_OUT", keep_out))
+    status = cli.main(["run", str(file), "--out", str(tmp_path / "out"), "--overwrite"])
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    return status, capsys.readouterr().out, summary["stages"][0]["after"]
+
+
+def test_a_run_adds_covariances_and_says_so(tmp_path, capsys):
+    status, told, after = flown(tmp_path, UNSURE, capsys)
+    assert status == 1
+    assert "Zones of pairs: covariances added, 3 sigma" in told
+    assert after["closest"]["zone"] == "covariances added, 3 sigma"
+    assert after["closest"]["ratio"] == pytest.approx(0.884, abs=5e-4)
+
+
+def test_a_covariance_may_be_kept_as_a_region(tmp_path, capsys):
+    """That of the relative position, which is not to be added to itself."""
+    status, told, after = flown(tmp_path, UNSURE.replace("{", '{ kind = "region",'), capsys)
+    assert status == 0
+    assert "Zones of pairs" not in told
+    assert after["closest"]["zone"] == "keep-out region"
+    assert after["closest"]["ratio"] == pytest.approx(1.25)
+
+
+def test_a_file_with_bodies(tmp_path, capsys):
+    bodies = '{ kind = "body", sphere = "7 m" }', '{ kind = "body", ellipsoid = "13 4 4 m" }'
+    status, told, after = flown(tmp_path, f"[{', '.join(bodies)}]", capsys)
+    assert status == 1
+    assert "Zones of pairs: bodies added" in told
+    # the sum reaches 20 m; the ellipsoid of least volume is wider along its longest axis, by 7 % here
+    assert 18.75 / 21.5 <= after["closest"]["ratio"] <= 18.75 / 20.0
+
+
+REFUSED = {
+    "sigmas": (
+        f"[{UNSURE}, {UNSURE.replace('3.0', '2.0')}]",
+        "craft.keep_out: A and B: covariances of 3 and 2 sigmas; demand as many of both",
+    ),
+    "body": (
+        UNSURE.replace("{", '{ kind = "body",'),
+        "craft.keep_out: covariance is of where a craft is, not of its body; remove kind",
+    ),
+    "kind": (
+        '{ kind = "covariance", sphere = "20 m" }',
+        'craft.keep_out: kind = "covariance" goes with covariance only; write "region" or "body"',
+    ),
+    "inside": (
+        '{ kind = "body", sphere = "30 m" }',
+        "craft.position: A and B start inside each other's zone, at 0.89 x zone (bodies added); move one",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_makes_no_zone_is_refused(name):
+    keep_out, line = REFUSED[name]
+    with pytest.raises(ScenarioError) as refused:
+        parse(FILE.replace("KEEP_OUT", keep_out), "two.toml")
+    assert [one for one in refused.value.lines if one.startswith(f"two.toml: {line}")]
+
+
+def test_a_pair_of_a_stage_meets_by_its_own_zone():
+    """A station's region and a visitor's covariance, in one file."""
+    scenario = parse(FILE.replace("KEEP_OUT", f'[{{ sphere = "3 m" }}, {UNSURE}]'))
+    assert scenario.zones.rule(0, 1) == "covariance and keep-out region added, 3 sigma"
+    assert scenario.zones.between(0, 1).norm([18.0, 0.0, 0.0]) <= 1.0  # 3 m and 3 x 5 m
