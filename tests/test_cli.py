@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -341,6 +342,47 @@ def test_screen(tmp_path, capsys) -> None:
     assert "Zones of pairs" not in capsys.readouterr().out
     assert main(["screen", *files, "--sphere", "400 m", "--body"]) == 1
     assert "Zones of pairs: bodies added" in capsys.readouterr().out
+
+
+def hourly(folder: Path, name: str, chief: cf.Ephemeris, states: np.ndarray) -> str:
+    """A file with a craft's hourly `states` in the frame of the chief."""
+    radius = np.linalg.norm(chief.states[0, :3])
+    inertial = cf.inertial_from_relative(chief.states, states, "arc", radius)
+    cf.write_oem(folder / f"{name}.oem", replace(chief, name=name, states=inertial))
+    return str(folder / f"{name}.oem")
+
+
+def test_screen_says_how_far_off_it_may_be_between_epochs(tmp_path, capsys) -> None:
+    """Hourly epochs: a coast is known to a centimetre, a transfer is not."""
+    radius, times = 6878.137e3, 3600.0 * np.arange(7)
+    orbit = cf.Orbit.from_semi_major_axis(radius)
+    angle, speed = orbit.mean_motion * times, orbit.mean_motion * radius
+    rest = np.zeros_like(times)
+    circle = [np.cos(angle), np.sin(angle), rest]
+    along = [-np.sin(angle), np.cos(angle), rest]
+    inertial = np.stack([*(radius * np.array(circle)), *(speed * np.array(along))], axis=1)
+    chief = cf.Ephemeris("A", "2020-001A", "EARTH", "GCRF", "UTC", "2020-01-01T00:00:00", times, inertial)
+    coast = orbit.coast([30, 100, 0, 0, -60 * orbit.mean_motion, 0.02], times[-1])
+    away = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 40, 0, 0, 0], times[-1])
+    a = hourly(tmp_path, "A", chief, np.zeros((7, 6)))
+    b = hourly(tmp_path, "B", chief, coast.state(times))
+    c = hourly(tmp_path, "C", chief, away.state(times))
+    main(["screen", a, b, "--sphere", "20 m"])
+    printed = " ".join(capsys.readouterr().out.split())
+    said = re.search(
+        r"Between epochs: Hill's own motion, as craft coast; off by up to (\S+) m \(B\)", printed
+    )
+    assert float(said[1]) < 0.05  # metres: the file holds micrometres, and an hour of a nanometre per second
+    assert "are too few here" not in printed
+    near = cf.closest_approach(coast, orbit.coast(np.zeros(6), times[-1]), cf.Sphere(20.0))
+    ratio = float(re.search(r"closest are A and B, (\S+) x zone", printed)[1])
+    assert ratio == pytest.approx(near.ratio, abs=2e-3)  # 4 cm
+    main(["screen", a, b, c, "--sphere", "20 m"])
+    printed = " ".join(capsys.readouterr().out.split())
+    said = re.search(r"m \(C\), by estimate Epochs 3600 s apart are too few here: .* every (\S+) s", printed)
+    assert 60.0 < float(said[1]) < 2000.0
+    main(["screen", a, b, "--sphere", "1 mm"])  # which they are nowhere near
+    assert "are too few here" not in capsys.readouterr().out
 
 
 def test_version(capsys) -> None:

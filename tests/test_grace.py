@@ -134,6 +134,16 @@ def test_prediction_holds_for_the_first_minutes(craft):
         assert np.linalg.norm(predicted - flown, axis=1).max() < 150.0
 
 
+@pytest.mark.parametrize("step", [2, 6, 30, 180, 360])  # of 10 s
+def test_epochs_left_out_are_within_the_estimate(craft, step):
+    """Flown states are not Hill's motion here: J2, and an estimate that knows nothing of it holds."""
+    frame = common_frame(craft)
+    path = Orbit(frame.mean_motion).sampled(frame.times[::step], frame.states[1, ::step])
+    off = np.linalg.norm(path.position(frame.times) - frame.states[1, :, :3], axis=1).max()
+    assert 0.01 * path.interpolation_error < off < path.interpolation_error
+    assert path.cubic_share == (1.0 if step < 360 else 0.0)  # an hour of flight is more Hill's than a cubic's
+
+
 def test_velocity_across_the_plane_lacks_the_turn_of_the_plane(craft):
     """The limit that frames.py states: flattening turns the frame about x, 5e-8 rad/s here."""
     states = relative_from_inertial(craft[0].states, craft[1].states, "arc")

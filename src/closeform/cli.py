@@ -225,7 +225,7 @@ def screen(
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
-    from closeform.report.conflicts import approaches, listed, zones
+    from closeform.report.conflicts import approaches, between_samples, listed, zones
     from closeform.verdict import Verdict, conflicts_in
     from closeform.zones.pair_zones import PairZones
 
@@ -242,6 +242,7 @@ def screen(
         f"{frame.times[-1] - frame.times[0]:.1f} s",
         f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
         f"on a circle of {frame.radius / 1e3:.3f} km",
+        *between_samples(flight),
     )
     lines, tables = listed("Conflicts", flight)
     say(console, *zones(flight), *lines)

@@ -119,7 +119,8 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
     `find_conflicts`, certified as there, on all cores; most pairs are excluded by bounds on what each
     craft does between common times (theory 23), whatever their paths.  Half a million pairs take a
     tenth of a second on two cores and some megabytes.  A progress bar goes to standard error from five
-    million pairs on, where that is a terminal.
+    million pairs on, where that is a terminal.  Paths through samples are searched as
+    they are: their `interpolation_error` says how far from them craft may be.
 
     Raises ValueError for a Path that is not of shape (N,), for paths in different orbits, for the
     zones of another number of craft, or for two of which none can be made for the pair.

@@ -141,12 +141,16 @@ def arc_peak(arc, n, q):
     return maximum_norm(q, order_n, duration)
 
 
-ENERGY, DELTA_V, PEAK = 0, 1, 2
+ENERGY, DELTA_V, PEAK, HIDDEN = 0, 1, 2, 3
+
+# Of a h^2: how far a craft can be from a path between two states that both have, h apart, if their
+# accelerations differ by a at most: a for a quarter of the time, against it for half, and again.
+BANG_BANG = 1.0 / 16.0
 
 
 @kernel(void(float64[:, ::1], int64[::1], float64, int64, float64[::1]))
 def totals(arcs, offsets, n, what, out):
-    """Energy, delta-v or peak thrust of every path; the impulses count in none of them."""
+    """Energy, delta-v, peak thrust or what samples may hide of every path; impulses count in none of them."""
     stack = stack_vector(200)
     q = stack_matrix(8, 3)
     for p in range(len(offsets) - 1):
@@ -159,5 +163,8 @@ def totals(arcs, offsets, n, what, out):
                 elif what == DELTA_V:
                     total += arc_delta_v(arc, n, stack)
                 else:
-                    total = max(total, arc_peak(arc, n, q))
+                    peak = arc_peak(arc, n, q)
+                    if what == HIDDEN:
+                        peak *= BANG_BANG * (arc[END] - arc[START]) ** 2
+                    total = max(total, peak)
         out[p] = total

@@ -12,6 +12,7 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.duration import flaw
+from closeform.motion.effort import ENERGY, totals
 from closeform.motion.elements import (
     EARTH_MU,
     EARTH_RADIUS,
@@ -23,6 +24,12 @@ from closeform.motion.hill import coast, response
 from closeform.motion.lambert import start_velocities
 from closeform.motion.linear import solve
 from closeform.motion.path import FORGIVEN, Path, broadcast
+
+# Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
+# to coast.  Ten times as much: where flattening or thrust bends paths, Hill's motion is chosen with
+# samples half an hour apart, and is off by half as much again as cubics are (GRACE).  A tenth: an hour apart
+# cubics are chosen, which are off by five times as much.
+COASTING = 0.1
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
@@ -66,6 +73,19 @@ def transitions(n: float, times: Floats, out: Floats) -> None:
             )
             for i in range(6):
                 out[p, i, k] = column[i]
+
+
+def interpolated(n: float, arcs: Floats, finals: Floats) -> Floats:
+    """Arcs from their states to the final ones: Hill's motion where a craft coasts, else cubics."""
+    cubic, hill = arcs.copy(), arcs.copy()
+    hill[:, MEAN_MOTION] = n
+    each = np.arange(len(arcs) + 1)
+    energies = np.empty((2, len(arcs)))
+    for rows, motion, energy in ((cubic, 0.0, energies[0]), (hill, n, energies[1])):
+        steer(motion, rows, finals)
+        totals(rows, each, n, ENERGY, energy)
+    coasts = energies[1] <= COASTING * energies[0]
+    return np.where(coasts[:, None], hill, cubic)
 
 
 def _checked(name: str, value: ArrayLike, columns: int | None = None) -> Floats:
@@ -218,12 +238,14 @@ class Orbit:
         return self._path(arcs)
 
     def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
-        """Path through `states` (..., T, 6) at `times` (T,) [s]: cubic Hermite arcs.
+        """Path through `states` (..., T, 6) at `times` (T,) [s]: Hill's motion where craft coast, or cubics.
 
-        A cubic Hermite arc is exactly the n = 0 transfer between its two states.  It follows
-        positions and velocities at every sample; between two samples h apart its position is
-        off by at most h^4/384 max|r''''|, its velocity by at most h^3/124 max|r''''|, per axis:
-        for motion of eccentricity difference E in an orbit of mean motion n, 2 E (n h)^4/384.
+        Position and velocity are met at every sample.  From one to the next the path is the optimal
+        transfer in this orbit where that needs less than a tenth of the energy that a cubic would:
+        there the craft coasts but for little.  Elsewhere it is the cubic (Hermite), which is the
+        transfer at n = 0: samples h apart leave its position off by at most h^4/384 max|r''''|, its
+        velocity by h^3/124 max|r''''|, per axis.  `interpolation_error` of the path estimates how
+        far craft may have been from it, `cubic_share` tells which of the two was used.
 
         Raises ValueError unless the times increase strictly and all numbers are finite.
         """
@@ -243,8 +265,8 @@ class Orbit:
         arcs[..., START] = instants[:-1]
         arcs[..., END] = instants[1:]
         arcs[..., STATE : STATE + 6] = nodes[..., :-1, :]
-        rows = arcs.reshape(-1, WIDTH)
-        steer(0.0, rows, np.ascontiguousarray(nodes[..., 1:, :]).reshape(-1, 6))
+        finals = np.ascontiguousarray(nodes[..., 1:, :]).reshape(-1, 6)
+        rows = interpolated(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
         count = int(np.prod(batch, dtype=int))
         return Path(self, rows, np.arange(count + 1) * (len(instants) - 1), batch)
 

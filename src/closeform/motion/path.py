@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.motion.arc import END, IMPULSE, START, STATE, state_at
-from closeform.motion.effort import DELTA_V, ENERGY, PEAK, thrust_at, totals
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_at
+from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
 from closeform.motion.march import locate
 
 if TYPE_CHECKING:
@@ -101,6 +101,22 @@ class Path:
     def peak_thrust(self) -> Any:
         """Greatest |thrust| [m/s^2], to 1e-9 of itself; impulses are not in it."""
         return self._shaped(self._total(PEAK))
+
+    @property
+    def interpolation_error(self) -> Any:
+        """Of a path through samples: how far from it the craft may have been between two, an estimate [m].
+
+        a h^2 / 16, the greatest for all samples, h apart, with a the acceleration that the path has
+        beside natural motion: as far as a craft can be that thrusts by a more or less.  A visit that
+        it thrusts for harder, and that ends before the next sample, is in no sample to be seen.
+        """
+        return self._shaped(self._total(HIDDEN))
+
+    @property
+    def cubic_share(self) -> Any:
+        """Share of the arcs that are cubics through samples, not motion in this orbit; 0 in deep space."""
+        cubic = self.arcs[:, MEAN_MOTION] != self.orbit.mean_motion
+        return self._shaped(np.add.reduceat(cubic, self.offsets[:-1], dtype=float) / np.diff(self.offsets))
 
     @property
     def impulses(self) -> tuple[tuple[float, Floats], ...]:

@@ -2,16 +2,21 @@
 
 from collections import Counter
 from dataclasses import replace
+from math import sqrt
 from typing import Any
+
+import numpy as np
 
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
+from closeform.motion.arc import END, START
 from closeform.report.section import Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.verdict import conflicts_in
 from closeform.zones.own_zone import REGION
 
+DOUBTFUL = 0.1  # of a zone: by so much a craft may be in or out of it without a word
 MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all
 
 RATIO = Column("least", "ratio", "{:.4f} x zone".format)
@@ -97,6 +102,33 @@ def figures(flight: Flight) -> dict[str, Any]:
         "conflicts": [record(CONFLICT, conflict_row(met)) for met in flight.conflicts],
         "closest": None if close is None else record(APPROACH, approach_row(close)),
     }
+
+
+def between_samples(flight: Flight) -> tuple[str, ...]:
+    """How paths through samples were interpolated, how far off craft may be, and whether that matters."""
+    paths = flight.paths[1:]  # seen from the first craft, which is exactly where it is
+    count = len(paths.arcs)
+    cubics = round(float(paths.cubic_share @ np.diff(paths.offsets)))
+    both = f"Hill's own motion in {count - cubics} of {count} intervals, where craft coast, else cubics"
+    how = both if 0 < cubics < count else "cubics" if cubics else "Hill's own motion, as craft coast"
+    errors = paths.interpolation_error
+    worst = int(np.argmax(errors))
+    line = (
+        f"Between epochs: {how}; off by up to {errors[worst]:.3f} m ({flight.names[1 + worst]}), by estimate"
+    )
+    close = flight.closest
+    if close is None:
+        return (line,)
+    doubt = float(np.sort(errors)[-2:].sum() * np.linalg.norm(close.zone.matrix, 2))  # of a pair's norm
+    if doubt < DOUBTFUL or close.ratio > 1.0 + doubt:
+        return (line,)
+    apart = float(np.diff(paths[worst].arcs[:, [START, END]]).max())
+    enough = apart * sqrt(DOUBTFUL / doubt)
+    return (
+        line,
+        f"Epochs {apart:g} s apart are too few here: conflicts between them may be missed or false; "
+        f"sample every {enough:.2g} s",
+    )
 
 
 def files(result: StageResult[Any, Any]) -> dict[str, Table]:
