@@ -173,7 +173,7 @@ SCENARIOS = (
         "an unknown key without a near one",
         ALTITUDE,
         ALTITUDE + "\nq = 1",
-        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, mu, radius",
+        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, latitude, mu, radius",
     ),
     Bad("a missing key", FOR, "", 'stage[1].for: missing; add for example for = "0.5 orbits"'),
     Bad(
@@ -647,12 +647,19 @@ SCENARIOS = (
         SENSOR + SEARCH + 'tip_angle = "25 deg"\n',
         'search: tip_angle goes with method = "basic" only; remove tip_angle',
     ),
+    Bad(
+        "relative elements without a length",
+        F1_F2 + '\nvelocity = "0 0 0 m/s"',
+        'start = { roe = "0 0 0 4e-5 0 4e-5" }',
+        'craft.start.roe: "0 0 0 4e-5 0 4e-5" has no unit; use m, km, cm, mm, for example "10 20 30 40 50 60 m"',
+    ),
     # not built yet
     Bad(
         "a start that is not built",
         F1_F2 + '\nvelocity = "0 0 0 m/s"',
         'start = { oem = "F1.oem" }',
-        'craft.start: "oem" is not built yet; give position and velocity, or palmer',
+        'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later version '
+        "brings: give position and velocity, palmer or roe",
     ),
 )
 

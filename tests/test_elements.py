@@ -22,9 +22,11 @@ from closeform.motion.elements import (
     period_from_mean_motion,
     roe_from_elements,
     roe_from_state,
+    scaled_roe_from_state,
     semi_major_axis_from_mean_motion,
     state_from_palmer,
     state_from_roe,
+    state_from_scaled_roe,
 )
 from closeform.motion.frames import inertial_from_relative, relative_from_inertial
 
@@ -273,6 +275,67 @@ def test_linear_relative_elements_meet_the_exact_ones_with_separation_squared():
     np.testing.assert_allclose(orders, 2.0, atol=0.05)
 
 
+def two_body(t, state):
+    position = state[:3]
+    return np.concatenate([state[3:], -EARTH_MU * position / np.linalg.norm(position) ** 3])
+
+
+def test_scaled_relative_elements_are_constants_of_exact_two_body_motion():
+    """Chief and deputy integrated for 0.7 orbits; what the elements change falls with separation squared.
+
+    The deputy's inertial start is put together here: rotating axes, their rate, and no frame of ours.
+    """
+    a, u, inclination = 7e6, 0.8, 1.0
+    n = np.sqrt(EARTH_MU / a**3)
+    duration = 0.7 * 2.0 * np.pi / n
+    node = np.array([1.0, 0.0, 0.0])
+    across = np.array([0.0, np.cos(inclination), np.sin(inclination)])
+    normal = np.cross(node, across)
+
+    def axes(latitude):
+        radial = np.cos(latitude) * node + np.sin(latitude) * across
+        return np.stack([radial, np.cross(normal, radial), normal])
+
+    direction = np.array([0.03, 1.0, -0.5, 0.4, 0.6, -0.7])
+    sizes = 8e3 / 2.0 ** np.arange(6)  # 8 km down to 250 m
+    errors = []
+    for size in sizes:
+        start = state_from_scaled_roe(size * direction, n, u)
+        turned = start[3:] + np.cross([0.0, 0.0, n], start[:3] + [a, 0.0, 0.0])
+        inertial = np.concatenate([(start[:3] + [a, 0.0, 0.0]) @ axes(u), turned @ axes(u)])
+        end = solve_ivp(two_body, (0.0, duration), inertial, "DOP853", rtol=1e-13, atol=1e-8).y[:, -1]
+        later = u + n * duration
+        place = axes(later) @ end[:3]
+        velocity = axes(later) @ end[3:] - np.cross([0.0, 0.0, n], place)
+        state = np.concatenate([place - [a, 0.0, 0.0], velocity])
+        expected = size * direction
+        expected[1] -= 1.5 * n * duration * expected[0]
+        errors.append(np.abs(scaled_roe_from_state(state, n, later) - expected).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(orders, 2.0, atol=0.05)
+
+
+def test_scaled_relative_elements_describe_the_motion_that_damico_does():
+    """Relative motion in terms of the elements, his equations written down once more."""
+    rng = np.random.default_rng(4)
+    scaled, u, n = rng.normal(size=(50, 6)) * 300.0, rng.uniform(-np.pi, np.pi, 50), 1.1e-3
+    da, dl, dex, dey, dix, diy = scaled.T
+    x = da - dex * np.cos(u) - dey * np.sin(u)
+    y = dl + 2.0 * (dex * np.sin(u) - dey * np.cos(u))
+    z = dix * np.sin(u) - diy * np.cos(u)
+    vx, vz = n * (dex * np.sin(u) - dey * np.cos(u)), n * (dix * np.cos(u) + diy * np.sin(u))
+    vy = n * (-1.5 * da + 2.0 * (dex * np.cos(u) + dey * np.sin(u)))
+    states = state_from_scaled_roe(scaled, n, u)
+    np.testing.assert_allclose(states, np.stack([x, y, z, vx, vy, vz], axis=-1), rtol=0, atol=1e-11)
+
+
+@given(scaled=six(1e5), latitude=angles, n=st.floats(1e-5, 1e-2))
+@settings(max_examples=60)
+def test_scaled_relative_elements_round_trip(scaled, latitude, n):
+    back = scaled_roe_from_state(state_from_scaled_roe(scaled, n, latitude), n, latitude)
+    np.testing.assert_allclose(back, scaled, rtol=0, atol=ROUND_TRIP * np.abs(scaled).max())
+
+
 def test_relative_elements_take_the_short_way_round_the_node():
     chief, deputy = [7e6, 3.141, 0, 0, 1.0, 3.141], [7e6, -3.141, 0, 0, 1.0, -3.141]
     step = 2 * np.pi - 6.282
@@ -293,6 +356,8 @@ def test_leading_shapes_broadcast():
         relative = relative_from_inertial(chief, deputies, **mode)
         assert relative.shape == inertial_from_relative(chief, relative, **mode).shape == (2, 3, 6)
     assert roe_from_state(deputies * 0, [7e6, 7.1e6, 7.2e6], 0.1).shape == (2, 3, 6)
+    assert state_from_scaled_roe(np.ones((4, 1, 6)), 1e-3, [0.1, 0.2]).shape == (4, 2, 6)
+    assert scaled_roe_from_state(np.ones(6), [1e-3, 2e-3], 0.1).shape == (2, 6)
     assert palmer_from_state(np.ones((4, 1, 6)), [1e-3, 2e-3]).shape == (4, 2, 6)
     assert roe_from_elements(elements_from_inertial(chief), elements_from_inertial(deputies)).shape == (
         2,
@@ -318,6 +383,9 @@ STATE = [7e6, 0, 0, 0, 7.5e3, 0]
         (lambda: inertial_from_elements([7e6, 0, 1.0, 0, 1, 0]), "elements: the orbit must be an ellipse"),
         (lambda: roe_from_elements([7e6, 0, 0, 0, 1e-7, 0], [7e6, 0, 0, 0, 1, 0]), "chief: inclination 0"),
         (lambda: elements_from_roe([7e6, 0, 0, 0, 1, 0], [-1, 0, 0, 0, 0, 0]), "roe: the orbit must be"),
+        (lambda: state_from_scaled_roe([0, 0, 0], 1e-3), r"scaled: expected shape \(..., 6\), got \(3,\)"),
+        (lambda: state_from_scaled_roe([0] * 6, 0.0), "mean_motion: must be positive"),
+        (lambda: scaled_roe_from_state([0] * 6, 1e-3, np.nan), "latitude: every value must be finite"),
         (lambda: relative_from_inertial(STATE, STATE, "curved"), 'along_track: "straight" or "arc", got'),
         (lambda: relative_from_inertial(STATE, STATE, radius=7e6), "radius: only used with"),
         (lambda: relative_from_inertial([0] * 6, STATE), "chief: position and velocity must span"),

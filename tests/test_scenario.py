@@ -211,7 +211,8 @@ def test_larger_does_not_depend_on_order() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["f6_scatter", "tpf", "robustness", "cluster", "swap", "swap_deep_space", "find_then_fly"]
+    "name",
+    ["f6_scatter", "tpf", "robustness", "cluster", "swap", "swap_deep_space", "find_then_fly", "inspector"],
 )
 def test_samples_are_accepted(name: str) -> None:
     assert load(EXAMPLES / f"{name}.toml").title

@@ -25,7 +25,7 @@ _NAMES = {
         "mean_motion_from_period semi_major_axis_from_mean_motion altitude_from_mean_motion "
         "period_from_mean_motion palmer_from_state state_from_palmer elements_from_inertial "
         "inertial_from_elements roe_from_elements elements_from_roe roe_from_state "
-        "state_from_roe"
+        "state_from_roe scaled_roe_from_state state_from_scaled_roe"
     ),
     "search.sensor": "Sensor",
     "search.schedule": "Leg Search",

@@ -42,9 +42,11 @@ from closeform.motion.elements import (
     period_from_mean_motion as period_from_mean_motion,
     roe_from_elements as roe_from_elements,
     roe_from_state as roe_from_state,
+    scaled_roe_from_state as scaled_roe_from_state,
     semi_major_axis_from_mean_motion as semi_major_axis_from_mean_motion,
     state_from_palmer as state_from_palmer,
     state_from_roe as state_from_roe,
+    state_from_scaled_roe as state_from_scaled_roe,
 )
 from closeform.motion.frames import (
     inertial_from_relative as inertial_from_relative,

@@ -65,7 +65,7 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     if lines := scenario.unbuilt():
         raise ScenarioError(scenario.file, lines)
     orbit = scenario.orbit.build()
-    states = np.array([craft.state(orbit) for craft in scenario.craft])
+    states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []
     past: dict[str, tuple[float, Floats]] = {}
     for number, stage in enumerate(scenario.stages, 1):
@@ -108,9 +108,14 @@ class StageStart:
         """Nobody burns for a `duration` [s]."""
         return self.flight([self.coast(k, duration) for k in range(len(self.states))])
 
+    def latitude(self, duration: float) -> float:
+        """The origin's argument of latitude [rad] after a `duration` [s]."""
+        return self.scenario.orbit.latitude + self.orbit.mean_motion * (self.time + duration)
+
     def transfer(self, target: Target, k: int, duration: float) -> Path:
         """Craft k's own way to a target, at least energy."""
-        return self.orbit.transfer(self.states[k], target.state(self.orbit), duration, self.time)
+        final = target.state(self.orbit, self.latitude(duration))
+        return self.orbit.transfer(self.states[k], final, duration, self.time)
 
     def mixed(self, who: list[int], paths: Path) -> Flight:
         """The `paths` of the craft `who`; the others coast meanwhile."""
@@ -210,10 +215,10 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> StageResult[Joint, Rec
 
     names, to = start.scenario.names, stage.to
     who = [names.index(name) for name in stage.movers or names]
-    slots = stage.known(start.orbit, len(who))
 
     def goals(duration: float) -> Floats:
         coasted = np.asarray(start.states @ start.orbit.transition(duration).T)
+        slots = stage.known(start.orbit, len(who), start.latitude(duration))
         if slots is not None:
             centre = coasted[who].mean(axis=0) if isinstance(to, Goal) and to.line is not None else 0.0
             return np.asarray(slots + centre)

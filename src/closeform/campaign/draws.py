@@ -21,8 +21,7 @@ WORDS = 4  # random numbers in one block of Philox
 
 def drawn(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
     """States (last - first, N, 6) of the craft in the cases from `first` to `last`, without that one."""
-    orbit = scenario.orbit.build()
-    nominal = np.array([craft.state(orbit) for craft in scenario.craft])
+    nominal = scenario.states(scenario.orbit.build())
     states = np.repeat(nominal[None], last - first, axis=0)
     for key, draw in (scenario.study.vary if scenario.study is not None else {}).items():
         random = uniform(seed, key, len(nominal), first, last)

@@ -1,7 +1,6 @@
 """What must fit together between the tables of a scenario."""
 
 from collections.abc import Iterator, Sequence
-from math import nan
 
 import numpy as np
 
@@ -219,7 +218,7 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
                 "covariance only; give one that holds the others"
             )
     if not scenario.scattered:  # else every case has its own positions
-        places = np.array([[nan] * 6 if craft.unbuilt else craft.state(orbit) for craft in scenario.craft])
+        places = scenario.states(orbit)
         remedy = "move one of them or make keep_out smaller"
         for one, other, ratio in inside(places, kept):
             names = f"{scenario.names[one]} and {scenario.names[other]}"

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from closeform.arrays import Floats
-from closeform.motion.elements import state_from_palmer
+from closeform.motion.elements import state_from_palmer, state_from_scaled_roe
 from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Start
 from closeform.scenario.keep_out import KeepOut
@@ -23,7 +23,7 @@ from closeform.scenario.quantity import (
     TIME,
     Reader,
 )
-from closeform.scenario.table import Length, Name, Position, Table, Vector, Velocity
+from closeform.scenario.table import Angle, Length, Name, Position, Table, Vector, Velocity
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
@@ -46,6 +46,7 @@ class OrbitTable(Table):
     mean_motion: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] | None = Field(
         None, examples=['"0.0634 deg/s"']
     )
+    latitude: Angle = Field(0.0, examples=['"30 deg"'])
     mu: Annotated[float, BeforeValidator(Reader(GRAVITY, least="positive"))] | None = Field(
         None, examples=['"398600.4418 km^3/s^2"']
     )
@@ -53,6 +54,7 @@ class OrbitTable(Table):
 
     @model_validator(mode="after")
     def complete(self) -> Self:
+        self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
         self.only_with("mu", "altitude", "semi_major_axis")
         self.only_with("radius", "altitude")
         return self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space")
@@ -141,12 +143,14 @@ class Craft(Table):
         """The key of `start` whose work is not built yet, if this craft needs it."""
         return "oem" if self.start is not None and self.start.oem is not None else None
 
-    def state(self, orbit: Orbit) -> Floats:
-        """The state (6,) at the start, in SI units."""
+    def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
+        """The state (6,) at the start, in SI units; the origin is at that argument of latitude [rad]."""
         if self.start is None:
             return np.array([*(self.position or ()), *(self.velocity or ())])
         if self.start.palmer is not None:
             return state_from_palmer(self.start.palmer, orbit.mean_motion)
+        if self.start.roe is not None:
+            return state_from_scaled_roe(self.start.roe, orbit.mean_motion, latitude)
         if self.start.shape is None:
             raise TypeError(f"{self.name}: start by oem is not built")
         place, count = self._place

@@ -6,13 +6,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from closeform.arrays import Floats
-from closeform.motion.elements import state_from_palmer
+from closeform.motion.elements import state_from_palmer, state_from_scaled_roe
 from closeform.motion.orbit import Orbit
 from closeform.scenario.quantity import LENGTH, Reader
 from closeform.scenario.table import Angle, Length, Names, Position, Table, Vector, Velocity
 
 Six = tuple[float, float, float, float, float, float]
-Palmer = Annotated[Six, BeforeValidator(Reader(LENGTH, 6))]
+SixLengths = Annotated[Six, BeforeValidator(Reader(LENGTH, 6))]
 Signed = Annotated[float, BeforeValidator(Reader(LENGTH))]
 
 
@@ -122,16 +122,17 @@ class Formation(Table):
 class Start(Formation):
     """start: a relative orbit instead of a position and a velocity."""
 
-    palmer: Palmer | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
+    palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
+    roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
     oem: str | None = Field(None, min_length=1, examples=['"F1.oem"'])
 
     @model_validator(mode="after")
     def complete(self) -> Self:
-        return self.one_of("palmer", *Formation.model_fields, "oem")
+        return self.one_of("palmer", "roe", *Formation.model_fields, "oem")
 
     @property
     def orbital(self) -> bool | None:
-        return True if self.palmer is not None else super().orbital
+        return True if self.palmer is not None or self.roe is not None else super().orbital
 
 
 class Target(Table):
@@ -139,11 +140,12 @@ class Target(Table):
 
     position: Position | None = Field(None, examples=['"0 100 0 m"'])
     velocity: Velocity | None = Field(None, examples=['"0 0 0 m/s"'])
-    palmer: Palmer | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
+    palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
+    roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
 
     @model_validator(mode="after")
     def complete(self) -> Self:
-        self.one_of("position", "palmer")
+        self.one_of("position", "palmer", "roe")
         self.only_with("velocity", "position")
         if self.position is not None and self.velocity is None:
             raise ValueError('position needs velocity; add for example velocity = "0 0 0 m/s"')
@@ -152,12 +154,14 @@ class Target(Table):
     @property
     def orbital(self) -> bool | None:
         """Whether it is for an orbit only (True), or for deep space too (None)."""
-        return True if self.palmer is not None else None
+        return True if self.palmer is not None or self.roe is not None else None
 
-    def state(self, orbit: Orbit) -> Floats:
-        """The state (6,) in SI units."""
+    def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
+        """The state (6,) in SI units, when the origin is at that argument of latitude [rad]."""
         if self.palmer is not None:
             return state_from_palmer(self.palmer, orbit.mean_motion)
+        if self.roe is not None:
+            return state_from_scaled_roe(self.roe, orbit.mean_motion, latitude)
         return np.array([*(self.position or ()), *(self.velocity or ())])
 
 

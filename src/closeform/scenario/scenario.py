@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from closeform.arrays import Floats
+from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import Gather, StageTable
@@ -70,6 +72,12 @@ class Scenario:
         """Each craft's own zone; None for a craft without one."""
         return tuple(None if craft.keep_out is None else craft.keep_out.own() for craft in self.craft)
 
+    def states(self, orbit: Orbit) -> Floats:
+        """The craft's states (N, 6) at the start, in the scenario's `orbit`; nan where that is not built."""
+        latitude = self.orbit.latitude
+        unknown = np.full(6, np.nan)
+        return np.array([unknown if one.unbuilt else one.state(orbit, latitude) for one in self.craft])
+
     @cached_property
     def zones(self) -> PairZones:
         """Who keeps which zone with whom.
@@ -125,7 +133,8 @@ class Scenario:
     def unbuilt(self) -> tuple[str, ...]:
         """What every command would need and this version does not have, one line each."""
         lines = [
-            f'craft.start: "{craft.unbuilt}" is not built yet; give position and velocity, or palmer'
+            'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later version '
+            "brings: give position and velocity, palmer or roe"
             for craft in self.craft
             if craft.unbuilt
         ]
@@ -162,11 +171,10 @@ class Scenario:
 
     def coincident(self) -> tuple[str, ...]:
         """Pairs of craft at one place, one line each; a search refuses them."""
-        orbit = self.orbit.build()
-        places = [None if craft.unbuilt else tuple(craft.state(orbit)[:3]) for craft in self.craft]
+        places = [tuple(place) for place in self.states(self.orbit.build())[:, :3].tolist()]
         remedy = "add --case K, or use closeform study" if self.scattered else "move one of them"
         return tuple(
             f"craft.position: {one.name} and {other.name} are at one place; {remedy}"
             for (one, here), (other, there) in combinations(zip(self.craft, places, strict=True), 2)
-            if here is not None and here == there
+            if here == there  # not where they are unknown: nan differs from itself
         )

@@ -190,13 +190,16 @@ class Reconfigure(Joint):
     def assigns(self) -> bool:
         return self.assign
 
-    def known(self, orbit: Orbit, count: int) -> Floats | None:
+    def known(self, orbit: Orbit, count: int, latitude: float | None = None) -> Floats | None:
         """The slots (S, 6) as far as they do not depend on the flight so far; else None.
 
-        A line is centred on the origin here, and goes with the craft that form it.
+        What relative elements are as a state does, by the `latitude` [rad] of the origin at arrival.  A
+        line is centred on the origin here, and goes with the craft that form it.
         """
         if isinstance(self.to, tuple):
-            return np.array([target.state(orbit) for target in self.to])
+            if latitude is None and any(target.roe is not None for target in self.to):
+                return None
+            return np.array([target.state(orbit, latitude or 0.0) for target in self.to])
         return self.to.shape.states(orbit, self.slots or count) if self.to.shape is not None else None
 
     @property

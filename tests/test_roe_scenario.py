@@ -1,0 +1,139 @@
+"""Relative orbital elements in a scenario: where craft begin and where they go, by D'Amico's equations."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from closeform.mission import fly
+from closeform.scenario import ScenarioError, load, parse
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+FILE = """
+closeform = 1
+title = "Relative elements"
+[orbit]
+altitude = "500 km"
+latitude = "30 deg"
+[craft]
+name = ["A", "B"]
+start = [{ roe = "0 0 0 0 0 0 m" }, { roe = "4 50 -30 300 80 250 m" }]
+keep_out = { sphere = "10 m" }
+[[stage]]
+do = "coast"
+for = "0.3 orbits"
+"""
+ELEMENTS = np.array([4.0, 50.0, -30.0, 300.0, 80.0, 250.0])
+GOAL = np.array([0.0, 20.0, 60.0, -100.0, 0.0, 150.0])
+TO = '{ roe = "0 20 60 -100 0 150 m" }'
+
+
+def place(elements: np.ndarray, latitude: float, passed: float) -> np.ndarray:
+    """Position [m] at a latitude, `passed` radians after that at which dl holds."""
+    da, dl, dex, dey, dix, diy = elements
+    cos, sin = np.cos(latitude), np.sin(latitude)
+    along = dl - 1.5 * passed * da + 2.0 * (dex * sin - dey * cos)
+    return np.array([da - dex * cos - dey * sin, along, dix * sin - diy * cos])
+
+
+def test_craft_begin_on_their_relative_elements() -> None:
+    """A third of an orbit, and where they begin: the argument of latitude is that of the file."""
+    mission = fly(parse(FILE))
+    (flown,) = mission.results
+    path = flown.after.path("B")
+    for time in np.linspace(0.0, flown.end, 7):
+        passed = mission.orbit.mean_motion * time
+        expected = place(ELEMENTS, np.radians(30.0) + passed, passed)
+        np.testing.assert_allclose(path.position(time), expected, rtol=0, atol=1e-9)
+
+
+def arrived(mission, craft: str) -> None:
+    """A craft is on the elements of GOAL at the end of its stage, and stays on them."""
+    flown = mission.results[-1]
+    n = mission.orbit.mean_motion
+    path = mission.orbit.coast(flown.after.path(craft).state(flown.end), 3000.0, flown.end)
+    for time in np.linspace(0.0, 3000.0, 5):
+        expected = place(GOAL, np.radians(30.0) + n * (flown.end + time), n * time)
+        np.testing.assert_allclose(path.position(flown.end + time), expected, rtol=0, atol=1e-6)
+
+
+def stage(text: str) -> str:
+    return f"{FILE}\n[[stage]]\n{text}\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'do = "avoid"\ncraft = "B"\nto = {TO}\nwithin = "0.4 orbits"',
+        f'do = "reconfigure"\ncraft = ["B"]\nto = [{TO}]\nwithin = "0.4 orbits"',
+    ],
+)
+def test_craft_go_to_relative_elements(text: str) -> None:
+    mission = fly(parse(stage(text)))
+    assert mission.stopped is None
+    arrived(mission, "B")
+
+
+def test_a_craft_that_comes_later_is_on_its_elements_then() -> None:
+    """Too little thrust for the time asked: elements hold where the origin is at arrival."""
+    text = stage(f'do = "avoid"\ncraft = "B"\nto = {TO}\nwithin = "0.1 orbits"')
+    text = text.replace("[[stage]]", 'mass = "100 kg"\nmax_thrust = "0.05 N"\n[[stage]]', 1)
+    mission = fly(parse(text))
+    late = mission.results[-1]
+    assert mission.stopped is None
+    assert late.end - late.start > 1.05 * 0.1 * mission.orbit.period
+    arrived(mission, "B")
+
+
+def test_the_example_spirals_in() -> None:
+    mission = fly(load(EXAMPLES / "inspector.toml"))
+    assert mission.clear
+    last = mission.results[-1]
+    times = np.linspace(last.start, last.end, 20_001)
+    apart = last.after.path("Inspector").position(times) - last.after.path("Target").position(times)
+    # a 50 m safety ellipse: across the track it never comes closer than 50 m; samples are half a second apart
+    assert np.hypot(apart[:, 0], apart[:, 2]).min() == pytest.approx(50.0, abs=1e-3)
+
+
+REFUSED = {
+    "deep space": (
+        FILE.replace('altitude = "500 km"\nlatitude = "30 deg"', "deep_space = true").replace(
+            "0.3 orbits", "30 min"
+        ),
+        "craft.start: a relative orbit, but deep space has no orbits; give position and velocity, or line",
+    ),
+    "goal in deep space": (
+        FILE.replace('altitude = "500 km"\nlatitude = "30 deg"', "deep_space = true")
+        .replace("0.3 orbits", "30 min")
+        .replace(
+            'start = [{ roe = "0 0 0 0 0 0 m" }, { roe = "4 50 -30 300 80 250 m" }]',
+            'position = ["0 0 0 m", "100 0 0 m"]\nvelocity = "0 0 0 m/s"',
+        )
+        + f'[[stage]]\ndo = "avoid"\ncraft = "B"\nto = {TO}\nwithin = "30 min"\n',
+        "stage[2].to: a relative orbit, but deep space has no orbits; give position and velocity",
+    ),
+    "latitude in deep space": (
+        FILE.replace('altitude = "500 km"', "deep_space = true"),
+        "orbit: latitude goes with altitude or period or semi_major_axis or mean_motion only",
+    ),
+    "five": (
+        FILE.replace("4 50 -30 300 80 250 m", "4 50 -30 300 80 m"),
+        'craft.start[2].roe: "4 50 -30 300 80 m"',
+    ),
+    "no lengths": (
+        FILE.replace("4 50 -30 300 80 250 m", "1e-6 0 0 4e-5 0 4e-5 rad"),
+        'craft.start[2].roe: "1e-6 0 0 4e-5 0 4e-5 rad" is ',
+    ),
+    "an OEM": (
+        FILE.replace('{ roe = "4 50 -30 300 80 250 m" }', '{ oem = "B.oem" }'),
+        'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_does_not_fit_is_refused_in_one_line(name: str) -> None:
+    text, line = REFUSED[name]
+    with pytest.raises(ScenarioError) as refused:
+        fly(parse(text, "two.toml"))
+    assert [one for one in refused.value.lines if one.startswith(f"two.toml: {line}")]
