@@ -119,8 +119,8 @@ def is_proven(energy: float, bound: float) -> bool:
 def closeness(energy: float, bound: float) -> str:
     """How near an energy is to its lower bound, in words."""
     if is_proven(energy, bound):
-        return "proven the least energy there is"
-    return f"at most {100.0 * gap(energy, bound):.2g} % above the least energy there is"
+        return "proven the least energy for these ends and times"
+    return f"at most {100.0 * gap(energy, bound):.2g} % above the least energy for these ends and times"
 
 
 class _Search:

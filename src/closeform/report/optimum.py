@@ -12,7 +12,9 @@ TOUCHING = 1.0 + 1e-6  # a margin up to this is for rounding only
 def best(found: Avoidance | Plan) -> str:
     """Whether it is the best there is."""
     return (
-        "proven the least energy there is" if found.proven else f"best of {counted(found.tried, 'candidate')}"
+        "proven the least energy for these ends and times"
+        if found.proven
+        else f"best of {counted(found.tried, 'candidate')}"
     )
 
 
