@@ -15,7 +15,7 @@ CROSSINGS, MINIMA = "SP11's zero crossings", "V-BAR's segment_minima"
 
 
 def measure(quick: bool) -> Report:
-    count = 120 if quick else 700
+    count = 50 if quick else 700
     scattered, crowded = cluster(count, 300.0, seed=1), cluster(count, 60.0, seed=2)
     main = ellipsoids("scattered over 300 m", scattered, quick)
     other = ellipsoids("crowded into 60 m", crowded, quick)
