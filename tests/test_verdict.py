@@ -14,6 +14,7 @@ from bridge import hill
 from closeform.campaign import case_of
 from closeform.cli import main
 from closeform.mission import fly
+from closeform.report.run import RunReport
 from closeform.scenario import parse
 from closeform.verdict import Use, Verdict, conflicts_in
 
@@ -432,3 +433,29 @@ def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsy
     page = unescape(Path("lost-results/report.html").read_text())
     assert "What is met" in page
     assert '<p class="verdict bad">' in page
+
+
+# pictures of a file's thrust
+
+
+def test_thrust_is_drawn_in_newtons_where_the_file_speaks_of_them() -> None:
+    text = passing('max_thrust = "1 N"')
+    for scenario, unit, mass in ((text, "N", 100.0), (text.replace('max_thrust = "1 N"', ""), "m/s²", None)):
+        report = RunReport(fly(parse(scenario)))
+        (picture,) = [one for one in report.sections[0].pictures if one.plot == "thrust"]
+        assert picture.options == {"mass": mass}
+        figure = cf.plots.thrust(*picture.arguments, **picture.options)
+        top = figure.axes[0]
+        assert re.fullmatch(rf"magnitude \[[mµ]?{unit}\]", top.get_ylabel())
+        size = {"m": 1e-3, "µ": 1e-6}.get(top.get_ylabel()[11 : -1 - len(unit)], 1.0)
+        _, around = picture.arguments[0]
+        drawn = size * max(np.max(line.get_ydata()) for line in top.lines)
+        assert drawn == pytest.approx(
+            (mass or 1.0) * around.peak_thrust, rel=1e-3
+        )  # at instants of a picture
+
+
+@pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, np.inf])
+def test_masses_that_are_none(mass: float) -> None:
+    with pytest.raises(ValueError, match="^mass: "):
+        cf.plots.thrust([PATH], ["path"], mass=mass)
