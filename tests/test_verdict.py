@@ -457,5 +457,5 @@ def test_thrust_is_drawn_in_newtons_where_the_file_speaks_of_them() -> None:
 
 @pytest.mark.parametrize("mass", [0.0, -1.0, np.nan, np.inf])
 def test_masses_that_are_none(mass: float) -> None:
-    with pytest.raises(ValueError, match="^mass: "):
+    with pytest.raises(ValueError, match=r"^mass: "):
         cf.plots.thrust([PATH], ["path"], mass=mass)

@@ -103,7 +103,7 @@ def run(
     case: int | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Fly a scenario: who finds whom, every conflict, the cheapest way around found; leaves a folder of results.
+    """Fly a scenario: who finds whom, every conflict, the cheapest way around found; leaves results.
 
     Parameters
     ----------
