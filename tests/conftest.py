@@ -17,6 +17,7 @@ LONG = (
     "campaign",
     "cli",
     "kernel_cache",
+    "many_craft",
     "margins",
     "mission_formation",
     "mission_search",

@@ -250,8 +250,8 @@ def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
     """In which cases (C,) no two craft that coast from states (C, N, 6) come into each other's zone."""
     paths = scenario.orbit.build().coast(states, duration)
     clear = np.ones(len(states), dtype=bool)
-    for zone, pairs in scenario.zones.groups():
-        near = closest_approach(paths[:, pairs[:, 0]], paths[:, pairs[:, 1]], zone)
+    for zone, first, second in scenario.zones.portions():
+        near = closest_approach(paths[:, first], paths[:, second], zone)
         clear &= (np.asarray(near.ratio) > 1.0).all(axis=1)
     return clear
 

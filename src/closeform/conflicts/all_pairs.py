@@ -15,7 +15,7 @@ from closeform.conflicts.tracks import Tracks, follow
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path, stack
 from closeform.zones.own_zone import OwnZone
-from closeform.zones.pair_zones import NONE, PairZones, pair_zones
+from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of
 from closeform.zones.zone import Zone
 
 CHUNK = 32_768  # pairs that one thread takes at a time
@@ -48,23 +48,6 @@ class Screening:
         return tuple(
             PairConflict(*value, *pair) for value, pair in zip(values, self.pairs.tolist(), strict=True)
         )
-
-
-def _chunks(count: int) -> Iterator[tuple[Any, Any]]:
-    """The pairs i < j of `count` craft, in order, some at a time."""
-    row, column = 0, 1
-    while row < count - 1:
-        first, second = [], []
-        room = CHUNK
-        while room > 0 and row < count - 1:
-            taken = np.arange(column, min(count, column + room))
-            first.append(np.full(len(taken), row))
-            second.append(taken)
-            room -= len(taken)
-            column += len(taken)
-            if column == count:
-                row, column = row + 1, row + 2
-        yield np.concatenate(first), np.concatenate(second)
 
 
 def search_pairs(
@@ -143,18 +126,13 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
 
 def _jobs(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
     """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
-    for first, second in _chunks(count):
-        if isinstance(zone, PairZones):
-            which = zone.which(first, second)
-            order = np.argsort(which, kind="stable")
-            there, begins = np.unique(which[order], return_index=True)
-            for k, some in zip(there.tolist(), np.split(order, begins[1:]), strict=True):
-                if k != NONE:
-                    yield zone.zones[k], first[some], second[some]
-        else:
-            yield zone, first, second
-            if not zone.symmetric:
-                yield zone, second, first
+    if isinstance(zone, PairZones):
+        yield from zone.portions(CHUNK)
+        return
+    for first, second in pairs_of(count, CHUNK):
+        yield zone, first, second
+        if not zone.symmetric:
+            yield zone, second, first
 
 
 def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone | PairZones) -> Iterator[tuple[Any, Floats]]:

@@ -1,6 +1,6 @@
 """Flight: a formation's paths with all that is to be said of their conflicts."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,8 +9,13 @@ import numpy as np
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
-from closeform.zones.pair_zones import PairZones
+from closeform.zones.pair_zones import NONE, PairZones
 from closeform.zones.zone import Zone
+
+ALL_PAIRS = 100_000  # of which every closest approach is looked for: 447 craft
+CLOSEST = 2000  # pairs, at least, that are looked for among more
+SAMPLED, FEW = 20_000, 20  # pairs at random, and how many of them say how densely craft fly
+LEAST, HUGE = 1e-3, 1e9  # times a zone
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +38,15 @@ class PairApproach:
 class Flight:
     """The formation's paths, shape (N,), with every conflict and each pair's closest approach.
 
-    Where no zone holds for any pair there are neither.
+    Of more than `ALL_PAIRS` there are the approaches of the closest only; `pairs` is how many have
+    a zone.  Where none has there are neither.
     """
 
     paths: Path
     names: tuple[str, ...]
     conflicts: tuple[PairConflict, ...]
     approaches: tuple[PairApproach, ...]
+    pairs: int
 
     def path(self, name: str) -> Path:
         """One craft's path."""
@@ -57,18 +64,50 @@ class Flight:
 
 
 def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:
-    """Every conflict and every closest approach among paths of shape (N,)."""
+    """Every conflict and the closest approaches among paths of shape (N,)."""
     approaches: list[PairApproach] = []
-    for zone, pairs in zones.groups():
-        close = closest_approach(paths[pairs[:, 0]], paths[pairs[:, 1]], zone)
+    for zone, first, second in zones.portions() if zones.pairs <= ALL_PAIRS else nearest(paths, zones):
+        close = closest_approach(paths[first], paths[second], zone)
         approaches += [
             PairApproach(one, other, time, ratio, distance, zone, zones.rule(one, other) or "")
-            for (one, other), time, ratio, distance in zip(
-                *(part.tolist() for part in (pairs, close.time, close.ratio, close.distance)), strict=True
+            for one, other, time, ratio, distance in zip(
+                *(part.tolist() for part in (first, second, close.time, close.ratio, close.distance)),
+                strict=True,
             )
         ]
     conflicts = list(screen(paths, zones).conflicts)
-    return Flight(paths, tuple(names), named(conflicts, names), named(approaches, names))
+    return Flight(paths, tuple(names), named(conflicts, names), named(approaches, names), zones.pairs)
+
+
+def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
+    """Among others the `CLOSEST` pairs that come closest, by zone, without a look at each of them all.
+
+    A screening finds them, with zones so large that so many are in conflict.
+    """
+    factor = guess(paths, zones)
+    found = screen(paths, zones.enlarged(factor)).pairs
+    while len(pairs := np.unique(found, axis=0)) < CLOSEST and factor < HUGE:
+        factor *= 2.0
+        found = screen(paths, zones.enlarged(factor)).pairs
+    which = zones.which(*pairs.T)
+    for k in np.unique(which):
+        yield zones.zones[k], *np.ascontiguousarray(pairs[which == k].T)
+
+
+def guess(paths: Path, zones: PairZones) -> float:
+    """How many times larger zones would give `CLOSEST` conflicts, from pairs at random.
+
+    The number within a distance grows with its third power, if craft are spread evenly.
+    """
+    first, second = np.sort(np.random.default_rng(0).integers(len(paths), size=(2, SAMPLED)), axis=0)
+    which = np.where(first < second, zones.which(first, second), NONE)
+    near = [
+        closest_approach(paths[first[which == k]], paths[second[which == k]], zones.zones[k]).ratio
+        for k in np.unique(which[which != NONE])
+    ]
+    ratios = np.sort(np.concatenate(near))
+    share = CLOSEST / zones.pairs * len(ratios) / FEW
+    return float(np.clip(ratios[FEW - 1], LEAST, HUGE) * share ** (1.0 / 3.0))
 
 
 def named(found: list[Any], names: Sequence[str]) -> tuple[Any, ...]:

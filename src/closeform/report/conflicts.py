@@ -17,7 +17,7 @@ from closeform.verdict import conflicts_in
 from closeform.zones.own_zone import REGION
 
 DOUBTFUL = 0.1  # of a zone: by so much a craft may be in or out of it without a word
-MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all
+MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all that were looked for
 
 RATIO = Column("least", "ratio", "{:.4f} x zone".format)
 CONFLICT = (
@@ -79,7 +79,7 @@ def summed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ..
     worst = min(flight.conflicts, key=lambda met: round(met.ratio, 6))
     often = f"{len(flight.conflicts)} in " if len(flight.conflicts) > pairs else ""
     line = (
-        f"{title}: {often}{pairs} of {len(flight.approaches)} pairs; deepest are {worst.first} and "
+        f"{title}: {often}{pairs} of {flight.pairs} pairs; deepest are {worst.first} and "
         f"{worst.second}, {worst.ratio:.4f} x zone at {worst.time:.1f} s"
     )
     return (line,), tuple(replace(table, folded=True) for table in tables)
@@ -90,7 +90,7 @@ def approaches(title: str, flight: Flight) -> tuple[Table, ...]:
     pairs = flight.approaches
     if len(pairs) > MOST_PAIRS:
         pairs = tuple(sorted(pairs, key=lambda pair: pair.ratio)[:MOST_PAIRS])
-        title += f", the {MOST_PAIRS} closest of {len(flight.approaches)}"
+        title += f", the {MOST_PAIRS} closest of {flight.pairs}"
     return (Table(title, APPROACH, [approach_row(near) for near in pairs], folded=True),) if pairs else ()
 
 

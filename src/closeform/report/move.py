@@ -2,6 +2,9 @@
 
 from typing import Any
 
+import numpy as np
+
+from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
 from closeform.report import conflicts, effort, optimum
@@ -104,11 +107,14 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     """The craft that moves and those that share the zone of the one to which it comes closest."""
     moved, before = result.result, result.before
     craft, path, around = moved.craft, moved.direct, moved.avoidance.path
-    pairs = [pair for pair in before.approaches if craft in (pair.first, pair.second)]
-    if not pairs:
+    if not moved.others:
         return ()
-    close = min(pairs, key=lambda pair: pair.ratio)
-    other, zone = close.second if craft == close.first else close.first, close.zone
+    ratios = [
+        closest_approach(path, before.path(name), zone).ratio
+        for name, zone in zip(moved.others, moved.zones, strict=True)
+    ]
+    closest = int(np.argmin(ratios))
+    other, zone = moved.others[closest], moved.zones[closest]
     obstacle = before.path(other)
     caption = f"{craft} relative to {other}, before"
     found = [Picture("distances", caption, "distances", (path, obstacle, zone))]

@@ -1,5 +1,6 @@
 """What must fit together between the tables of a scenario."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -19,6 +20,7 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.shapes import CYLINDER, FACES
 
 MOST_SAMPLES = 1e7
+MOST_NAMED = 100  # pairs of craft, where more are wrong
 
 
 def check(scenario: Scenario) -> list[str]:
@@ -44,9 +46,9 @@ def duplicates(scenario: Scenario) -> Iterator[str]:
         ("craft.name", list(scenario.names)),
         ("stage.name", [stage.name for stage in scenario.stages if stage.name is not None]),
     ):
-        for name in dict.fromkeys(names):
-            if names.count(name) > 1:
-                yield f"{key}: {name} is given {names.count(name)} times; name each one differently"
+        for name, count in Counter(names).items():
+            if count > 1:
+                yield f"{key}: {name} is given {count} times; name each one differently"
 
 
 def stages(scenario: Scenario) -> Iterator[str]:
@@ -220,22 +222,30 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     if not scenario.scattered:  # else every case has its own positions
         places = scenario.states(orbit)
         remedy = "move one of them or make keep_out smaller"
-        for one, other, ratio in inside(places, kept):
+        deep, count = inside(places, kept)
+        for one, other, ratio in deep:
             names = f"{scenario.names[one]} and {scenario.names[other]}"
             yield f"craft.position: {names} start inside each other's zone, at {ratio}; {remedy}"
+        if count > len(deep):
+            yield f"craft.position: {count} pairs in all start inside each other's zone; {remedy}"
     for number, stage in enumerate(scenario.stages, 1):
         if isinstance(stage, Reconfigure):
             yield from ends(scenario, orbit, number, stage)
 
 
-def inside(states: Floats, kept: PairZones) -> Iterator[tuple[int, int, str]]:
-    """The pairs that are inside each other's zone, and how deep in words."""
-    for zone, pairs in kept.groups():
-        ratios = zone.norm(states[pairs[:, 0], :3] - states[pairs[:, 1], :3])
-        deep = ratios <= 1.0
-        for (one, other), ratio in zip(pairs[deep].tolist(), ratios[deep], strict=True):
+def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]], int]:
+    """The first pairs that are inside each other's zone, how deep in words, and how many there are."""
+    found: list[tuple[int, int, str]] = []
+    count = 0
+    for zone, first, second in kept.portions():
+        ratios = zone.norm(states[first, :3] - states[second, :3])
+        deep = np.flatnonzero(ratios <= 1.0)
+        count += len(deep)
+        for k in deep[: MOST_NAMED - len(found)]:
+            one, other = int(first[k]), int(second[k])
             made = "" if (rule := kept.rule(one, other)) == REGION else f" ({rule})"
-            yield one, other, f"{ratio:.2f} x zone{made}"
+            found.append((one, other, f"{ratios[k]:.2f} x zone{made}"))
+    return found, count
 
 
 def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
@@ -251,11 +261,13 @@ def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> I
         if len(finals) > len(movers) or len(set(PairZones.of(own, called).kinds.tolist())) > 1:
             return
         called = [f"slot {k}" for k in range(1, len(finals) + 1)]
-    for one, other, ratio in inside(finals, PairZones.of(own, called)):
-        yield (
-            f"stage[{number}].to: {called[one]} and {called[other]} end inside each other's zone, "
-            f"at {ratio}; move them apart or make keep_out smaller"
-        )
+    deep, count = inside(finals, PairZones.of(own, called))
+    remedy = "move them apart or make keep_out smaller"
+    for one, other, ratio in deep:
+        names = f"{called[one]} and {called[other]}"
+        yield f"stage[{number}].to: {names} end inside each other's zone, at {ratio}; {remedy}"
+    if count > len(deep):
+        yield f"stage[{number}].to: {count} pairs in all end inside each other's zone; {remedy}"
 
 
 def study(scenario: Scenario) -> Iterator[str]:

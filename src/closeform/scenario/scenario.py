@@ -3,7 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from math import isnan
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -170,11 +170,15 @@ class Scenario:
         return self.study is not None and "craft.position" in self.study.vary
 
     def coincident(self) -> tuple[str, ...]:
-        """Pairs of craft at one place, one line each; a search refuses them."""
-        places = [tuple(place) for place in self.states(self.orbit.build())[:, :3].tolist()]
+        """Craft at the place of one before them, one line each; a search refuses them."""
         remedy = "add --case K, or use closeform study" if self.scattered else "move one of them"
-        return tuple(
-            f"craft.position: {one.name} and {other.name} are at one place; {remedy}"
-            for (one, here), (other, there) in combinations(zip(self.craft, places, strict=True), 2)
-            if here == there  # not where they are unknown: nan differs from itself
-        )
+        first: dict[tuple[float, ...], str] = {}
+        lines = []
+        places = self.states(self.orbit.build())[:, :3].tolist()
+        for name, place in zip(self.names, places, strict=True):
+            if isnan(place[0]):
+                continue  # unknown yet
+            there = first.setdefault(tuple(place), name)
+            if there != name:
+                lines.append(f"craft.position: {there} and {name} are at one place; {remedy}")
+        return tuple(lines)

@@ -1,7 +1,7 @@
 """Zones of pairs: who keeps which zone with whom, made of the two bodies' own zones."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from closeform.zones.own_zone import OwnZone, key, pair_zone
 from closeform.zones.zone import Zone
 
+AT_ONCE = 1 << 18  # pairs that are looked at together: some tens of megabytes
 NONE = -1  # the kind of a body without a zone of its own; and of a pair without one, in the table
 
 
@@ -93,6 +94,13 @@ class PairZones:
         """The zones of one `body` about every other, in the others' order."""
         return tuple(self.between(body, other) for other in range(len(self)) if other != body)
 
+    @property
+    def pairs(self) -> int:
+        """How many pairs have a zone."""
+        bare, still = self.kinds == NONE, ~self.moves
+        without = count_pairs(bare.sum()) + count_pairs(still.sum()) - count_pairs((bare & still).sum())
+        return count_pairs(len(self)) - without
+
     def groups(self) -> Iterator[tuple[Zone, Any]]:
         """Every zone with the pairs (M, 2), i < j, for which it holds."""
         found = [np.empty((0, 3), dtype=np.int64)]
@@ -104,6 +112,39 @@ class PairZones:
         ends = np.searchsorted(rows[:, 0], np.arange(len(self.zones) + 1))
         for zone, begin, end in zip(self.zones, ends, ends[1:], strict=False):
             yield zone, rows[begin:end, 1:]
+
+    def portions(self, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
+        """The same for bodies without number, some pairs at a time: a zone, i (M,) and j (M,)."""
+        for first, second in pairs_of(len(self), at_once):
+            which = self.which(first, second)
+            for k in np.unique(which[which != NONE]):
+                yield self.zones[k], first[which == k], second[which == k]
+
+    def enlarged(self, factor: float) -> Self:
+        """The same with every zone `factor` times as large."""
+        return replace(self, zones=tuple(zone.enlarged(factor) for zone in self.zones))
+
+
+def count_pairs(bodies: int) -> int:
+    """How many pairs some bodies make."""
+    return int(bodies) * (int(bodies) - 1) // 2
+
+
+def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
+    """The pairs i < j of `count` bodies, in order, some at a time: there may be too many for the memory."""
+    row, column = 0, 1
+    while row < count - 1:
+        first, second = [], []
+        room = at_once
+        while room > 0 and row < count - 1:
+            taken = np.arange(column, min(count, column + room))
+            first.append(np.full(len(taken), row))
+            second.append(taken)
+            room -= len(taken)
+            column += len(taken)
+            if column == count:
+                row, column = row + 1, row + 2
+        yield np.concatenate(first), np.concatenate(second)
 
 
 def pair_zones(
