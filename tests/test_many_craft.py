@@ -12,7 +12,7 @@ import closeform as cf
 from bad_input import LOST
 from closeform.cli import main
 from closeform.conflicts import flight
-from closeform.zones.pair_zones import PairZones
+from closeform.zones.pair_zones import PairZones, portions
 
 ORBIT = cf.Orbit.circular(500e3)
 
@@ -94,7 +94,7 @@ def test_pairs_of_a_zone_in_portions() -> None:
     for at_once in (1, 4, 100):
         rows = [
             (pair, zone)
-            for zone, first, second in zones.portions(at_once)
+            for zone, first, second in portions(zones, at_once)
             for pair in zip(first.tolist(), second.tolist(), strict=True)
         ]
         assert len(rows) == len(expected)

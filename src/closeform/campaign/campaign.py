@@ -28,6 +28,7 @@ from closeform.search.locks import lock_times
 from closeform.search.phases import labels, tally
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
+from closeform.zones.pair_zones import portions
 
 MOST_CASES = 100_000_000  # arrays of this length still fit a workstation
 MOST_LOCKS = 500_000_000  # times with their legs: 8 GB
@@ -250,7 +251,7 @@ def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
     """In which cases (C,) no two craft that coast from states (C, N, 6) come into each other's zone."""
     paths = scenario.orbit.build().coast(states, duration)
     clear = np.ones(len(states), dtype=bool)
-    for zone, first, second in scenario.zones.portions():
+    for zone, first, second in portions(scenario.zones):
         near = closest_approach(paths[:, first], paths[:, second], zone)
         clear &= (np.asarray(near.ratio) > 1.0).all(axis=1)
     return clear

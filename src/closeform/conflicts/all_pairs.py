@@ -15,7 +15,7 @@ from closeform.conflicts.tracks import Tracks, follow
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path, stack
 from closeform.zones.own_zone import OwnZone
-from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of
+from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.zone import Zone
 
 CHUNK = 32_768  # pairs that one thread takes at a time
@@ -127,7 +127,7 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
 def _jobs(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
     """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
     if isinstance(zone, PairZones):
-        yield from zone.portions(CHUNK)
+        yield from portions(zone, CHUNK)
         return
     for first, second in pairs_of(count, CHUNK):
         yield zone, first, second

@@ -9,7 +9,7 @@ import numpy as np
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
-from closeform.zones.pair_zones import NONE, PairZones
+from closeform.zones.pair_zones import NONE, PairZones, enlarged, portions
 from closeform.zones.zone import Zone
 
 ALL_PAIRS = 100_000  # of which every closest approach is looked for: 447 craft
@@ -66,7 +66,7 @@ class Flight:
 def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:
     """Every conflict and the closest approaches among paths of shape (N,)."""
     approaches: list[PairApproach] = []
-    for zone, first, second in zones.portions() if zones.pairs <= ALL_PAIRS else nearest(paths, zones):
+    for zone, first, second in portions(zones) if zones.pairs <= ALL_PAIRS else nearest(paths, zones):
         close = closest_approach(paths[first], paths[second], zone)
         approaches += [
             PairApproach(one, other, time, ratio, distance, zone, zones.rule(one, other) or "")
@@ -85,10 +85,10 @@ def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
     A screening finds them, with zones so large that so many are in conflict.
     """
     factor = guess(paths, zones)
-    found = screen(paths, zones.enlarged(factor)).pairs
+    found = screen(paths, enlarged(zones, factor)).pairs
     while len(pairs := np.unique(found, axis=0)) < CLOSEST and factor < HUGE:
         factor *= 2.0
-        found = screen(paths, zones.enlarged(factor)).pairs
+        found = screen(paths, enlarged(zones, factor)).pairs
     which = zones.which(*pairs.T)
     for k in np.unique(which):
         yield zones.zones[k], *np.ascontiguousarray(pairs[which == k].T)

@@ -113,17 +113,6 @@ class PairZones:
         for zone, begin, end in zip(self.zones, ends, ends[1:], strict=False):
             yield zone, rows[begin:end, 1:]
 
-    def portions(self, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
-        """The same for bodies without number, some pairs at a time: a zone, i (M,) and j (M,)."""
-        for first, second in pairs_of(len(self), at_once):
-            which = self.which(first, second)
-            for k in np.unique(which[which != NONE]):
-                yield self.zones[k], first[which == k], second[which == k]
-
-    def enlarged(self, factor: float) -> Self:
-        """The same with every zone `factor` times as large."""
-        return replace(self, zones=tuple(zone.enlarged(factor) for zone in self.zones))
-
 
 def count_pairs(bodies: int) -> int:
     """How many pairs some bodies make."""
@@ -145,6 +134,19 @@ def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
             if column == count:
                 row, column = row + 1, row + 2
         yield np.concatenate(first), np.concatenate(second)
+
+
+def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
+    """The groups of bodies without number, some pairs at a time: a zone, i (M,) and j (M,)."""
+    for first, second in pairs_of(len(zones), at_once):
+        which = zones.which(first, second)
+        for k in np.unique(which[which != NONE]):
+            yield zones.zones[k], first[which == k], second[which == k]
+
+
+def enlarged(zones: PairZones, factor: float) -> PairZones:
+    """Every zone `factor` times as large."""
+    return replace(zones, zones=tuple(zone.enlarged(factor) for zone in zones.zones))
 
 
 def pair_zones(
