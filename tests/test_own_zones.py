@@ -226,6 +226,20 @@ def test_avoid_takes_the_zones_of_the_craft_and_its_obstacles():
         assert mahalanobis(found.path, other, total) == pytest.approx(3.0, abs=1e-5)
 
 
+def test_plans_keep_a_body_off_the_body_of_an_obstacle():
+    """A ball of 3 m past a station of 10, 40 and 6 m: its centre stays 3 m away from all of it."""
+    states = np.array([[0, 300.0, 2.0, 0, 0, 0]])
+    station = SPACE.coast(np.zeros(6), 2500.0)
+    half = np.array([10.0, 40.0, 6.0])
+    own = [cf.Body(cf.Sphere(3.0)), cf.Body(cf.Box(half))]
+    plan = cf.reconfigure(SPACE, states, -states, 2500.0, own, obstacles=station)
+    assert plan.ok
+    times = np.linspace(0.0, 2500.0, 40_001)
+    beyond = np.maximum(np.abs(plan.paths[0].position(times)) - half, 0.0)  # of its own faces
+    # the zone is a box larger by 3 m: exact at faces, off an edge by up to the square root of 2
+    assert 3.0 - 1e-6 <= np.linalg.norm(beyond, axis=1).min() <= 3.0 * sqrt(2.0)
+
+
 def test_obstacles_have_names_in_reasons():
     path = SPACE.transfer([0, 300.0, 0, 0, 0, 0], [0, -300.0, 0, 0, 0, 0], 2500.0)
     there = SPACE.coast([[0, 900.0, 0, 0, 0, 0], [0, -310.0, 0, 0, 0, 0]], 2500.0)
@@ -322,3 +336,23 @@ def test_a_pair_of_a_stage_meets_by_its_own_zone():
     scenario = parse(FILE.replace("KEEP_OUT", f'[{{ sphere = "3 m" }}, {UNSURE}]'))
     assert scenario.zones.rule(0, 1) == "covariance and keep-out region added, 3 sigma"
     assert scenario.zones.between(0, 1).norm([18.0, 0.0, 0.0]) <= 1.0  # 3 m and 3 x 5 m
+
+
+def test_a_stage_names_the_craft_in_the_way(tmp_path, capsys):
+    """An end that is inside a zone when the flight comes there: by the name of the file, not by a number."""
+    text = FILE.replace("KEEP_OUT", '{ sphere = "15 m" }')
+    text = text.replace('do = "coast"\nfor = "1000 s"', GOES)
+    file = tmp_path / "two.toml"
+    file.write_text(text)
+    assert cli.main(["run", str(file), "--out", str(tmp_path / "out")]) == 1
+    told = capsys.readouterr().out
+    assert "the path's end is 0.33 x zone from B; move it or the time" in told
+    assert "obstacle" not in told
+    assert "obstacle 0" not in (tmp_path / "out" / "summary.json").read_text()
+
+
+GOES = """do = "avoid"
+craft = "A"
+to = { position = "18.75 55 0 m", velocity = "0 0 0 m/s" }
+within = "1000 s"
+"""

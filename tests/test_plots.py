@@ -152,6 +152,13 @@ def test_two_ways(kind):
     assert_units(plots.two_ways(*kind))
 
 
+@pytest.mark.parametrize(("name", "words"), [("F7", "F7"), (None, "the obstacle")])
+def test_two_ways_call_the_obstacle_by_its_name(name, words):
+    figure = plots.two_ways(MOVER, HIT, ELLIPSOID, [], name)
+    assert figure.axes[1].get_title() == f"seen from {words}"
+    assert (name or "obstacle") in figure.axes[0].get_legend_handles_labels()[1]
+
+
 def test_a_conflict_without_a_way_around():
     assert_units(plots.two_ways(MOVER, HIT, ELLIPSOID, []))
 

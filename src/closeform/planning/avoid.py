@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,8 +18,11 @@ from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.own_zone import OwnZone, pair_zone
 from closeform.zones.pair_zones import PairZones, pair_zones
+from closeform.zones.zone import Zone
+
+Zones = tuple[tuple[Zone, Any], ...]  # each with the pairs (M, 2) that it holds for
 
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
 ROUNDING = 1e-9  # of a duration
@@ -119,7 +122,7 @@ class Around:
     """What one craft keeps clear of, and how it plans; `fixed`: no cheaper path is taken while proving."""
 
     obstacles: Path
-    zones: PairZones
+    zones: Zones
     names: tuple[str, ...]
     method: str
     budget: int | None
@@ -128,7 +131,7 @@ class Around:
     def plan(self, path: Path, prove: float = 0.0) -> Avoidance:
         """The way around for a path, or the path itself where it is clear."""
         optimum = transfer(path)
-        problem = Problem.of(stack([optimum]), self.obstacles, self.zones.groups())
+        problem = Problem.of(stack([optimum]), self.obstacles, self.zones)
         if inside := end_inside(problem):
             end, ratio, which = inside
             reason = f"the path's {end} is {ratio:.2f} x zone from {self.names[which]}; move it or the time"
@@ -233,13 +236,19 @@ def refused(problem: Problem, status: Status, reason: str, tried: int = 0) -> Av
     return Avoidance(None, nan, nan, nan, bound, (), status, reason, tried=tried)
 
 
-def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> PairZones:
-    """Zones of a craft, which has none unless given, and `count` obstacles."""
+def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:
+    """Zones of a craft, which has none unless given, and `count` obstacles, each with its pairs."""
     if isinstance(zone, PairZones):
-        return pair_zones("zone", zone, 1, count)
+        return tuple(pair_zones("zone", zone, 1, count).groups())
     given = [zone] * count if isinstance(zone, OwnZone) else list(zone) if isinstance(zone, Sequence) else []
     if not given or not all(isinstance(one, OwnZone) for one in given):
         raise ValueError(f"zone: expected a zone, or one for each obstacle, got {zone!r}")
     if len(given) != count:
         raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
-    return pair_zones("zone", [None, *given], 1, count)
+    alike: dict[int, list[int]] = {}
+    for k, own in enumerate(given):
+        alike.setdefault(id(own), []).append(k)
+    return tuple(
+        (pair_zone(given[those[0]], None)[0], np.array([[0, 1 + k] for k in those]))
+        for those in alike.values()
+    )

@@ -79,7 +79,9 @@ class Passage:
         return (position - self.obstacle.position(times) if relative else position) @ show.T
 
 
-def two_ways(path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None) -> Figure:
+def two_ways(
+    path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None, name: str | None = None
+) -> Figure:
     """The ways around one obstacle, each with its two legs: SP11 figure 2.
 
     Left: the path in the orbit's frame, the zone where the obstacle is at closest approach, and
@@ -88,6 +90,7 @@ def two_ways(path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None
 
     `ways` are up to two paths between the same ends; without them, the cheapest path
     found and the cheapest that was found on the other side.  Where the path is clear it stands alone.
+    `name` is what the obstacle is called.
 
     Raises ValueError for batches, more than two ways, or paths without a common time.
     """
@@ -99,8 +102,9 @@ def two_ways(path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None
 
     figure = page(6.4)
     left, right = figure.subplots(1, 2)
-    in_orbit(left, planned, around, zone)
+    in_orbit(left, planned, around, zone, name or "obstacle")
     from_obstacle(right, planned, around, zone)
+    right.set_title(f"seen from {name or 'the obstacle'}", fontsize=TEXT, color=INK)
     figure.legend(
         *left.get_legend_handles_labels(),
         loc="outside lower center",
@@ -113,7 +117,7 @@ def two_ways(path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None
     return figure
 
 
-def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) -> None:
+def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone, name: str) -> None:
     """The paths in the plane of the orbit's frame that shows the deviations best."""
     path, obstacle = planned.path, planned.obstacle
     course = planned.seen(path.start, path.end, np.eye(3), False)
@@ -131,7 +135,7 @@ def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) 
     look = {"facecolor": ZONE, "edgecolor": ZONE, "alpha": 0.3, "label": "zone at closest approach"}
     place(axes, shadow(zone, show), show @ host, **look)
     both = instants(*common_time(path, obstacle), path, obstacle)
-    axes.plot(*(show @ obstacle.position(both).T), color=OTHER, linewidth=1.6, label="obstacle")
+    axes.plot(*(show @ obstacle.position(both).T), color=OTHER, linewidth=1.6, label=name)
     axes.plot(*spot(show, host), "s", color=OTHER, markersize=6)
     shown = draw_planned(axes, planned, zone, show, False)
     for way, side in zip(ways, SIDES, strict=False):
@@ -183,7 +187,6 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
     square(axes, (0, 0), 1.6 * farthest / unit.size)
     axes.set_xlabel(f"along the relative motion [{unit.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"aside of it [{unit.name}]", fontsize=TEXT, color=INK)
-    axes.set_title("seen from the obstacle", fontsize=TEXT, color=INK)
     dress(axes)
 
 

@@ -120,7 +120,7 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     found = [Picture("distances", caption, "distances", (path, obstacle, zone))]
     if before.conflicts:
         caption = f"Two ways of {craft} around {other}"
-        found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone)))
+        found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone), {"name": other}))
     if around is not None and around is not path:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
         ways = path, around, [before.path(name) for name in names], zone

@@ -103,15 +103,24 @@ class PairZones:
 
     def groups(self) -> Iterator[tuple[Zone, Any]]:
         """Every zone with the pairs (M, 2), i < j, for which it holds."""
-        found = [np.empty((0, 3), dtype=np.int64)]
-        for body in range(len(self) - 1):
-            others = np.arange(body + 1, len(self))
-            found.append(np.stack([self.which(body, others), np.full(len(others), body), others], axis=1))
-        rows = np.concatenate(found)
-        rows = rows[np.argsort(rows[:, 0], kind="stable")]
-        ends = np.searchsorted(rows[:, 0], np.arange(len(self.zones) + 1))
-        for zone, begin, end in zip(self.zones, ends, ends[1:], strict=False):
-            yield zone, rows[begin:end, 1:]
+        found: list[list[Any]] = [[np.empty((0, 2), dtype=np.int64)] for _ in self.zones]
+        for first, second in pairs_of(len(self)):
+            for k, some in by_zone(self.which(first, second)):
+                found[k].append(np.stack([first[some], second[some]], axis=1))
+        for zone, pairs in zip(self.zones, found, strict=True):
+            yield zone, np.concatenate(pairs)
+
+
+def by_zone(which: Any) -> Iterator[tuple[int, Any]]:
+    """Every zone among the answers of `PairZones.which`, but none, with where it stands in them."""
+    if len(which) and (which == which[0]).all():
+        order, begins = np.arange(len(which)), np.zeros(1, dtype=np.int64)
+    else:
+        order = np.argsort(which, kind="stable")
+        begins = np.unique(which[order], return_index=True)[1]
+    for some in np.split(order, begins[1:]):
+        if len(some) and which[some[0]] != NONE:
+            yield int(which[some[0]]), some
 
 
 def count_pairs(bodies: int) -> int:
@@ -139,9 +148,8 @@ def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
 def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
     """The groups of bodies without number, some pairs at a time: a zone, i (M,) and j (M,)."""
     for first, second in pairs_of(len(zones), at_once):
-        which = zones.which(first, second)
-        for k in np.unique(which[which != NONE]):
-            yield zones.zones[k], first[which == k], second[which == k]
+        for k, some in by_zone(zones.which(first, second)):
+            yield zones.zones[k], first[some], second[some]
 
 
 def enlarged(zones: PairZones, factor: float) -> PairZones:
