@@ -172,6 +172,32 @@ for = "12000 s"
     assert [len(result.after.conflicts) for result in mission.results] == [1, 5]
     assert conflicts_in(result.after for result in mission.results) == (5, 1)
     assert str(mission.verdict) == "5 conflicts of 1 pair remain"
+    after = RunReport(mission).summary["stages"][1]["after"]
+    assert (len(after["conflicts"]), after["pairs_in_conflict"]) == (5, 1)
+
+
+def test_many_conflicts_of_a_coast_are_summed_up() -> None:
+    """Ten craft swing through one place twice an orbit, all 45 pairs at once: 180 stays, one line."""
+    names = ", ".join(f'"C{k}"' for k in range(10))
+    swings = ", ".join(f'{{ palmer = "0 0 0 0 {200 + 100 * k} 0 m" }}' for k in range(10))
+    text = f"""\
+closeform = 1
+title = "Swings"
+[orbit]
+period = "6000 s"
+[craft]
+name = [{names}]
+start = [{swings}]
+keep_out = {{ sphere = "20 m" }}
+[[stage]]
+do = "coast"
+for = "12000 s"
+"""
+    report = RunReport(fly(parse(text)))
+    assert str(report.mission.verdict) == "180 conflicts of 45 pairs remain"
+    (section,) = report.sections
+    assert section.lines[0].startswith("Conflicts: 180 in 45 of 45 pairs; deepest are ")
+    assert [table.folded for table in section.tables] == [True, True]
 
 
 # avoid within a thrust limit
@@ -398,6 +424,26 @@ seed = 3
 "craft.position" = { ball = "60 m" }
 "craft.velocity" = { ball = "6 cm/s" }
 """
+
+
+def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
+    """Of each craft that burns and of all, by the rocket equation from its delta-v."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.gather.pictures", lambda *_: ())
+    Path("lost.toml").write_text(LOST)
+    main(["run", "lost.toml", "--case", "0", "--out", "out"])
+    printed = capsys.readouterr().out
+    (gathering,) = json.loads(Path("out/summary.json").read_text())["stages"]
+    rows = dict.fromkeys(("L1", "L2", "L3", "all"), 0.0)
+    for name, delta_v in gathering["gathering"]["delta_v_m_s"].items():
+        rows[name] = -1e5 * np.expm1(-delta_v / (60.0 * G0))  # g
+        rows["all"] += rows[name]
+    table = printed.split("Delta-v of each craft")[1].split("\n\n")[0]
+    assert "propellant [g]" in table
+    assert rows["all"] > 1.0
+    for name, burnt in rows.items():
+        (line,) = [one for one in table.splitlines() if one.startswith(f"{name} ")]
+        assert float(line.split()[-1]) == pytest.approx(burnt, abs=6e-3)  # printed to a hundredth
 
 
 @pytest.mark.parametrize("stage", ["gather", "lock"])

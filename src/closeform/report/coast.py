@@ -8,7 +8,7 @@ from closeform.scenario import Coast
 
 def section(mission: Mission, result: StageResult[Coast, None]) -> Section:
     """Conflicts and closest approaches."""
-    lines, tables = conflicts.listed("Conflicts", result.after)
+    lines, tables = conflicts.summed("Conflicts", result.after)
     return Section(
         heading(result),
         lines,

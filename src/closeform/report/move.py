@@ -21,7 +21,8 @@ def section(mission: Mission, result: Move) -> Section:
     lines, before = conflicts.listed("Conflicts before", result.before)
     closing, after = conflicts.listed("Conflicts after", result.after)
     if not moved.avoidance.ok:
-        closing, after = ("The direct path is kept: no way around was found",), ()
+        within = "" if moved.avoidance.weak is None else " within the thrust limit"
+        closing, after = (f"The direct path is shown: no way around was found{within}",), ()
     tables = (
         *before,
         efforts(mission, result),

@@ -111,4 +111,4 @@ def watched(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table
     """Conflicts during a search, which may go without keep-out zones; times of the mission."""
     if not result.after.approaches:
         return ("Conflicts: not looked for, no craft has a keep_out",), ()
-    return conflicts.listed("Conflicts", result.after)
+    return conflicts.summed("Conflicts", result.after)
