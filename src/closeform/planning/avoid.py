@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats, numbers
 from closeform.motion.path import Path, stack
-from closeform.planning.limits import FULL, stretched
+from closeform.planning.limits import FULL, LARGEST_STEP, REACH, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Avoidance, Status, TooWeak, weakness
@@ -58,8 +58,9 @@ def avoid(
     says why there is none: an end inside a zone, or no clear path found.
 
     `max_acceleration` [m/s^2] bounds the thrust.  A path beyond it takes the shortest longer duration that
-    was found to respect it, with the same final state, if `longer` allows; but it ends no later than any
-    obstacle that is there when `path` ends, as nobody knows where that goes on to.  Where that does not
+    was found to respect it, with the same final state, if `longer` allows: in an orbit up to ten orbits, or
+    twice its duration; but it ends no later than any obstacle that is there when `path` ends, as nobody
+    knows where that goes on to.  Where that does not
     help the status is "thrust limit exceeded", and `weak` says by how much.  Impulses are beyond any limit.
 
     Raises ValueError for a batch of paths, another orbit, zones or names that do not match the
@@ -178,6 +179,8 @@ def within_limit(
     if most <= 1.0 + ROUNDING:
         remedy = f"give more time, or obstacles that are known beyond {path.end:.6g} s"
         return too_weak(plan, path, over, limit, remedy)
+    if path.orbit.mean_motion:  # around thousands of times others are met thousands of times
+        most = min(most, max(REACH * path.orbit.period / (path.end - path.start), LARGEST_STEP))
     later = stretched(over, lambda factor: excess(direct(factor)), attempt, most)
     if later.found is None:
         plan = replace(plan, measures=(later.measure,))
