@@ -1,4 +1,6 @@
-"""What an array argument may be."""
+"""What an argument may be: numbers, one number, an object of some kind. If not, ValueError names it."""
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,9 +9,63 @@ Floats = NDArray[np.float64]
 LARGEST = 1e60  # of a number: beyond, squares and cubes overflow
 
 
+def shown(value: Any) -> str:
+    """An argument in an error, on one line and short."""
+    return " ".join(repr(value).split())[:60]
+
+
 def numbers(name: str, value: ArrayLike) -> Floats:
-    """An argument as an array of floats; ValueError naming it where that cannot be."""
+    """An argument as an array of floats; it may share memory with what was given."""
     try:
-        return np.asarray(value, dtype=float)
+        given = np.asarray(value)
+        if given.dtype.kind == "O":  # fractions, decimals; of None NumPy would make nan
+            given = np.array([float(one) for one in given.flat]).reshape(given.shape)
+        if given.dtype.kind not in "biuf":
+            raise TypeError(given.dtype)
+        array: Floats = given.astype(float, copy=False)
     except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: expected numbers, got {value!r:.60}") from error
+        raise ValueError(f"{name}: expected numbers, got {shown(value)}") from error
+    return array if array.flags.aligned else array.copy()
+
+
+def number(name: str, value: ArrayLike) -> float:
+    """An argument as one float."""
+    array = numbers(name, value)
+    if array.shape:
+        raise ValueError(f"{name}: expected one number, got shape {array.shape}")
+    return float(array)
+
+
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """An argument as a whole number."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+        raise ValueError(f"{name}: expected a whole number from {least} on, got {shown(value)}")
+    return int(value)
+
+
+def instance(name: str, value: Any, *kinds: Any) -> Any:
+    """An argument as it is, of one of the kinds."""
+    if not isinstance(value, kinds):
+        wanted = " or ".join(getattr(kind, "__name__", str(kind)) for kind in kinds)
+        raise ValueError(f"{name}: expected {wanted}, got {shown(value)}")
+    return value
+
+
+def sequence(name: str, value: Any, *kinds: Any) -> list[Any]:
+    """An argument as a list of objects of some kinds."""
+    try:
+        given = list(value)
+    except TypeError as error:
+        raise ValueError(f"{name}: expected a sequence, got {shown(value)}") from error
+    for one in given:
+        instance(name, one, *kinds)
+    return given
+
+
+def broadcast(**shapes: tuple[int, ...]) -> tuple[int, ...]:
+    """The batch shape of several arguments; ValueError naming them where there is none."""
+    try:
+        return np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        given = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
+        raise ValueError(f"batch shapes do not broadcast: {given}") from None

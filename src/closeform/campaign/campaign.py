@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, shown
 from closeform.campaign.draws import drawn
 from closeform.campaign.shares import Share, shares
 from closeform.conflicts.two_paths import closest_approach
@@ -191,7 +191,7 @@ def flown(
 def whole(name: str, value: Any, least: int, most: int | None) -> int:
     """An argument that is a whole number within bounds."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name}: must be a whole number, got {value!r:.60}; give one")
+        raise ValueError(f"{name}: must be a whole number, got {shown(value)}; give one")
     if value < least or (most is not None and value > most):
         bounds = f"at least {least}" + (f" and at most {most}" if most is not None else "")
         raise ValueError(f"{name}: {value} is out of range; give {bounds}")

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, broadcast, instance
 from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
-from closeform.motion.path import Path, broadcast
+from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
 
@@ -51,7 +51,10 @@ class Approach:
     distance: Any
 
 
-def _same_orbit(path: Path, other: Path) -> None:
+def _comparable(path: Path, other: Path, zone: Zone) -> None:
+    for name, one in (("path", path), ("other", other)):
+        instance(name, one, Path)
+    instance("zone", zone, Zone)
     if path.orbit.mean_motion != other.orbit.mean_motion:
         raise ValueError(
             f"other: must be in the orbit of path, mean motion {path.orbit.mean_motion:g} rad/s, "
@@ -74,11 +77,11 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
     Both paths are of one craft.  Raises ValueError for batches (use `screen`) or for paths in
     different orbits.  Theory 3; the problem is that of SP11 section 3.
     """
+    _comparable(path, other, zone)
     if path.shape or other.shape:
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
         )
-    _same_orbit(path, other)
     one = np.zeros(1, dtype=np.int64)
     rows = np.empty((16, COLUMNS))
     done = np.zeros(2, dtype=np.int64)
@@ -107,7 +110,7 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     The ratio is certain to 1e-9 of itself: nothing closer happens between any two instants.
     Batch shapes broadcast.  Raises ValueError for paths in different orbits or shapes that do not broadcast.
     """
-    _same_orbit(path, other)
+    _comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
     first = _index(path, shape)
     second = _index(other, shape)
@@ -145,7 +148,7 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
 
     Raises ValueError in deep space, for paths that thrust, or in different orbits.
     """
-    _same_orbit(path, other)
+    _comparable(path, other, zone)
     n = path.orbit.mean_motion
     if n == 0:
         raise ValueError("path: the bound needs an orbit, in deep space use closest_approach")

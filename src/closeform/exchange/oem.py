@@ -9,7 +9,7 @@ import re
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, date, datetime, timedelta
 from importlib import import_module
 from os import PathLike
@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance, number, numbers, sequence
 from closeform.motion.elements import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.motion.frames import AlongTrack, relative_from_inertial
 
@@ -55,7 +55,9 @@ class Ephemeris:
     states: Floats
 
     def __post_init__(self) -> None:
-        times, states = np.asarray(self.times, dtype=float), np.asarray(self.states, dtype=float)
+        for field in fields(self)[:6]:
+            instance(field.name, getattr(self, field.name), str)
+        times, states = numbers("times", self.times), numbers("states", self.states)
         if times.ndim != 1 or len(times) < 2 or states.shape != (len(times), 6):
             got = f"got {times.shape} and {states.shape}"
             raise ValueError(f"times, states: expected shapes (T,) and (T, 6) with T >= 2, {got}")
@@ -159,7 +161,9 @@ def common_frame(
     Raises ValueError, naming the objects, for fewer than two, equal names, different centres,
     frames or time systems, a frame that turns with the Earth, and fewer than two common epochs.
     """
-    ephemerides = tuple(ephemerides)
+    ephemerides = tuple(sequence("ephemerides", ephemerides, Ephemeris))
+    if not (number("mu", mu) > 0.0 and np.isfinite(mu)):
+        raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
     _comparable(ephemerides)
     chief = ephemerides[0]
     offsets = _seconds([each.epoch for each in ephemerides], chief.time_system)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, broadcast, number, numbers
 
 EARTH_MU = 3.986004418e14
 """Earth's gravitational parameter [m^3/s^2], WGS 84 (also IERS Conventions 2010, table 1.1)."""
@@ -32,7 +32,7 @@ KEPLER_ITERATIONS = 50  # Newton needs 3 to 8 from the start used here
 
 def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:
     """`value` as finite floats; ValueError names the argument and what is wrong with it."""
-    array = np.asarray(value, dtype=float)
+    array = numbers(name, value)
     if last is not None and (array.ndim == 0 or array.shape[-1] != last):
         raise ValueError(f"{name}: expected shape (..., {last}), got {array.shape}")
     if not np.isfinite(array).all():
@@ -98,8 +98,9 @@ def palmer_from_state(state: ArrayLike, mean_motion: ArrayLike) -> Floats:
     are constant or turn uniformly, save l, which drifts.  Raises ValueError at n = 0, where the
     coordinates do not exist.                                                     # theory (2)
     """
-    n = checked("mean_motion", mean_motion, positive=True)
-    x, y, z, vx, vy, vz = np.moveaxis(checked("state", state, last=6), -1, 0)
+    n, states = checked("mean_motion", mean_motion, positive=True), checked("state", state, last=6)
+    broadcast(state=states.shape[:-1], mean_motion=np.shape(n))
+    x, y, z, vx, vy, vz = np.moveaxis(states, -1, 0)
     e1, d = 3.0 * x + 2.0 * vy / n, 2.0 * x + vy / n
     return np.stack(np.broadcast_arrays(e1, vx / n, d, y - 2.0 * vx / n, z, vz / n), axis=-1)
 
@@ -110,8 +111,9 @@ def state_from_palmer(palmer: ArrayLike, mean_motion: ArrayLike) -> Floats:
     palmer: [e1, e2, d, l, h1, h2] (..., 6) in m; `mean_motion` [rad/s].  Raises ValueError unless
     that is above zero.                                                            # theory (3)
     """
-    n = checked("mean_motion", mean_motion, positive=True)
-    e1, e2, d, l, h1, h2 = np.moveaxis(checked("palmer", palmer, last=6), -1, 0)  # noqa: E741
+    n, given = checked("mean_motion", mean_motion, positive=True), checked("palmer", palmer, last=6)
+    broadcast(palmer=given.shape[:-1], mean_motion=np.shape(n))
+    e1, e2, d, l, h1, h2 = np.moveaxis(given, -1, 0)  # noqa: E741
     vy = n * (2.0 * e1 - 3.0 * d)
     return np.stack(np.broadcast_arrays(2.0 * d - e1, l + 2.0 * e2, h1, n * e2, vy, n * h2), axis=-1)
 
@@ -125,7 +127,7 @@ def elements_from_inertial(state: ArrayLike, mu: float = EARTH_MU) -> Floats:
     Raises ValueError for an open orbit (e >= 1) and for motion along a straight line.
     """
     inertial = checked("state", state, last=6)
-    mu = checked("mu", mu, positive=True)
+    mu = checked("mu", number("mu", mu), positive=True)
     position, velocity = inertial[..., :3], inertial[..., 3:]
     momentum = np.cross(position, velocity)
     r, h = _length(position), _length(momentum)
@@ -158,7 +160,7 @@ def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
     e < 1.
     """
     a, u, ex, ey, inclination, node = _ellipse("elements", elements)
-    mu = checked("mu", mu, positive=True)
+    mu = checked("mu", number("mu", mu), positive=True)
     f = _eccentric_latitude(u, ex, ey)
     cos, sin = np.cos(f), np.sin(f)
     beta = 1.0 / (1.0 + np.sqrt(1.0 - ex * ex - ey * ey))
@@ -251,6 +253,7 @@ def roe_from_state(
     Raises ValueError for wrong shapes and unless the semi-major axis and `mu` are positive.
     """
     a = checked("semi_major_axis", semi_major_axis, positive=True)
+    _agree(checked("state", state, last=6), a, latitude, mu)
     scaled = scaled_roe_from_state(state, mean_motion_from_semi_major_axis(a, mu), latitude)
     return np.asarray(scaled / np.asarray(a)[..., None])
 
@@ -264,8 +267,16 @@ def state_from_roe(
     chief, on a circular orbit about a body of `mu` [m^3/s^2].  Raises as `roe_from_state`.
     """
     a = checked("semi_major_axis", semi_major_axis, positive=True)
+    _agree(checked("roe", roe, last=6), a, latitude, mu)
     scaled = checked("roe", roe, last=6) * np.asarray(a)[..., None]
     return state_from_scaled_roe(scaled, mean_motion_from_semi_major_axis(a, mu), latitude)
+
+
+def _agree(rows: Floats, semi_major_axis: Any, latitude: ArrayLike, mu: float) -> None:
+    """ValueError unless the arguments of `roe_from_state` broadcast."""
+    number("mu", mu)
+    shapes = {"semi_major_axis": np.shape(semi_major_axis), "latitude": numbers("latitude", latitude).shape}
+    broadcast(rows=rows.shape[:-1], **shapes)
 
 
 def _length(vector: Floats) -> Any:

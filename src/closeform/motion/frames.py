@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, broadcast, shown
 from closeform.motion.elements import checked
 
 AlongTrack = Literal["straight", "arc"]
@@ -44,6 +44,7 @@ def relative_from_inertial(
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
     inertial = checked("deputy", deputy, last=6)
     circle, growth = _circle(along_track, radius, distance, climb)
+    broadcast(chief=np.shape(distance), deputy=inertial.shape[:-1], radius=np.shape(circle))
     x, y, z = np.moveaxis(np.einsum("...ij,...j->...i", axes, inertial[..., :3]), -1, 0)
     vx, vy, vz = np.moveaxis(np.einsum("...ij,...j->...i", axes, inertial[..., 3:]), -1, 0)
     vx, vy = vx + turn * y, vy - turn * x  # seen from the turning axes
@@ -79,7 +80,9 @@ def inertial_from_relative(
     """
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
     circle, growth = _circle(along_track, radius, distance, climb)
-    x, y, z, vx, vy, vz = np.moveaxis(checked("relative", relative, last=6), -1, 0)
+    states = checked("relative", relative, last=6)
+    broadcast(chief=np.shape(distance), relative=states.shape[:-1], radius=np.shape(circle))
+    x, y, z, vx, vy, vz = np.moveaxis(states, -1, 0)
     x, vx = distance + x, climb + vx
     if along_track == "arc":
         full, full_rate, ahead, above = x, vx, y / circle, z / circle
@@ -111,8 +114,8 @@ def _frame(chief: Floats) -> tuple[Floats, Any, Any, Any]:
 
 def _circle(along_track: str, radius: ArrayLike | None, distance: Any, climb: Any) -> tuple[Any, Any]:
     """Radius [m] on which arcs are measured, and its rate [m/s]."""
-    if along_track not in ("straight", "arc"):
-        raise ValueError(f'along_track: "straight" or "arc", got {along_track!r}')
+    if not isinstance(along_track, str) or along_track not in ("straight", "arc"):
+        raise ValueError(f'along_track: "straight" or "arc", got {shown(along_track)}')
     if radius is None:
         return distance, climb
     if along_track == "straight":

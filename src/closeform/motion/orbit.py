@@ -7,7 +7,7 @@ import numpy as np
 from numba import float64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers
+from closeform.arrays import LARGEST, Floats, broadcast, number, numbers, shown
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
@@ -23,7 +23,7 @@ from closeform.motion.elements import (
 from closeform.motion.hill import coast, response
 from closeform.motion.lambert import start_velocities
 from closeform.motion.linear import solve
-from closeform.motion.path import FORGIVEN, Path, broadcast
+from closeform.motion.path import FORGIVEN, Path
 
 # Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
 # to coast.  Ten times as much: where flattening or thrust bends paths, Hill's motion is chosen with
@@ -114,7 +114,7 @@ class Orbit:
         value = numbers("mean_motion", self.mean_motion)
         if value.shape or not (np.isfinite(value) and value >= 0):
             raise ValueError(
-                f"mean_motion: must be one finite number, at least 0 rad/s, got {self.mean_motion}"
+                f"mean_motion: must be one finite number, at least 0 rad/s, got {shown(self.mean_motion)}"
             )
         object.__setattr__(self, "mean_motion", float(value))
 
@@ -124,7 +124,8 @@ class Orbit:
 
         Raises ValueError unless altitude + radius and mu are positive.
         """
-        return cls(float(mean_motion_from_altitude(altitude, mu, radius)))
+        given = number("altitude", altitude), number("mu", mu), number("radius", radius)
+        return cls(float(mean_motion_from_altitude(*given)))
 
     @classmethod
     def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
@@ -132,12 +133,13 @@ class Orbit:
 
         Raises ValueError unless both are positive.
         """
-        return cls(float(mean_motion_from_semi_major_axis(semi_major_axis, mu)))
+        given = number("semi_major_axis", semi_major_axis), number("mu", mu)
+        return cls(float(mean_motion_from_semi_major_axis(*given)))
 
     @classmethod
     def from_period(cls, period: float) -> Self:
         """Orbit of `period` [s].  Raises ValueError unless it is positive."""
-        return cls(float(mean_motion_from_period(period)))
+        return cls(float(mean_motion_from_period(number("period", period))))
 
     @property
     def period(self) -> float:

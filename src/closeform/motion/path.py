@@ -1,5 +1,6 @@
 """Path: motion as arcs in closed form, for one craft or a whole batch."""
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -7,9 +8,9 @@ import numpy as np
 from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, numbers, sequence, shown
 from closeform.compiled import kernel
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_at
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
 from closeform.motion.march import locate
 
@@ -48,6 +49,25 @@ class Path:
     arcs: Floats
     offsets: Any
     shape: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.orbit, "mean_motion"):
+            raise ValueError(f"orbit: expected Orbit, got {shown(self.orbit)}")
+        arcs, offsets = np.ascontiguousarray(numbers("arcs", self.arcs)), np.asarray(self.offsets)
+        if arcs.ndim != 2 or arcs.shape[1] != WIDTH:
+            raise ValueError(f"arcs: expected shape (M, {WIDTH}), got {arcs.shape}")
+        whole = offsets.dtype.kind in "iu" and offsets.ndim == 1 and len(offsets) > 0
+        if not (whole and offsets[0] == 0 and offsets[-1] == len(arcs) and (np.diff(offsets) >= 0).all()):
+            raise ValueError(
+                f"offsets: expected where arcs begin, from 0 to {len(arcs)}, got {shown(self.offsets)}"
+            )
+        sides = isinstance(self.shape, tuple) and all(
+            isinstance(side, int | np.integer) for side in self.shape
+        )
+        if not sides or math.prod(self.shape) != len(offsets) - 1:
+            raise ValueError(f"shape: expected one of {len(offsets) - 1} craft, got {shown(self.shape)}")
+        object.__setattr__(self, "arcs", arcs)
+        object.__setattr__(self, "offsets", np.ascontiguousarray(offsets, dtype=np.int64))
 
     @property
     def start(self) -> Any:
@@ -163,7 +183,7 @@ class Path:
         return out
 
     def _evaluate(self, time: ArrayLike, columns: int) -> Floats:
-        times = np.asarray(time, dtype=float)
+        times = numbers("time", time)
         starts, ends = self.arcs[self.offsets[:-1], START], self.arcs[self.offsets[1:] - 1, END]
         if times.size and len(starts):
             first, last, slack = starts.max(), ends.min(), FORGIVEN * (ends - starts).min()
@@ -182,17 +202,8 @@ class Path:
         return out
 
 
-def broadcast(**shapes: tuple[int, ...]) -> tuple[int, ...]:
-    """The batch shape of several arguments; ValueError naming them where there is none."""
-    try:
-        return np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        given = ", ".join(f"{name} {shape}" for name, shape in shapes.items() if shape)
-        raise ValueError(f"batch shapes do not broadcast: {given}") from None
-
-
 def _single(paths: Any, verb: str) -> list[Path]:
-    chosen = list(paths)
+    chosen = sequence("paths", paths, Path)
     if not chosen:
         raise ValueError(f"paths: nothing to {verb}, give at least one path")
     for path in chosen:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, instance, number, numbers, shown, whole
 from closeform.motion.path import Path, stack
 from closeform.planning.limits import FULL, LARGEST_STEP, REACH, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
@@ -66,7 +66,7 @@ def avoid(
     Raises ValueError for a batch of paths, another orbit, zones or names that do not match the
     obstacles, a limit that is not positive, a budget below 1, a negative time, or an unknown method.
     """
-    if path.shape:
+    if instance("path", path, Path).shape:
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
 
     def way(factor: float) -> Path:
@@ -99,12 +99,13 @@ def avoid_by(
 ) -> Avoidance:
     """`avoid` for a craft whose `direct` path depends on the factor by which it takes longer."""
     path = direct(1.0)
-    if method not in ("exact", "sauter-palmer"):
-        raise ValueError(f"method: 'exact' or 'sauter-palmer', not {method!r}")
-    if budget is not None and budget < 1:
-        raise ValueError(f"budget: at least one candidate, got {budget}")
-    if not prove >= 0.0:
+    if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
+        raise ValueError(f"method: 'exact' or 'sauter-palmer', not {shown(method)}")
+    if budget is not None:
+        whole("budget", budget, least=1)
+    if not number("prove", prove) >= 0.0:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
+    instance("longer", longer, bool, np.bool_)
     batch = obstacle_batch(path.orbit, obstacles)
     if batch is None:
         raise ValueError("obstacles: give at least one path")
@@ -114,7 +115,7 @@ def avoid_by(
         return task.plan(path, prove)
     limit = numbers("max_acceleration", max_acceleration)
     if limit.shape or not limit > 0.0:
-        raise ValueError(f"max_acceleration: one positive number [m/s^2], got {max_acceleration!r:.60}")
+        raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
     return within_limit(task, direct, float(limit), longer, prove)
 
 
@@ -245,7 +246,7 @@ def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Z
         return tuple(pair_zones("zone", zone, 1, count).groups())
     given = [zone] * count if isinstance(zone, OwnZone) else list(zone) if isinstance(zone, Sequence) else []
     if not given or not all(isinstance(one, OwnZone) for one in given):
-        raise ValueError(f"zone: expected a zone, or one for each obstacle, got {zone!r}")
+        raise ValueError(f"zone: expected a zone, or one for each obstacle, got {shown(zone)}")
     if len(given) != count:
         raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
     alike: dict[int, list[int]] = {}

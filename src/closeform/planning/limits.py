@@ -7,11 +7,11 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, broadcast, instance, numbers
 from closeform.motion.duration import SHORTEST
 from closeform.motion.elements import checked
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, broadcast
+from closeform.motion.path import Path
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2], by which specific impulse is a time (CGPM 1901)."""
@@ -54,8 +54,8 @@ def shortest_transfer(
     no duration of up to 10 orbits keeps the limit (in deep space there always is one); and for
     wrong shapes, numbers that are not finite or a limit that is not positive.
     """
-    orbit.transfer(initial, final, 1.0, start)  # raises for what no transfer takes
-    begins, ends = np.asarray(initial, dtype=float), np.asarray(final, dtype=float)
+    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for what no transfer takes
+    begins, ends = numbers("initial", initial), numbers("final", final)
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     shape = broadcast(initial=begins.shape[:-1], final=ends.shape[:-1], max_acceleration=limits.shape)
     begins, ends = (np.broadcast_to(states, (*shape, 6)).reshape(-1, 6) for states in (begins, ends))

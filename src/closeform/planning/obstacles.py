@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
+from closeform.arrays import shown
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, stack
 from closeform.planning.problem import Problem
@@ -14,10 +15,10 @@ def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Pat
 
     Raises ValueError for what is no path, for another shape, or another orbit.
     """
-    some = [obstacles] if isinstance(obstacles, Path) else obstacles or ()
+    some = [obstacles] if isinstance(obstacles, Path) else () if obstacles is None else obstacles
     some = list(some) if isinstance(some, Iterable) else [some]
     if not all(isinstance(one, Path) for one in some):
-        raise ValueError(f"obstacles: expected paths, got {obstacles!r:.60}")
+        raise ValueError(f"obstacles: expected paths, got {shown(obstacles)}")
     if any(one.orbit.mean_motion != orbit.mean_motion for one in some):
         raise ValueError("obstacles: must be in the orbit of paths that are planned")
     if len(some) == 1 and len(some[0].shape) == 1:
@@ -35,7 +36,7 @@ def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
     if names is None:
         return tuple(f"obstacle {k}" for k in range(count))
     if isinstance(names, str) or len(names) != count:
-        raise ValueError(f"names: give one for each of {count} obstacles, got {names!r:.60}")
+        raise ValueError(f"names: give one for each of {count} obstacles, got {shown(names)}")
     return tuple(names)
 
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from closeform.arrays import instance, number, sequence, shown, whole
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -66,19 +67,31 @@ def reconfigure(
     The result says how it ended; it raises ValueError for arguments that do not fit: shapes,
     fewer slots than craft, zones that make none for a pair, unknown words.
     """
+    instance("assign", assign, bool, np.bool_)
     request = Request.of(
-        orbit, initial, final, duration, zone, assign, start, obstacles, max_acceleration, names
+        instance("orbit", orbit, Orbit),
+        initial,
+        final,
+        duration,
+        zone,
+        assign,
+        start,
+        obstacles,
+        max_acceleration,
+        names,
     )
     count = len(request.initial)
-    if unknown := [word for word in if_blocked if word not in FALLBACKS]:
+    if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
-    if method not in ("joint", "sequential"):
-        raise ValueError(f"method: 'joint' or 'sequential', not {method!r}")
+    if not isinstance(method, str) or method not in ("joint", "sequential"):
+        raise ValueError(f"method: 'joint' or 'sequential', not {shown(method)}")
+    if order is not None:
+        order = sequence("order", order, int, np.integer)
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):
-        raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {list(order)}")
-    if budget is not None and budget < 1:
-        raise ValueError(f"budget: at least one candidate, got {budget}")
-    if not prove >= 0.0:
+        raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {order}")
+    if budget is not None:
+        whole("budget", budget, least=1)
+    if not number("prove", prove) >= 0.0:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
     attempt = _attempts(method, range(count) if order is None else order, budget)
     if not assign:

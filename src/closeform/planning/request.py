@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers
+from closeform.arrays import LARGEST, Floats, numbers, sequence
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.obstacles import obstacle_batch, obstacle_names
@@ -63,7 +63,11 @@ class Request:
             )
         others = obstacle_batch(orbit, obstacles)
         extra = len(others) if others is not None else 0
-        called = tuple(names) if names is not None else tuple(f"craft {k}" for k in range(count))
+        called = (
+            tuple(sequence("names", names, str))
+            if names is not None
+            else tuple(f"craft {k}" for k in range(count))
+        )
         if len(called) not in (count, count + extra):
             raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
         if len(called) == count:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.motion.arc import CONSTANT, IMPULSE, MEAN_MOTION, THRUST
 from closeform.motion.elements import state_from_palmer
 from closeform.motion.path import Path, join
@@ -29,7 +29,7 @@ def end_gradients(path: Path) -> tuple[Floats, Floats]:
     Raises ValueError for a path that is not energy-optimal between its ends (impulses, constant
     thrust, sampled, or several arcs that were not shaped by `avoid`).
     """
-    n = path.orbit.mean_motion
+    n = instance("path", path, Path).orbit.mean_motion
     if (
         path.arcs[:, IMPULSE : IMPULSE + 3].any()
         or path.arcs[:, CONSTANT:].any()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance, number, whole
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.elements import checked, palmer_from_state, state_from_palmer
 from closeform.motion.orbit import Orbit
@@ -44,7 +44,7 @@ def safety_ellipse(
     _orbiting(orbit, "safety_ellipse")
     _scalar("radial", radial, positive=True)
     _scalar("cross_track", cross_track, positive=True)
-    return _separated(orbit, count, radial, cross_track, along_track, phase)
+    return _separated(orbit, count, radial, cross_track, along_track, _scalar("phase", phase))
 
 
 def separated_ring(
@@ -67,7 +67,7 @@ def separated_ring(
     _scalar("eccentricity", eccentricity, positive=True)
     if _scalar("inclination", inclination) == 0.0:
         raise ValueError("inclination: 0 leaves no separation where the radial one vanishes; give a length")
-    return _separated(orbit, count, eccentricity, inclination, 0.0, first_phase)
+    return _separated(orbit, count, eccentricity, inclination, 0.0, _scalar("first_phase", first_phase))
 
 
 def projected_circular(orbit: Orbit, count: int, radius: float, first_phase: float = 0.0) -> Floats:
@@ -175,6 +175,7 @@ def added_member(orbit: Orbit, states: ArrayLike) -> Floats:
     Raises ValueError where no such place is clear of all members (a single craft without a relative
     orbit), for other shapes and for numbers that are not finite.
     """
+    instance("orbit", orbit, Orbit)
     members = _formation(states)
     apart = _least_distances(orbit, members, members)
     np.fill_diagonal(apart, np.inf)
@@ -269,36 +270,27 @@ def regathered(orbit: Orbit, states: ArrayLike, elapsed: float) -> Floats:
 
 
 def _scalar(name: str, value: ArrayLike, positive: bool = False) -> float:
-    number = checked(name, value, positive=positive)
-    if not isinstance(number, float):
-        raise ValueError(f"{name}: expected one number, got shape {number.shape}")
-    return number
-
-
-def _count(count: int) -> int:
-    if not isinstance(count, int | np.integer) or count < 1:
-        raise ValueError(f"count: expected a whole number from 1 on, got {count!r:.60}")
-    return int(count)
+    return float(checked(name, number(name, value), positive=positive))
 
 
 def _orbiting(orbit: Orbit, name: str) -> None:
-    if not orbit.mean_motion:
+    if not instance("orbit", orbit, Orbit).mean_motion:
         raise ValueError(f"orbit: {name} has no meaning in deep space; give a mean motion above 0")
 
 
 def _places(count: int) -> Floats:
-    return np.arange(_count(count), dtype=np.float64) - 0.5 * (count - 1)
+    return np.arange(whole("count", count, 1), dtype=np.float64) - 0.5 * (count - 1)
 
 
 def _phases(count: int, first: float) -> Floats:
-    return first + 2.0 * np.pi * np.arange(_count(count)) / count
+    return first + 2.0 * np.pi * np.arange(whole("count", count, 1)) / count
 
 
 def _separated(
     orbit: Orbit, count: int, radial: float, cross_track: float, centre: float, phase: float
 ) -> Floats:
     """z = cross_track sin w beside x = -radial cos w: parallel e- and i-vectors."""
-    w = _phases(count, _scalar("phase", phase))
+    w = _phases(count, phase)
     cos, sin = np.cos(w), np.sin(w)
     lengths = (radial * cos, radial * sin, 0.0, _scalar("along_track", centre))
     parts = np.broadcast_arrays(*lengths, cross_track * sin, cross_track * cos)
@@ -320,7 +312,7 @@ def _formation(states: ArrayLike) -> Floats:
 
 
 def _coasted(orbit: Orbit, states: Floats, duration: float) -> Floats:
-    return np.asarray(states @ orbit.transition(duration).T)
+    return np.asarray(states @ instance("orbit", orbit, Orbit).transition(duration).T)
 
 
 def _least_distances(orbit: Orbit, places: Floats, members: Floats) -> Floats:

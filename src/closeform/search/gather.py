@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers
+from closeform.arrays import LARGEST, Floats, instance, numbers, shown
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -31,7 +31,7 @@ from closeform.search.gather_events import (
     fly_all,
 )
 from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
-from closeform.search.locks import in_parts, writable
+from closeform.search.locks import in_parts
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Group, Search
 from closeform.search.sensor import positive
@@ -244,9 +244,10 @@ def _fleet(
     max_speed: float | None,
 ) -> _Fleet:
     if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or not 1 <= rounds <= MOST_ROUNDS:
-        raise ValueError(f"rounds: must be a whole number from 1 to {MOST_ROUNDS}, got {rounds!r}")
-    if burns not in get_args(Burns):
-        raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {burns!r}")
+        raise ValueError(f"rounds: must be a whole number from 1 to {MOST_ROUNDS}, got {shown(rounds)}")
+    if not isinstance(burns, str) or burns not in get_args(Burns):
+        raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {shown(burns)}")
+    instance("search", search, Search)
     kept = None
     if keep_out is not None:
         _cleared(keep_out)
@@ -272,18 +273,18 @@ def _sides(groups: Groups, count: int) -> tuple[Group, ...]:
     if isinstance(groups, str):
         if groups not in ("alternating", "balanced"):
             raise ValueError(
-                f'groups: "alternating", "balanced" or one of A, B for each craft, got {groups!r}'
+                f'groups: "alternating", "balanced" or one of A, B for each craft, got {shown(groups)}'
             )
         middle = (count + 1) // 2  # H03 figure 3: three and two of five
         second = [k % 2 == 1 if groups == "alternating" else k >= middle for k in range(count)]
         return tuple("B" if there else "A" for there in second)
     if not isinstance(groups, Iterable):
-        raise ValueError(f'groups: "alternating", "balanced" or A, B for each craft, got {groups!r:.60}')
+        raise ValueError(f'groups: "alternating", "balanced" or A, B for each craft, got {shown(groups)}')
     given = tuple(groups)
     if len(given) != count:
         raise ValueError(f"groups: expected one for each of {count} craft, got {len(given)}")
     if wrong := [group for group in given if group not in ("A", "B")]:
-        raise ValueError(f'groups: each must be "A" or "B", got {wrong[0]!r}')
+        raise ValueError(f'groups: each must be "A" or "B", got {shown(wrong[0])}')
     for group in ("A", "B"):
         if group not in given:
             raise ValueError(f"groups: {group} is empty; craft of one group never see each other")
@@ -315,7 +316,7 @@ def _states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tup
         i, j = sorted(map(int, order[case, k : k + 2]))
         place = f" in case {case}" if dimensions > 2 else ""
         raise ValueError(f"positions: craft {i} and {j} are at one place{place}")
-    return writable(cases), writable(speeds.reshape(cases.shape))
+    return np.ascontiguousarray(cases), np.ascontiguousarray(speeds.reshape(cases.shape))
 
 
 def _paths(positions: Floats, velocities: Floats, burned: Floats, duration: float) -> Path:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance, number
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
@@ -129,6 +129,10 @@ class Gathering:
 
         Raises IndexError for a craft that is not there.
         """
+        for name, craft in (("first", first), ("second", second)):
+            instance(name, craft, int, np.integer)
+            if not -len(self.groups) <= craft < len(self.groups):
+                raise IndexError(f"{name}: there is no craft {craft} among {len(self.groups)}")
         return float(self._acquainted[first, second])
 
     def known(self, first: int, second: int, time: float) -> bool:
@@ -136,7 +140,7 @@ class Gathering:
 
         Raises IndexError for a craft that is not there.
         """
-        return self.acquainted(first, second) < time
+        return self.acquainted(first, second) < number("time", time)
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ import numpy as np
 from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers
+from closeform.arrays import LARGEST, Floats, instance, numbers
 from closeform.compiled import kernel
 from closeform.search.schedule import Search
 
@@ -273,7 +273,7 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
     Raises ValueError for wrong shapes, numbers that are not finite, or two craft at one place.
     """
     positions, velocities = _vectors(relative_position=relative_position, relative_velocity=relative_velocity)
-    sensor = search.sensor
+    sensor = instance("search", search, Search).sensor
     times, legs = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
 
     def part(some: slice) -> None:
@@ -308,11 +308,6 @@ def in_parts(part: Callable[[slice], Any], count: int, size: int) -> list[Any]:
         return list(pool.map(part, parts))
 
 
-def writable(array: Floats) -> Floats:
-    """An array that a kernel takes: contiguous, and not read-only."""
-    return np.require(array, requirements=["C", "W"])
-
-
 def _vectors(**given: ArrayLike) -> tuple[Floats, ...]:
     """Arguments broadcast to one shape (M, 3)."""
     arrays = {name: np.atleast_2d(numbers(name, value)) for name, value in given.items()}
@@ -325,6 +320,6 @@ def _vectors(**given: ArrayLike) -> tuple[Floats, ...]:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
         raise ValueError(f"shapes do not broadcast: {shapes}") from None
     return tuple(
-        writable(array if array.shape == shape else np.broadcast_to(array, shape))
+        np.ascontiguousarray(array if array.shape == shape else np.broadcast_to(array, shape))
         for array in arrays.values()
     )

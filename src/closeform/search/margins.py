@@ -15,7 +15,7 @@ import numpy as np
 from numba import float64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.compiled import kernel
 from closeform.search.locks import END, SEEN, START, LockSensor, lock_in_leg, lock_times
 from closeform.search.schedule import Search
@@ -119,7 +119,7 @@ def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> Lo
     Raises ValueError for a sensor of finite range, wrong shapes, numbers that are not finite, or
     two craft at one place.
     """
-    sensor = search.sensor
+    sensor = instance("search", search, Search).sensor
     if sensor.range < inf:
         raise ValueError(f"search: margins want a sensor without a limit, the range is {sensor.range:g} m")
     r, v = one_pair(position, velocity)

@@ -13,7 +13,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, instance, numbers, shown
 from closeform.search.coverage import covered, greatest
 from closeform.search.sensor import Sensor, positive
 
@@ -66,7 +66,7 @@ class Leg:
 
     def attitude_at(self, time: ArrayLike) -> Floats:
         """A's attitude (..., 3, 3) at `time` (...) [s]."""
-        share = (np.asarray(time, dtype=float) - self.start) / (self.end - self.start)
+        share = (numbers("time", time) - self.start) / (self.end - self.start)
         return rotation(self.axis, self.angle * share) @ self.attitude
 
     @property
@@ -103,6 +103,7 @@ class Search:
         says which half-angle would do), or numbers that are not positive and finite.
         """
         rate, limit = _limits(slew_rate, sun_limit)
+        instance("sensor", sensor, Sensor)
         tip = full_tip(sensor.half_angle)
         if tip > limit:
             enough = ceil(1e4 * degrees(least_half_angle(limit))) / 1e4
@@ -132,6 +133,7 @@ class Search:
         """
         rate, limit = _limits(slew_rate, sun_limit)
         turn = positive("in_plane_turn", in_plane_turn)
+        instance("sensor", sensor, Sensor)
         tip = limit if tip_angle is None else positive("tip_angle", tip_angle)
         if tip > limit:
             raise ValueError(
@@ -164,8 +166,7 @@ class Search:
 
         Raises ValueError for a time outside of the search or a group that is neither "A" nor "B".
         """
-        if group not in START_ATTITUDE:
-            raise ValueError(f'group: must be "A" or "B", got {group!r}')
+        _known(group)
         times = numbers("t", t)
         if times.size and not (times.min() >= 0.0 and times.max() <= self.duration):
             raise ValueError(f"t: must lie in the search, from 0 to {self.duration:g} s")
@@ -222,8 +223,7 @@ class Search:
             raise ValueError("attitude: expected three orthonormal columns, the body axes in the frame")
         if np.linalg.det(given) < 0.0:
             raise ValueError("attitude: its columns are left-handed; body y is z cross x")
-        if group not in START_ATTITUDE:
-            raise ValueError(f'group: must be "A" or "B", got {group!r}')
+        _known(group)
         vector = Rotation.from_matrix(START_ATTITUDE[group] @ given.T).as_rotvec()
         angle = float(np.linalg.norm(vector))
         axis = vector / angle if angle > 0.0 else SUN.copy()
@@ -235,6 +235,8 @@ class Search:
         Of far, fixed directions: a number from 0 to 1, to about 1e-5.  Raises ValueError for a
         phase that the search does not have.
         """
+        if phase is not None:
+            instance("phase", phase, str)
         first = next((leg.round for leg in self.legs if leg.phase == phase), None)
         if phase is not None and first is None:
             names = ", ".join(dict.fromkeys(leg.phase for leg in self.legs))
@@ -262,6 +264,11 @@ def full_tip(half_angle: float) -> float:
 def least_half_angle(tip: float) -> float:
     """The half-angle [rad] for which a tip searches a whole complementary cone: S04 eq. 1 inverted."""
     return acos(tan(tip) / sqrt(1.0 + 2.0 * tan(tip) ** 2))
+
+
+def _known(group: Any) -> None:
+    if not isinstance(group, str) or group not in START_ATTITUDE:
+        raise ValueError(f'group: must be "A" or "B", got {shown(group)}')
 
 
 def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:

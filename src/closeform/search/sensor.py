@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from math import cos, inf, isfinite, pi
 
-from closeform.arrays import numbers
+from closeform.arrays import numbers, shown
 
 
 def one_number(name: str, value: float) -> float:
     """An argument as one float; ValueError naming it for anything else, or for nan."""
     number = numbers(name, value)
     if number.shape or number != number:
-        raise ValueError(f"{name}: must be one number, got {value!r:.60}")
+        raise ValueError(f"{name}: must be one number, got {shown(value)}")
     return float(number)
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, instance, numbers, whole
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Group, Search
 
@@ -52,6 +52,7 @@ def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[
 
     Raises ValueError for wrong shapes or a search without that mOPS.
     """
+    instance("search", search, Search)
     where = numbers("position", position)
     if where.shape[-1:] != (3,):
         raise ValueError(f"position: expected shape (..., 3), got {where.shape}")
@@ -79,7 +80,7 @@ def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple
 
     Raises ValueError for a search without that mOPS, or a group that is neither "A" nor "B".
     """
-    start = _start(search, mops)
+    start = _start(instance("search", search, Search), mops)
     if search.sensor.cosine <= 0.0:
         return ()  # no cones to search
     ends = np.array([leg.end for leg in search.legs if (leg.phase, leg.round) == ("mOPS", mops)][:-1])
@@ -97,6 +98,7 @@ def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> 
 
     Raises ValueError for wrong shapes, numbers that are not finite, or two craft at one place.
     """
+    instance("search", search, Search)
     meetings = _meetings(*_surface(search, *one_pair(position, velocity)))
     return None if meetings is None else tuple(t for t, _ in meetings)
 
@@ -199,7 +201,7 @@ def _meetings(a: float, b: float, c: float, discriminant: float) -> list[tuple[f
 
 def _assumptions(search: Search) -> None:
     """ValueError unless the search is what theorem 2 speaks of.  # S04 section II.A, A3 to A6"""
-    if [name for name, *_ in search.phases][:4] != ["IPS", "mOPS", "IPS", "mOPS"]:
+    if [name for name, *_ in instance("search", search, Search).phases][:4] != ["IPS", "mOPS", "IPS", "mOPS"]:
         raise ValueError("search: the theorem is about Search.modified (IPS, mOPS, IPS, mOPS)")
     offset, reach = search.sensor.offset, search.sensor.range
     if offset > 0.0:
@@ -209,6 +211,7 @@ def _assumptions(search: Search) -> None:
 
 
 def _start(search: Search, mops: int) -> float:
+    whole("mops", mops, 1)
     for name, number, start, _ in search.phases:
         if (name, number) == ("mOPS", mops):
             return start

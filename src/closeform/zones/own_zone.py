@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, shown
 from closeform.zones.containment import containing_zone
 from closeform.zones.sums import outer_sum
 from closeform.zones.zone import Ellipsoid, Zone
@@ -51,7 +51,7 @@ class Body:
 
     def __post_init__(self) -> None:
         if not isinstance(self.zone, Zone):
-            raise ValueError(f"zone: expected a zone, for example Sphere(2.0), got {self.zone!r:.60}")
+            raise ValueError(f"zone: expected a zone, for example Sphere(2.0), got {shown(self.zone)}")
 
 
 OwnZone = Zone | Uncertainty | Body

@@ -6,7 +6,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from closeform.zones.own_zone import OwnZone, key, pair_zone
+from closeform.arrays import sequence, shown
+from closeform.zones.own_zone import Body, OwnZone, Uncertainty, key, pair_zone
 from closeform.zones.zone import Zone
 
 AT_ONCE = 1 << 18  # pairs that are looked at together: some tens of megabytes
@@ -46,6 +47,10 @@ class PairZones:
         Raises ValueError, with their `names` (N,) if any, for two bodies with regions of which
         neither holds the other, with covariances of different sigmas, or of a sum without end.
         """
+        zones = sequence("zones", zones, Zone, Uncertainty, Body, type(None))
+        for name, value, kind in (("names", names, str), ("moves", moves, bool | np.bool_)):
+            if value is not None and len(given_for := sequence(name, value, kind)) != len(zones):
+                raise ValueError(f"{name}: expected one for each of {len(zones)} zones, got {len(given_for)}")
         given: dict[Any, OwnZone] = {}
         for zone in zones:
             if zone is not None:
@@ -175,7 +180,7 @@ def pair_zones(
         own = list(zones) if isinstance(zones, Sequence) else [zones]
         if not own or not all(one is None or isinstance(one, OwnZone) for one in own):
             raise ValueError(
-                f"{argument}: expected a zone, one for each craft, or PairZones, got {zones!r:.60}"
+                f"{argument}: expected a zone, one for each craft, or PairZones, got {shown(zones)}"
             )
         if len(own) not in (craft, count):
             more = f" or {count} with the obstacles" * bool(fixed)

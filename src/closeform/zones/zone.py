@@ -94,9 +94,7 @@ class Zone:
 
     def enlarged(self, factor: float) -> "Zone":
         """The same shape, `factor` times as large.  Raises ValueError unless that is positive."""
-        if not (np.isfinite(factor) and factor > 0):
-            raise ValueError(f"factor: must be positive and finite, got {factor}")
-        return Zone(self.shape, self.matrix / factor, self.faces)
+        return Zone(self.shape, self.matrix / float(_lengths("factor", factor, ())), self.faces)
 
     @cached_property
     def radius(self) -> float:

@@ -1,0 +1,316 @@
+"""Every argument of every public function: what it may be in memory, and what is said of what it may not be.
+
+`CALLS` holds one good call of each; from it follow calls with the same numbers held otherwise, which
+answer the same, and calls with one argument spoilt, which name it.
+"""
+
+import inspect
+import re
+import tempfile
+from copy import copy
+from dataclasses import fields, is_dataclass
+from enum import Enum
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import closeform as cf
+from test_surface import CALLABLES, RESULTS
+
+mpl.use("agg")
+ORBIT = cf.Orbit(1.1e-3)
+START = np.array([[0.0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], [0, 60, 80, 0, 0, 0]])
+TIMES = np.array([9.0, 8.0, 7.0])
+COAST = ORBIT.coast(START, 900.0)
+MOVE = ORBIT.transfer(START[0], START[1], 900.0)
+REST = ORBIT.coast(np.zeros(6), 900.0)
+BALL = cf.Sphere(20.0)
+SEARCH = cf.Search.modified(cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43)
+PLACE, SPEED = np.array([300.0, -200.0, 100.0]), np.array([0.02, 0.01, -0.03])
+PLACES, SPEEDS = np.array([PLACE, -PLACE, 0 * PLACE]), np.array([SPEED, -SPEED, 0 * SPEED])
+CHIEF = np.array([7e6, 0.0, 0.0, 0.0, 7546.05, 0.0])
+DEPUTY = CHIEF + [10.0, 20.0, 30.0, 0.01, 0.02, 0.03]
+ELEMENTS = np.array([7e6, 0.3, 1e-3, 2e-3, 1.0, 0.5])
+ROE = np.array([1e-6, 2e-5, 1e-6, 3e-6, 2e-6, 1e-6])
+TABLE = cf.Ephemeris(
+    *("A", "2020-001A", "EARTH", "GCRF", "UTC", "2020-01-01T00:00:00"),
+    np.array([0.0, 60.0]),
+    np.array([CHIEF, [6985270.0, 451800.0, 0, -487.8, 7530.3, 0]]),
+)
+ZONES = cf.PairZones.of([BALL, None, BALL])
+LEG = SEARCH.legs[0]
+GATHERED = cf.gather(SEARCH, PLACES, SPEEDS)
+
+
+def turned(**arguments):
+    return arguments
+
+
+CALLS = {
+    "Orbit": turned(mean_motion=1.1e-3),
+    "Orbit.circular": turned(altitude=5e5, mu=4e14, radius=6.4e6),
+    "Orbit.from_semi_major_axis": turned(semi_major_axis=7e6, mu=4e14),
+    "Orbit.from_period": turned(period=5700.0),
+    "Orbit.transition": turned(self=ORBIT, duration=np.array([[1.0, 2.0]])),
+    "Orbit.coast": turned(self=ORBIT, state=START, duration=TIMES, start=TIMES),
+    "Orbit.transfer": turned(
+        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
+    ),
+    "Orbit.two_impulse": turned(
+        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
+    ),
+    "Orbit.burn": turned(
+        self=ORBIT, state=START, acceleration=1e-4 * START[:, :3], duration=TIMES, start=TIMES
+    ),
+    "Orbit.sampled": turned(self=ORBIT, times=np.array([0.0, 60.0, 90.0]), states=np.stack([START, START])),
+    "Path": turned(orbit=ORBIT, arcs=COAST.arcs, offsets=COAST.offsets, shape=(3,)),
+    "Path.state": turned(self=COAST, time=np.array([1.0, 2.0])),
+    "Path.position": turned(self=COAST, time=np.array([1.0, 2.0])),
+    "Path.velocity": turned(self=COAST, time=np.array([1.0, 2.0])),
+    "Path.thrust": turned(self=MOVE, time=np.array([1.0, 2.0])),
+    "join": turned(paths=[COAST[0], ORBIT.coast(COAST[0].state(900.0), 9.0, start=900.0)]),
+    "stack": turned(paths=[COAST[0], MOVE]),
+    "Box": turned(half_widths=np.array([1.0, 2, 3]), axes=np.eye(3)),
+    "Ellipsoid": turned(semi_axes=np.array([1.0, 2, 3]), axes=np.eye(3)),
+    "Ellipsoid.from_covariance": turned(covariance=np.diag([1.0, 2, 3]), sigmas=3.0),
+    "Sphere": turned(radius=3.0),
+    "Cylinder": turned(radius=3.0, half_length=4.0, axis=np.array([0.0, 1, 0])),
+    "HalfSpaces": turned(normals=np.eye(3), offsets=np.array([1.0, 2, 3])),
+    "Uncertainty": turned(covariance=np.diag([1.0, 2, 3]), sigmas=3.0),
+    "Body": turned(zone=BALL),
+    "Zone.norm": turned(self=BALL, position=START[:, :3]),
+    "Zone.enlarged": turned(self=BALL, factor=2.0),
+    "Zone.support": turned(self=BALL, direction=START[:, :3]),
+    "PairZones.of": turned(zones=[BALL, None, BALL], names=["a", "b", "c"], moves=[True, True, False]),
+    "find_conflicts": turned(path=MOVE, other=REST, zone=BALL),
+    "closest_approach": turned(path=COAST, other=REST, zone=BALL),
+    "last_possible_conflict": turned(path=COAST, other=REST, zone=BALL),
+    "screen": turned(paths=COAST, zone=BALL),
+    "avoid": turned(
+        path=MOVE, obstacles=[REST], zone=BALL, budget=3, prove=0.0,
+        max_acceleration=1.0, longer=True,
+    ),
+    "reconfigure": turned(
+        orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=BALL, assign=True, start=0.0,
+        obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
+    ),
+    "end_gradients": turned(path=MOVE),
+    "shortest_transfer": turned(
+        orbit=ORBIT, initial=START[0], final=START[1], max_acceleration=1e-2, start=0.0
+    ),
+    "propellant": turned(mass=np.array([100.0]), delta_v=np.array([1.0]), specific_impulse=np.array([200.0])),
+    "relative_from_inertial": turned(chief=CHIEF, deputy=DEPUTY, along_track="arc", radius=7e6),
+    "inertial_from_relative": turned(chief=CHIEF, relative=START, along_track="arc", radius=7e6),
+    "mean_motion_from_semi_major_axis": turned(semi_major_axis=np.array([7e6]), mu=4e14),
+    "mean_motion_from_altitude": turned(altitude=np.array([5e5]), mu=4e14, radius=6.4e6),
+    "mean_motion_from_period": turned(period=np.array([5700.0])),
+    "semi_major_axis_from_mean_motion": turned(mean_motion=np.array([1e-3]), mu=4e14),
+    "altitude_from_mean_motion": turned(mean_motion=np.array([1e-3]), mu=4e14, radius=6.4e6),
+    "period_from_mean_motion": turned(mean_motion=np.array([1e-3])),
+    "palmer_from_state": turned(state=START, mean_motion=1e-3),
+    "state_from_palmer": turned(palmer=START, mean_motion=1e-3),
+    "elements_from_inertial": turned(state=CHIEF, mu=4e14),
+    "inertial_from_elements": turned(elements=ELEMENTS, mu=4e14),
+    "roe_from_elements": turned(chief=ELEMENTS, deputy=ELEMENTS + [10, 1e-5, 0, 0, 0, 0]),
+    "elements_from_roe": turned(chief=ELEMENTS, roe=ROE),
+    "roe_from_state": turned(state=START, semi_major_axis=7e6, latitude=0.2, mu=4e14),
+    "state_from_roe": turned(roe=ROE, semi_major_axis=7e6, latitude=0.2, mu=4e14),
+    "Sensor": turned(half_angle=1.2, offset=1.0, range=1e4),
+    "Leg.attitude_at": turned(self=LEG, time=np.array([LEG.start, LEG.end])),
+    "Search.modified": turned(sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43),
+    "Search.basic": turned(
+        sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43, in_plane_turn=9.42, tip_angle=0.4
+    ),
+    "Search.attitude": turned(self=SEARCH, t=np.array([0.0, 9.0]), group="A"),
+    "Search.boresight": turned(self=SEARCH, t=np.array([0.0, 9.0]), group="A"),
+    "Search.alignment": turned(self=SEARCH, attitude=np.eye(3), group="A"),
+    "Search.coverage": turned(self=SEARCH, phase=SEARCH.legs[0].phase),
+    "lock_times": turned(search=SEARCH, relative_position=PLACES[:2], relative_velocity=SPEEDS[:2]),
+    "lock_margins": turned(search=SEARCH, position=PLACE, velocity=SPEED),
+    "theorem_case": turned(search=SEARCH, position=PLACE, velocity=SPEED),
+    "cone_regions": turned(search=SEARCH, position=PLACES[:2], mops=1),
+    "cone_crossings": turned(search=SEARCH, position=PLACE, velocity=SPEED),
+    "regions_searched": turned(search=SEARCH, mops=1, group="A"),
+    "gather": turned(
+        search=SEARCH, positions=PLACES, velocities=SPEEDS, groups=list("ABA"), keep_out=BALL,
+        rounds=2,
+        burns="least", max_speed=9.0,
+    ),
+    "gather_cases": turned(
+        search=SEARCH, positions=PLACES[None], velocities=SPEEDS[None], groups=list("ABA"), keep_out=BALL,
+        rounds=2,
+        burns="least", max_speed=9.0,
+    ),
+    "Gathering.acquainted": turned(self=GATHERED, first=0, second=1),
+    "Gathering.known": turned(self=GATHERED, first=0, second=1, time=3.0),
+    "Ephemeris": turned(
+        name="A", object_id="1", center="EARTH", frame="GCRF", time_system="UTC", epoch="2020-01-01T00:00:00",
+        times=TABLE.times, states=TABLE.states,
+    ),
+    "common_frame": turned(
+        ephemerides=[TABLE, cf.Ephemeris("B", *(getattr(TABLE, f.name) for f in fields(TABLE)[1:]))], mu=4e14
+    ),
+    "targets.safety_ellipse": turned(
+        orbit=ORBIT, count=3, radial=10.0, cross_track=20.0, along_track=3.0, phase=0.1
+    ),
+    "targets.separated_ring": turned(
+        orbit=ORBIT, count=3, eccentricity=10.0, inclination=20.0, first_phase=0.1
+    ),
+    "targets.projected_circular": turned(orbit=ORBIT, count=3, radius=10.0, first_phase=0.1),
+    "targets.string_of_pearls": turned(orbit=ORBIT, count=3, spacing=10.0),
+    "targets.pendulum": turned(orbit=ORBIT, count=3, spacing=10.0, cross_track=5.0),
+    "targets.line": turned(count=3, spacing=10.0, direction=np.array([0.0, 1, 0])),
+    "targets.without_eccentricity": turned(orbit=ORBIT, states=START),
+    "targets.without_altitude_difference": turned(orbit=ORBIT, states=START),
+    "targets.added_member": turned(
+        orbit=ORBIT, states=cf.targets.projected_circular(ORBIT, 3, 100.0)
+    ),
+    "targets.scattered": turned(orbit=ORBIT, states=START, duration=900.0, factor=3.0),
+    "targets.scattered_from": turned(
+        orbit=ORBIT, states=START, duration=900.0, point=np.zeros(3), distance=1e3
+    ),
+    "targets.regathered": turned(orbit=ORBIT, states=START, elapsed=900.0),
+}  # fmt: skip
+
+
+def call(name, /, **changed):
+    owner, _, method = name.rpartition(".")
+    arguments = {**CALLS[name], **changed}
+    if "self" in arguments:
+        return getattr(arguments.pop("self"), method)(**arguments)
+    if owner == "targets":
+        return getattr(cf.targets, method)(**arguments)
+    return (getattr(getattr(cf, owner), method) if owner else getattr(cf, method))(**arguments)
+
+
+BAD = {"None": None, "words": "three", "an object": object(), "a dictionary": {"a": 1.0}}
+SHAPED = np.ones((2, 1, 1, 1, 5))  # of no argument's shape but of those of any
+
+
+def spoilt():
+    """Names of calls, of one argument, and what it cannot be."""
+    for name, arguments in CALLS.items():
+        for argument, good in arguments.items():
+            if argument == "self":
+                continue
+            default = inspect.signature(CALLABLES[name]).parameters[argument].default
+            for kind, bad in BAD.items():
+                word = isinstance(good, str) and isinstance(bad, str) and default is inspect.Parameter.empty
+                nothing = bad is None and default in (None, ())
+                if not (word or nothing):
+                    yield pytest.param(name, argument, bad, id=f"{name}-{argument}-{kind}")
+
+
+def is_named(argument, error):
+    return re.search(rf"\b{argument}\b", str(error)) and len(str(error).splitlines()) == 1
+
+
+@pytest.mark.parametrize(("name", "argument", "bad"), list(spoilt()))
+def test_what_does_not_fit_is_named(name, argument, bad):
+    with pytest.raises((ValueError, TypeError)) as caught:
+        call(name, **{argument: bad})
+    assert is_named(argument, caught.value)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_a_shape_that_does_not_fit_is_named(name):
+    """Numbers of any shape broadcast; of what is no array, and of vectors, the argument is named."""
+    for argument in CALLS[name].keys() - {"self"}:
+        try:
+            call(name, **{argument: SHAPED})
+        except (ValueError, TypeError) as error:
+            if not is_named(argument, error):
+                raise
+
+
+# --- the same numbers, held otherwise -----------------------------------------------------------
+
+
+def strided(array):
+    """Every second number of a larger array."""
+    room = np.full((*array.shape[:-1], 2 * array.shape[-1]), np.nan) if array.ndim else np.empty(())
+    return np.copyto(room[..., ::2], array) or room[..., ::2]
+
+
+def frozen(array):
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+def mapped(array):
+    """On disk, where a write would end the process."""
+    with tempfile.NamedTemporaryFile(suffix=".npy") as file:
+        np.save(file.name, array)
+        return np.load(file.name, mmap_mode="r")
+
+
+def unaligned(array):
+    room = bytearray(array.nbytes + 1)
+    view = np.frombuffer(room, dtype=float, offset=1, count=array.size).reshape(array.shape)
+    view[...] = array
+    return view
+
+
+HELD = {
+    "read-only": frozen,
+    "a memory map": mapped,
+    "strided": strided,
+    "Fortran": lambda array: np.asfortranarray(array),
+    "unaligned": unaligned,
+    "big-endian": lambda array: array.astype(">f8"),
+    "objects": lambda array: array.astype(object),
+    "lists": lambda array: array.tolist(),
+}
+
+
+def held(value, how):
+    """An argument with all its arrays held otherwise."""
+    if isinstance(value, np.ndarray) and value.dtype == float:
+        return HELD[how](value)
+    if isinstance(value, cf.Path):
+        arrays = HELD[how] if how in ("read-only", "a memory map", "Fortran", "strided") else frozen
+        arcs, offsets = arrays(value.arcs), frozen(value.offsets)
+        path = copy(value)  # as joblib and pickle make it: without a call of anything
+        object.__setattr__(path, "arcs", arcs if arcs.flags.c_contiguous else frozen(value.arcs))
+        object.__setattr__(path, "offsets", offsets)
+        return path
+    if isinstance(value, cf.Zone) and how in ("read-only", "a memory map"):
+        zone = copy(value)
+        object.__setattr__(zone, "matrix", HELD[how](value.matrix))
+        return zone
+    if isinstance(value, list):
+        return [held(one, how) for one in value]
+    return value
+
+
+def flat(answer):
+    """The numbers of an answer."""
+    if is_dataclass(answer) and not isinstance(answer, type):
+        return [number for field in fields(answer) for number in flat(getattr(answer, field.name))]
+    if isinstance(answer, list | tuple):
+        return [number for one in answer for number in flat(one)]
+    if isinstance(answer, np.ndarray | float | int | np.generic) and not isinstance(answer, Enum):
+        return np.ravel(answer).astype(float).tolist()
+    return []
+
+
+@pytest.mark.parametrize("how", HELD)
+@pytest.mark.parametrize("name", CALLS)
+def test_how_numbers_are_held_does_not_matter(name, how):
+    given = {argument: held(value, how) for argument, value in CALLS[name].items()}
+    np.testing.assert_array_equal(flat(call(name, **given)), flat(call(name)))
+
+
+def test_float32_is_its_value():
+    states = START.astype(np.float32)
+    np.testing.assert_array_equal(ORBIT.coast(states, 900.0).state(9.0), COAST.state(9.0))
+
+
+def test_all_public_functions_are_called():
+    """But those that make results, pictures or files (see their own tests)."""
+    others = {"read_oem", "write_oem", "study", "Status", "Search", "Screening", "CommonFrame"}
+    others |= {name for name in CALLABLES if name.startswith("plots.")}
+    others |= {name for name in CALLABLES if name.startswith(("PairZones", "Zone"))}
+    assert CALLABLES.keys() - CALLS.keys() - RESULTS - others == set()
