@@ -114,6 +114,8 @@ CALLS = {
     "inertial_from_elements": turned(elements=ELEMENTS, mu=4e14),
     "roe_from_elements": turned(chief=ELEMENTS, deputy=ELEMENTS + [10, 1e-5, 0, 0, 0, 0]),
     "elements_from_roe": turned(chief=ELEMENTS, roe=ROE),
+    "scaled_roe_from_state": turned(state=START, mean_motion=1e-3, latitude=0.2),
+    "state_from_scaled_roe": turned(scaled=START, mean_motion=1e-3, latitude=0.2),
     "roe_from_state": turned(state=START, semi_major_axis=7e6, latitude=0.2, mu=4e14),
     "state_from_roe": turned(roe=ROE, semi_major_axis=7e6, latitude=0.2, mu=4e14),
     "Sensor": turned(half_angle=1.2, offset=1.0, range=1e4),

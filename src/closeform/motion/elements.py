@@ -221,8 +221,9 @@ def scaled_roe_from_state(state: ArrayLike, mean_motion: ArrayLike, latitude: Ar
 
     Raises ValueError for wrong shapes and unless the mean motion is positive.
     """
-    e1, e2, d, l, h1, h2 = np.moveaxis(palmer_from_state(state, mean_motion), -1, 0)  # noqa: E741
-    u = checked("latitude", latitude)
+    palmer, u = palmer_from_state(state, mean_motion), checked("latitude", latitude)
+    broadcast(state=palmer.shape[:-1], latitude=np.shape(u))
+    e1, e2, d, l, h1, h2 = np.moveaxis(palmer, -1, 0)  # noqa: E741
     cos, sin = np.cos(u), np.sin(u)
     turned = e1 * cos + e2 * sin, e1 * sin - e2 * cos, h1 * sin + h2 * cos, h2 * sin - h1 * cos
     return np.stack(np.broadcast_arrays(2.0 * d, l, *turned), axis=-1)
@@ -234,13 +235,15 @@ def state_from_scaled_roe(scaled: ArrayLike, mean_motion: ArrayLike, latitude: A
     scaled: a [da, dl, dex, dey, dix, diy] (..., 6) in m; `mean_motion` [rad/s] and `latitude` [rad]
     of the chief, on a circular orbit.  Raises ValueError as `scaled_roe_from_state`.
     """
-    da, dl, dex, dey, dix, diy = np.moveaxis(checked("scaled", scaled, last=6), -1, 0)
-    u = checked("latitude", latitude)
+    given, u = checked("scaled", scaled, last=6), checked("latitude", latitude)
+    n = checked("mean_motion", mean_motion, positive=True)
+    broadcast(scaled=given.shape[:-1], mean_motion=np.shape(n), latitude=np.shape(u))
+    da, dl, dex, dey, dix, diy = np.moveaxis(given, -1, 0)
     cos, sin = np.cos(u), np.sin(u)
     eccentricity = dex * cos + dey * sin, dex * sin - dey * cos
     inclination = dix * sin - diy * cos, dix * cos + diy * sin
     palmer = np.stack(np.broadcast_arrays(*eccentricity, 0.5 * da, dl, *inclination), axis=-1)
-    return state_from_palmer(palmer, mean_motion)
+    return state_from_palmer(palmer, n)
 
 
 def roe_from_state(

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from closeform.arrays import Floats, instance, numbers, whole
+from closeform.arrays import Floats, instance, numbers
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Group, Search
 
@@ -211,7 +211,7 @@ def _assumptions(search: Search) -> None:
 
 
 def _start(search: Search, mops: int) -> float:
-    whole("mops", mops, 1)
+    instance("mops", mops, int, np.integer)
     for name, number, start, _ in search.phases:
         if (name, number) == ("mOPS", mops):
             return start
