@@ -215,6 +215,17 @@ def test_what_does_not_fit_is_named(name, argument, bad):
     assert is_named(argument, caught.value)
 
 
+@pytest.mark.parametrize("argument", ["file", "ephemeris", "originator", "comments"])
+def test_what_is_written_is_named(argument, tmp_path):
+    good = {"file": tmp_path / "a.oem", "ephemeris": TABLE, "originator": "ME", "comments": ("none",)}
+    for bad in (None, object(), 3.0):
+        with pytest.raises(ValueError, match=rf"^{argument}: expected "):
+            cf.write_oem(**{**good, argument: bad})
+        with pytest.raises(ValueError, match=r"^file: expected "):
+            cf.read_oem(bad)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("name", CALLS)
 def test_a_shape_that_does_not_fit_is_named(name):
     """Numbers of any shape broadcast; of what is no array, and of vectors, the argument is named."""

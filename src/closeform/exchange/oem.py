@@ -94,6 +94,7 @@ def read_oem(file: str | PathLike[str]) -> Ephemeris:
     damaged, not an OEM, of several segments, with fewer than two states, with values that are not
     finite or epochs that do not rise; ImportError where the extra is not installed.
     """
+    instance("file", file, str, PathLike)
     try:
         text = FilePath(file).read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -120,6 +121,10 @@ def write_oem(
     `originator` and `comments` go into the header.  An existing `file` is replaced.  Raises ImportError
     where the extra is not installed.
     """
+    instance("file", file, str, PathLike)
+    instance("ephemeris", ephemeris, Ephemeris)
+    instance("originator", originator, str)
+    comments = sequence("comments", comments, str)
     time = _imported("astropy.time")
     start = time.Time(ephemeris.epoch, scale=_scale(ephemeris.time_system))
     epochs = start + time.TimeDelta(ephemeris.times, format="sec")
