@@ -45,19 +45,110 @@ def compiled_file(cache):
     return file
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [lambda b: b"", lambda b: b[:3000], lambda b: b[:5000] + b"x" + b[5001:]],
-    ids=["empty", "truncated", "a wrong byte"],
-)
+def put_folder(file):
+    file.unlink()
+    file.mkdir()
+    (file / "inside").touch()
+
+
+DAMAGES = {
+    "empty": lambda file: file.write_bytes(b""),
+    "truncated": lambda file: file.write_bytes(file.read_bytes()[:3000]),
+    "a wrong byte": lambda file: file.write_bytes(file.read_bytes()[:5000] + b"x" + file.read_bytes()[5001:]),
+    "zeros": lambda file: file.write_bytes(bytes(file.stat().st_size)),
+    "other content": lambda file: file.write_text("a note" * 1000),
+    "a folder": put_folder,
+    "a link to itself": lambda file: (file.unlink(), file.symlink_to(file.name)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
 def test_a_damaged_cache_is_compiled_anew(tmp_path, damage):
     whole = evaluated(tmp_path)[0]
     file = compiled_file(tmp_path)
-    file.write_bytes(damage(file.read_bytes()))
+    damage(file)
     said, noted = evaluated(tmp_path)
     assert said == whole
     assert noted == f"closeform: {file} is damaged; compiling it anew\n"
     assert evaluated(tmp_path) == (whole, "")
+
+
+MORE = "cf.Orbit(1.1e-3).transfer([0] * 6, [20, 0, 0, 0, 0, 0], 3000.0)"  # compiles another
+
+
+def test_a_cache_of_damaged_files_is_told_in_one_line(tmp_path):
+    evaluated(tmp_path, MORE)
+    kernels = tmp_path / "closeform" / "kernels"
+    files = [file for file in kernels.iterdir() if file.suffix != ".lock"]
+    assert len(files) > 1
+    for file in files:
+        file.write_bytes(file.read_bytes()[:-1])
+    noted = evaluated(tmp_path, MORE)[1]
+    assert noted.count("\n") == noted.count("is damaged; compiling it anew") == 1
+    assert evaluated(tmp_path, MORE)[1] == ""
+
+
+def test_a_full_disk_leaves_no_damage(tmp_path):
+    """No file may be longer than 4 kB; what a process compiles then it keeps to itself."""
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))"
+    program = f"{limit}\nimport closeform as cf\nprint(cf.Orbit(1.1e-3).coast([1] * 6, 9.0).position(1.0)[0])"
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, "HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("\n") == 1
+        assert [file.suffix for file in (tmp_path / "closeform" / "kernels").iterdir()] == [".lock"]
+
+
+def test_locks_of_killed_processes_and_strange_ones_keep_nobody_waiting(tmp_path):
+    whole = evaluated(tmp_path)[0]
+    file = compiled_file(tmp_path)
+    lock = file.with_name(f"{file.name}.lock")
+    hold = f"import fcntl, time; f = open({str(lock)!r}, 'ab'); fcntl.flock(f, 2); print(); time.sleep(99)"
+    with subprocess.Popen([sys.executable, "-u", "-c", hold], stdout=subprocess.PIPE) as holder:
+        holder.stdout.readline()
+        holder.kill()
+    file.unlink()
+    assert evaluated(tmp_path)[0] == whole
+    file.unlink()
+    lock.unlink()
+    lock.mkdir()
+    assert evaluated(tmp_path)[0] == whole
+
+
+def nobody(cache, read_only):
+    """What a process of the user nobody says, whose cache it may only read or not even that."""
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        pytest.skip("needs root and setpriv to become somebody else")
+    kernels = cache / "closeform" / "kernels"
+    for folder in (cache, *cache.parents):
+        if folder.stat().st_uid == 0 and not folder.stat().st_mode & 1:
+            folder.chmod(folder.stat().st_mode | 0o711)
+    for file in kernels.iterdir():
+        file.chmod(0o444 if read_only else 0o000)
+    kernels.chmod(0o555)
+    program = "import closeform as cf; print(cf.Orbit(1.1e-3).coast([1] * 6, 9.0).position(1.0)[0])"
+    drop = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+    return subprocess.run(
+        [*drop, sys.executable, "-c", program],
+        env={**os.environ, "HOME": str(cache), "XDG_CACHE_HOME": str(cache)},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize("read_only", [True, False])
+def test_a_cache_of_somebody_else(tmp_path, read_only):
+    evaluated(tmp_path)
+    done = nobody(tmp_path, read_only)
+    if "Permission denied" in done.stderr and "python" in done.stderr:
+        pytest.skip("nobody may not run this Python")
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("\n") == (0 if read_only else 1)
 
 
 def test_a_copy_of_the_package_elsewhere_shares_its_kernels(tmp_path):
@@ -84,7 +175,7 @@ def test_kernels_that_nobody_uses_are_dropped(tmp_path):
     assert evaluated(tmp_path) == (whole, "")  # used again, so it is not old any more
     assert time.time() - file.stat().st_mtime < 3600
     assert old.exists()
-    evaluated(tmp_path, "cf.Orbit(1.1e-3).transfer([0] * 6, [20, 0, 0, 0, 0, 0], 3000.0)")  # compiles another
+    evaluated(tmp_path, MORE)
     assert file.exists()
     assert not old.exists()
 

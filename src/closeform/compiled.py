@@ -4,7 +4,6 @@ import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from typing import Any
 
 import numba
@@ -14,14 +13,17 @@ from numba.core.types import Array, BaseTuple, unliteral
 from closeform.kernel_cache import KernelCache, alone, parts
 from closeform.kernel_parts import PartCompiler
 
+_announced: list[bool] = []
 ENTRIES: list[Any] = []  # the entry points of all modules that were imported
 before_first_compilation: list[Callable[[], None]] = []  # called when a kernel is found missing
 
 
-@cache
-def announce() -> None:
-    """Say once, on standard error, that a compilation is under way."""
-    print("closeform: compiling its kernels, once (half a minute)", file=sys.stderr)
+def announce(damaged: str = "") -> None:
+    """Say on standard error that a compilation is under way, once, however many are needed."""
+    if _announced:
+        return
+    _announced.append(True)
+    print(damaged or "closeform: compiling its kernels, once (half a minute)", file=sys.stderr)
     for begin in before_first_compilation:
         begin()
 
@@ -51,10 +53,10 @@ def prepare(entry: Any, wait: bool = True) -> None:
     with cached.lock:
         if entry.overloads:
             return
-        if cached.path.is_file():
+        if cached.is_whole():
             entry.compile(cached.signature)
         else:
-            announce()
+            announce(f"closeform: {cached.path} is damaged; compiling it anew" * cached.damaged)
             with alone(cached.path, wait) as mine, uncollected():
                 if not mine:
                     return

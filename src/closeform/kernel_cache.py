@@ -4,6 +4,7 @@ import hashlib
 import inspect
 import os
 import pickle
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -47,6 +48,7 @@ class KernelCache(NullCache):  # type: ignore[misc]
     def __init__(self, entry: Any, signature: Any) -> None:
         self.entry, self.signature = entry, signature
         self.lock = Lock()  # one thread prepares the entry point
+        self.damaged = False  # at the last look
 
     @cached_property
     def path(self) -> Path:
@@ -60,6 +62,21 @@ class KernelCache(NullCache):  # type: ignore[misc]
         name = f"{self.entry.py_func.__module__}.{self.entry.py_func.__name__}"
         return folder() / f"{name.removeprefix('closeform.')}-{made.hexdigest()[:20]}"
 
+    def is_whole(self) -> bool:
+        """Whether the compiled kernel can be loaded; what is damaged goes, and is compiled anew."""
+        self.damaged = False
+        try:
+            content = self.path.read_bytes()
+        except FileNotFoundError:
+            return False
+        except OSError:
+            content = b""
+        self.damaged = not intact(content)
+        if self.damaged:
+            with suppress(OSError):
+                shutil.rmtree(self.path) if self.path.is_dir() else self.path.unlink()
+        return not self.damaged
+
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled kernel, None if there is none, or none that is whole."""
         path = self.path
@@ -67,15 +84,13 @@ class KernelCache(NullCache):  # type: ignore[misc]
             content = path.read_bytes()
         except OSError:
             return None
-        checksum, data = content[:CHECKSUM], content[CHECKSUM:]
-        if hashlib.sha256(data).digest() != checksum:
-            print(f"closeform: {path} is damaged; compiling it anew", file=sys.stderr)
+        if not intact(content):
             return None
         with suppress(OSError):
             if time.time() - path.stat().st_mtime > UNUSED / 10:
                 os.utime(path)
         rtsys.initialize(target)  # numba's cache registers all that a compiler needs: 0.3 s
-        return CompileResult._rebuild(target, *pickle.loads(data))
+        return CompileResult._rebuild(target, *pickle.loads(content[CHECKSUM:]))
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep a compiled kernel, if the folder can be written."""
@@ -89,6 +104,11 @@ class KernelCache(NullCache):  # type: ignore[misc]
             finally:
                 written.unlink(missing_ok=True)
             drop_unused()
+
+
+def intact(content: bytes) -> bool:
+    """Whether a file is as it was written."""
+    return hashlib.sha256(content[CHECKSUM:]).digest() == content[:CHECKSUM]
 
 
 def drop_unused() -> None:
