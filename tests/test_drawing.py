@@ -53,5 +53,5 @@ def test_one_draws_all_where_the_second_is_gone(tmp_path, alone, second):
 
 def test_what_cannot_be_drawn_is_heard(tmp_path, second):
     wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
-    with pytest.raises(AttributeError):
+    with pytest.raises(ValueError, match="zone"):
         draw(tmp_path, [*PICTURES[:1], wrong])

@@ -4,11 +4,14 @@ import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PatchCollection, PathCollection
 from matplotlib.colors import to_rgba
+from PIL import Image
 
 import closeform as cf
 from closeform import plots
-from closeform.plots.fleet import COLOURS, OBLIQUE
+from closeform.plots.flying import Flying
 from closeform.plots.look import CONFLICT
+from closeform.plots.tracks import COLOURS
+from closeform.plots.views import OBLIQUE, ORBITAL
 
 DEEP = cf.Orbit(0.0)
 ORBIT = cf.Orbit.circular(500e3)
@@ -103,11 +106,19 @@ def sampled_conflicts(paths, zone, times):
 def test_tracks_in_the_planes_are_the_paths():
     before, after, ring, final = swap(5)
     figure = plots.formation_paths(before, after)
-    assert [a.get_ylabel().split(" [")[0] for a in figure.axes] == ["cross-track", "radial", "", ""]
+    assert [a.get_ylabel().split(" [")[0] for a in figure.axes] == [
+        "radial",
+        "cross-track",
+        "radial",
+        "",
+        "",
+        "",
+    ]
+    assert [a.get_xlabel().split(" [")[0] for a in figure.axes] == ["", "along-track", "cross-track"] * 2
     times = np.linspace(before.start[0], before.end[0], 8001)
     for column, paths in enumerate((before, after)):
-        for row, plane in enumerate(([1, 2], [1, 0])):
-            axes = figure.axes[2 * column + row]
+        for row, plane in enumerate(([1, 0], [1, 2], [2, 0])):
+            axes = figure.axes[3 * column + row]
             for k in range(5):
                 drawn = np.vstack(lines(axes, COLOURS[k]))
                 curve = paths[k].position(times)[:, plane]
@@ -117,7 +128,7 @@ def test_tracks_in_the_planes_are_the_paths():
             assert np.allclose(marks(axes, "end"), final[:, plane], atol=1e-6)
 
 
-def test_both_sides_have_one_scale_in_both_planes():
+def test_both_sides_have_one_scale_in_all_planes():
     before, after, _, _ = swap(5)
     figure = plots.formation_paths(before, after, zone=BALL)
     inches = figure.get_size_inches()
@@ -201,17 +212,17 @@ def test_headline_counts_pairs_in_conflict(count):
 def test_the_zone_is_drawn_where_the_closest_pair_is():
     states = straight(5, seed=11)
     least, _ = meetings(states)
-    i, j = np.unravel_index(np.nanargmin(least), least.shape)
-    _, time, _ = meeting(states, *sorted((i, j)))
+    i, j = sorted(np.unravel_index(np.nanargmin(least), least.shape))
+    _, time, _ = meeting(states, i, j)
+    slow = min(i, j, key=lambda k: np.linalg.norm(states[k, 3:]))  # its track is shorter
     paths = DEEP.coast(states, END)
     figure = plots.formation_paths(paths, paths, zone=BALL)
     (disc,) = figure.axes[0].patches[-1:] or [None]
     outline = next(p.get_xy() for p in figure.axes[0].patches if len(p.get_path().vertices) > 100)
-    centre = OBLIQUE(states[max(i, j), :3] + time * states[max(i, j), 3:])
+    centre = OBLIQUE(states[slow, :3] + time * states[slow, 3:])
     assert np.allclose(np.linalg.norm(outline - centre, axis=1), 15.0)
     assert disc is not None
     words = [text.get_text() for text in figure.axes[0].texts]
-    i, j = sorted((i, j))
     assert f"closest {i} and {j}, {least[i, j]:.2f} × zone" in words
 
 
@@ -525,3 +536,156 @@ def test_pairs_that_touch_are_counted():
     states[2, 1] *= 1.1
     figure = plots.closest_pairs(DEEP.coast(states, END), cf.Sphere(15.0))
     assert figure.get_suptitle() == "All 3 pairs clear; closest 0 and 1, 1.00 × zone"
+
+
+# who stays, who merges, what is pushed
+
+
+TARGET = ORBIT.coast(np.zeros(6), ORBIT.period)
+INSPECTOR = ORBIT.coast([-50.0, 0, 0, 0, 100.0 * N, 50.0 * N], ORBIT.period)
+APPROACH = ORBIT.transfer([0, 300.0, 0, 0, 0, 0], [-50.0, 0, 0, 0, 100.0 * N, 50.0 * N], ORBIT.period)
+
+
+def zone_centre(axes):
+    """The middle of the filled zone."""
+    outline = next(p.get_xy() for p in axes.patches if len(p.get_path().vertices) > 100)
+    return (outline.max(axis=0) + outline.min(axis=0)) / 2
+
+
+@pytest.mark.parametrize("mover", [APPROACH, INSPECTOR], ids=["burns", "has the longer track"])
+@pytest.mark.parametrize("turn", [1, -1])
+def test_the_zone_is_around_the_craft_that_stays(mover, turn):
+    paths = cf.stack([TARGET, mover][::turn])
+    figure = plots.formation_paths(paths, paths, ["Target", "Inspector"][::turn], cf.Sphere(20.0))
+    for axes in figure.axes[:3]:
+        assert zone_centre(axes) == pytest.approx([0.0, 0.0], abs=0.1)
+    alone = plots.formation_paths(paths[:1], paths[:1], zone=cf.Sphere(20.0), obstacles=paths[1])
+    one = paths[1]  # an obstacle stays, whatever it does
+    when = cf.closest_approach(paths[0], one, cf.Sphere(20.0)).time
+    assert zone_centre(alone.axes[0]) == pytest.approx(one.position(when)[[1, 0]], abs=0.1)
+
+
+def test_one_stage_in_an_orbit_has_three_planes_and_a_view_in_space():
+    paths = cf.stack([TARGET, INSPECTOR])
+    figure = plots.formation_paths(paths, paths, zone=cf.Sphere(20.0))
+    words = {(axes.get_xlabel().split(" [")[0], axes.get_ylabel().split(" [")[0]) for axes in figure.axes}
+    assert words == {("", "radial"), ("along-track", "cross-track"), ("cross-track", ""), ("", "")}
+    circle = lines(figure.axes[2], COLOURS[1])[0]  # across the flight the inspector flies a circle
+    assert np.allclose(np.linalg.norm(circle, axis=1), 50.0, atol=1e-6)
+
+
+def test_tracks_that_merge_do_not_cut_each_other():
+    """Seven craft on one circle: each plane has whole lines, no white among them; in space one is on top."""
+    ring = 120 * np.array(
+        [
+            [s / 2, c, s, N * c / 2, -N * s, N * c]
+            for s, c in ((np.sin(a), np.cos(a)) for a in np.arange(7) * 0.9)
+        ]
+    )
+    paths = ORBIT.coast(ring, ORBIT.period)
+    figure = plots.formation_paths(paths, paths)
+    for axes in figure.axes[:3]:
+        for k in range(7):
+            assert len(lines(axes, COLOURS[k])) == 1
+    for axes in figure.axes:
+        assert lines(axes, "white") == []
+    (woven,) = [
+        c for c in figure.axes[3].collections if isinstance(c, LineCollection) and len(c.get_segments()) > 7
+    ]
+    on_top = []
+    for point in ORBITAL(paths[0].position(np.linspace(0.0, ORBIT.period, 300))):
+        over = [
+            k
+            for k, piece in enumerate(woven.get_segments())
+            if np.linalg.norm(piece - point, axis=1).min() < 1.0
+        ]
+        on_top.append(tuple(woven.get_colors()[over[-1]]) == to_rgba(COLOURS[6]))
+    assert np.mean(on_top) > 0.9  # all but within 1 m of the ends of layers, of which there are two times 40
+
+
+def test_thrust_of_all_is_the_norm_in_newtons():
+    before, _, _, _ = swap(4)
+    masses, limits = [10.0, 20.0, 30.0, 40.0], [1e-4, np.inf, 2e-4, 2e-4]
+    figure = plots.formation_thrust(before, list("ABCD"), limits, masses)
+    axes = figure.axes[0]
+    unit = {"N": 1.0, "mN": 1e-3, "µN": 1e-6}[axes.get_ylabel().split("[")[1][:-1]]
+    curves = axes.get_lines()[:4]
+    peaks = []
+    for k, (line, mass) in enumerate(zip(curves, masses, strict=True)):
+        times = np.asarray(line.get_xdata()) * 60.0
+        assert np.allclose(
+            np.asarray(line.get_ydata()) * unit,
+            mass * np.linalg.norm(before[k].thrust(times), axis=1),
+            rtol=1e-6,
+        )
+        peaks.append(max(line.get_ydata()))
+    levels = {float(line.get_ydata()[0]) * unit for line in axes.get_lines()[4:]}
+    assert sorted(levels) == pytest.approx([1e-3, 6e-3, 8e-3])
+    over = sum(peak * unit > mass * limit for peak, mass, limit in zip(peaks, masses, limits, strict=True))
+    most = "ABCD"[int(np.argmax(peaks))]
+    assert figure.get_suptitle().startswith(f"{most} thrusts most: ")
+    assert figure.get_suptitle().endswith(
+        f"{over} of 4 craft above their limit" if over else "all within their limits"
+    )
+    plain = plots.formation_thrust(before)
+    assert plain.axes[0].get_ylabel().endswith("m/s²]")
+    still = plots.formation_thrust(DEEP.coast(straight(3), END))
+    assert still.get_suptitle() == "Nobody thrusts"
+
+
+def test_a_legend_has_one_unit_of_delta_v():
+    slow = ORBIT.transfer(np.zeros(6), [0, 1.0, 0, 0, 0, 0], ORBIT.period)
+    fast = ORBIT.transfer(np.zeros(6), [0, 9000.0, 0, 0, 0, 0], ORBIT.period)
+    assert slow.delta_v < 0.1 < fast.delta_v
+    words = [text.get_text() for text in plots.thrust([slow, fast], ["a", "b"]).legends[0].get_texts()]
+    assert [word.split("Δv ")[1].split(",")[0].split(" ")[1] for word in words] == ["m/s", "m/s"]
+    assert [float(word.split("Δv ")[1].split(" ")[0]) for word in words] == pytest.approx(
+        [slow.delta_v, fast.delta_v], rel=1e-3
+    )
+
+
+# formation_animation
+
+
+def test_the_film_shows_who_is_where_and_closest():
+    states = straight(5)
+    scene = Flying(DEEP.coast(states, END), list("ABCDE"), BALL, 21)
+    least, stays = meetings(states)
+    closest = np.unravel_index(np.nanargmin(least), least.shape)
+    assert scene.closest == pytest.approx(meeting(states, *sorted(closest))[1], abs=1e-3)
+    (view,) = scene.views
+    for time in scene.times:
+        scene.show(time)
+        where = states[:, :3] + time * states[:, 3:]
+        assert np.allclose(view.dots.get_offsets(), OBLIQUE(where))
+        gaps = np.linalg.norm(where[:, None] - where, axis=2) + 1e9 * np.eye(5)
+        i, j = sorted(np.unravel_index(gaps.argmin(), gaps.shape))
+        assert scene.story.get_text().startswith(f"closest now: {'ABCDE'[i]} and {'ABCDE'[j]}, ")
+        assert float(scene.story.get_text().split(", ")[2][:-2]) == pytest.approx(gaps.min(), rel=1e-3)
+        hit = [any(k in pair and a <= time <= b for pair, (a, b) in stays.items()) for k in range(5)]
+        red = [np.allclose(edge, to_rgba(CONFLICT)) for edge in view.dots.get_edgecolors()]
+        assert red == hit
+        for trail, end in zip(view.trails.get_segments(), where, strict=False):
+            assert not len(trail) or np.allclose(trail[-1], OBLIQUE(end))
+
+
+def test_a_film_of_an_orbit(tmp_path):
+    before, _, _, _ = swap(12)
+    told = []
+    file = tmp_path / "flight.gif"
+    plots.formation_animation(before, file, zone=BALL, frames=12, progress=lambda *done: told.append(done))
+    with Image.open(file) as film:
+        assert film.n_frames == len(told) == 13  # the closest approach has its own
+        stays, shown = [], []
+        for k in range(film.n_frames):
+            film.seek(k)
+            stays.append(film.info["duration"])
+            shown.append(np.asarray(film.convert("RGB"), dtype=int))
+    assert told[-1] == (13, 13)
+    assert sorted(stays)[-2:] == [1600, 2400]
+    assert stays[-1] == 2400
+    assert all(np.abs(a - b).sum() > 0 for a, b in zip(shown[:-1], shown[1:], strict=True))
+    assert tuple(shown[0][1, 1]) == (255, 255, 255)
+    assert file.stat().st_size * 101 / 13 < 3.5e6
+    with pytest.raises(ValueError, match="frames: must be at least 2, got 1"):
+        plots.formation_animation(before, file, frames=1)

@@ -42,6 +42,7 @@ keep_out = { sphere = "20 m" }
 def pictureless(monkeypatch):
     """Without pictures, a second each; what is in them is tested elsewhere."""
     monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.conflicts.coasting", lambda *_: ())
 
 
 def fleet(*stages: str, text: str = FLEET, **changes: str) -> str:
@@ -235,7 +236,7 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     assert f"Touches zones {len(plan.contacts)} times, from " in run.printed
     assert f"Energy {100 * plan.gap:.3f} % above the lower bound" in run.printed
     pictures = {path.name for path in run.folder.glob("*.png")}
-    names = "paths", "ratios-before", "ratios", "closest-pairs"
+    names = "paths", "ratios-before", "ratios", "closest-pairs", "thrust"
     assert pictures == {f"stage-1-{name}.png" for name in names}
     page = (run.folder / "report.html").read_text()
     assert page.count("data:image/png;base64,") == len(pictures)

@@ -12,6 +12,7 @@ import closeform as cf
 from closeform import plots
 from closeform.planning.both_sides import ways_around
 from closeform.plots.scene import section, shadow
+from closeform.plots.views import ORBITAL
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion
@@ -178,9 +179,19 @@ def test_before_after_ratios_and_thrust(kind):
 def test_before_after_has_one_scale_and_three_dimensions():
     after = ways_around(MOVER, HIT, ELLIPSOID)[0]
     figure = plots.before_after(MOVER, after, OTHERS, ELLIPSOID, [f"C{k}" for k in range(7)])
-    assert [axes.name for axes in figure.axes] == ["rectilinear"] * 3 + ["3d"]
-    assert all(axes.get_aspect() == 1.0 for axes in figure.axes[:3])
+    scales = []
+    for axes in figure.axes:
+        box = axes.get_position().size * figure.get_size_inches()
+        scales += [np.ptp(axes.get_xlim()) / box[0], np.ptp(axes.get_ylim()) / box[1]]
+    assert scales[:6] == pytest.approx(scales[:1] * 6)  # metres to an inch
+    assert scales[6] == pytest.approx(scales[7])  # in space
     assert figure.axes[0].get_ylim() == figure.axes[2].get_ylim()
+    drawn = figure.axes[3].get_lines()
+    for path in (MOVER, after):  # each is there, seen from one direction
+        ends = path.position([path.start, path.end]) @ ORBITAL.basis[:2].T
+        assert any(
+            np.allclose(line.get_xydata()[[0, -1]], ends) for line in drawn if len(line.get_xydata()) > 9
+        )
     title = figure.get_suptitle()
     assert title.startswith("Before: 2 conflicts, 0.10 × zone.")
 

@@ -397,7 +397,7 @@ def test_craft_that_lock_at_once():
 def test_animation(tmp_path):
     told = []
     plots.animation(FIVE, tmp_path / "five.gif", frames=6, progress=lambda *done: told.append(done))
-    times, stays = schedule(FIVE, 6)
+    times, stays = zip(*schedule(FIVE, 6), strict=True)
     assert len(times) == 6 + 3  # the last lock is the last frame
     assert told == [(k + 1, 9) for k in range(9)]
     assert [stay > 1000 for stay in stays] == [time in {event.time for event in LOCKS} for time in times]
@@ -407,7 +407,7 @@ def test_animation(tmp_path):
         for k in range(9):
             film.seek(k)
             shown.append(film.info["duration"])
-        assert shown == stays
+        assert shown == list(stays)
         last = np.asarray(film.convert("RGB"), dtype=float)
     # what was moved shows what is drawn anew
     figure = plots.three_views(FIVE, FIVE.duration)

@@ -1,4 +1,4 @@
-"""Pictures of paths, zones and conflicts, and of searches; all but `animation` return a matplotlib Figure.
+"""Pictures of paths, zones and conflicts, and of searches; all but the animations return a matplotlib Figure.
 
 No global state of matplotlib is used or changed: save a figure with its `savefig`.
 """
@@ -13,7 +13,9 @@ _HOMES = {
     "closest_pairs": "closest",
     "complementary_cones": "cones",
     "distances": "timelines",
+    "formation_animation": "flying",
     "formation_paths": "fleet",
+    "formation_thrust": "thrusting",
     "histogram": "lockings",
     "in_plane_search": "attitudes",
     "lemma_2": "hyperbola",

@@ -17,13 +17,12 @@ from closeform.plots.camera import (
     cone,
     fill,
     ring,
-    sheet,
     solid,
     stage,
     to_sun,
     word,
 )
-from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline
+from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline, sheet
 from closeform.plots.scene import CIRCLE
 from closeform.search.schedule import SUN, Leg, Search, rotation
 from closeform.search.theorem import regions_searched

@@ -13,7 +13,7 @@ from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL, page
+from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL
 from closeform.plots.scene import CIRCLE
 from closeform.search.schedule import SUN
 
@@ -148,7 +148,9 @@ def triad(axes: Axes, camera: Camera, origin: Floats, length: float, names: dict
             word(axes, origin, name, shift=(-11, -9))
         else:
             arrow(axes, origin + length * np.array([np.zeros(2), tip]), INK, linewidth=1.2, mutation_scale=10)
-            word(axes, origin + (length + 0.35 * length / np.hypot(*tip)) * tip, name)
+            aside = 0 if abs(tip[0]) < 0.3 * np.hypot(*tip) else int(np.sign(tip[0]))
+            look = {"ha": ("center", "left", "right")[aside]}
+            word(axes, origin + length * tip, name, shift=(4 * aside, 8 * np.sign(tip[1])), **look)
 
 
 def framing(points: Floats, wide: float, high: float, room: float = 1.08) -> tuple[Floats, float]:
@@ -167,10 +169,3 @@ def stage(figure: Figure, place: tuple[float, float, float, float], middle: Any,
     axes.set_xlim(middle[0] - width / 2, middle[0] + width / 2)
     axes.set_ylim(middle[1] - high / 2, middle[1] + high / 2)
     return axes
-
-
-def sheet(height: float) -> Figure:
-    """An empty figure, `height` in inches, whose axes are placed by hand."""
-    figure = page(height)
-    figure.set_layout_engine("none")
-    return figure

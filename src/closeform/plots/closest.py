@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from closeform.arrays import Floats
@@ -23,13 +24,15 @@ from closeform.plots.look import (
     ZONE,
     Clock,
     clock,
+    column,
     dress,
     headline,
     instants,
-    page,
+    legend,
+    sheet,
     time_axes,
 )
-from closeform.plots.matrix import SURE, Pairs, asked, ratio_text, title
+from closeform.plots.pairs import SURE, Pairs, asked, ratio_text, title
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
@@ -60,13 +63,18 @@ def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, co
         raise ValueError("paths: no two craft that have a zone share a time")
     ticks = clock(pairs.paths, start, end)
 
-    figure = page(6.2 + 0.25 * (len(shown) > 4))
-    axes = figure.subplots()
+    words = [said(pairs, k, called, ticks) for k in shown]
+    columns = 2 if max(map(len, words)) <= 52 else 1
+    below = 0.75 + 0.25 * -(-len(shown) // columns)
+    figure = sheet(5.5 + below)
+    (axes,) = column(figure, [1.0], below)
     dress(axes)
     axes.axhspan(-1, 1, color=ZONE, alpha=0.2, linewidth=0)
     axes.axhline(1, color=ZONE, linewidth=1.6)
-    for row, (k, (times, norms)) in enumerate(zip(shown, curves, strict=True)):
-        line(axes, row, ticks, pairs, k, called, times, norms)
+    lines = [
+        line(axes, row, ticks, pairs, k, word, *curve)
+        for row, (k, word, curve) in enumerate(zip(shown, words, curves, strict=True))
+    ]
     ratio_axis(axes, float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves))
     axes.set_ylabel("ratio [× zone]", fontsize=TEXT, color=INK)
     axes.annotate(
@@ -80,9 +88,7 @@ def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, co
         color="#9a6a00",
     )
     time_axes([axes], ticks, start, end)
-    longest = max(len(str(word)) for word in axes.get_legend_handles_labels()[1])
-    columns = 2 if longest <= 52 else 1
-    figure.legend(loc="outside lower center", ncols=columns, frameon=False, fontsize=SMALL, handlelength=3.2)
+    legend(figure, lines, words, ncols=columns, handlelength=3.2)
     headline(figure, title(pairs, called))
     return figure
 
@@ -96,20 +102,26 @@ def curve(pairs: Pairs, k: int) -> tuple[Floats, Floats]:
     return times, pairs.zone[k].norm(one.position(times) - other.position(times))
 
 
-def line(
-    axes: Axes, row: int, ticks: Clock, pairs: Pairs, k: int, called: list[str], times: Floats, norms: Floats
-) -> None:
-    """One pair, wide where it is in conflict, with a dot at its least ratio."""
-    colour, dashes = COLOURS[row % 4], DASHES[(row + row // 4) % 4]
+def said(pairs: Pairs, k: int, called: list[str], ticks: Clock) -> str:
+    """A pair and its closest approach in words."""
     one, other = (called[craft] for craft in pairs.craft[k])
-    when, least, order = float(pairs.time[k]), float(pairs.ratio[k]), 3.0 + 0.01 * row
-    label = f"{one} and {other}: {ratio_text(least)} × zone at {ticks.text(when)}"
-    axes.plot(ticks(times), norms, color=colour, linestyle=dashes, linewidth=2.2, label=label, zorder=order)
+    return f"{one} and {other}: {ratio_text(pairs.ratio[k])} × zone at {ticks.text(float(pairs.time[k]))}"
+
+
+def line(
+    axes: Axes, row: int, ticks: Clock, pairs: Pairs, k: int, label: str, times: Floats, norms: Floats
+) -> Line2D:
+    """One pair, wide where it is in conflict, with a dot at its least ratio."""
+    colour, dashes, order = COLOURS[row % 4], DASHES[(row + row // 4) % 4], 3.0 + 0.01 * row
+    when, least = ticks(pairs.time[k]), pairs.ratio[k]
+    look: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 2.2, "zorder": order}
+    (drawn,) = axes.plot(ticks(times), norms, label=label, **look)
     if pairs.stays[k]:
         inside = np.where(norms <= 1.0 + SURE, norms, np.nan)
         axes.plot(ticks(times), inside, color=CONFLICT, linewidth=5.0, alpha=0.55, zorder=order - 0.5)
     dot: dict[str, Any] = {"color": colour, "markeredgecolor": "white", "markersize": 9}
-    axes.plot(ticks(when), least, "o", **dot, zorder=5.0 - 0.01 * row, clip_on=False)
+    axes.plot(when, least, "o", **dot, zorder=5.0 - 0.01 * row, clip_on=False)
+    return drawn
 
 
 def ratio_axis(axes: Axes, least: float, most: float) -> None:

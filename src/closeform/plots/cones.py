@@ -13,7 +13,6 @@ from closeform.plots.camera import (
     Camera,
     arrow,
     fill,
-    sheet,
     solid,
     stage,
     to_sun,
@@ -29,6 +28,7 @@ from closeform.plots.look import (
     TEXT,
     ZONE,
     headline,
+    sheet,
 )
 from closeform.search.schedule import SUN, Search
 from closeform.search.theorem import regions_searched

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from closeform.plots.camera import GROUP_COLOURS, sheet, triad
-from closeform.plots.look import INK, OTHER, SMALL, TEXT
+from closeform.plots.camera import GROUP_COLOURS, triad
+from closeform.plots.letters import plain, short_names
+from closeform.plots.look import INK, OTHER, SMALL, TEXT, sheet
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.plots.panels import (
     DIRECTIONS,
@@ -34,12 +35,10 @@ class ThreeViews:
 
     def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
         count = len(gathering.groups)
-        if names is not None and len(names) != count:
-            raise ValueError(f"names: {len(names)} names for {count} craft")
         if not 0 <= craft < count:
             raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft!r}")
         self.gathering = gathering
-        self.names = [str(k) for k in range(count)] if names is None else list(names)
+        self.names = short_names(names, count)
         self.knots = [Knots.of(gathering.paths[k]) for k in range(count)]
         self.figure = sheet(7.9)
         self.oblique = Overview(
@@ -75,6 +74,7 @@ class ThreeViews:
         self.clock = self.figure.text(0.99, 0.965, "", ha="right", va="center", fontsize=TEXT + 5, color=INK)
         self.clock.set_fontweight("bold")
         self.story = self.figure.text(0.01, 0.965, "", ha="left", va="center", fontsize=TEXT, color=INK)
+        plain(self.story, *self.names)
         self.figure.legend(
             handles=self.legend(),
             loc="lower center",

@@ -19,7 +19,6 @@ from closeform.plots.camera import (
     fill,
     framing,
     ring,
-    sheet,
     solid,
     stage,
     to_sun,
@@ -35,6 +34,7 @@ from closeform.plots.look import (
     TEXT,
     headline,
     length_unit,
+    sheet,
 )
 from closeform.search.locks import lock_times
 from closeform.search.schedule import SUN, Search

@@ -1,5 +1,7 @@
 """When pairs lock: how many in each minute of a search."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,14 +16,18 @@ from closeform.plots.look import (
     OTHER,
     SMALL,
     TEXT,
+    WIDTH,
     Unit,
+    area,
     dress,
     headline,
-    page,
     plain_unit,
+    sheet,
 )
 from closeform.search.schedule import Search
 
+CURVE = "#7a2a10"
+LETTER = 0.095  # inches of a letter
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
 
 
@@ -30,7 +36,8 @@ def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "
 
     `times` (M,) [s] are those of `lock_times`, nan where there was no lock.  Pairs locked at once
     (time 0) are counted in the headline and left out of the bars, as in S04; the count has a
-    logarithmic axis.  Bands are the phases of the `search` with their counts, dashed lines the
+    logarithmic axis.  The curve is the share of all that is done by then, on the right.  Bands are
+    the phases of the `search` with their counts, as far as anything happens; dashed lines are the
     ends of its turns.  `what` happened, a plural and its verb, such as "formations gather" for
     the durations of `gather_cases`.
 
@@ -48,40 +55,67 @@ def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "
     edges = bin * np.arange(int(np.ceil(search.duration / bin)) + 1)
     counts, _ = np.histogram(later, edges)
 
-    figure = page(5.6)
-    axes = figure.add_subplot()
+    figure = sheet(5.8)
+    axes = area(figure, 0.95, 0.7, WIDTH - 0.95 - 1.0, 4.45)
     dress(axes)
-    unit = plain_unit(search.duration)
-    top = 3.0 * max(10.0, float(counts.max(initial=0)))
+    end = shown(search, float(later.max(initial=0.0)))
+    unit = plain_unit(end)
+    top = 6.0 * max(10.0, float(counts.max(initial=0)))
     axes.set_yscale("log")
     axes.set_ylim(0.7, top)
-    axes.set_xlim(0.0, edges[-1] / unit.size)
-    phases(axes, search, unit, later)
-    axes.stairs(counts, edges / unit.size, baseline=0.7, fill=True, color=INK, zorder=3)
+    axes.set_xlim(0.0, end / unit.size)
+    phases(axes, search, unit, later, end)
+    axes.stairs(counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
+    by_then(axes, found, len(given), unit, end)
     axes.set_xlabel(f"time [{unit.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"{what.partition(' ')[0]} [1 per {bin:g} s]", fontsize=TEXT, color=INK)
     headline(figure, counted(len(given), len(found), len(later), what))
     return figure
 
 
-def phases(axes: Axes, search: Search, unit: Unit, later: Floats) -> None:
-    """Bands of the phases with their names and counts, and the ends of the turns within them."""
+def shown(search: Search, last: float) -> float:
+    """Until when [s] the search is shown: to the end of the phase in which the last of all happened."""
+    return next((end for *_, end in search.phases if end >= last), search.duration)
+
+
+def phases(axes: Axes, search: Search, unit: Unit, later: Floats, until: float) -> None:
+    """Bands of the phases with their counts, and the ends of the turns within them.
+
+    Names stand where there is room for them: in a second row where the first is taken.
+    """
+    inch = (WIDTH - 0.95 - 1.0) / until  # of a second
+    free = [0.0, 0.0]  # from where on there is room in each row [inches]
     for name, turn, start, end in search.phases:
         colour = PHASE_COLOURS.get(name, OTHER)
         axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
         axes.axvline(end / unit.size, color=OTHER, linewidth=1.2)
-        inside = int(np.count_nonzero((later > start) & (later <= end)))
-        axes.annotate(
-            f"{name} {turn}\n{number(inside)}",
-            ((start + end) / 2 / unit.size, 0.985),
-            xycoords=("data", "axes fraction"),
-            ha="center",
-            va="top",
-            fontsize=SMALL,
-            color=INK,
-        )
+        inside = number(int(np.count_nonzero((later > start) & (later <= end))))
+        middle, half = (start + end) / 2 * inch, LETTER * max(len(f"{name} {turn}"), len(inside)) / 2
+        row = next((row for row in (0, 1) if middle - half >= free[row]), None)
+        if start >= until or row is None or middle + half > until * inch + 0.1:
+            continue
+        free[row] = middle + half + 0.1
+        place = ((start + end) / 2 / unit.size, 0.985 - 0.115 * row)
+        look: dict[str, Any] = {"ha": "center", "va": "top", "fontsize": SMALL, "color": INK}
+        axes.annotate(f"{name} {turn}\n{inside}", place, xycoords=("data", "axes fraction"), **look)
     for leg in search.legs:
-        axes.axvline(leg.end / unit.size, ymax=0.86, color=BEFORE, linewidth=0.7, linestyle=(0, (3, 3)))
+        axes.axvline(leg.end / unit.size, ymax=0.76, color=BEFORE, linewidth=0.7, linestyle=(0, (3, 3)))
+
+
+def by_then(axes: Axes, found: Floats, everything: int, unit: Unit, end: float) -> None:
+    """The share of all that is done by each time, with an axis of its own."""
+    right = axes.twinx()
+    times = np.concatenate([[0.0], np.sort(found), [end]]) / unit.size
+    at_once = np.count_nonzero(found == 0.0)
+    done = np.concatenate([[at_once], np.maximum(np.arange(1, len(found) + 1), at_once), [len(found)]])
+    right.plot(times, 100.0 * done / max(1, everything), color=CURVE, linewidth=2.2, drawstyle="steps-post")
+    right.set_ylim(0.0, 133.0)
+    right.set_yticks(range(0, 101, 20))
+    right.set_ylabel("by then, of all [%]", fontsize=TEXT, color=CURVE)
+    right.yaxis.set_label_coords(1.0 + 0.62 / (WIDTH - 1.95), 0.38)
+    right.tick_params(labelsize=SMALL, colors=CURVE, length=3)
+    for side in ("top", "left", "bottom", "right"):
+        right.spines[side].set_visible(False)
 
 
 def counted(everything: int, found: int, later: int, what: str) -> str:

@@ -1,19 +1,23 @@
 """The look of every picture: colours that hold for the colour-blind and in grey, sizes, units."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patheffects import withStroke
+from matplotlib.text import Text
 
 from closeform.arrays import Floats
 from closeform.motion.arc import START
 from closeform.motion.path import Path
+from closeform.plots.letters import plain
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
+LEFT, ABOVE, GAP = 1.0, 0.92, 0.14  # inches: left of axes, above them for words, between two
+LETTERS = 7.6  # of a headline to an inch
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 
 BEFORE, AFTER, ALTERNATIVE = "#5f6368", "#0072B2", "#009E73"
@@ -114,15 +118,48 @@ def instants(start: float, end: float, *paths: Path) -> Floats:
     return np.unique(np.concatenate([grid, joints, np.nextafter(joints, -np.inf)]))
 
 
-def page(height: float) -> Figure:
-    """An empty figure, `height` in inches, that lays itself out."""
-    layout = ConstrainedLayoutEngine(w_pad=0.06, h_pad=0.05)
-    return Figure(figsize=(WIDTH, height), dpi=DPI, layout=layout, facecolor="white")
+def sheet(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure, in inches, whose axes are placed by hand: to find their places out is slow."""
+    return Figure(figsize=(width, height), dpi=DPI, facecolor="white")
 
 
-def headline(figure: Figure, text: str) -> None:
-    """What the picture shows, in one line."""
-    figure.suptitle(text, x=0.01, ha="left", fontsize=TEXT + 1, color=INK, fontweight="bold")
+def area(figure: Figure, left: float, bottom: float, wide: float, high: float) -> Axes:
+    """Axes at a place in inches."""
+    across, up = figure.get_size_inches()
+    return figure.add_axes((left / across, bottom / up, wide / across, high / up))
+
+
+def column(figure: Figure, shares: Sequence[float], below: float = 0.7, beside: float = 0.3) -> list[Axes]:
+    """Axes above each other, with heights in `shares`, `below` and `beside` them inches for words."""
+    wide, high = figure.get_size_inches()
+    room = high - below - ABOVE - GAP * (len(shares) - 1)
+    found: list[Axes] = []
+    top = high - ABOVE
+    for share in shares:
+        tall = room * share / sum(shares)
+        axes = area(figure, LEFT, top - tall, wide - LEFT - beside, tall)
+        axes.yaxis.set_label_coords(-0.72 / (wide - LEFT - beside), 0.5)
+        found.append(axes)
+        top -= tall + GAP
+    return found
+
+
+def headline(figure: Figure, text: str) -> Text:
+    """What the picture shows, in one line; a long one in smaller letters."""
+    size = min(TEXT + 1, (TEXT + 1) * LETTERS * float(figure.get_figwidth()) / max(1, len(text)))
+    words = figure.suptitle(text, x=0.01, y=1.0 - 0.1 / figure.get_figheight(), ha="left", va="top")
+    words.set(fontsize=size, color=INK, fontweight="bold")
+    return plain(words)
+
+
+def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:
+    """A legend whose words may hold names: those that begin with `_` are not left out."""
+    style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": SMALL} | look
+    made = figure.legend(handles=list(handles), labels=["?"] * len(handles), **style)
+    for text, word in zip(made.get_texts(), words, strict=True):
+        text.set_text(word)
+        plain(text)
+    return made
 
 
 def dress(axes: Axes) -> None:

@@ -7,29 +7,32 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.path import Path
+from closeform.plots.letters import short_names
 from closeform.plots.look import (
     AFTER,
     BEFORE,
     CONFLICT,
     DASHED,
-    HALO,
     INK,
     SMALL,
     TEXT,
     ZONE,
     Clock,
     clock,
+    column,
     common_time,
     crafts,
     dress,
     headline,
     instants,
-    page,
+    legend,
+    sheet,
     time_axes,
 )
 from closeform.zones.zone import Zone
@@ -74,22 +77,25 @@ def ratios(
     others = crafts(obstacles)
     if not others:
         raise ValueError("obstacles: give at least one path")
-    called = names_of(names, len(others))
+    called = short_names(names, len(others), "obstacles") if names is not None else []
     start, end = min(before.start, after.start), max(before.end, after.end)
     ticks = clock(before, start, end)
     now = Nearness.of(after, others, zone)
     then = now if before is after else Nearness.of(before, others, zone)
 
-    figure = page(5.6)
-    axes = figure.subplots()
+    figure = sheet(5.9)
+    (axes,) = column(figure, [1.0], 1.05)
     dress(axes)
     axes.axhspan(0, 1, color=ZONE, alpha=0.2, linewidth=0)
     axes.axhline(1, color=ZONE, linewidth=1.6)
     if len(others) > 1:
         axes.plot(ticks(now.times), now.norms.T, color=AFTER, linewidth=0.8, alpha=0.45)
+    curves: list[tuple[Nearness, tuple[str, Any, str]]] = []
     if then is not now:
-        nearness_line(axes, then, ticks, (BEFORE, DASHED, "before "), called)
-    nearness_line(axes, now, ticks, (AFTER, "-", "after " if now is not then else ""), called)
+        curves.append((then, (BEFORE, DASHED, "before: ")))
+    curves.append((now, (AFTER, "-", "after: " if then is not now else "closest: ")))
+    lines, words = zip(*(nearness_line(axes, one, ticks, look, called) for one, look in curves), strict=True)
+    legend(figure, lines, words, ncols=len(lines))
     axes.set_ylim(0, ceiling(then, now))
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
     axes.set_ylabel("nearest craft [× zone]", fontsize=TEXT, color=INK)
@@ -102,37 +108,17 @@ def ratios(
 
 def nearness_line(
     axes: Axes, near: Nearness, ticks: Clock, look: tuple[str, Any, str], names: Sequence[str]
-) -> None:
-    """The least norm of all, in the colour of conflict where below 1, and its minimum."""
+) -> tuple[Line2D, str]:
+    """The least norm of all, in the colour of conflict where below 1; the line, and its minimum in words."""
     colour, dashes, label = look
     least = np.fmin.reduce(near.norms, axis=0)
     when = ticks(near.times)
-    axes.plot(when, least, color=colour, linestyle=dashes, linewidth=2.4)
+    (line,) = axes.plot(when, least, color=colour, linestyle=dashes, linewidth=2.4)
     axes.plot(when, np.where(least <= 1, least, np.nan), color=CONFLICT, linewidth=3)
     hit = CONFLICT if near.ratio < 1 else colour
     axes.plot(ticks(near.time), near.ratio, "o", color=hit, markersize=8, zorder=5)
-    left = near.time - near.times[0] > 0.3 * (near.times[-1] - near.times[0]) and near.ratio >= 1
-    axes.annotate(
-        f"{label}{near.ratio:.2f} × zone{names[near.nearest]}",
-        (float(ticks(near.time)), near.ratio),
-        (-14 if left else 14, 5 if near.ratio < 1 else -14),
-        textcoords="offset points",
-        fontsize=TEXT,
-        color=hit,
-        ha="right" if left else "left",
-        va="center",
-        path_effects=HALO,
-        zorder=6,
-    )
-
-
-def names_of(names: Sequence[str] | None, count: int) -> list[str]:
-    """What to add to a label of each obstacle."""
-    if names is None:
-        return [""] * count
-    if len(names) != count:
-        raise ValueError(f"names: {len(names)} names for {count} obstacles")
-    return [f", {name}" for name in names]
+    name = f", {names[near.nearest]}" if names else ""
+    return line, f"{label}{near.ratio:.2f} × zone{name} at {ticks.text(near.time)}"
 
 
 def ceiling(*curves: Nearness) -> float:

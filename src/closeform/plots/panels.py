@@ -24,6 +24,7 @@ from closeform.plots.camera import (
     triad,
     word,
 )
+from closeform.plots.letters import plain
 from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT, length_unit
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.search.gather_result import EventKind, Gathering
@@ -109,7 +110,7 @@ class Overview:
             for label, (marker, edge, face) in STYLES.items()
         }
         (self.kinks,) = self.axes.plot([], [], ".", color=INK, markersize=5 if self.few else 0)
-        self.words = [word(self.axes, (0, 0), names[k], shift=(5, 9), ha="left") for k in self.coned]
+        self.words = [plain(word(self.axes, (0, 0), names[k])) for k in self.coned]  # moved by `beside`
         stacked(self.artists)
 
     @property
@@ -335,7 +336,7 @@ def framed(axes: Axes, title: str) -> None:
         "fontweight": "bold",
         "path_effects": HALO,
     }
-    axes.text(0.015, 0.985, title, transform=axes.transAxes, color=INK, **look)
+    plain(axes.text(0.015, 0.985, title, transform=axes.transAxes, color=INK, **look))
 
 
 def scale_bar(axes: Axes, width: float) -> None:

@@ -11,6 +11,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach, find_conflicts
 from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
+from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,
@@ -25,13 +26,15 @@ from closeform.plots.look import (
     SMALL,
     TEXT,
     ZONE,
+    area,
     clock,
     common_time,
     dress,
     headline,
     instants,
+    legend,
     length_unit,
-    page,
+    sheet,
     signed_percent,
     speed,
 )
@@ -100,24 +103,24 @@ def two_ways(
         raise ValueError(f"ways: at most {len(SIDES)}, got {len(chosen)}")
     around = [Passage.of(way, obstacle, zone) for way in chosen]
 
-    figure = page(6.4)
-    left, right = figure.subplots(1, 2)
-    in_orbit(left, planned, around, zone, name or "obstacle")
+    (called,) = short_names([name], 1) if name is not None else ("obstacle",)
+
+    figure = sheet(6.5)
+    left, right = (area(figure, 0.95 + 5.25 * k, 1.35, 4.25, 4.25) for k in range(2))
+    for axes in (left, right):
+        axes.yaxis.set_label_coords(-0.15, 0.5)
+    in_orbit(left, planned, around, zone)
     from_obstacle(right, planned, around, zone)
-    right.set_title(f"seen from {name or 'the obstacle'}", fontsize=TEXT, color=INK)
-    figure.legend(
-        *left.get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=4,
-        frameon=False,
-        fontsize=SMALL,
-        handlelength=2.8,
-    )
+    seen = f"seen from {called if name is not None else 'the obstacle'}"
+    plain(right.set_title(seen, fontsize=TEXT, color=INK))
+    handles, words = left.get_legend_handles_labels()
+    words = [called if word == "obstacle" else word for word in words]
+    legend(figure, handles, words, ncols=4, handlelength=2.8)
     headline(figure, summary(planned, len(around)))
     return figure
 
 
-def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone, name: str) -> None:
+def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) -> None:
     """The paths in the plane of the orbit's frame that shows the deviations best."""
     path, obstacle = planned.path, planned.obstacle
     course = planned.seen(path.start, path.end, np.eye(3), False)
@@ -135,7 +138,7 @@ def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone, 
     look = {"facecolor": ZONE, "edgecolor": ZONE, "alpha": 0.3, "label": "zone at closest approach"}
     place(axes, shadow(zone, show), show @ host, **look)
     both = instants(*common_time(path, obstacle), path, obstacle)
-    axes.plot(*(show @ obstacle.position(both).T), color=OTHER, linewidth=1.6, label=name)
+    axes.plot(*(show @ obstacle.position(both).T), color=OTHER, linewidth=1.6, label="obstacle")
     axes.plot(*spot(show, host), "s", color=OTHER, markersize=6)
     shown = draw_planned(axes, planned, zone, show, False)
     for way, side in zip(ways, SIDES, strict=False):

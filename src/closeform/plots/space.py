@@ -7,38 +7,38 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
+from closeform.plots.fleet import beside, owned, scaled
+from closeform.plots.letters import short_names
 from closeform.plots.look import (
     AFTER,
     BEFORE,
     CONFLICT,
     DASHED,
-    DIRECTIONS,
-    FAINT,
-    HALO,
     INK,
     OTHER,
-    SMALL,
-    TEXT,
     ZONE,
     Unit,
+    area,
     common_time,
     crafts,
     dress,
     headline,
     instants,
+    legend,
     length_unit,
-    page,
+    sheet,
 )
-from closeform.plots.scene import PLANES, drawn, place, shadow, shell, spot
+from closeform.plots.names import Names
+from closeform.plots.panels import framed
+from closeform.plots.scene import PLANES, drawn, place, shadow
+from closeform.plots.views import AXES, ORBITAL, window
 from closeform.zones.zone import Zone
 
 TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone
-SPACE = (1, 2, 0)  # along-track to the right, cross-track into the picture, radial upwards
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +63,16 @@ class Scene:
     guards: list[Guard]
 
     @property
+    def points(self) -> list[Floats]:
+        """All tracks (K, 3), and what the zones reach."""
+        reach = drawn(self.zone).extents * np.array([[-1.0], [1.0]])
+        guarded = [guard.centre + reach for guard in self.guards]
+        return [self.before, *self.obstacles, *([] if self.after is None else [self.after]), *guarded]
+
+    @property
     def centre_and_reach(self) -> tuple[Floats, Floats]:
         """Middle of all tracks and zones, and half of what they span along each axis."""
-        corners = [guard.centre + s * drawn(self.zone).extents for guard in self.guards for s in (-1, 1)]
-        all_points = [self.before, *self.obstacles, *([] if self.after is None else [self.after])]
-        points = np.vstack([*all_points, *corners])
+        points = np.vstack(self.points)
         low, high = points.min(axis=0), points.max(axis=0)
         return (low + high) / 2, 1.06 * (high - low) / 2
 
@@ -86,26 +91,24 @@ def before_after(
     Raises ValueError for batches, or an obstacle that shares no time with a path.
     """
     others = crafts(obstacles)
-    if names is not None and len(names) != len(others):
-        raise ValueError(f"names: {len(names)} names for {len(others)} obstacles")
-    scene = compose(before, after, others, zone, list(names) if names else [""] * len(others))
+    called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
+    scene = compose(before, after, others, zone, called)
     centre, reach = scene.centre_and_reach
     unit = length_unit(float(2 * reach.max()))
-    reach = np.maximum(reach, 0.62 * reach.max()) / unit.size
+    reach = np.maximum(reach, 0.5 * reach.max()) / unit.size
     centre = centre / unit.size
 
-    radial, along, cross = reach
-    figure = page(min(10.4, 1.2 + 0.9 * 10.6 * (radial + cross) / (along + cross)))
-    grid = figure.add_gridspec(2, 2, width_ratios=[along, cross], height_ratios=[radial, cross])
-    cells = (grid[0, 0], grid[1, 0], grid[0, 1])
-    for cell, plane in zip(cells, PLANES, strict=True):
-        plane_panel(figure.add_subplot(cell), plane, scene, unit, centre, reach)
-    space_panel(figure.add_subplot(grid[1, 1], projection="3d"), scene, unit, centre, reach)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    figure.legend(
-        unique.values(), unique.keys(), loc="outside lower center", ncols=6, frameon=False, fontsize=SMALL
-    )
+    size, whole, corners = beside(2.0 * reach)
+    figure = sheet(whole[1] - 0.2, whole[0])
+    for corner, plane in zip(corners, PLANES, strict=True):
+        axes = area(figure, *corner, *(2.0 * size * reach[list(plane)]))
+        plane_panel(figure, axes, plane, scene, unit, centre, reach)
+        scaled(axes, list(plane), unit, 2.0 * size * reach[list(plane)], owned(corner, corners))
+    side = 2.0 * size * reach[2]
+    space_panel(area(figure, corners[2][0], corners[1][1], side, side), scene)
+    handles, words = figure.axes[0].get_legend_handles_labels()
+    unique = dict(zip(words, handles, strict=True))
+    legend(figure, list(unique.values()), list(unique), ncols=6, columnspacing=1.4, handlelength=1.8)
     headline(figure, title(before, after, others, zone))
     return figure
 
@@ -155,7 +158,13 @@ def guards(flown: list[Path], others: list[Path], zone: Zone, names: list[str]) 
 
 
 def plane_panel(
-    axes: Axes, plane: tuple[int, int], scene: Scene, unit: Unit, centre: Floats, reach: Floats
+    figure: Figure,
+    axes: Axes,
+    plane: tuple[int, int],
+    scene: Scene,
+    unit: Unit,
+    centre: Floats,
+    reach: Floats,
 ) -> None:
     """One plane: `plane` holds the axis to the right and the axis upwards."""
     pick = list(plane)
@@ -187,58 +196,43 @@ def plane_panel(
         )
     for guard in scene.guards:
         axes.plot(*(basis @ guard.craft), "o", color=guard.colour, markersize=6, zorder=5)
-        axes.annotate(
-            guard.name,
-            (float(outline[:, 0].max()) + spot(basis, guard.centre)[0], spot(basis, guard.centre)[1]),
-            (7, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=SMALL,
-            color="#4d5b66",
-            path_effects=HALO,
-        )
     first, last = scene.before[0], scene.before[-1]
-    closed = float(np.linalg.norm(basis @ (last - first))) < 0.03 * reach.max()
-    words = ("start, end", "") if closed else ("start", "end")
-    for point, word, face in zip((first, last), words, ("white", INK), strict=True):
+    for point, face in ((first, "white"), (last, INK)):
         axes.plot(*(basis @ point), "o", color=INK, markerfacecolor=face, markersize=6, zorder=6)
-        label = axes.annotate(word, spot(basis, point), (7, 6), textcoords="offset points", fontsize=SMALL)
-        label.set(color=INK, path_effects=HALO)
     right, up = pick
-    axes.set_aspect("equal")
     axes.set_xlim(centre[right] - reach[right], centre[right] + reach[right])
     axes.set_ylim(centre[up] - reach[up], centre[up] + reach[up])
-    axes.set_xlabel(f"{DIRECTIONS[right].name} [{unit.name}]", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"{DIRECTIONS[up].name} [{unit.name}]", fontsize=TEXT, color=INK)
+    closed = float(np.linalg.norm(basis @ (last - first))) < 0.03 * reach.max()
+    said = [("start, end", first)] if closed else [("start", first), ("end", last)]
+    said += [(guard.name, guard.centre) for guard in scene.guards if guard.name]
+    shown = [track for track in (scene.before, scene.after, *scene.stays) if track is not None]
+    where = np.array([point for _, point in said]) @ basis.T
+    craft = np.array([guard.craft for guard in scene.guards]).reshape(-1, 3) @ basis.T
+    Names(figure, [word for word, _ in said]).beside(axes, where, craft, np.vstack(shown) @ basis.T)
 
 
-def space_panel(axes: Any, scene: Scene, unit: Unit, centre: Floats, reach: Floats) -> None:
-    """The same in space."""
-    basis = np.eye(3)[list(SPACE)] / unit.size
+def space_panel(axes: Axes, scene: Scene) -> None:
+    """The same in space, seen from above at an angle."""
+    camera = ORBITAL
+    window(axes, np.vstack([camera(points) for points in scene.points]), camera, AXES, 0.1)
+    framed(axes, "")
     for track in scene.obstacles:
-        axes.plot(*(basis @ track.T), color=OTHER, linewidth=0.9, alpha=0.8)
+        axes.plot(*camera(track).T, color=OTHER, linewidth=0.9, alpha=0.8)
     for guard in scene.guards:
-        colour = AFTER if guard.colour == AFTER else ZONE
-        for line in shell(scene.zone):
-            axes.plot(*(basis @ (line + guard.centre).T), color=colour, linewidth=0.8, alpha=0.8)
-    axes.plot(*(basis @ scene.before.T), color=BEFORE, linestyle=DASHED, linewidth=1.8)
+        filled = guard.colour != AFTER
+        look: dict[str, Any] = {
+            "facecolor": ZONE if filled else "none",
+            "edgecolor": ZONE if filled else AFTER,
+        }
+        outline = shadow(scene.zone, camera.basis[:2])
+        place(axes, outline, camera(guard.centre), alpha=0.35 if filled else 1.0, linewidth=1.2, **look)
+    axes.plot(*camera(scene.before).T, color=BEFORE, linestyle=DASHED, linewidth=1.8)
     if scene.after is not None:
-        axes.plot(*(basis @ scene.after.T), color=AFTER, linewidth=2.2)
+        axes.plot(*camera(scene.after).T, color=AFTER, linewidth=2.2)
     for stay in scene.stays:
-        axes.plot(*(basis @ stay.T), color=CONFLICT, linewidth=4)
+        axes.plot(*camera(stay).T, color=CONFLICT, linewidth=4, solid_capstyle="butt")
     for point, face in ((scene.before[0], "white"), (scene.before[-1], INK)):
-        axes.plot(*(basis @ point)[:, None], "o", color=INK, markerfacecolor=face, markersize=5)
-    for k, axis in enumerate(SPACE):
-        name = "xyz"[k]
-        getattr(axes, f"set_{name}lim")(centre[axis] - reach[axis], centre[axis] + reach[axis])
-        getattr(axes, f"set_{name}label")(f"{DIRECTIONS[axis].name} [{unit.name}]", fontsize=SMALL, color=INK)
-        drawn = getattr(axes, f"{name}axis")
-        drawn.set_pane_color((1, 1, 1, 0))
-        drawn.set_major_locator(MaxNLocator(4))
-        drawn._axinfo["grid"].update(color=FAINT, linewidth=0.6)
-    axes.tick_params(labelsize=SMALL - 1.5, colors=INK, pad=0)
-    axes.set_box_aspect(reach[list(SPACE)], zoom=0.78)
-    axes.view_init(elev=22, azim=-58)
+        axes.plot(*camera(point), "o", color=INK, markerfacecolor=face, markersize=5)
 
 
 def title(before: Path, after: Path, others: list[Path], zone: Zone) -> str:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
 from closeform.motion.path import Path
+from closeform.plots.letters import short_names
 from closeform.plots.look import (
     CONFLICT,
     DIRECTIONS,
@@ -19,12 +20,13 @@ from closeform.plots.look import (
     ZONE,
     Clock,
     clock,
+    column,
     common_time,
     dress,
     headline,
     instants,
     length_unit,
-    page,
+    sheet,
     time_axes,
 )
 from closeform.zones.shapes import CUBE
@@ -46,33 +48,34 @@ def slab(zone: Zone, *those: int) -> Zone:
     return HalfSpaces(ways, np.minimum(np.concatenate([ends(zone, axis) for axis in those]), BEYOND))
 
 
-def distances(path: Path, other: Path, zone: Zone) -> Figure:
+def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """The distance along each axis against time, with the zone's lines and timelines: SP11 figure 1.
 
     The position of `path` relative to `other`, both of one craft, over their common time.  The
     shaded bands are how far the zone reaches.  Bars below them: within its reach along each axis,
     along all three (the box around the zone) and, where that is not the same, in the zone
-    itself.  Their edges are the exact times of `find_conflicts`.
+    itself.  Their edges are the exact times of `find_conflicts`.  `names` are those of the two.
 
     Raises ValueError for batches, paths in different orbits or without a common time.
     """
     start, end = common_time(path, other)
+    one, two = short_names(names, 2)
     conflicts = find_conflicts(path, other, zone)
     ticks = clock(path, start, end)
     times = instants(start, end, path, other)
     gaps = path.position(times) - other.position(times)
     rows = bars(path, other, zone, conflicts)
 
-    figure = page(8.6)
-    column = list(figure.subplots(4, 1, sharex=True, height_ratios=[1, 1, 1, 0.19 * len(rows) + 0.1]))
-    for axis, axes in enumerate(column[:3]):
+    figure = sheet(8.6)
+    panels = column(figure, [1, 1, 1, 0.19 * len(rows) + 0.1], beside=0.55)
+    for axis, axes in enumerate(panels[:3]):
         distance_panel(axes, axis, ticks(times), gaps[:, axis], ends(zone, axis))
         for conflict in conflicts:
             axes.axvspan(ticks(conflict.start), ticks(conflict.end), color=CONFLICT, alpha=0.18, linewidth=0)
-    bar_panel(column[3], rows, ticks)
-    time_axes(column, ticks, start, end)
-    figure.align_ylabels(column[:3])
-    headline(figure, verdict(path, other, zone, conflicts, ticks))
+    bar_panel(panels[3], rows, ticks)
+    time_axes(panels, ticks, start, end)
+    said = verdict(path, other, zone, conflicts, ticks)
+    headline(figure, f"{one} relative to {two}: {said[0].lower()}{said[1:]}" if names is not None else said)
     return figure
 
 

@@ -7,11 +7,12 @@ from closeform.scenario import Coast
 
 
 def section(mission: Mission, result: StageResult[Coast, None]) -> Section:
-    """Conflicts and closest approaches."""
+    """Who flies where, conflicts and closest approaches."""
+    zones = mission.scenario.zones
     lines, tables = conflicts.summed("Conflicts", result.after)
     return Section(
         heading(result),
         lines,
         tables + conflicts.approaches("Closest approaches", result.after),
-        pictures=conflicts.pictures(result.after),
+        pictures=conflicts.film(result, zones) + conflicts.coasting(result.after, zones),
     )

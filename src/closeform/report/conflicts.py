@@ -11,12 +11,14 @@ from closeform.conflicts.flight import Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
 from closeform.motion.arc import END, START
-from closeform.report.section import Picture
+from closeform.report.section import Film, Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.verdict import conflicts_in
 from closeform.zones.own_zone import REGION
+from closeform.zones.pair_zones import PairZones
 
 DOUBTFUL = 0.1  # of a zone: by so much a craft may be in or out of it without a word
+FEWEST, MOST_CURVES = 4, 8  # pairs whose ratios are drawn against time
 MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all that were looked for
 
 RATIO = Column("least", "ratio", "{:.4f} x zone".format)
@@ -139,11 +141,38 @@ def files(result: StageResult[Any, Any]) -> dict[str, Table]:
     return {"conflicts": Table("", (WHEN, *CONFLICT), met), "approaches": Table("", (WHEN, *APPROACH), near)}
 
 
-def pictures(flight: Flight) -> tuple[Picture, ...]:
+def coasting(flight: Flight, zones: PairZones) -> tuple[Picture, ...]:
+    """Craft that coast: all their ways, the pairs that come closest, and where there are conflicts which."""
+    names = {"names": flight.names}
+    paths = Picture(
+        "paths", "All paths", "formation_paths", (flight.paths, flight.paths), names | {"zone": zones}
+    )
+    if not flight.approaches:
+        return (paths,)
+    hit = len({(met.first, met.second) for met in flight.conflicts})
+    count = {"count": min(max(hit, FEWEST), MOST_CURVES)}
+    near = "The pairs that come closest, against time"
+    found = [paths, Picture("closest-pairs", near, "closest_pairs", (flight.paths, zones), names | count)]
+    if hit > 1:
+        every = "How near each two craft come"
+        found.insert(1, Picture("ratios", every, "ratio_matrix", (flight.paths, zones), names))
+    return (*found, *deepest(flight))
+
+
+def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
+    """The flight as an animation, where the stage asks for one."""
+    if not result.stage.animation:
+        return ()
+    options = {"names": result.after.names, "zone": zones}
+    return (Film("flight", "The flight of all craft", "formation_animation", (result.after.paths,), options),)
+
+
+def deepest(flight: Flight) -> tuple[Picture, ...]:
     """The two craft that come closest, where anybody is in conflict."""
     close = flight.closest
     if close is None or not flight.conflicts:
         return ()
-    caption = f"{close.first} relative to {close.second}, before"
-    pair = flight.path(close.first), flight.path(close.second), close.zone
-    return (Picture("distances", caption, "distances", pair),)
+    pair = close.first, close.second
+    caption = f"{pair[0]} relative to {pair[1]}, of all pairs the deepest in conflict"
+    arguments = *(flight.path(name) for name in pair), close.zone
+    return (Picture("distances", caption, "distances", arguments, {"names": pair}),)

@@ -48,7 +48,7 @@ def section(mission: Mission, result: Gathered) -> Section:
             search.turns(once),
             *conflicts.approaches("Closest approaches", result.after),
         ),
-        pictures=pictures(gathering, names),
+        pictures=pictures(gathering, names, result.stage.animation),
         figures={"search": search.figures(once), "gathering": figures(result, knew)},
         files={"events": history, "sets": spent},
     )
@@ -296,10 +296,10 @@ def moments(gathering: Gathering) -> list[float]:
     return sorted(list(dict.fromkeys(times))[:MOMENTS])
 
 
-def pictures(gathering: Gathering, names: Sequence[str]) -> tuple[Picture, ...]:
-    """The animation of a gathering, and three views at its key moments."""
+def pictures(gathering: Gathering, names: Sequence[str], moving: bool) -> tuple[Picture, ...]:
+    """The animation of a gathering, if it is wanted, and three views at its key moments."""
     found: list[Picture] = []
-    if len(names) <= FILMED:
+    if moving and len(names) <= FILMED:
         caption = "The gathering from the start of its search to its end"
         options = {"names": names, "frames": FRAMES}
         found.append(Film("gathering", caption, "animation", (gathering,), options))

@@ -47,7 +47,7 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
                 "in-plane-search", "The in-plane search of both groups", "in_plane_search", (found.search,)
             ),
             Picture("manoeuvres", "The turns of the first round", "manoeuvres", (found.search,)),
-            *conflicts.pictures(result.after),
+            *conflicts.deepest(result.after),
         ),
         figures={"search": search.figures(found.search), "locks": figures(found, names)},
         files={"locks": locks},

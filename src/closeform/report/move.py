@@ -36,7 +36,7 @@ def section(mission: Mission, result: Move) -> Section:
         (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
         (*how(result.stage.method, moved), *closing),
-        pictures(mission, result),
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result),
         {"change": figures(mission, result)},
     )
 
@@ -118,7 +118,7 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     other, zone = moved.others[closest], moved.zones[closest]
     obstacle = before.path(other)
     caption = f"{craft} relative to {other}, before"
-    found = [Picture("distances", caption, "distances", (path, obstacle, zone))]
+    found = [Picture("distances", caption, "distances", (path, obstacle, zone), {"names": (craft, other)})]
     if before.conflicts:
         caption = f"Two ways of {craft} around {other}"
         found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone), {"name": other}))

@@ -1,6 +1,7 @@
 """The result as one self-contained HTML page."""
 
 import base64
+import re
 from collections.abc import Iterable, Iterator
 from html import escape
 from pathlib import Path
@@ -8,6 +9,9 @@ from pathlib import Path
 from closeform.report.section import Section
 from closeform.report.table import Table
 
+RIGHT_TO_LEFT = re.compile(
+    "[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]+(?: +[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]+)*"
+)
 STYLE = """
 :root { color-scheme: light dark; --ink: #1b1f24; --paper: #fdfdfc; --faint: #667; --line: #d5d8dc;
   --card: #f3f4f5; --good: #1a7f5a; --bad: #b3421e; }
@@ -45,17 +49,22 @@ def head(title: str, lines: Iterable[str], verdict: str, good: bool) -> list[str
     """The title, what was flown, and how it ended."""
     tone = "good" if good else "bad"
     faint = (paragraph(line, "faint") for line in lines)
-    return [f"<h1>{escape(title)}</h1>", *faint, paragraph(verdict, f"verdict {tone}")]
+    return [f"<h1>{letters(title)}</h1>", *faint, paragraph(verdict, f"verdict {tone}")]
+
+
+def letters(text: str) -> str:
+    """A text as it is, with names that read from right to left set apart from the numbers beside them."""
+    return RIGHT_TO_LEFT.sub(r"<bdi>\g<0></bdi>", escape(text))
 
 
 def paragraph(line: str, look: str = "") -> str:
     """A line of words."""
-    return f'<p class="{look}">{escape(line)}</p>' if look else f"<p>{escape(line)}</p>"
+    return f'<p class="{look}">{letters(line)}</p>' if look else f"<p>{letters(line)}</p>"
 
 
 def section(told: Section, pictures: Iterable[tuple[Path, str]]) -> Iterator[str]:
     """One stage with its pictures, each with a caption."""
-    yield f"<h2>{escape(told.title)}</h2>"
+    yield f"<h2>{letters(told.title)}</h2>"
     yield from map(paragraph, told.lines)
     yield from (f"<h3>{escape(one.title)}</h3>{table(one)}" for one in told.tables if not one.folded)
     yield from map(paragraph, told.closing)
@@ -75,7 +84,7 @@ def embedded(file: Path, caption: str) -> str:
     data = base64.b64encode(file.read_bytes()).decode()
     text = escape(caption)
     image = f'<img alt="{text}" src="data:image/{file.suffix[1:]};base64,{data}">'
-    return f"<figure>{image}<figcaption>{text}</figcaption></figure>"
+    return f"<figure>{image}<figcaption>{letters(caption)}</figcaption></figure>"
 
 
 def table(shown: Table) -> str:
@@ -84,7 +93,7 @@ def table(shown: Table) -> str:
 
     def row(tag: str, cells: Iterable[str]) -> str:
         parts = zip(look, cells, strict=True)
-        return f"<tr>{''.join(f'<{tag}{how}>{escape(cell)}</{tag}>' for how, cell in parts)}</tr>"
+        return f"<tr>{''.join(f'<{tag}{how}>{letters(cell)}</{tag}>' for how, cell in parts)}</tr>"
 
     top = row("th", (column.heading or "" for column in shown.shown))
     body = "".join(row("td", cells) for cells in shown.texts)

@@ -37,7 +37,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
         (*tables, *costs(mission, result), *contacts(moved), *near),
         (*worth(result), *closing, *([reached] if reached and moved.plan.ok else [])),
-        pictures(mission, result),
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result),
         {"plan": figures(mission, result, slots)},
         effort.files(mission, result, slots),
     )
@@ -179,12 +179,25 @@ def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
     caption = "All paths, direct and of the plan" if flown is not direct else "The direct paths"
     found = [Picture("paths", caption, "formation_paths", (direct, flown), names | {"zone": zones})]
     if result.after.approaches:
-        if result.before.conflicts and flown is not direct:
+        matrix = len(result.after.approaches) > 1
+        if matrix and result.before.conflicts and flown is not direct:
             caption = "How near each two craft would come on their direct paths"
             found.append(Picture("ratios-before", caption, "ratio_matrix", (direct, zones), names))
-        matrix, closest = "How near each two craft come", "The pairs that come closest, against time"
-        found += [
-            Picture("ratios", matrix, "ratio_matrix", (flown, zones), names),
-            Picture("closest-pairs", closest, "closest_pairs", (flown, zones), names),
-        ]
-    return tuple(found)
+        if matrix:
+            found.append(
+                Picture("ratios", "How near each two craft come", "ratio_matrix", (flown, zones), names)
+            )
+        closest = "The pairs that come closest, against time"
+        found.append(Picture("closest-pairs", closest, "closest_pairs", (flown, zones), names))
+    return (*found, thrust(mission, result))
+
+
+def thrust(mission: Mission, result: Moved) -> Picture:
+    """How strongly each craft thrusts: in newtons where their limits are."""
+    scenario, options = mission.scenario, dict[str, Any](names=result.after.names)
+    if any(one.max_thrust is not None for one in scenario.craft):
+        options["limits"] = [one.max_acceleration for one in scenario.craft]
+    masses = [scenario.force_mass(name) for name in scenario.names]
+    if None not in masses:
+        options["masses"] = masses
+    return Picture("thrust", "Thrust of each craft", "formation_thrust", (result.after.paths,), options)

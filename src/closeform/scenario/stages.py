@@ -55,6 +55,7 @@ class Coast(StageTable):
 
     do: Literal["coast"] = Field(examples=['"coast"'])
     length: Span = Field(alias="for", examples=['"0.5 orbits"'])
+    animation: bool = Field(False, examples=["true"])
 
 
 class Fellow(Table):
@@ -72,6 +73,7 @@ class Avoid(StageTable):
     to: Target | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
     method: Literal["exact", "sauter-palmer"] = Field("exact", examples=['"exact"'])
+    animation: bool = Field(False, examples=["true"])
     meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = Field(
         (), examples=['[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]']
     )
@@ -103,6 +105,7 @@ class Joint(StageTable):
     plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
     order: Names | None = Field(None, examples=['["F3", "F1"]'])
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
+    animation: bool = Field(False, examples=["true"])
 
     @model_validator(mode="after")
     def ordered(self) -> Self:
@@ -234,6 +237,7 @@ class Gather(StageTable):
     do: Literal["gather"] = Field(examples=['"gather"'])
     rounds: Annotated[int, Field(ge=1)] = Field(2, examples=["3"])
     burns: Literal["least", "first", "second", "half"] = Field("least", examples=['"least"'])
+    animation: bool = Field(True, examples=["false"])
 
 
 STAGES: dict[str, type[StageTable]] = {

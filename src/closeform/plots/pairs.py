@@ -1,0 +1,117 @@
+"""The pairs of craft that have a zone, each with its closest approach, and what is said of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
+from closeform.motion.path import Path, stack
+from closeform.plots.letters import short_names
+from closeform.plots.look import crafts
+from closeform.zones.pair_zones import NONE, pair_zones
+from closeform.zones.zone import Zone
+
+SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
+TOUCH = 1e-6  # above 1: as good as on the zone's surface
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """The pairs of craft that have a zone, each with its closest approach.
+
+    `craft` (M, 2) with i < j, in order; the `zone` of each (M), its least `ratio` (M,), inf where
+    the two share no time, and the `time` of that (M,) [s].
+    """
+
+    paths: Path
+    craft: Any
+    zone: list[Zone]
+    ratio: Floats
+    time: Floats
+
+    @classmethod
+    def of(cls, paths: Any, zones: Any, flown: int | None = None) -> Self:
+        """Pairs of N `paths`, with one zone for all, one for each, or `PairZones`; or none.
+
+        The first two hold for pairs of which one at least is among the first `flown` craft.
+        Raises ValueError for another number of zones, or where two do not hold each other.
+        """
+        batch = stack(crafts(paths))
+        flying = len(batch) if flown is None else flown
+        kept = pair_zones("zones", zones or [None] * len(batch), flying, len(batch) - flying)
+        craft = np.stack(np.triu_indices(len(batch), 1), axis=1)
+        which = kept.which(*craft.T)
+        craft = craft[which != NONE]
+        chosen = [kept.zones[k] for k in which[which != NONE]]
+        ratio, time = np.full((2, len(craft)), np.nan)
+        for zone in dict.fromkeys(chosen):
+            rows = np.array([one is zone for one in chosen])
+            near = closest_approach(batch[craft[rows, 0]], batch[craft[rows, 1]], zone)
+            ratio[rows], time[rows] = near.ratio, near.time
+        return cls(batch, craft, chosen, ratio, time)
+
+    def __len__(self) -> int:
+        return len(self.craft)
+
+    @cached_property
+    def stays(self) -> list[tuple[Conflict, ...]]:
+        """Every stay in its zone of each pair."""
+        return [
+            find_conflicts(self.paths[i], self.paths[j], zone) if ratio <= 1.0 + SURE else ()
+            for (i, j), zone, ratio in zip(self.craft.tolist(), self.zone, self.ratio, strict=True)
+        ]
+
+    @property
+    def hit(self) -> Any:
+        """Which pairs are in conflict (M,)."""
+        return np.array([bool(stays) for stays in self.stays], dtype=bool)
+
+    @property
+    def order(self) -> list[int]:
+        """The pairs that share a time, the closest first; of equals the earliest."""
+        ranked = zip(np.round(self.ratio, 6).tolist(), self.time.tolist(), range(len(self)), strict=True)
+        return [k for ratio, _, k in sorted(ranked) if ratio < np.inf]
+
+
+def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
+    """The pairs to show and what their craft are called."""
+    if paths is None:
+        raise ValueError("paths: expected a Path, got None; a plan that is not ok has none")
+    flown = crafts(paths)
+    if len(flown) < 2:
+        raise ValueError(f"paths: give at least two craft, got {len(flown)}")
+    called = short_names(names, len(flown))
+    pairs = Pairs.of(flown, zones)
+    if not len(pairs):
+        raise ValueError("zones: no two craft have a zone")
+    return pairs, called
+
+
+def title(pairs: Pairs, called: list[str]) -> str:
+    """How many are in conflict, and the closest pair."""
+    hits, total = int(pairs.hit.sum()), len(pairs)
+    if not pairs.order:
+        return "No two craft that have a zone share a time"
+    near = pairs.order[0]
+    one, other = (called[craft] for craft in pairs.craft[near])
+    least = f"{ratio_text(pairs.ratio[near])} × zone"
+    if total == 1:
+        return f"{one} and {other}: {'in conflict' if hits else 'clear'}, {least}"
+    verdict = f"{hits} of {total} pairs in conflict" if hits else f"All {total} pairs clear"
+    touching = int((pairs.ratio <= 1.0 + TOUCH).sum())
+    if not hits and touching > 1:
+        return f"{verdict}; {touching} of them touch, {least}"
+    return f"{verdict}; closest {one} and {other}, {least}"
+
+
+def ratio_text(ratio: float) -> str:
+    """A ratio in words; one in conflict never reads 1.00."""
+    if ratio <= 1.0 and round(ratio, 2) == 1.0:
+        return "<1"
+    if ratio >= 9999.5:
+        return f"{ratio:.0e}".replace("e+0", "e")
+    return f"{ratio:.{2 if ratio < 9.995 else 1 if ratio < 99.95 else 0}f}"

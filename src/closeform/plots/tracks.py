@@ -1,0 +1,125 @@
+"""Tracks: where a formation flies, who is in conflict where, and which of the closest pair stays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.colors import to_rgba_array
+
+from closeform.arrays import Floats
+from closeform.motion.path import Path
+from closeform.plots.look import AFTER, ALONG, ALTERNATIVE, BEFORE, CROSS, RADIAL, crafts, instants
+from closeform.plots.pairs import Pairs, ratio_text
+from closeform.plots.scene import drawn
+from closeform.zones.zone import Zone
+
+FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green
+COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
+SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
+SAME = 1e-9  # [m/s] by which two craft that burn as much may differ
+
+
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """The closest pair when it is closest: the `zone` around the craft that stays, and where the other is."""
+
+    zone: Zone
+    centre: Floats
+    other: Floats
+    story: str  # which pair that is
+
+
+@dataclass(frozen=True, eq=False)
+class Formation:
+    """All paths at one stage of a plan: positions [m] as they are drawn."""
+
+    title: str
+    tracks: list[Floats]
+    stays: list[Floats]  # stretches in conflict
+    obstacles: list[Floats]
+    closest: Closest | None
+    conflicts: int  # pairs in conflict
+    pairs: int  # pairs that have a zone
+
+    @classmethod
+    def of(cls, title: str, paths: Path, others: list[Path], zone: object, called: list[str]) -> "Formation":
+        """Sample the tracks and find what is in conflict."""
+        flown = crafts(paths)
+        tracks, passed = (
+            [path.position(instants(path.start, path.end, path)) for path in some] for some in (flown, others)
+        )
+        pairs = Pairs.of([*flown, *others], zone, len(flown))
+        stays: list[Floats] = []
+        for path, spans in zip(flown, together(pairs, len(flown)), strict=True):
+            stays += [path.position(np.linspace(start, end, 60)) for start, end in spans]
+        near = closest(pairs, [*tracks, *passed], len(flown), called)
+        return cls(title, tracks, stays, passed, near, int(pairs.hit.sum()), len(pairs))
+
+    @property
+    def points(self) -> Floats:
+        """All positions (M, 3), and those that the zone reaches."""
+        every = [*self.tracks, *self.obstacles]
+        if self.closest is not None:
+            extents = drawn(self.closest.zone).extents[None]
+            every += [self.closest.centre + sign * extents for sign in (-1, 1)]
+        return np.vstack(every)
+
+    @property
+    def story(self) -> str:
+        """Which pair comes closest, if any has a zone."""
+        return self.closest.story if self.closest is not None else ""
+
+
+def closest(pairs: Pairs, tracks: list[Floats], flown: int, called: list[str]) -> Closest | None:
+    """The closest pair, if any two craft that have a zone share a time."""
+    if not pairs.order:
+        return None
+    near = pairs.order[0]
+    one, other = pairs.craft[near].tolist()
+    story = f"closest {called[one]} and {called[other]}, {ratio_text(pairs.ratio[near])} × zone"
+    here, there = one, other
+    if stays(pairs.paths, tracks, flown, other, one):
+        here, there = other, one
+    centre, away = (pairs.paths[k].position(pairs.time[near]) for k in (here, there))
+    return Closest(pairs.zone[near], centre, away, story)
+
+
+def stays(paths: Path, tracks: list[Floats], flown: int, one: int, other: int) -> bool:
+    """Whether one craft rather than another stays where it is.
+
+    An obstacle does rather than a craft that moves, then who burns less, then whose track is shorter.
+    """
+    burnt = paths[one].delta_v - paths[other].delta_v
+    if (one >= flown) != (other >= flown):
+        return one >= flown
+    if abs(burnt) > SAME:
+        return bool(burnt < 0.0)
+    long = [float(np.linalg.norm(np.diff(tracks[k], axis=0), axis=1).sum()) for k in (one, other)]
+    return long[0] < long[1]
+
+
+def together(pairs: Pairs, count: int) -> list[list[tuple[float, float]]]:
+    """When each craft is in conflict with any other: its stays, those that overlap as one."""
+    spans: list[list[tuple[float, float]]] = [[] for _ in range(count)]
+    for craft, met in zip(pairs.craft.tolist(), pairs.stays, strict=True):
+        for k in craft:
+            if k < count:
+                spans[k] += [(stay.start, stay.end) for stay in met]
+    merged: list[list[tuple[float, float]]] = []
+    for one in spans:
+        whole: list[tuple[float, float]] = []
+        for start, end in sorted(one):
+            if whole and start <= whole[-1][1]:
+                whole[-1] = whole[-1][0], max(end, whole[-1][1])
+            else:
+                whole.append((start, end))
+        merged.append(whole)
+    return merged
+
+
+def colours(count: int) -> Floats:
+    """A colour (RGBA) of each craft, none of them that of a conflict."""
+    if count <= FEW:
+        return np.asarray(to_rgba_array(COLOURS[:count]))
+    stops = to_rgba_array(SHADES)
+    at = np.linspace(0.0, len(stops) - 1.0, count)
+    return np.stack([np.interp(at, range(len(stops)), channel) for channel in stops.T], axis=1)

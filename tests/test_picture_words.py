@@ -1,0 +1,145 @@
+"""What is written in pictures: names as they are, nothing on top of each other, nothing cut off."""
+
+import io
+from itertools import combinations
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+import closeform as cf
+from closeform import plots
+from closeform.plots.letters import LONG, short_names
+
+ORBIT = cf.Orbit.circular(500e3)
+DEEP = cf.Orbit(0.0)
+N = ORBIT.mean_motion
+BALL = cf.Sphere(20.0)
+ODD = ["$x$", "_a_b", r"\frac{$", "{}%", "<b>F</b>", "航天器一", "שלום", "🛰sat", "W" * 200, "$", "ᶁ1", "F 12"]
+
+
+def circle(radius, phase):
+    cos, sin = np.cos(phase), np.sin(phase)
+    return radius * np.array([sin / 2, cos, sin, N * cos / 2, -N * sin, N * cos])
+
+
+RING = np.array([circle(150.0, k * np.pi / 6) for k in range(12)])
+BEFORE = ORBIT.transfer(RING, np.roll(RING, 6, axis=0), 0.3 * ORBIT.period)
+AFTER = ORBIT.transfer(RING, np.roll(RING, 5, axis=0), 0.3 * ORBIT.period)
+SCATTERED = np.random.default_rng(3).uniform(-200.0, 200.0, (12, 6)) * [1, 1, 1, 2e-3, 2e-3, 2e-3]
+STRAIGHT = DEEP.coast(SCATTERED, 900.0)
+TARGET = ORBIT.coast(np.zeros(6), 3 * ORBIT.period)
+INSPECTOR = ORBIT.coast([-50.0, 0, 0, 0, 100.0 * N, 50.0 * N], 3 * ORBIT.period)
+SEARCH = cf.Search.modified(cf.Sensor(np.radians(70.0)), np.radians(0.25), np.radians(25.0))
+LATE = np.concatenate([np.zeros(40), np.random.default_rng(5).uniform(1.0, 2000.0, 400)])
+OTHERS = [AFTER[k] for k in range(1, 12)]
+PICTURES = {
+    "paths, before and after": lambda names: plots.formation_paths(BEFORE, AFTER, names, BALL),
+    "paths": lambda names: plots.formation_paths(AFTER, AFTER, names, BALL),
+    "paths in deep space": lambda names: plots.formation_paths(STRAIGHT, STRAIGHT, names, BALL),
+    "paths without a zone": lambda names: plots.formation_paths(STRAIGHT, BEFORE and STRAIGHT[:], names),
+    "ratios of all": lambda names: plots.ratio_matrix(AFTER, BALL, names),
+    "ratios of two": lambda names: plots.ratio_matrix(AFTER[:2], BALL, names[:2]),
+    "closest pairs": lambda names: plots.closest_pairs(BEFORE, BALL, names, count=8),
+    "thrust of all": lambda names: plots.formation_thrust(
+        AFTER, names, [1e-3] * 6 + [np.inf] * 3 + [2e-3] * 3, range(20, 32)
+    ),
+    "distances": lambda names: plots.distances(INSPECTOR, TARGET, BALL, names[:2]),
+    "one among others": lambda names: plots.before_after(BEFORE[0], AFTER[0], OTHERS, BALL, names[1:]),
+    "ratios of one": lambda names: plots.ratios(BEFORE[0], AFTER[0], OTHERS, BALL, names[1:]),
+    "thrust": lambda names: plots.thrust(AFTER[:2], names[:2]),
+    "two ways": lambda names: plots.two_ways(BEFORE[0], BEFORE[6], BALL, name=names[1]),
+    "histogram": lambda names: plots.histogram(LATE, SEARCH),
+}
+PLAIN = [f"F{k}" for k in range(1, 13)]
+
+
+def written(figure):
+    """Every text that is drawn, with its box in pixels."""
+    drawn = []
+
+    draw = Text.draw
+
+    def heard(text, renderer, *rest, **more):
+        if text.get_visible() and text.get_text().strip():
+            drawn.append(text)
+        return draw(text, renderer, *rest, **more)
+
+    canvas = FigureCanvasAgg(figure)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Text, "draw", heard)
+        canvas.draw()
+    renderer = canvas.get_renderer()
+    return [(text, Text.get_window_extent(text, renderer)) for text in dict.fromkeys(drawn)]
+
+
+@pytest.mark.parametrize("draw", PICTURES.values(), ids=PICTURES)
+@pytest.mark.parametrize("names", [PLAIN, ["Chaser", "Target"] + [f"Formation {k}" for k in range(10)]])
+def test_no_words_lie_on_each_other_or_beyond_the_page(draw, names):
+    figure = draw(names)
+    found = written(figure)
+    page = figure.bbox
+    out = [
+        text.get_text()
+        for text, box in found
+        if box.x0 < -1 or box.y0 < -1 or box.x1 > page.x1 + 1 or box.y1 > page.y1 + 1
+    ]
+    assert out == []
+    clash = [
+        (one.get_text(), other.get_text())
+        for (one, a), (other, b) in combinations(found, 2)
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > 2 and min(a.y1, b.y1) - max(a.y0, b.y0) > 4  # pixels
+    ]
+    assert clash == []
+
+
+@pytest.mark.parametrize("draw", PICTURES.values(), ids=PICTURES)
+def test_a_name_is_text(draw):
+    """Nothing is read as a formula, nothing warns (warnings are errors), nothing is cut off."""
+    figure = draw(ODD)
+    found = written(figure)
+    named = [text for text, _ in found if any(name in text.get_text() for name in ODD[:5])]
+    assert not any(text.get_parse_math() for text in named)
+    assert all(box.x0 >= -1 and box.x1 <= figure.bbox.x1 + 1 for _, box in found)
+
+
+def test_names_that_begin_with_an_underscore_stand_in_the_legend():
+    names = ["_a", "_b", "_$c$"]
+    for figure in (plots.formation_thrust(AFTER[:3], names), plots.closest_pairs(AFTER[:3], BALL, names)):
+        words = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert sum(any(name in word for name in names) for word in words) == 3
+
+
+def test_letters_that_no_font_has_become_the_place_in_the_row():
+    names = short_names(
+        ["F1", "航天器", "\u1d81", "x" * 40], 4
+    )  # DejaVu lacks U+1D81, STIX, which comes with it, not
+    assert names[0] == "F1"
+    assert names[1] in ("航天器", "#2")  # as the machine has fonts
+    assert names[2] == "\u1d81"
+    assert len(names[3]) == LONG
+    figure = plots.formation_thrust(AFTER[:3], ["\u1d81", "$a$", "b"])
+    word = figure.legends[0].get_texts()[0]
+    assert word.get_text() == "\u1d81"
+    assert len(word.get_fontfamily()) == 2
+    FigureCanvasAgg(figure).draw()
+
+
+def test_three_views_and_both_animations_take_any_name():
+    search = cf.Search.basic(cf.Sensor(np.radians(70.0)), np.radians(0.25), np.radians(25.0))
+    positions = [[0.0, 0, 0], [-49, 75, 18], [-35, -31, -227]]
+    found = cf.gather(search, positions, 1e-3 * np.array([[0.0, 0, 0], [-16, 69, -12], [-35, 83, -24]]))
+    figure = plots.three_views(found, found.duration, names=ODD[:3])
+    FigureCanvasAgg(figure).draw()
+    assert {"$x$", "_a_b"} <= {text.get_text() for text in figure.findobj(Text)}
+    plots.animation(found, io.BytesIO(), names=ODD[:3], frames=2)
+    plots.formation_animation(AFTER, io.BytesIO(), ODD, BALL, frames=2)
+
+
+def test_formulas_of_the_theory_are_formulas():
+    """Words that are no names: the boresights and axes of lemma 2."""
+    figure = plots.lemma_2(SEARCH, [-100.0, 240.0, 170.0], [-0.05, -0.10, 0.03])
+    formulas = [text for text, _ in written(figure) if "$" in text.get_text()]
+    assert len(formulas) == 5
+    assert all(text.get_parse_math() for text in formulas)
