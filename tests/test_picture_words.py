@@ -10,7 +10,10 @@ from matplotlib.text import Text
 
 import closeform as cf
 from closeform import plots
+from closeform.mission import fly
 from closeform.plots.letters import LONG, short_names
+from closeform.report.run import RunReport
+from closeform.scenario.load import parse
 
 ORBIT = cf.Orbit.circular(500e3)
 DEEP = cf.Orbit(0.0)
@@ -143,3 +146,47 @@ def test_formulas_of_the_theory_are_formulas():
     formulas = [text for text, _ in written(figure) if "$" in text.get_text()]
     assert len(formulas) == 5
     assert all(text.get_parse_math() for text in formulas)
+
+
+FIFTEEN = """
+closeform = 1
+title = "Six through one point"
+[orbit]
+deep_space = true
+[craft]
+name = ["A", "B", "C", "D", "E", "F"]
+position = ["100 0 0 m", "-100 0 3 m", "0 100 1 m", "0 -100 5 m", "2 3 100 m", "5 2 -100 m"]
+velocity = ["-0.2 0 0 m/s", "0.2 0 0 m/s", "0 -0.2 0 m/s", "0 0.2 0 m/s", "0 0 -0.2 m/s", "0 0 0.2 m/s"]
+keep_out = { sphere = "15 m" }
+[[stage]]
+do = "coast"
+for = "FOR"
+animation = true
+"""
+
+
+def test_a_coast_has_its_pictures():
+    """Fifteen pairs in conflict are told apart; one without has its paths; a film where it is asked for."""
+    drawn = {}
+    for time in ("20 min", "1 min"):
+        (told,) = RunReport(fly(parse(FIFTEEN.replace("FOR", time)))).sections
+        drawn[time] = {picture.plot: picture for picture in told.pictures}
+    short, long = drawn["1 min"], drawn["20 min"]
+    assert list(short) == ["formation_animation", "formation_paths", "closest_pairs"]
+    assert list(long) == [*list(short)[:2], "ratio_matrix", "closest_pairs", "distances"]
+    assert long["formation_animation"].moves
+    assert all(len(long[plot].options["names"]) == 6 for plot in ("formation_paths", "closest_pairs"))
+    assert len(long["distances"].options["names"]) == 2
+    assert long["closest_pairs"].options["count"] == 8
+
+
+def test_the_curve_of_a_histogram_is_the_share_done_by_then():
+    figure = plots.histogram(np.concatenate([LATE, [np.nan] * 10]), SEARCH)
+    (curve,) = figure.axes[1].get_lines()
+    minutes, share = curve.get_xdata(), curve.get_ydata()
+    for time in (0.0, 300.0, 1500.0):
+        shown = share[np.searchsorted(minutes, time / 60.0, side="right") - 1]
+        assert shown == pytest.approx(100.0 * np.count_nonzero(time >= LATE) / 450)
+    end = next(end for *_, end in SEARCH.phases if end >= LATE.max())
+    assert figure.axes[0].get_xlim() == pytest.approx((0.0, end / 60.0))
+    assert figure.axes[1].get_ylabel().endswith("[%]")
