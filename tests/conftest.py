@@ -13,6 +13,7 @@ hypothesis.settings.load_profile("compiles")
 
 
 LONG = (
+    "attacks",
     "avoidance",
     "campaign",
     "cli",
