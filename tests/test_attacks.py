@@ -208,13 +208,13 @@ def test_folders_without_permission(command, desk) -> None:
 
 @pytest.mark.parametrize("command", ["run", "study", "check", "screen"])
 def test_ctrl_c_at_any_moment(command, desk) -> None:
-    """At twelve moments of a command: it ends with 130 and one line, or it had ended before."""
+    """At eight moments of a command: it ends with 130 and one line, or it had ended before."""
     begun = time.monotonic()
     told(desk, shlex.split(COMMANDS[command]))
     lasts = time.monotonic() - begun
     shutil.rmtree(desk / "out", ignore_errors=True)
     interrupted = 0
-    for moment in range(12):
+    for moment in range(8):
         with subprocess.Popen(
             [*CLOSEFORM, *shlex.split(COMMANDS[command])],
             cwd=desk,
@@ -222,7 +222,7 @@ def test_ctrl_c_at_any_moment(command, desk) -> None:
             stderr=subprocess.PIPE,
             start_new_session=True,
         ) as process:
-            time.sleep(0.25 + moment / 11 * max(0.1, lasts - 0.25))  # Python itself is up by then
+            time.sleep(0.25 + moment / 7 * max(0.1, lasts - 0.25))  # Python itself is up by then
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate()
         left = {name for name in os.listdir(desk) if name.startswith(".") or name == "out"}
@@ -230,7 +230,8 @@ def test_ctrl_c_at_any_moment(command, desk) -> None:
             assert errors == b""
         else:
             interrupted += 1
-            assert process.returncode == 130, errors
+            # where code of `exec` was under way Python ends by the signal itself: 130 to a shell as well
+            assert process.returncode in (130, -signal.SIGINT), errors
             assert errors.startswith(b"closeform: stopped by the keyboard; ")
             assert errors.count(b"\n") == 1
         done = process.returncode == 0 or b"results in out" in errors
