@@ -9,6 +9,13 @@ from typing import Any
 AGAIN = 0.05  # [s] after which a Ctrl-C that was lost is repeated
 
 
+def stopped(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: some libraries wrap what stops them in errors of their own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def main() -> int:
     """Run the command line in a process of its own; returns the exit status."""
     complain = sys.unraisablehook
@@ -25,7 +32,9 @@ def main() -> int:
         from closeform.cli import main as obey
 
         return obey()
-    except KeyboardInterrupt:
+    except BaseException as error:
+        if not stopped(error):
+            raise
         print("closeform: stopped by the keyboard; nothing was written", file=sys.stderr)
         return 130
     finally:
