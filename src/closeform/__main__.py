@@ -9,11 +9,13 @@ from typing import Any
 AGAIN = 0.05  # [s] after which a Ctrl-C that was lost is repeated
 
 
-def stopped(error: BaseException | None) -> bool:
-    """Whether Ctrl-C is behind an error: some libraries wrap what stops them in errors of their own."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
+_stops: list[int] = []  # Ctrl-C so far: some libraries make another error of the one that it raises
+
+
+def stop(number: int, frame: Any) -> None:
+    """What Ctrl-C does."""
+    _stops.append(number)
+    raise KeyboardInterrupt
 
 
 def main() -> int:
@@ -28,12 +30,13 @@ def main() -> int:
             complain(lost)
 
     sys.unraisablehook = unheard
+    signal.signal(signal.SIGINT, stop)
     try:
         from closeform.cli import main as obey
 
         return obey()
-    except BaseException as error:
-        if not stopped(error):
+    except BaseException:
+        if not _stops:
             raise
         print("closeform: stopped by the keyboard; nothing was written", file=sys.stderr)
         return 130
