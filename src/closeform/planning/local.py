@@ -34,7 +34,6 @@ GIVEN_UP = 1.5  # times the energy to beat
 PACE = 10  # rounds as good as the last, in which the energy to beat must come within reach
 TOO_FAR = 1e5  # zones that a contact alone would push its craft
 LEFT = 1e-9  # what Newton's method may leave of a minimum below the aim
-SMALL = 60  # contacts of which the dense conditions of optimality are solved
 HUGGING = 16  # contacts, beyond which a path hugs its zones and has no single ones to go to
 BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # how it ended; optimal: the conditions of optimality hold to rounding
 
@@ -222,15 +221,14 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
             if energy > GIVEN_UP * bar:
                 break
             if total == settled and (moved < close or closing):
-                if settled <= SMALL:
-                    copy_contacts(following, settled, trial)
-                    polished = polish(scene, trial, settled, factors, gram, paths, samples, found)
-                    if polished < inf and polished <= least_energy * (1.0 + STEADY):  # its touches are exact
-                        return OPTIMAL, copy_contacts(trial, settled, best), polished
-                    if polished < inf:
-                        return CLEAR, kept, least_energy
-                    fill_factors(scene, contacts, count, factors)
-                    fill_gram(scene, contacts, count, factors, gram)
+                copy_contacts(following, settled, trial)
+                polished = polish(scene, trial, settled, factors, gram, paths, samples, found)
+                if polished < inf and polished <= least_energy * (1.0 + STEADY):  # its touches are exact
+                    return OPTIMAL, copy_contacts(trial, settled, best), polished
+                if polished < inf:
+                    return CLEAR, kept, least_energy
+                fill_factors(scene, contacts, count, factors)
+                fill_gram(scene, contacts, count, factors, gram)
                 close = 0.5 * moved
             energy = raise_planes(
                 scene, contacts, count, short, gram, gaps, work, factors, paths, samples, found

@@ -25,6 +25,7 @@ from closeform.zones.shapes import part
 STEPS = 12
 TOUCHING = 1e-11  # error left in the norm
 ALONG, STEADY = 1e-9, 1e-8  # and in the force's direction, and in the norm's rate times the craft's duration
+LARGEST = 60  # contacts of one group, whose conditions are solved at once
 FAR = 10.0  # error beyond which the steps lead nowhere
 
 
@@ -98,103 +99,157 @@ def is_pinned(scene, which, t):
 
 
 @kernel()
-def fill_conditions(scene, contacts, count, factors, arcs, offsets, active, parts, jacobian, rhs):
-    """The linearised conditions (4 count equations); returns the greatest error, inf for a wrong solution.
+def conditions_of(scene, contacts, k, arcs, offsets, active, parts, motion, rows, lines, rhs):
+    """The conditions of one contact: their errors in `rhs` (4,); the greatest, inf for a wrong solution.
 
-    The contacts' normals are forces here, their multipliers 1.  Wrong: a part that pulls, or a contact
-    where the path is farthest, not closest, in time.
+    Fills its relative `motion`, and `rows` (3, 3), what its position does to the first three.  Wrong: a
+    part that pulls, or a contact where the path is farthest, not closest, in time.
     """
-    motion, values, gradients = stack_matrix(3, 3), stack_vector(2), stack_matrix(2, 3)
-    lines, weights, bend = stack_matrix(2, 3), stack_vector(2), stack_matrix(3, 3)
+    values, gradients, weights, bend = (
+        stack_vector(2),
+        stack_matrix(2, 3),
+        stack_vector(2),
+        stack_matrix(3, 3),
+    )
+    which, force, count = contacts.which[k], contacts.normals[k], parts[k]
+    kind = scene.kinds[which]
+    relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
+    for a in range(count):
+        values[a] = part_at(scene, kind, active[k, a], motion, gradients[a])
+    shares(force, gradients, count, weights)
+    across(gradients, count, lines)
+    bend[:] = 0.0
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    add_bend(scene.shapes[kind], faces, scene.powers[kind], motion, active[k], weights, count, bend)
+    size = sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
+    speed_along, bent = 0.0, 0.0
+    for i in range(3):
+        speed_along += force[i] * motion[1, i]
+        bent += force[i] * motion[2, i]
+        for j in range(3):
+            bent += motion[1, i] * bend[i, j] * motion[1, j]
+    error, wrong = 0.0, False
+    for a in range(3):
+        rhs[a] = 0.0
+        if a < count:  # the part's value
+            for i in range(3):
+                rows[a, i] = gradients[a, i]
+            rhs[a] = scene.aims[kind] - values[a]
+            error = max(error, abs(rhs[a]))
+            wrong = wrong or weights[a] <= 0.0
+        else:  # no share of the force across the gradients, which turn with the position
+            line = lines[a - count]
+            for i in range(3):
+                rows[a, i] = 0.0
+                rhs[a] -= line[i] * force[i]
+                for j in range(3):
+                    rows[a, i] -= line[j] * bend[j, i]
+            error = max(error, abs(rhs[a]) / size * (TOUCHING / ALONG))
+    rhs[3] = 0.0
+    if not is_pinned(scene, which, contacts.times[k]):
+        rhs[3] = -speed_along
+        longest = scene.windows[which, 1] - scene.windows[which, 0]
+        error = max(error, abs(speed_along) / size * longest * (TOUCHING / STEADY))
+        wrong = wrong or (count == 1 and bent < 0.0)
+    return np.inf if wrong and error < TOUCHING else error
+
+
+@kernel()
+def fill_block(scene, contacts, factors, k, m, motion, rows, jacobian, row, column):
+    """What the force and time of contact m do to the conditions of contact k: 4 x 4 of the matrix."""
     place, place_rate, speed, speed_rate = (
         stack_matrix(3, 3),
         stack_matrix(3, 3),
         stack_matrix(3, 3),
         stack_matrix(3, 3),
     )
-    rows = stack_matrix(3, 3)  # of the equations that hold the position: its coefficients
-    error, wrong = 0.0, False
-    for k in range(count):
-        which, force, first = contacts.which[k], contacts.normals[k], 4 * k
-        kind = scene.kinds[which]
-        relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
-        for a in range(parts[k]):
-            values[a] = part_at(scene, kind, active[k, a], motion, gradients[a])
-        shares(force, gradients, parts[k], weights)
-        across(gradients, parts[k], lines)
-        bend[:] = 0.0
-        faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
-        add_bend(scene.shapes[kind], faces, scene.powers[kind], motion, active[k], weights, parts[k], bend)
-        size = sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
-        pinned = is_pinned(scene, which, contacts.times[k])
-        longest = scene.windows[which, 1] - scene.windows[which, 0]
-        speed_along, bent = 0.0, 0.0
-        for i in range(3):
-            rhs[first + i] = 0.0
-            speed_along += force[i] * motion[1, i]
-            bent += force[i] * motion[2, i]
-            for j in range(3):
-                bent += motion[1, i] * bend[i, j] * motion[1, j]
-        for a in range(3):
-            if a < parts[k]:  # the part's value
-                for i in range(3):
-                    rows[a, i] = gradients[a, i]
-                rhs[first + a] = scene.aims[kind] - values[a]
-                error = max(error, abs(rhs[first + a]))
-                wrong = wrong or weights[a] <= 0.0
-            else:  # no share of the force across the gradients, which turn with the position
-                line = lines[a - parts[k]]
-                for i in range(3):
-                    rows[a, i] = 0.0
-                    rhs[first + a] -= line[i] * force[i]
-                    for j in range(3):
-                        rows[a, i] -= line[j] * bend[j, i]
-                error = max(error, abs(rhs[first + a]) / size * (TOUCHING / ALONG))
-        rhs[first + 3] = 0.0 if pinned else -speed_along
-        if not pinned:
-            error = max(error, abs(speed_along) / size * longest * (TOUCHING / STEADY))
-            if parts[k] == 1:
-                wrong = wrong or bent < 0.0
-        for m in range(count):
-            add_block(scene, contacts, factors, k, m, 0, 0, place)
-            add_block(scene, contacts, factors, k, m, 0, 1, place_rate)
-            add_block(scene, contacts, factors, k, m, 1, 0, speed)
-            add_block(scene, contacts, factors, k, m, 1, 1, speed_rate)
-            other = contacts.normals[m]
-            for column in range(4):
-                for i in range(3):  # how position and velocity at k change with this unknown of m
-                    moved, hurried = 0.0, 0.0
-                    if column < 3:
-                        moved, hurried = place[i, column], speed[i, column]
-                    else:
-                        for j in range(3):
-                            moved += place_rate[i, j] * other[j]
-                            hurried += speed_rate[i, j] * other[j]
-                        if m == k:
-                            moved, hurried = moved + motion[1, i], hurried + motion[2, i]
-                    if i == 0:
-                        for a in range(4):
-                            jacobian[first + a, 4 * m + column] = 0.0
-                    for a in range(3):
-                        jacobian[first + a, 4 * m + column] += rows[a, i] * moved
-                    jacobian[first + 3, 4 * m + column] += force[i] * hurried
-                if pinned:
-                    jacobian[first + 3, 4 * m + column] = 1.0 if m == k and column == 3 else 0.0
-        for i in range(3):  # and directly with its own force
-            for a in range(parts[k], 3):
-                jacobian[first + a, 4 * k + i] += lines[a - parts[k], i]
-            if not pinned:
-                jacobian[first + 3, 4 * k + i] += motion[1, i]
-    return np.inf if wrong and error < TOUCHING else error
+    add_block(scene, contacts, factors, k, m, 0, 0, place)
+    add_block(scene, contacts, factors, k, m, 0, 1, place_rate)
+    add_block(scene, contacts, factors, k, m, 1, 0, speed)
+    add_block(scene, contacts, factors, k, m, 1, 1, speed_rate)
+    force, other = contacts.normals[k], contacts.normals[m]
+    pinned = is_pinned(scene, contacts.which[k], contacts.times[k])
+    for unknown in range(4):
+        for a in range(4):
+            jacobian[row + a, column + unknown] = 0.0
+        for i in range(3):  # how position and velocity at k change with it
+            moved, hurried = 0.0, 0.0
+            if unknown < 3:
+                moved, hurried = place[i, unknown], speed[i, unknown]
+            else:
+                for j in range(3):
+                    moved += place_rate[i, j] * other[j]
+                    hurried += speed_rate[i, j] * other[j]
+                if m == k:
+                    moved, hurried = moved + motion[1, i], hurried + motion[2, i]
+            for a in range(3):
+                jacobian[row + a, column + unknown] += rows[a, i] * moved
+            jacobian[row + 3, column + unknown] += force[i] * hurried
+        if pinned:
+            jacobian[row + 3, column + unknown] = 1.0 if m == k and unknown == 3 else 0.0
 
 
 @kernel()
-def take_step(scene, contacts, count, rhs):
-    """Add a step to forces and times; False where a time leaves its window."""
+def fill_conditions(scene, contacts, group, size, factors, arcs, offsets, active, parts, jacobian, rhs):
+    """The linearised conditions (4 size equations) of the first contacts of a `group`: the greatest error.
+
+    inf for a wrong solution.  The contacts' normals are forces here, their multipliers 1.
+    """
+    motion, rows, lines = stack_matrix(3, 3), stack_matrix(3, 3), stack_matrix(2, 3)
+    error = 0.0
+    for a in range(size):
+        k, first = group[a], 4 * a
+        own = conditions_of(
+            scene, contacts, k, arcs, offsets, active, parts, motion, rows, lines, rhs[first : first + 4]
+        )
+        error = max(error, own)
+        for b in range(size):
+            fill_block(scene, contacts, factors, k, group[b], motion, rows, jacobian, first, 4 * b)
+        for i in range(3):  # and directly with its own force
+            for line in range(3 - parts[k]):
+                jacobian[first + parts[k] + line, first + i] += lines[line, i]
+            if not is_pinned(scene, contacts.which[k], contacts.times[k]):
+                jacobian[first + 3, first + i] += motion[1, i]
+    return error
+
+
+@kernel()
+def group_contacts(scene, contacts, count, labels):
+    """Fill `labels` (count,): equal for contacts that share a craft, or are tied by others that do."""
     for k in range(count):
+        labels[k] = k
+        for m in range(k):
+            if labels[m] == labels[k]:
+                continue
+            for side in range(2):
+                body = scene.pairs[contacts.which[k], side]
+                pair = scene.pairs[contacts.which[m]]
+                if body < len(scene.base) and body in (pair[0], pair[1]):
+                    mine, other = labels[k], labels[m]
+                    for j in range(k + 1):
+                        if labels[j] == mine:
+                            labels[j] = other
+
+
+@kernel()
+def members(labels, count, label, group):
+    """Fill `group` with the contacts of a label: how many they are."""
+    size = 0
+    for k in range(count):
+        if labels[k] == label:
+            group[size] = k
+            size += 1
+    return size
+
+
+@kernel()
+def take_step(scene, contacts, group, size, rhs):
+    """Add a step to the forces and times of a group; False where a time leaves its window."""
+    for a in range(size):
+        k = group[a]
         for i in range(3):
-            contacts.normals[k, i] += rhs[4 * k + i]
-        contacts.times[k] += rhs[4 * k + 3]
+            contacts.normals[k, i] += rhs[4 * a + i]
+        contacts.times[k] += rhs[4 * a + 3]
         window = scene.windows[contacts.which[k]]
         if not window[0] <= contacts.times[k] <= window[1]:
             return False
@@ -229,22 +284,38 @@ def as_normals(scene, arcs, offsets, contacts, count, active, parts):
 def newton(scene, contacts, count, factors, arcs, offsets):
     """Take contacts, all of them pressed, to the conditions of optimality: whether they come to meet them.
 
-    `arcs` and `offsets` hold the paths that the contacts shape, before and after.
+    Group by group, of those that no craft ties to others.  `arcs` and `offsets` hold the paths that the
+    contacts shape, before and after.
     """
     active, parts = np.empty((count, 2), dtype=np.int64), np.empty(count, dtype=np.int64)
-    jacobian, rhs = np.empty((4 * count, 4 * count)), np.empty(4 * count)
+    labels, group = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    group_contacts(scene, contacts, count, labels)
+    largest = 0
+    for k in range(count):
+        largest = max(largest, members(labels, count, k, group))
+    if largest > LARGEST:
+        return False
+    jacobian, rhs = np.empty((4 * largest, 4 * largest)), np.empty(4 * largest)
     choose_parts(scene, arcs, offsets, contacts, count, active, parts)
     as_forces(contacts, count)
     for _ in range(STEPS):
         fill_factors(scene, contacts, count, factors)
         deflect(scene, contacts, count, factors, arcs, offsets)
-        error = fill_conditions(scene, contacts, count, factors, arcs, offsets, active, parts, jacobian, rhs)
-        if error < TOUCHING:
+        settled = True
+        for label in range(count):
+            size = members(labels, count, label, group)
+            error = fill_conditions(
+                scene, contacts, group, size, factors, arcs, offsets, active, parts, jacobian, rhs
+            )
+            if error < TOUCHING:
+                continue
+            settled = False
+            if not error < FAR:
+                return False
+            solve(jacobian, rhs, 4 * size)
+            if not take_step(scene, contacts, group, size, rhs):
+                return False
+        if settled:
             as_normals(scene, arcs, offsets, contacts, count, active, parts)
             return True
-        if not error < FAR:
-            return False
-        solve(jacobian, rhs, 4 * count)
-        if not take_step(scene, contacts, count, rhs):
-            return False
     return False
