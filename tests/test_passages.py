@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from closeform.zones.shapes import CUBE
 from formations import CASES, random_case
 from passages import GROUPS, MARGIN, crowds, nearest, passages
 
 RECORDED = json.loads((Path(__file__).parent / "data" / "plan_energies.json").read_text(encoding="utf-8"))
+ENDS = 1e-6  # relative, of energies: to which the planner's rounds go on
 SAME = 1e-9  # relative, of energies: another machine rounds differently
 
 
@@ -55,3 +57,16 @@ def test_no_plan_is_recorded_below_the_direct_optimum():
     energies = np.array([(plan["energy"], plan["extra"], direct) for plan, direct in plans])
     assert (energies[:, 1] >= 0).all()
     np.testing.assert_allclose(energies[:, 0] - energies[:, 1], energies[:, 2], rtol=SAME)
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_no_passage_costs_more_than_the_best_that_was_recorded(group):
+    """Two earlier planners and one from outside: within 0.1 % of their extra energy, 1 % with edges."""
+    shares = []
+    for passage in passages(group):
+        found = cf.avoid(passage.path, passage.obstacles, passage.zones)
+        assert found.ok, passage.name
+        shares.append(found.extra_energy / RECORDED[group][passage.name]["best"])
+        edged = any(zone.shape == CUBE for zone in passage.zones)
+        assert shares[-1] <= (1.01 if edged else 1.001), passage.name
+    assert np.mean(shares) <= 1 + ENDS

@@ -26,8 +26,8 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
         return []
     search.push_exits(*min(conflicts, key=lambda one: one[1][3]))
     found: list[Solution] = []
-    for _, _, start in sorted(search.queue):
-        solution = search.solver.solve(start, nearer(problem))
+    for _, _, turn in sorted(search.queue):
+        solution = search.solver.solve(turn.start, nearer(problem))
         if solution.clear and solution.contacts.number:
             found.append(solution)
     found.sort(key=lambda solution: solution.energy)

@@ -16,6 +16,7 @@ from closeform.zones.shapes import BALL
 
 BLUNT = ((8.0, 2.0 ** (1.0 / 8.0)), (4.0, 1.0))  # powers of norms that stand in for edges at first; sizes
 SHARPER = 32.0, 512.0  # and after that, where the zones themselves are not reached at once
+ROUNDED = 1.02  # how much dearer a path may be that touches the zone itself, not a ball that holds it
 FINER = 3  # times that the march may find what samples missed
 ROOM = 8, 24  # contacts, and for each craft
 CROWDED = 8  # contacts, beyond which edges are not tried at once
@@ -77,22 +78,32 @@ class LocalSolver:
         if self.problem.round:
             return self.certified(self.relaxed(sharp, start, sides, bar), bar)
         rough = self.relaxed(self.aimed(*BLUNT[blunt]), start, sides, inf)
-        if rough.contacts.number <= CROWDED:
-            best = self.certified(self.relaxed(sharp, rough.contacts, sides, bar), bar)
-            if best.clear:
-                return best
+        found = [
+            self.relaxed(sharp, one, sides, bar)
+            for one in (start, rough.contacts)
+            if 0 < one.number <= CROWDED
+        ]
+        best = self.cheapest(found, bar)
+        if best is not None:
+            return best
         holding: list[Solution] = []
         for power in SHARPER:  # balls that hold three parts at a corner, ever closer to it
-            finer = self.relaxed(self.aimed(power, 3.0 ** (1.0 / power)), rough.contacts, sides, inf)
+            finer = self.relaxed(self.aimed(power, 3.0 ** (1.0 / power)), rough.contacts, sides, bar)
             if finer.clear:
                 rough = finer
                 holding = [finer]
-        found = [self.relaxed(self.aimed(inf, 1.0), rough.contacts, sides, inf), *holding]
+        last = self.relaxed(sharp, rough.contacts, sides, bar)
+        if holding and last.energy <= ROUNDED * holding[0].energy:
+            holding = []
+        return self.cheapest([last, *holding], bar) or replace(last, clear=False, energy=inf)
+
+    def cheapest(self, found: list[Solution], bar: float) -> Solution | None:
+        """The cheapest of some solutions that is clear; what costs more than `bar` need not be certified."""
         for one in sorted(found, key=lambda one: one.energy):
             last = self.certified(one, bar)
             if last.clear:
-                break
-        return last
+                return last
+        return None
 
     def workspace(self, scene: Scene, count: int) -> Workspace:
         """Room for as many contacts and more, used again and again."""

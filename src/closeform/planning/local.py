@@ -34,7 +34,7 @@ GIVEN_UP = 1.5  # times the energy to beat
 PACE = 10  # rounds as good as the last, in which the energy to beat must come within reach
 TOO_FAR = 1e5  # zones that a contact alone would push its craft
 LEFT = 1e-9  # what Newton's method may leave of a minimum below the aim
-HUGGING = 16  # contacts, beyond which a path hugs its zones and has no single ones to go to
+HUGGING = 16  # contacts for each craft, beyond which paths hug zones and have no single ones to go to
 BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # how it ended; optimal: the conditions of optimality hold to rounding
 
 
@@ -239,7 +239,7 @@ def solve_local(scene, sides, contacts, count, bar, best, room):
                 return CLEAR, kept, least_energy
             steady = energy == inf or abs(energy - before) <= STEADY * energy
             if least_energy < inf and short < ENOUGH and steady:
-                if closing or settled > HUGGING:
+                if closing or settled > HUGGING * len(scene.base):
                     return CLEAR, kept, least_energy
                 closing = True  # Newton's method has the last word, however far contacts still move
             before = energy

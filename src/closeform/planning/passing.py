@@ -9,26 +9,25 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.planning.certify import LocalSolver, Solution, shifted
+from closeform.planning.certify import LocalSolver, Solution, nearer, shifted
 from closeform.planning.contacts import Sides
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.sides import exit_normals
+from closeform.planning.turns import Turn, turned_energies
 
 MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # zones are enlarged by: the least that is certified, then more
 DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are not the nearer ones; sizes of shifts
 FEW = 6  # pairs in contact, up to which every way out of a contact is looked at
 BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # most candidates for so many pairs; else one
-PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 10, 4  # candidates without a better one: the search ends
+PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one: the search ends
+EDGED = 2  # times as many candidates where zones have edges: local optima are many there
 MORE = 24  # candidates beside them where none of the first is clear
-SHALLOW = 0.3  # of the zone, by which a contact must push for its other side to be tried, of many
-HOPELESS = (
-    1.6  # times the best energy, beyond which a start that may cost so much is not looked at; 1.3: as good
-)
+HOPELESS = 1.6  # times the best energy, beyond which a start that may cost so much is not looked at
 SIMILAR = 1e-7  # share of its energy by which a solution must be better to count as such
 DRAWN = 4  # every so many candidates begin with sides that are drawn, to be led elsewhere
 ALIKE = 0.1  # of the window and of a normal, within which two starts are not both looked at
-ANOTHER = 0.9  # cosine of the angle between two normals below which they are different sides
+ANOTHER = -0.5  # cosine of the angle between two normals below which they are different sides
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +59,8 @@ class Search:
         self.best: Solution | None = None
         self.proven = False
         self.seen: list[Solution] = []
-        self.queue: list[tuple[float, int, Contacts]] = []
+        self.queue: list[tuple[float, int, Turn]] = []
+        self.queued = 0
         self.starts: set[Any] = set()
         self.alone = False  # one conflict: every way out of it is looked at
         self.first: Solution | None = None
@@ -79,30 +79,37 @@ class Search:
             few = pairs <= FEW
             for pair, conflict in conflicts if few else ():
                 self.push_exits(pair, conflict)
-        patience = (
-            inf
-            if self.budget or self.more
-            else (PATIENCE_MANY if not few else PATIENCE_ONE if self.problem.count == 1 else PATIENCE_FEW)
-        )
-        budget = self.budget or next((number for most, number in BUDGETS if pairs <= most), 1)
-        budget += MORE if self.more else 0
+        patience = PATIENCE_FEW if few else PATIENCE_MANY
+        if self.problem.count == 1:
+            patience = PATIENCE_ONE
+        budget = next((number for most, number in BUDGETS if pairs <= most), 1)
+        if not (few or self.problem.round):
+            patience, budget = EDGED * patience, EDGED * budget
+        if self.more:
+            budget += MORE
+        if self.budget is not None:
+            budget = self.budget
+        patient = self.more or self.budget is not None
         improved = self.tried
         while self.tried < budget and not self.proven:
-            if self.best is not None and self.tried - improved >= patience:
+            if self.best is not None and self.tried - improved >= patience and not patient:
                 break
             before = self.best
             if self.queue and (self.alone or self.tried % DRAWN):
-                cost, _, start = heapq.heappop(self.queue)
+                cost, _, turn = heapq.heappop(self.queue)
                 if self.best is not None and cost > HOPELESS * self.best.energy and not self.more:
                     self.queue.clear()
                     continue
-                self.examine(start, self.nearby)
+                if self.is_new(start := turn.start):
+                    self.examine(start, self.nearby)
             elif self.best is not None and (self.alone or (few and not self.queue)):
                 break
             else:
                 self.drawn += 1
                 self.examine(Contacts.none(), shifted(self.problem, self.drawn, 1.0, FAR))
             improved = improved if self.best is before else self.tried
+        if self.best is not None and not self.best.optimal:
+            self.examine(self.best.contacts, nearer(self.problem))  # rounds that were left early go on
         best = self.best or self.first
         assert best is not None  # a budget is at least one candidate
         return Found(best, self.solver.margin, self.proven, self.tried)
@@ -123,50 +130,46 @@ class Search:
                 self.push_turns(solution)
         return solution
 
-    def push(self, cost: float, start: Contacts) -> None:
-        """Put a start in the queue that no other is like; of equal costs the earlier goes first."""
-        rows = zip(*(column.tolist() for column in start[:3]), strict=True)
-        like = frozenset(
-            (which, self.moment(which, time), *map(alike, normal)) for which, time, normal in rows
-        )
-        if like not in self.starts:
-            self.starts.add(like)
-            heapq.heappush(self.queue, (cost, len(self.starts), start))
+    def push(self, cost: float, turn: Turn) -> None:
+        """Put a start in the queue; of equal costs the earlier goes first."""
+        self.queued += 1
+        heapq.heappush(self.queue, (cost, self.queued, turn))
 
-    def moment(self, which: int, time: float) -> int:
-        """Which of the short times it is, of those in which a pair's contact can lie."""
-        start, end = self.problem.windows[0][which]
-        return alike((time - start) / (end - start))
+    def is_new(self, start: Contacts) -> bool:
+        """Whether no start was like it before."""
+        windows = self.problem.windows[0][start.which]
+        when = (start.times - windows[:, 0]) / (windows[:, 1] - windows[:, 0])
+        rows = np.rint(np.column_stack([start.which, when / ALIKE, start.normals / ALIKE])).astype(int)
+        like = frozenset(map(tuple, rows.tolist()))
+        before = len(self.starts)
+        self.starts.add(like)
+        return len(self.starts) > before
 
     def push_exits(self, pair: tuple[int, int], conflict: Floats) -> None:
         """Every way out of a conflict of the unconstrained paths."""
         contact = self.clipped(self.problem.at(pair, conflict[2]))
         for cost, normal in self.ways_out(contact, self.problem.motions(self.problem.direct, contact)[0]):
-            self.push(cost, contact._replace(normals=normal[None], multipliers=np.ones(1)))
+            self.push(cost, Turn(contact, 0, normal))
 
     def push_turns(self, solution: Solution) -> None:
         """Each contact's pair on its other sides, the other contacts as they are."""
         contacts = solution.contacts
-        if not contacts.number:
-            return
-        motions = self.problem.motions(solution.flown, contacts)
-        kernel = self.problem.kernel(contacts)
-        few = len(np.unique(contacts.which)) <= FEW
-        for k in range(contacts.number):
-            block = kernel[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-            push = contacts.multipliers[k] * block @ contacts.normals[k]
-            rest = contacts.some(contacts.which != contacts.which[k])
-            one = contacts.some([k])._replace(multipliers=np.ones(1))
-            saved = solution.energy - 0.5 * contacts.multipliers[k] * push @ contacts.normals[k]
-            motion = motions[k].copy()
-            motion[0] -= push  # where the pair would pass without this contact
-            if few:
-                for cost, normal in self.ways_out(one, motion):
-                    size = np.linalg.norm(normal) * np.linalg.norm(contacts.normals[k])
-                    if normal @ contacts.normals[k] < ANOTHER * size:
-                        self.push(saved + cost, rest.joined(one._replace(normals=normal[None])))
-            elif (depth := push @ contacts.normals[k]) > SHALLOW:
-                self.push(-depth, rest.joined(one._replace(normals=-one.normals)))
+        turns = [Turn(contacts, k, -contacts.normals[k]) for k in range(contacts.number)]
+        if len(np.unique(contacts.which)) <= FEW:
+            turns = [turn for k in range(contacts.number) for turn in self.turns_of(solution, k)]
+        energies = turned_energies(self.problem, self.solver.margin, turns)
+        for turn, energy in zip(turns, energies, strict=True):
+            self.push(energy, turn)
+
+    def turns_of(self, solution: Solution, k: int) -> Iterator[Turn]:
+        """The ways out of a contact's zone from where its pair would be without it."""
+        contacts = solution.contacts
+        one, normal = contacts.some([k]), contacts.normals[k]
+        motion = self.problem.motions(solution.flown, one)[0]
+        motion[0] -= contacts.multipliers[k] * self.problem.kernel(one) @ normal
+        for _, side in self.ways_out(one, motion):
+            if side @ normal < ANOTHER * np.linalg.norm(side) * np.linalg.norm(normal):
+                yield Turn(contacts, k, side)
 
     def ways_out(self, contact: Contacts, motion: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
         """Ways out of a pair's zone at a relative motion: (rough cost, normal)."""
@@ -181,8 +184,3 @@ class Search:
     def clipped(self, contacts: Contacts) -> Contacts:
         """Contacts within the times at which they can lie."""
         return contacts._replace(times=np.clip(contacts.times, *self.problem.windows[0][contacts.which].T))
-
-
-def alike(value: float) -> int:
-    """The same number for what is nearly the same."""
-    return round(value / ALIKE)
