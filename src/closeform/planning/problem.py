@@ -17,7 +17,7 @@ from closeform.planning.approaches import sample_bodies
 from closeform.planning.deflection import fly, invert_responses, look_at
 from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
-from closeform.zones.zone import Zone
+from closeform.zones.zone import Zone, scaled_norm
 
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
 SAMPLES = 64  # of a craft's time, between which a minimum may be missed until the march finds it
@@ -216,7 +216,7 @@ class Problem:
         """Norm of a pair at one instant."""
         contact = self.at(pair, time)
         zone = self.zones[self.kinds[contact.which[0]]]
-        return float(zone.norm_there(self.motions(flown, contact)[0, 0]))
+        return float(scaled_norm(zone, self.motions(flown, contact)[0, 0]))
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
         """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
@@ -229,16 +229,3 @@ class Problem:
             table = search_pairs(*flown, *flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found
-
-    def inside_at_end(self, flown: Flown) -> str | None:
-        """Which end of the first craft's path is inside which obstacle's zone, in words."""
-        present = self.windows[1]
-        for name, time in (("start", self.first), ("end", self.last)):
-            there = np.flatnonzero((present[:, 0] <= time) & (time <= present[:, 1]))
-            contacts = Contacts.none(len(there))._replace(which=there, times=np.full(len(there), time))
-            for which, motion in zip(there, self.motions(flown, contacts), strict=True):
-                ratio = float(self.zones[self.kinds[which]].norm_there(motion[0]))
-                if ratio <= 1.0 + 1e-9:
-                    whose = f"obstacle {self.pairs[which, 1] - 1}"
-                    return f"the path's {name} is {ratio:.2f} x zone from {whose}; move it or the time"
-        return None

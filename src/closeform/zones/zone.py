@@ -80,17 +80,7 @@ class Zone:
 
         Of half-spaces it is negative where every face falls away, as far behind a single one.
         """
-        return self.norm_there(_directions("position", position) @ self.matrix.T)
-
-    def norm_there(self, q: Floats) -> Any:
-        """Norm of positions (..., 3) in zone coordinates, `matrix` times those in m."""
-        if self.shape == FACES:
-            return (q @ self.faces.T).max(axis=-1)
-        rounded = {BALL: 3, CYLINDER: 2}.get(self.shape, 0)
-        flat = np.abs(q[..., rounded:]).max(axis=-1, initial=0.0)
-        if not rounded:
-            return flat
-        return np.maximum(np.sqrt((q[..., :rounded] ** 2).sum(axis=-1)), flat)
+        return scaled_norm(self, _directions("position", position) @ self.matrix.T)
 
     def enlarged(self, factor: float) -> "Zone":
         """The same shape, `factor` times as large.  Raises ValueError unless that is positive."""
@@ -215,6 +205,17 @@ class Ellipsoid(Zone):
                 f"covariance: must be positive definite, its least variance is {variances[0]:g} m^2"
             )
         return cls(sigmas * np.sqrt(variances), axes.T)
+
+
+def scaled_norm(zone: Zone, q: Floats) -> Any:
+    """Norm of positions (..., 3) in zone coordinates, the zone's matrix times those in m."""
+    if zone.shape == FACES:
+        return (q @ zone.faces.T).max(axis=-1)
+    rounded = {BALL: 3, CYLINDER: 2}.get(zone.shape, 0)
+    flat = np.abs(q[..., rounded:]).max(axis=-1, initial=0.0)
+    if not rounded:
+        return flat
+    return np.maximum(np.sqrt((q[..., :rounded] ** 2).sum(axis=-1)), flat)
 
 
 class Sphere(Zone):
