@@ -13,12 +13,9 @@ hypothesis.settings.load_profile("compiles")
 
 
 LONG = (
-    "attacks",
     "avoidance",
     "campaign",
     "cli",
-    "kernel_cache",
-    "many_craft",
     "margins",
     "mission_formation",
     "mission_search",
@@ -26,15 +23,24 @@ LONG = (
     "reconfigure",
     "reconfigure_cases",
     "reference_methods",
-    "result_folder",
     "shaping",
 )
+FAULTS = ("attacks", "kernel_cache", "many_craft", "result_folder")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Without files or a selection: all but commands under attack, which `-m fault` runs."""
+    if not config.option.markexpr and config.args_source is not config.ArgsSource.ARGS:
+        config.option.markexpr = "not fault"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """`-m quick` leaves out the files that take longest; test_docs runs commands and plans."""
     for item in items:
-        if item.path.stem.removeprefix("test_") not in LONG:
+        subject = item.path.stem.removeprefix("test_")
+        if subject in FAULTS:
+            item.add_marker("fault")
+        elif subject not in LONG:
             item.add_marker("quick")
 
 

@@ -140,8 +140,15 @@ def nothing(desk: Path, file: Path) -> str:
 INPUTS = (too_long, loop, huge_number, many_dots, dots_in_a_value, nested, nothing)
 
 
-@pytest.mark.parametrize("attack", INPUTS, ids=lambda attack: attack.__name__)
-@pytest.mark.parametrize("command", ["run", "check", "study", "screen", "view"])
+@pytest.mark.parametrize(
+    ("command", "attack"),
+    [
+        (command, attack)
+        for command in ("run", "check", "study", "screen", "view")
+        for attack in INPUTS
+        if command != "screen" or attack not in (dots_in_a_value, nested)  # an ephemeris has no table
+    ],
+)
 def test_inputs(command, attack, desk) -> None:
     verb, name, *rest = shlex.split(COMMANDS[command])
     file = desk / (name if name != "done" else "done/summary.json")

@@ -157,7 +157,8 @@ def test_two_ways(kind):
 def test_two_ways_call_the_obstacle_by_its_name(name, words):
     figure = plots.two_ways(MOVER, HIT, ELLIPSOID, [], name)
     assert figure.axes[1].get_title() == f"seen from {words}"
-    assert (name or "obstacle") in figure.axes[0].get_legend_handles_labels()[1]
+    legends = [legend for legend in (*figure.legends, figure.axes[0].get_legend()) if legend is not None]
+    assert (name or "obstacle") in [text.get_text() for legend in legends for text in legend.get_texts()]
 
 
 def test_a_conflict_without_a_way_around():

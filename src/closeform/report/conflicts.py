@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.conflicts.flight import Flight, PairApproach
+from closeform.conflicts.flight import ALL_PAIRS, Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
 from closeform.motion.arc import END, START
@@ -143,6 +143,8 @@ def files(result: StageResult[Any, Any]) -> dict[str, Table]:
 
 def coasting(flight: Flight, zones: PairZones) -> tuple[Picture, ...]:
     """Craft that coast: all their ways, the pairs that come closest, and where there are conflicts which."""
+    if flight.pairs > ALL_PAIRS:  # a picture of thousands shows nothing, and takes minutes
+        return deepest(flight)
     names = {"names": flight.names}
     paths = Picture(
         "paths", "All paths", "formation_paths", (flight.paths, flight.paths), names | {"zone": zones}

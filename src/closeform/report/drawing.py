@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from threading import Thread
@@ -44,8 +45,9 @@ class Second:
 
 
 def begin() -> None:
-    """Start the second process, ahead of the first picture."""
-    _seconds.append(Second())
+    """Start the second process, ahead of the first picture; where there can be none, this one draws all."""
+    with suppress(OSError):
+        _seconds.append(Second())
 
 
 def serve() -> None:
