@@ -79,6 +79,16 @@ def test_docstring(name: str) -> None:
     assert re.search(r"\b[Rr]aises\b", text) or name in RESULTS
 
 
+ENUMERATIONS = [value for value in CALLABLES.values() if inspect.isclass(value) and issubclass(value, Enum)]
+
+
+@pytest.mark.parametrize("enumeration", ENUMERATIONS)
+def test_enumerations_say_what_each_member_means(enumeration: type[Enum]) -> None:
+    """One line of the list for each, in their order."""
+    listed = re.findall(r"^    - `(\w+)`: \w.+[.;:,\w]$", enumeration.__doc__ or "", re.MULTILINE)
+    assert listed == [member.name for member in enumeration]
+
+
 def properties() -> list[tuple[str, property]]:
     owners = [name for name in cf._HOMES if inspect.isclass(getattr(cf, name))]
     members = [(f"{owner}.{name}", m) for owner in owners for name, m in vars(getattr(cf, owner)).items()]

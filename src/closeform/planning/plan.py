@@ -10,7 +10,16 @@ from closeform.motion.path import Path
 
 
 class Status(StrEnum):
-    """How a plan ended."""
+    """How a plan ended.
+
+    - `CLEAR`: the unconstrained optima are in nobody's way; fly them.
+    - `AVOIDED`: paths around the zones, certified clear; fly them.
+    - `END_INSIDE`: two craft are in conflict where or when neither can give way, at the start or the end;
+      move that state or its time.
+    - `NOT_FOUND`: none of the candidates was clear, which proves nothing; raise `budget`, or give more time.
+    - `TOO_WEAK`: beyond `max_acceleration` for every duration that was allowed; give more thrust or time.
+      `weak` says by how much.
+    """
 
     CLEAR = "clear already"
     AVOIDED = "avoided"

@@ -19,7 +19,13 @@ from closeform.zones.pair_zones import PairZones
 
 
 class EventKind(StrEnum):
-    """What happened."""
+    """What happened.
+
+    - `LOCK`: two craft see each other and know where they are; the sets of both become one.
+    - `BURN`: a craft nulls its velocity relative to the formation set, which it joins.
+    - `CORRECTION`: a craft burns against a collision in its set; what is left: `Gathering.conflicts`.
+    - `NEAR_FIELD`: a lost craft burns against its boresight, out of the region that no cone covers.
+    """
 
     LOCK = "lock"
     BURN = "burn"
@@ -28,7 +34,11 @@ class EventKind(StrEnum):
 
 
 class GatherStatus(StrEnum):
-    """How a gathering ended."""
+    """How a gathering ended.
+
+    - `GATHERED`: all craft are in the formation set.
+    - `INCOMPLETE`: some are still lost after all rounds; allow more `rounds`, or look at the sensor's reach.
+    """
 
     GATHERED = "gathered"
     INCOMPLETE = "incomplete"
