@@ -626,3 +626,35 @@ def test_craft_that_no_scale_parts(how: str) -> None:
     with pytest.raises(ScenarioError, match=r"stage\[1\]: .*\bF[12]\b.*; change within") as raised:
         fly(parse(fleet(f'do = "scatter"\n{how}\nwithin = "100 s"', text=text)))
     assert "craft" not in str(raised.value)
+
+
+MOVES = (
+    'do = "reconfigure"\ncraft = ["Inspector"]\n'
+    'to = { safety_ellipse = { radial = "50 m", cross_track = "50 m" } }',
+    'do = "avoid"\ncraft = "Inspector"\nto = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }',
+)
+
+
+@pytest.mark.parametrize("within", ["1 orbit", "1.5 orbits", "3 orbits", "400 min"])
+@pytest.mark.parametrize("move", MOVES, ids=["reconfigure", "avoid"])
+def test_one_moves_for_orbits_while_others_coast(move: str, within: str) -> None:
+    """Those that coast are looked at far beyond the move, but no longer than anything can be flown."""
+    flown = fly(
+        parse(f"""closeform = 1
+title = "Inspector"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["Target", "Inspector"]
+position = ["0 0 0 m", "0 -300 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = {{ sphere = "20 m" }}
+
+[[stage]]
+{move}
+within = "{within}"
+""")
+    )
+    assert flown.verdict.ok

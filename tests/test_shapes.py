@@ -115,6 +115,15 @@ def test_support_extents_and_vertices_are_those_of_the_surface(shape):
     assert len(zone.vertices) == {"box": 8, "body": 10}.get(shape, 0)
 
 
+def test_a_direction_all_but_along_an_edge_reaches_along_it():
+    """By hand: z = 1 and x = sqrt(2) - 1 from the first faces, then y as far as the second lets it."""
+    normals, offsets = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 17.0], [1.0, 0.0, 1.0]]), [1.0, 59.0, 1.0]
+    x, y, z = 2**0.5 - 1.0, 59.0 * 290**0.5 - 17.0, 1.0
+    for slope in (1e-2, 6e-8, 1e-10):
+        wanted = 2.0 * x + slope * y + 58.0 * z
+        assert cf.HalfSpaces(normals, offsets).support([2.0, slope, 58.0]) == pytest.approx(wanted, rel=1e-13)
+
+
 def test_open_zones_have_no_end():
     half = SHAPES["half-space"]
     np.testing.assert_allclose(

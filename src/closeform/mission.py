@@ -21,6 +21,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.flight import Flight, watch
 from closeform.mission_result import AvoidResult, FirstLocks, Mission, ReconfigureResult, StageResult
 from closeform.motion.arc import END, START
+from closeform.motion.duration import far_beyond
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, join, stack
 from closeform.scenario import (
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
-OBSERVED = 1e6  # times the duration of a move for which those that coast are looked at
 AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
 ROUNDING = 1e-9
 LATE = 1.0 + 1e-6  # times the duration asked for: longer is worth a warning
@@ -161,7 +161,7 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     craft, zones, direct = start.scenario.craft[mover], start.scenario.zones_around(stage.craft), way(1.0)
     avoidance = avoid_by(
         lambda factor: way(factor) if factor != 1.0 else direct,
-        [other(name, OBSERVED * asked) for name in rest],
+        [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest],
         zones,
         stage.method,
         max_acceleration=craft.max_acceleration if craft.max_thrust is not None else None,
@@ -276,7 +276,7 @@ def planned(
             [scenario.keep_out[k] for k in who + rest],
             assign=stage.assigns,
             start=start.time,
-            obstacles=[start.coast(k, OBSERVED * duration) for k in rest],
+            obstacles=[start.coast(k, far_beyond(duration, start.orbit.mean_motion)) for k in rest],
             max_acceleration=limits if np.isfinite(limits).any() else None,
             if_blocked=stage.if_blocked,
             method=stage.plan,

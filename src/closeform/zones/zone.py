@@ -17,6 +17,7 @@ from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # how far the farthest point of a unit shape is
+ROUNDING = 1e-14  # relative: what is left of a direction that faces make up
 SAME = 1e-12  # relative: normals that differ by less span nothing
 
 
@@ -117,10 +118,13 @@ class Zone:
         least = np.full(d.shape[:-1], np.inf)
         size = np.abs(d).sum(axis=-1)
         for some, inverse in self._bases:
-            weights = np.einsum("ski,...i->...sk", inverse, d)
-            left = np.einsum("...sk,ski->...si", weights, self.faces[some]) - d[..., None, :]
+            weights, left = np.zeros(()), -d[..., None, :]
+            for _ in range(2):  # once more, so that what is left of d is rounding, or not of these faces
+                weights = weights - np.einsum("ski,...si->...sk", inverse, left)
+                left = np.einsum("...sk,ski->...si", weights, self.faces[some]) - d[..., None, :]
             good = (weights >= -SAME * np.abs(weights).sum(axis=-1, keepdims=True)).all(axis=-1)
-            good &= np.abs(left).sum(axis=-1) <= 1e3 * SAME * size[..., None]
+            terms = np.einsum("...sk,sk->...s", np.abs(weights), np.abs(self.faces[some]).sum(axis=-1))
+            good &= np.abs(left).sum(axis=-1) <= ROUNDING * (terms + size[..., None])
             least = np.minimum(least, np.where(good, weights.sum(axis=-1), np.inf).min(axis=-1))
         return np.where(size > 0.0, least, 0.0)[()]
 
