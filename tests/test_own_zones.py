@@ -356,3 +356,10 @@ craft = "A"
 to = { position = "18.75 55 0 m", velocity = "0 0 0 m/s" }
 within = "1000 s"
 """
+
+
+@pytest.mark.parametrize("what", [cf.Uncertainty(COVARIANCE, 3.0), cf.Body(cf.Sphere(2.0))])
+def test_a_search_of_two_says_how_what_each_has_makes_their_zone(what):
+    path = cf.Orbit(0.0).coast(np.zeros(6), 10.0)
+    with pytest.raises(ValueError, match=r"^zone: .*make PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
+        cf.find_conflicts(path, path, what)

@@ -17,6 +17,7 @@ from closeform.scenario.formation import Goal, Shape, Start
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
+    FORCE,
     GRAVITY,
     KINDS,
     LENGTH,
@@ -259,3 +260,8 @@ def test_every_key_is_documented() -> None:
 def test_documented_example_is_a_scenario() -> None:
     page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
     assert parse(page.split("```toml\n")[1].split("```")[0]).names == ("A", "B")
+
+
+@pytest.mark.parametrize("unit", ["uN", "\u00b5N", "\u03bcN"])  # the micro sign, and the Greek letter
+def test_micronewtons_as_they_are_typed(unit):
+    assert Reader(FORCE)(f"25 {unit}") == pytest.approx(25e-6, rel=1e-15)

@@ -125,7 +125,7 @@ def test_stub_says_what_the_package_says() -> None:
 def test_names_are_where_they_are_said_to_be() -> None:
     for name, module in cf._HOMES.items():
         assert getattr(cf, name) is getattr(importlib.import_module(f"closeform.{module}"), name)
-    assert {*cf._HOMES, *cf._MODULES} <= set(dir(cf))
+    assert {*cf._HOMES, *cf._MODULES} == {name for name in dir(cf) if not name.startswith("__")}
     with pytest.raises(AttributeError, match="has no attribute 'colide'"):
         _ = cf.colide
 

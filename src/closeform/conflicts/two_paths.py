@@ -11,6 +11,8 @@ from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path
+from closeform.zones.own_zone import Body, Uncertainty
+from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 
@@ -54,6 +56,10 @@ class Approach:
 def _comparable(path: Path, other: Path, zone: Zone) -> None:
     for name, one in (("path", path), ("other", other)):
         instance(name, one, Path)
+    if isinstance(zone, PairZones | Uncertainty | Body):
+        raise ValueError(
+            "zone: expected that of the two; of what each has make PairZones.of([one, other]).between(0, 1)"
+        )
     instance("zone", zone, Zone)
     if path.orbit.mean_motion != other.orbit.mean_motion:
         raise ValueError(

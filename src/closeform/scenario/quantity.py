@@ -21,6 +21,7 @@ UNITS: dict[str, tuple[float, Dimension]] = {
     },
     **{unit: (scale, (0, 0, 1, 0)) for unit, scale in (("g", 1e-3), ("kg", 1.0), ("t", 1e3))},
     **{unit: (scale, (1, -2, 1, 0)) for unit, scale in (("uN", 1e-6), ("mN", 1e-3), ("N", 1.0), ("kN", 1e3))},
+    **dict.fromkeys(("\u00b5N", "\u03bcN"), (1e-6, (1, -2, 1, 0))),  # the micro sign and the Greek letter
     **{
         unit: (scale, (0, 0, 0, 1))
         for unit, scale in (
@@ -163,7 +164,7 @@ def unit_of(text: str) -> tuple[float, Dimension]:
     """Scale and dimension of a unit like "km^3/s^2"; scale 0 if there is no such unit."""
     scale, powers = 1.0, [0, 0, 0, 0]
     for place, factor in enumerate(text.split("/")):
-        match = re.fullmatch(r"([A-Za-z%]+)(?:\^([1-9]))?", factor)
+        match = re.fullmatch(r"([^\W\d_]+|%)(?:\^([1-9]))?", factor)
         if match is None or match[1] not in UNITS:
             return 0.0, NONE
         power = int(match[2] or 1) * (1 if place == 0 else -1)
