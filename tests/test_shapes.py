@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import linprog, minimize_scalar
@@ -81,8 +81,10 @@ def test_every_norm_is_convex_and_grows_with_its_argument(shape, a, b, factor):
 @settings(deadline=None, max_examples=200)
 @given(half_spaces(), directions)
 def test_support_of_half_spaces_is_that_of_a_linear_program(made, direction):
-    zone, normals, offsets = made
-    unit = direction / np.linalg.norm(direction)
+    # the program drops coefficients below 1e-9 and decides to 1e-7: numbers as small are drawn by nobody here
+    normals, direction, offsets = np.round(made[1], 3), np.round(direction, 3), made[2]
+    assume(direction.any() and normals.any(axis=1).all())
+    zone, unit = cf.HalfSpaces(normals, offsets), direction / np.linalg.norm(direction)
     rows = normals / np.linalg.norm(normals, axis=1)[:, None]
 
     def programmed(way):
@@ -91,8 +93,6 @@ def test_support_of_half_spaces_is_that_of_a_linear_program(made, direction):
         return np.inf if solved.status in (2, 3) else -solved.fun
 
     found, wanted = float(zone.support(unit)), programmed(unit)
-    if np.isinf(found) and np.isfinite(wanted):  # the program takes what is off a face by 1e-7 for the face
-        wanted = max(programmed(unit + off) for off in 1e-6 * np.concatenate([np.eye(3), -np.eye(3)]))
     far = 1e4 * offsets.max()  # where faces are as good as parallel either says that there is no end
     assert found == pytest.approx(wanted, rel=1e-6) or min(found, wanted) > far
 
