@@ -26,7 +26,7 @@ from closeform.campaign.draws import uniform
 from closeform.campaign.shares import estimate
 from closeform.cli import main
 from closeform.console import WIDTH
-from closeform.report.study import by_detection
+from closeform.report.cases import by_detection
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gather import gather
 from closeform.search.locks import lock_times

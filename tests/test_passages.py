@@ -70,3 +70,9 @@ def test_no_passage_costs_more_than_the_best_that_was_recorded(group):
         edged = any(zone.shape == CUBE for zone in passage.zones)
         assert shares[-1] <= (1.01 if edged else 1.001), passage.name
     assert np.mean(shares) <= 1 + ENDS
+
+
+@pytest.mark.parametrize("budget", [1, 2, 5])
+def test_a_budget_is_kept_where_no_candidate_ends_at_an_optimum(budget):
+    task = crowds()[6]
+    assert cf.reconfigure(**task.arguments, budget=budget, if_blocked=()).tried <= budget

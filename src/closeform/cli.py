@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -17,22 +17,16 @@ from closeform.console import (
     open_output,
     progress,
     say,
-    show,
     stderr,
     stdout,
     tell_run,
+    tell_screen,
     tell_study,
 )
-
-if TYPE_CHECKING:
-    from closeform.scenario import Scenario
+from closeform.given import UsageError, one_case, read
 
 CLEAR, BAD_INPUT = 0, 2
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
-
-
-class UsageError(ValueError):
-    """An argument that does not fit; one line with the remedy."""
 
 
 def installed() -> str:
@@ -225,8 +219,7 @@ def screen(
     from closeform.conflicts.flight import watch
     from closeform.exchange.oem import common_frame, read_oem
     from closeform.motion.orbit import Orbit
-    from closeform.report.conflicts import approaches, between_samples, listed, zones
-    from closeform.verdict import Verdict, conflicts_in
+    from closeform.report.screening import ScreenReport
     from closeform.zones.pair_zones import PairZones
 
     try:
@@ -234,23 +227,9 @@ def screen(
     except (ValueError, ImportError) as error:
         raise UsageError(str(error)) from None
     paths = Orbit(frame.mean_motion).sampled(frame.times, frame.states)
-    flight = watch(paths, frame.names, PairZones.of([zone] * len(files)))
-    console = stdout()
-    say(
-        console,
-        f"{len(files)} craft, {len(frame.times)} common epochs from {frame.epoch} {frame.time_system}, "
-        f"{frame.times[-1] - frame.times[0]:.1f} s",
-        f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
-        f"on a circle of {frame.radius / 1e3:.3f} km",
-        *between_samples(flight),
-    )
-    lines, tables = listed("Conflicts", flight)
-    say(console, *zones(flight), *lines)
-    for table in (*tables, *approaches("Closest approaches", flight)):
-        show(console, table)
-    found = Verdict(None, *conflicts_in([flight]), exceeded=None, searched=False)
-    say(console, "", str(found))
-    return found.status
+    report = ScreenReport(frame, watch(paths, frame.names, PairZones.of([zone] * len(files))))
+    tell_screen(report)
+    return report.verdict.status
 
 
 @app.command(sort_key=3)
@@ -343,39 +322,3 @@ def kept(place: Path) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"results in {place}") from None
-
-
-def read(file: Path) -> "Scenario | None":
-    """The scenario, or None after saying everything that is wrong with it."""
-    from closeform.scenario import ScenarioError, parse, text_of
-    from closeform.warmup import compile_for
-
-    try:
-        text = text_of(file)
-        compile_for(text)
-        return parse(text, str(file))
-    except ScenarioError as error:
-        complain(*error.lines)
-        return None
-
-
-def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
-    """The scenario with the states of one case of its study, or as it is where none was asked for.
-
-    None after saying why there is no such case, or why it cannot be flown.
-    """
-    if case is not None:
-        from closeform.campaign import case_of
-        from closeform.scenario import ScenarioError
-
-        try:
-            return case_of(scenario, case)
-        except ScenarioError as error:
-            complain(*error.lines)
-            return None
-        except ValueError as error:
-            raise UsageError(f"--case: {error}") from None
-    if lines := scenario.refused("run"):
-        complain(*(f"{scenario.file}: {line}" for line in lines))
-        return None
-    return scenario

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from closeform.report.run import RunReport
+    from closeform.report.screening import ScreenReport
     from closeform.report.study import StudyReport
     from closeform.report.table import Table
 
@@ -139,6 +140,15 @@ def tell_run(report: "RunReport", place: Path) -> None:
         say(console, str(mission.verdict))
         end = ""
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
+
+
+def tell_screen(report: "ScreenReport") -> None:
+    """Print what a screening found."""
+    console = stdout()
+    say(console, *report.opening, *report.lines)
+    for table in report.tables:
+        show(console, table)
+    say(console, "", str(report.verdict))
 
 
 def tell_study(report: "StudyReport", place: Path) -> None:

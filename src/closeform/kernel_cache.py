@@ -37,7 +37,7 @@ def folder() -> Path:
     return user_cache_path("closeform") / "kernels"
 
 
-class KernelCache(NullCache):  # type: ignore[misc]
+class KernelCache(NullCache):
     """The compiled form of one entry point, kept where numba's own cache would be too careful.
 
     numba notices an edited kernel, but not an edited part that it was compiled with; and it asks

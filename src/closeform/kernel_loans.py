@@ -27,7 +27,7 @@ def _borrowed(typing: Any, array: Any) -> Any:
     return array(array), generate
 
 
-class Lent(types.Type):  # type: ignore[misc]
+class Lent(types.Type):
     """A reference to a named tuple of arrays, which are read from it by name, not counted."""
 
     def __init__(self, of: Any) -> None:
@@ -41,7 +41,7 @@ class Lent(types.Type):  # type: ignore[misc]
 
 
 @register_model(Lent)
-class LentModel(models.PrimitiveModel):  # type: ignore[misc]
+class LentModel(models.PrimitiveModel):
     """In machine code: a pointer."""
 
     def __init__(self, manager: Any, lent: Lent) -> None:
@@ -49,7 +49,7 @@ class LentModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 @infer_getattr
-class LentFields(AttributeTemplate):  # type: ignore[misc]
+class LentFields(AttributeTemplate):
     """The fields of the tuple."""
 
     key = Lent
@@ -59,7 +59,7 @@ class LentFields(AttributeTemplate):  # type: ignore[misc]
         return lent.of.types[lent.of.fields.index(name)] if name in lent.of.fields else None
 
 
-@lower_getattr_generic(Lent)  # type: ignore[untyped-decorator]
+@lower_getattr_generic(Lent)
 def read_field(context: Any, builder: Any, lent: Lent, pointer: Any, name: str) -> Any:
     """Load one field."""
     place = lent.of.fields.index(name)

@@ -8,7 +8,7 @@ from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.typed_passes import IRLegalization
 
 
-class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
+class PartLibrary(JITCodeLibrary):
     """Code that is linked into its callers, which LLVM optimises and turns into machine code there.
 
     numba would do both for each part too, with all that it calls in turn: a quarter of the time
@@ -32,7 +32,7 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 @register_pass(mutates_CFG=False, analysis_only=True)
-class LinkOnly(AnalysisPass):  # type: ignore[misc]
+class LinkOnly(AnalysisPass):
     """Gives a part its library before it is lowered."""
 
     _name = "closeform_link_only"
@@ -46,7 +46,7 @@ class LinkOnly(AnalysisPass):  # type: ignore[misc]
         return False
 
 
-class PartCompiler(CompilerBase):  # type: ignore[misc]
+class PartCompiler(CompilerBase):
     """numba's compiler, up to what callers link."""
 
     def define_pipelines(self) -> list[Any]:

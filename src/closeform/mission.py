@@ -133,7 +133,7 @@ def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
 
 def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     """One craft moves; the others coast or fly their own transfers and do not give way."""
-    from closeform.planning.avoid import avoid_by
+    from closeform.planning.avoid import Around
     from closeform.planning.plan import weakness
 
     names, asked = start.scenario.names, stage.within.on(start.orbit.mean_motion)
@@ -159,15 +159,14 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         return start.transfer(stage.to, mover, factor * asked)
 
     craft, zones, direct = start.scenario.craft[mover], start.scenario.zones_around(stage.craft), way(1.0)
-    avoidance = avoid_by(
-        lambda factor: way(factor) if factor != 1.0 else direct,
-        [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest],
-        zones,
-        stage.method,
-        max_acceleration=craft.max_acceleration if craft.max_thrust is not None else None,
-        longer=stage.longer,
-        names=rest,
-    )
+    others = [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest]
+    task = Around.of(start.orbit, others, zones, stage.method, None, rest)
+    if craft.max_thrust is None:
+        avoidance = task.plan(direct)
+    else:
+        avoidance = task.keep(
+            craft.max_acceleration, lambda factor: way(factor) if factor != 1.0 else direct, stage.longer
+        )
     if avoidance.weak is not None:
         avoidance = replace(avoidance, reason=weakness(avoidance.weak, craft.name, craft.mass))
     before = flight(direct)

@@ -11,7 +11,7 @@ def import_numba() -> None:
     """
     if "scipy.linalg" in sys.modules:
         return
-    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # as Python marks what is not to load
     try:
         import numba  # noqa: F401
     finally:

@@ -9,7 +9,7 @@ import numpy as np
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
-from closeform.zones.pair_zones import NONE, PairZones, enlarged, portions
+from closeform.zones.pair_zones import NONE, PairZones, by_zone, enlarged, portions
 from closeform.zones.zone import Zone
 
 ALL_PAIRS = 100_000  # of which every closest approach is looked for: 447 craft
@@ -84,14 +84,13 @@ def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
 
     A screening finds them, with zones so large that so many are in conflict.
     """
-    factor = guess(paths, zones)
-    found = screen(paths, enlarged(zones, factor)).pairs
-    while len(pairs := np.unique(found, axis=0)) < CLOSEST and factor < HUGE:
+    factor, pairs = 0.5 * guess(paths, zones), np.empty((0, 2), dtype=np.int64)
+    while len(pairs) < CLOSEST and factor < HUGE:
         factor *= 2.0
-        found = screen(paths, enlarged(zones, factor)).pairs
-    which = zones.which(*pairs.T)
-    for k in np.unique(which):
-        yield zones.zones[k], *np.ascontiguousarray(pairs[which == k].T)
+        pairs = np.unique(screen(paths, enlarged(zones, factor)).pairs, axis=0)
+    first, second = pairs.T
+    for k, some in by_zone(zones.which(first, second)):
+        yield zones.zones[k], first[some], second[some]
 
 
 def guess(paths: Path, zones: PairZones) -> float:
@@ -102,8 +101,8 @@ def guess(paths: Path, zones: PairZones) -> float:
     first, second = np.sort(np.random.default_rng(0).integers(len(paths), size=(2, SAMPLED)), axis=0)
     which = np.where(first < second, zones.which(first, second), NONE)
     near = [
-        closest_approach(paths[first[which == k]], paths[second[which == k]], zones.zones[k]).ratio
-        for k in np.unique(which[which != NONE])
+        closest_approach(paths[first[some]], paths[second[some]], zones.zones[k]).ratio
+        for k, some in by_zone(which)
     ]
     ratios = np.sort(np.concatenate(near))
     share = CLOSEST / zones.pairs * len(ratios) / FEW

@@ -6,12 +6,10 @@ Files hold km and km/s; here all is in m and m/s.  Reading and writing need the 
 
 import io
 import re
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from datetime import UTC, date, datetime, timedelta
-from importlib import import_module
+from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -19,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, instance, number, numbers, sequence
+from closeform.exchange.epochs import EpochError, imported, scale_of, seconds_of
 from closeform.motion.elements import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.motion.frames import AlongTrack, relative_from_inertial
 
@@ -26,12 +25,7 @@ from closeform.motion.frames import AlongTrack, relative_from_inertial
 # and TEME follow its pole: below 1e-11 rad/s, nothing beside a mean motion.
 INERTIAL = ("EME2000", "GCRF", "ICRF", "J2000", "MCI", "MOD", "TEME", "TOD")
 
-# Scales in which astropy counts seconds; GPS time runs at TAI's rate, a constant 19 s behind.
-SCALES = {"GPS": "tai"} | {name.upper(): name for name in ("tai", "tcb", "tcg", "tdb", "tt", "ut1", "utc")}
-
 REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
-
-EPOCH = re.compile(r"(\d{4})-(?:(\d{3})|(\d\d-\d\d))T(\d\d:\d\d:\d\d(?:\.\d*)?)Z?")
 
 SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
 
@@ -125,8 +119,8 @@ def write_oem(
     instance("ephemeris", ephemeris, Ephemeris)
     instance("originator", originator, str)
     comments = sequence("comments", comments, str)
-    time = _imported("astropy.time")
-    start = time.Time(ephemeris.epoch, scale=_scale(ephemeris.time_system))
+    time = imported("astropy.time")
+    start = time.Time(ephemeris.epoch, scale=scale_of(ephemeris.time_system))
     epochs = start + time.TimeDelta(ephemeris.times, format="sec")
     epochs.precision = 9
     stamps = [re.sub(r"\.?0+$", "", stamp) for stamp in epochs.isot]
@@ -171,7 +165,7 @@ def common_frame(
         raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
     _comparable(ephemerides)
     chief = ephemerides[0]
-    offsets = _seconds([each.epoch for each in ephemerides], chief.time_system)
+    offsets = seconds_of([each.epoch for each in ephemerides], chief.time_system)
     shared = np.ones(len(chief.times), dtype=bool)
     nearest = []
     for each, offset in zip(ephemerides, offsets, strict=True):
@@ -237,7 +231,7 @@ def _named(file: str | PathLike[str]) -> Iterator[None]:
 
 def _segment(text: str) -> tuple[dict[str, str], list[tuple[Any, ...]]]:
     """Metadata and rows (epoch, x, y, z, vx, vy, vz, ...) of the only segment."""
-    parsers = _imported("oem.parsers")
+    parsers = imported("oem.parsers")
     if not text.strip():
         raise ValueError("empty file; give an OEM in key-value or XML form")
     xml = text.lstrip().startswith("<")
@@ -264,8 +258,8 @@ def _ephemeris(text: str, header: dict[str, str], rows: list[tuple[Any, ...]]) -
     stamps = [row[0] for row in rows]
     limits = [header.get("USEABLE_" + key) or header[key] for key in ("START_TIME", "STOP_TIME")]
     try:
-        seconds = _seconds([*limits, *stamps], system)
-    except _EpochError as error:
+        seconds = seconds_of([*limits, *stamps], system)
+    except EpochError as error:
         raise ValueError(f"{_line(text, error.index - 2)}: {error}") from None
     (start, stop), times = seconds[:2], seconds[2:]
     states = np.array([row[1:7] for row in rows]) * 1e3
@@ -306,54 +300,3 @@ def _line(text: str, row: int) -> str:
         return "time limits" if row < 0 else f"state {row + 1}"
     below = range(lines.index("META_STOP") + 1, len(lines))
     return f"line {[k for k in below if lines[k] and not lines[k].startswith('COMMENT')][row] + 1}"
-
-
-class _EpochError(ValueError):
-    def __init__(self, index: int, stamp: str) -> None:
-        super().__init__(f"'{stamp}' is no epoch; write it as 2010-07-27T00:00:00")
-        self.index = index
-
-
-def _seconds(stamps: Sequence[str], system: str) -> Floats:
-    """Seconds of ISO epochs after the first of them; leap seconds are counted."""
-    scale = _scale(system)
-    iso = []
-    for index, stamp in enumerate(stamps):
-        try:
-            iso.append(_calendar(stamp.strip()))
-        except ValueError:
-            raise _EpochError(index, stamp) from None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # "dubious year": UTC after the last known leap second
-        epochs = _imported("astropy.time").Time(iso, format="isot", scale=scale)
-        return np.asarray((epochs - epochs[0]).to_value("s"), dtype=float).round(10)  # as written: 20.0
-
-
-def _calendar(stamp: str) -> str:
-    """A CCSDS epoch, with month and day or day of year, as calendar date and clock."""
-    match = EPOCH.fullmatch(stamp)
-    if match is None:
-        raise ValueError
-    year, day_of_year, month_day, clock = match.groups()
-    if day_of_year:
-        day = date(int(year), 1, 1) + timedelta(int(day_of_year) - 1)
-    else:
-        day = date.fromisoformat(f"{year}-{month_day}")
-    hour, minute, second = (float(part) for part in clock.split(":"))
-    if day.year != int(year) or hour > 23 or minute > 59 or second >= 61:  # 60: a leap second
-        raise ValueError
-    return f"{day}T{clock}"
-
-
-def _scale(system: str) -> str:
-    if system.upper() not in SCALES:
-        raise ValueError(f"TIME_SYSTEM {system} is not supported; use one of {', '.join(sorted(SCALES))}")
-    return SCALES[system.upper()]
-
-
-def _imported(module: str) -> Any:
-    try:
-        return import_module(module)
-    except ImportError:
-        package = module.partition(".")[0]
-        raise ImportError(f"{package} is not installed; run: pip install 'closeform[ephemeris]'") from None

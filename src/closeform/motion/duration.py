@@ -10,7 +10,7 @@ SHORTEST = 1e-12  # [s]
 # Ten times as many: work turn by turn (delta-v, conflicts) takes minutes in which no key stops
 # it.  Far more, and the phase of an orbit has no digits left.
 MOST_ORBITS = 1e6
-LONGER = 1e6
+LONGER = 1e6  # times a move, for which those that coast are looked at: sixteen doublings end before
 
 
 def far_beyond(duration: float, mean_motion: float) -> float:

@@ -3,17 +3,18 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
-from closeform.arrays import Floats, instance, number, numbers, shown, whole
+from closeform.arrays import Floats, instance, numbers, shown
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, stack
 from closeform.planning.limits import FULL, LARGEST_STEP, REACH, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Avoidance, Status, TooWeak, weakness
-from closeform.planning.planner import outcome, solve
+from closeform.planning.planner import check_effort, outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
@@ -72,66 +73,49 @@ def avoid(
     def way(factor: float) -> Path:
         return path if factor == 1.0 else transfer(path, factor)
 
-    return avoid_by(
-        way,
-        obstacles,
-        zone,
-        method,
-        max_acceleration=max_acceleration,
-        longer=longer,
-        budget=budget,
-        prove=prove,
-        names=names,
-    )
-
-
-def avoid_by(
-    direct: Callable[[float], Path],
-    obstacles: Path | Sequence[Path],
-    zone: OwnZone | Sequence[OwnZone] | PairZones,
-    method: Literal["exact", "sauter-palmer"] = "exact",
-    *,
-    max_acceleration: float | None = None,
-    longer: bool = True,
-    budget: int | None = None,
-    prove: float = 0.0,
-    names: Sequence[str] | None = None,
-) -> Avoidance:
-    """`avoid` for a craft whose `direct` path depends on the factor by which it takes longer."""
-    path = direct(1.0)
-    if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
-        raise ValueError(f"method: 'exact' or 'sauter-palmer', not {shown(method)}")
-    if budget is not None:
-        whole("budget", budget, least=1)
-    if not number("prove", prove) >= 0.0:
-        raise ValueError(f"prove: seconds, 0 or more, got {prove}")
+    check_effort(budget, prove)
     instance("longer", longer, bool, np.bool_)
-    batch = obstacle_batch(path.orbit, obstacles)
-    if batch is None:
-        raise ValueError("obstacles: give at least one path")
-    called, zones = obstacle_names(names, len(batch)), zones_around(zone, len(batch))
-    task = Around(batch, zones, called, method, budget, max_acceleration is not None)
-    if max_acceleration is None:
-        return task.plan(path, prove)
-    limit = numbers("max_acceleration", max_acceleration)
-    if limit.shape or not limit > 0.0:
-        raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
-    return within_limit(task, direct, float(limit), longer, prove)
+    task = Around.of(path.orbit, obstacles, zone, method, budget, names)
+    return (
+        task.plan(path, prove)
+        if max_acceleration is None
+        else task.keep(max_acceleration, way, longer, prove)
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """What one craft keeps clear of, and how it plans; `fixed`: no cheaper path is taken while proving."""
+    """What one craft keeps clear of, and how it plans."""
 
     obstacles: Path
     zones: Zones
     names: tuple[str, ...]
     method: str
     budget: int | None
-    fixed: bool
 
-    def plan(self, path: Path, prove: float = 0.0) -> Avoidance:
-        """The way around for a path, or the path itself where it is clear."""
+    @classmethod
+    def of(
+        cls,
+        orbit: Orbit,
+        obstacles: Path | Sequence[Path],
+        zone: OwnZone | Sequence[OwnZone] | PairZones,
+        method: str,
+        budget: int | None,
+        names: Sequence[str] | None,
+    ) -> Self:
+        """Raises ValueError naming the argument of `avoid` that does not fit."""
+        if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
+            raise ValueError(f"method: 'exact' or 'sauter-palmer', not {shown(method)}")
+        batch = obstacle_batch(orbit, obstacles)
+        if batch is None:
+            raise ValueError("obstacles: give at least one path")
+        return cls(batch, zones_around(zone, len(batch)), obstacle_names(names, len(batch)), method, budget)
+
+    def plan(self, path: Path, prove: float = 0.0, fixed: bool = False) -> Avoidance:
+        """The way around for a path, or the path itself where it is clear.
+
+        `fixed`: no cheaper path is taken while proving.
+        """
         optimum = transfer(path)
         problem = Problem.of(stack([optimum]), self.obstacles, self.zones)
         if inside := end_inside(problem):
@@ -147,7 +131,16 @@ class Around:
             )
         if self.method == "sauter-palmer":
             return deviated(path, problem, self.names)
-        return shaped(problem, self.budget, prove, self.fixed)
+        return shaped(problem, self.budget, prove, fixed)
+
+    def keep(
+        self, max_acceleration: float, direct: Callable[[float], Path], longer: bool, prove: float = 0.0
+    ) -> Avoidance:
+        """The way around within a thrust limit; `direct` is the path that takes so many times as long."""
+        limit = numbers("max_acceleration", max_acceleration)
+        if limit.shape or not limit > 0.0:
+            raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
+        return within_limit(self, direct, float(limit), longer, prove)
 
 
 def transfer(path: Path, factor: float = 1.0) -> Path:
@@ -170,7 +163,7 @@ def within_limit(
 
     path = direct(1.0)
     for way in (path, transfer(path)):  # which is another one, of less thrust, only where `path` is clear
-        plan = task.plan(way, prove)
+        plan = task.plan(way, prove, fixed=True)
         if plan.path is None or (over := excess(plan.path)) <= FULL:
             return plan
     if not longer:
@@ -186,7 +179,7 @@ def within_limit(
     if later.found is None:
         plan = replace(plan, measures=(later.measure,))
         return too_weak(plan, direct(later.factor), later.excess, limit, "give it more")
-    found = task.plan(direct(later.factor), prove) if prove else later.found
+    found = task.plan(direct(later.factor), prove, fixed=True) if prove else later.found
     return replace(found, measures=(later.measure,))
 
 

@@ -6,7 +6,7 @@ from closeform.motion.path import Path, stack
 from closeform.planning.certify import Solution, nearer
 from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS, Search
-from closeform.planning.problem import Problem
+from closeform.planning.problem import Problem, deepest
 from closeform.zones.zone import Zone
 
 
@@ -24,7 +24,7 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     conflicts = problem.conflicts(problem.direct)
     if end_inside(problem) or not conflicts:
         return []
-    search.push_exits(*min(conflicts, key=lambda one: one[1][3]))
+    search.push_exits(*deepest(conflicts))
     found: list[Solution] = []
     for _, _, turn in sorted(search.queue):
         solution = search.solver.solve(turn.start, nearer(problem))

@@ -79,20 +79,10 @@ class Search:
             few = pairs <= FEW
             for pair, conflict in conflicts if few else ():
                 self.push_exits(pair, conflict)
-        patience = PATIENCE_FEW if few else PATIENCE_MANY
-        if self.problem.count == 1:
-            patience = PATIENCE_ONE
-        budget = next((number for most, number in BUDGETS if pairs <= most), 1)
-        if not (few or self.problem.round):
-            patience, budget = EDGED * patience, EDGED * budget
-        if self.more:
-            budget += MORE
-        if self.budget is not None:
-            budget = self.budget
-        patient = self.more or self.budget is not None
+        budget, patience = self.allowed(pairs)
         improved = self.tried
         while self.tried < budget and not self.proven:
-            if self.best is not None and self.tried - improved >= patience and not patient:
+            if self.best is not None and self.tried - improved >= patience:
                 break
             before = self.best
             if self.queue and (self.alone or self.tried % DRAWN):
@@ -109,10 +99,28 @@ class Search:
                 self.examine(Contacts.none(), shifted(self.problem, self.drawn, 1.0, FAR))
             improved = improved if self.best is before else self.tried
         if self.best is not None and not self.best.optimal:
-            self.examine(self.best.contacts, nearer(self.problem))  # rounds that were left early go on
+            self.settle(self.best)
         best = self.best or self.first
         assert best is not None  # a budget is at least one candidate
         return Found(best, self.solver.margin, self.proven, self.tried)
+
+    def allowed(self, pairs: int) -> tuple[int, float]:
+        """How many candidates are examined at most where so many touch; and without a better one."""
+        budget = next((number for most, number in BUDGETS if pairs <= most), 1)
+        patience: float = PATIENCE_FEW if pairs <= FEW else PATIENCE_MANY
+        if self.problem.count == 1:
+            patience = PATIENCE_ONE
+        if pairs > FEW and not self.problem.round:
+            budget, patience = EDGED * budget, EDGED * patience
+        if self.budget is not None:
+            return self.budget, inf
+        return (budget + MORE, inf) if self.more else (budget, patience)
+
+    def settle(self, best: Solution) -> None:
+        """Go on with the rounds of the best solution, if they were left early."""
+        last = self.solver.solve(best.contacts, nearer(self.problem), best.energy)
+        if last.clear and last.energy < best.energy:
+            self.best, self.proven = last, self.solver.proven(last)
 
     def examine(self, start: Contacts, sides: Sides) -> Solution:
         """Solve from a start; keep what is better, and rank the ways around it."""

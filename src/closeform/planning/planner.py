@@ -5,10 +5,11 @@ from math import nan
 
 import numpy as np
 
+from closeform.arrays import number, whole
 from closeform.planning.certify import LocalSolver, nearer
 from closeform.planning.passing import MARGINS, Found, Search
 from closeform.planning.plan import Contact
-from closeform.planning.problem import Flown, Problem
+from closeform.planning.problem import Flown, Problem, deepest
 from closeform.planning.scene import Contacts
 
 
@@ -45,12 +46,20 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Ou
     return replace(outcome(found), tried=sum(search.tried for search in searches))
 
 
+def check_effort(budget: int | None, prove: float) -> None:
+    """Raise ValueError for a budget below 1, or a negative time to prove."""
+    if budget is not None:
+        whole("budget", budget, least=1)
+    if not number("prove", prove) >= 0.0:
+        raise ValueError(f"prove: seconds, 0 or more, got {prove}")
+
+
 def outcome(found: Found) -> Outcome:
     """Of a search."""
     best = found.best
     if not best.clear:
         conflicts = best.problem.conflicts(best.flown)
-        blocked = min(conflicts, key=lambda one: one[1][3])[0] if conflicts else None
+        blocked = deepest(conflicts)[0] if conflicts else None
         return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
     touched = contacts_of(best.problem, best.contacts, best.flown)
     return Outcome(best.flown, touched, best.energy, found.margin, found.proven, found.tried)

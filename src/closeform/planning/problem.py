@@ -24,6 +24,7 @@ SAMPLES = 64  # of a craft's time, between which a minimum may be missed until t
 A_TURN = 16  # samples of each turn of the orbit, where that is more
 
 Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
+PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end, time, ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +219,7 @@ class Problem:
         zone = self.zones[self.kinds[contact.which[0]]]
         return float(scaled_norm(zone, self.motions(flown, contact)[0, 0]))
 
-    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[tuple[tuple[int, int], Floats]]:
+    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
         """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
 
         Certified, see `find_conflicts`.
@@ -229,3 +230,8 @@ class Problem:
             table = search_pairs(*flown, *flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found
+
+
+def deepest(conflicts: Iterable[PairRow]) -> PairRow:
+    """The conflict of least ratio."""
+    return min(conflicts, key=lambda one: one[1][3])

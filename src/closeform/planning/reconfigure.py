@@ -8,14 +8,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import instance, number, sequence, shown, whole
+from closeform.arrays import instance, sequence, shown
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
 from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Plan, Status
-from closeform.planning.planner import Outcome, joined, outcome, solve
+from closeform.planning.planner import Outcome, check_effort, joined, outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
@@ -89,10 +89,7 @@ def reconfigure(
         order = sequence("order", order, int, np.integer)
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):
         raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {order}")
-    if budget is not None:
-        whole("budget", budget, least=1)
-    if not number("prove", prove) >= 0.0:
-        raise ValueError(f"prove: seconds, 0 or more, got {prove}")
+    check_effort(budget, prove)
     attempt = _attempts(method, range(count) if order is None else order, budget)
     if not assign:
         return _bounded(*_followed(request, attempt(request, False), attempt, if_blocked), prove)

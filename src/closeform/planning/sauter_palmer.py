@@ -12,7 +12,7 @@ from closeform.motion.elements import state_from_palmer
 from closeform.motion.path import Path, join
 from closeform.planning.passing import MARGINS
 from closeform.planning.plan import Avoidance, Contact, Status
-from closeform.planning.problem import Problem
+from closeform.planning.problem import Problem, deepest
 from closeform.planning.sides import exit_normals
 
 LEGS = 12  # at most, of one path
@@ -121,7 +121,7 @@ def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
         return Avoidance(None, nan, nan, nan, optimum.energy, (), Status.NOT_FOUND, f"{why}; use 'exact'")
 
     while conflicts := problem.conflicts(problem.with_path(legs)):
-        pair, (_, _, time, _) = min(conflicts, key=lambda one: one[1][3])
+        pair, (_, _, time, _) = deepest(conflicts)
         obstacle = names[pair[1] - 1]
         k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
         leg = _alone(legs, k)

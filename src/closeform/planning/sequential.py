@@ -17,7 +17,7 @@ from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS
 from closeform.planning.plan import Contact
 from closeform.planning.planner import Outcome, solve
-from closeform.planning.problem import Problem
+from closeform.planning.problem import Problem, deepest
 
 
 def one_by_one(
@@ -52,14 +52,14 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
             found = solve(alone, budget) if held is None else None
             tried += found.tried if found is not None else 0
             if found is None or found.flown is None:
-                deepest = min(conflicts, key=lambda one: one[1][3])[0]
-                return _blocked(tried, (k, others[deepest[1] - 1]))
+                _, other = deepest(conflicts)[0]
+                return _blocked(tried, (k, others[other - 1]))
             path, extra, margin = alone.path(found.flown)[0], extra + found.extra, max(margin, found.margin)
             contacts += [replace(c, first=k, second=others[c.second - 1]) for c in found.contacts]
         published[k] = _spanned(path, bodies[k])
     flown = problem.with_path(*(published[k] for k in range(problem.count)))
     if conflicts := problem.conflicts(flown):  # a craft that coasts cannot give way to those before it
-        (i, j), _ = min(conflicts, key=lambda one: one[1][3])
+        (i, j), _ = deepest(conflicts)
         late = max(i, j, key=lambda k: order.index(k) if k < problem.count else -1)
         return _blocked(tried, (late, i + j - late))
     in_time = tuple(sorted(contacts, key=lambda one: one.time))

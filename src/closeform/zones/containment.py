@@ -4,10 +4,9 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.zones.shapes import BALL, CYLINDER, FACES
-from closeform.zones.zone import Zone
+from closeform.zones.zone import LEADING, Zone
 
 ROUNDING = 1e-9
-LEADING = {BALL: 3, CYLINDER: 2}  # axes of the round part of a shape; the rest is flat
 
 
 def containing_zone(*zones: Zone) -> Zone | None:

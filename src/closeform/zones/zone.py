@@ -16,6 +16,7 @@ from closeform.arrays import Floats, numbers
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+LEADING = {BALL: 3, CYLINDER: 2}  # axes of the round part of a shape; the rest is flat
 CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # how far the farthest point of a unit shape is
 ROUNDING = 1e-14  # relative: what is left of a direction that faces make up
 SAME = 1e-12  # relative: normals that differ by less span nothing
@@ -215,7 +216,7 @@ def scaled_norm(zone: Zone, q: Floats) -> Any:
     """Norm of positions (..., 3) in zone coordinates, the zone's matrix times those in m."""
     if zone.shape == FACES:
         return (q @ zone.faces.T).max(axis=-1)
-    rounded = {BALL: 3, CYLINDER: 2}.get(zone.shape, 0)
+    rounded = LEADING.get(zone.shape, 0)
     flat = np.abs(q[..., rounded:]).max(axis=-1, initial=0.0)
     if not rounded:
         return flat

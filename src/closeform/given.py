@@ -1,0 +1,49 @@
+"""What a command is given: scenario files, one case of a study; and what is said where it does not fit."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from closeform.console import complain
+
+if TYPE_CHECKING:
+    from closeform.scenario import Scenario
+
+
+class UsageError(ValueError):
+    """An argument that does not fit; one line with the remedy."""
+
+
+def read(file: Path) -> "Scenario | None":
+    """The scenario, or None after saying everything that is wrong with it."""
+    from closeform.scenario import ScenarioError, parse, text_of
+    from closeform.warmup import compile_for
+
+    try:
+        text = text_of(file)
+        compile_for(text)
+        return parse(text, str(file))
+    except ScenarioError as error:
+        complain(*error.lines)
+        return None
+
+
+def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
+    """The scenario with the states of one case of its study, or as it is where none was asked for.
+
+    None after saying why there is no such case, or why it cannot be flown.
+    """
+    if case is not None:
+        from closeform.campaign import case_of
+        from closeform.scenario import ScenarioError
+
+        try:
+            return case_of(scenario, case)
+        except ScenarioError as error:
+            complain(*error.lines)
+            return None
+        except ValueError as error:
+            raise UsageError(f"--case: {error}") from None
+    if lines := scenario.refused("run"):
+        complain(*(f"{scenario.file}: {line}" for line in lines))
+        return None
+    return scenario
