@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 
-from closeform.exchange import oem
-from closeform.exchange.oem import Ephemeris, common_frame, read_oem, write_oem
-from closeform.motion.elements import elements_from_inertial, inertial_from_elements
+from closeform.exchange.common_frame import common_frame
+from closeform.exchange.ephemeris import Ephemeris
+from closeform.exchange.oem import read_oem, write_oem
+from closeform.motion.elements import EARTH_MU, elements_from_inertial, inertial_from_elements
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 
@@ -248,7 +249,7 @@ def test_common_frame_of_a_craft_ahead(along_track):
     assert not frame.states[0].any()
     assert frame.names == ("CHIEF", "DEPUTY")
     assert frame.radius == pytest.approx(7e6, rel=1e-12)
-    assert frame.mean_motion == pytest.approx(np.sqrt(oem.EARTH_MU / 7e6**3), rel=1e-12)
+    assert frame.mean_motion == pytest.approx(np.sqrt(EARTH_MU / 7e6**3), rel=1e-12)
     assert frame.epoch == chief.epoch
     assert frame.time_system == chief.time_system
 

@@ -30,7 +30,8 @@ from closeform.scenario.quantity import (
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
 from closeform.zones.containment import containing_zone, greatest_norm
-from closeform.zones.zone import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere, Zone
+from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
+from closeform.zones.zone import Zone
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

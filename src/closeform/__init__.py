@@ -7,7 +7,8 @@ from typing import Any
 _NAMES = {
     "motion.orbit": "Orbit",
     "motion.path": "Path join stack",
-    "zones.zone": "Zone Box Ellipsoid Sphere Cylinder HalfSpaces",
+    "zones.zone": "Zone",
+    "zones.solids": "Box Ellipsoid Sphere Cylinder HalfSpaces",
     "zones.own_zone": "Uncertainty Body",
     "zones.pair_zones": "PairZones",
     "conflicts.two_paths": (
@@ -35,7 +36,9 @@ _NAMES = {
     "search.gather_result": "Event EventKind GatherStatus Gathering Gatherings",
     "search.gather": "gather gather_cases",
     "campaign": "study",
-    "exchange.oem": "Ephemeris CommonFrame read_oem write_oem common_frame",
+    "exchange.ephemeris": "Ephemeris",
+    "exchange.oem": "read_oem write_oem",
+    "exchange.common_frame": "CommonFrame common_frame",
 }
 _MODULES = {"plots": "plots", "targets": "planning.targets"}
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}

@@ -13,13 +13,9 @@ from closeform.planning.plan import (
 from closeform.planning.reconfigure import reconfigure as reconfigure
 from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study
-from closeform.exchange.oem import (
-    CommonFrame as CommonFrame,
-    Ephemeris as Ephemeris,
-    common_frame as common_frame,
-    read_oem as read_oem,
-    write_oem as write_oem,
-)
+from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
+from closeform.exchange.ephemeris import Ephemeris as Ephemeris
+from closeform.exchange.oem import read_oem as read_oem, write_oem as write_oem
 from closeform.conflicts.two_paths import (
     Approach as Approach,
     Conflict as Conflict,
@@ -85,11 +81,11 @@ from closeform.search.theorem import (
 from closeform.zones.own_zone import Body as Body
 from closeform.zones.own_zone import Uncertainty as Uncertainty
 from closeform.zones.pair_zones import PairZones as PairZones
-from closeform.zones.zone import (
+from closeform.zones.solids import (
     Box as Box,
     Cylinder as Cylinder,
     Ellipsoid as Ellipsoid,
     HalfSpaces as HalfSpaces,
     Sphere as Sphere,
-    Zone as Zone,
 )
+from closeform.zones.zone import Zone as Zone

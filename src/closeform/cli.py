@@ -217,7 +217,8 @@ def screen(
     if missing := next((file for file in files if not os.path.exists(file)), None):
         raise UsageError(f"{missing}: no such file; check the path")
     from closeform.conflicts.flight import watch
-    from closeform.exchange.oem import common_frame, read_oem
+    from closeform.exchange.common_frame import common_frame
+    from closeform.exchange.oem import read_oem
     from closeform.motion.orbit import Orbit
     from closeform.report.screening import ScreenReport
     from closeform.zones.pair_zones import PairZones

@@ -25,11 +25,18 @@ LONG = 5_000_000  # pairs from which on a progress bar is shown
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """Conflicts among N paths, one row for each stay in the zone, sorted by pair, then start.
+    """Conflicts among N paths, one row for each stay in a zone, sorted by pair, then start.
 
-    `pairs` (M, 2) with i < j, but for one zone that is not symmetric: then the first is within the
-    zone around the second; `start`, `end`, `time` of the least norm (M,) [s]; `ratio` (M,) the
-    least norm.
+    Attributes
+    ----------
+    pairs : array of int of shape (M, 2)
+        i < j, but for one zone that is not symmetric: then the first is within the zone around the second.
+    start, end : array of shape (M,) [s]
+        When each stay begins and ends, or the edge of the common time.
+    time : array of shape (M,) [s]
+        When the norm is least.
+    ratio : array of shape (M,), no unit
+        The least norm, below 1.
     """
 
     pairs: Any
@@ -43,7 +50,7 @@ class Screening:
 
     @property
     def conflicts(self) -> tuple[PairConflict, ...]:
-        """The same rows one by one."""
+        """The same rows one by one, by index."""
         values = np.column_stack([self.start, self.end, self.time, self.ratio]).tolist()
         return tuple(
             PairConflict(*value, *pair) for value, pair in zip(values, self.pairs.tolist(), strict=True)
@@ -94,19 +101,38 @@ def search_pairs(
 
 
 def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None] | PairZones) -> Screening:
-    """Every stay in the `zone` among all pairs of `paths`: a Path of shape (N,) or N paths.
+    """Every stay in a zone among all pairs of many paths, on all cores.
 
-    One zone, `Uncertainty` or `Body` is every craft's own, a list has one for each (None: none of its
-    own), and `PairZones` tells who keeps which zone with whom: of two regions the larger, covariances
-    and bodies added.  One region that is not symmetric is searched for both ways.  The search of
-    `find_conflicts`, certified as there, on all cores; most pairs are excluded by bounds on what each
-    craft does between common times (theory 23), whatever their paths.  Half a million pairs take a
-    tenth of a second on two cores and some megabytes.  A progress bar goes to standard error from five
-    million pairs on, where that is a terminal.  Paths through samples are searched as
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), or N of single craft, in one orbit; times may differ.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+        One is every craft's own, a sequence has one for each (None: none of its own).  Of two regions
+        the larger holds, covariances and bodies are added; `PairZones` tell it themselves.  One region
+        that is not symmetric is searched for both ways.
+
+    Returns
+    -------
+    Screening
+        Certified as by `find_conflicts`.
+
+    Raises
+    ------
+    ValueError
+        If `paths` are no Path of shape (N,) or in different orbits, or if `zone` is of another kind, of
+        another number of craft, or makes none for a pair.
+
+    Notes
+    -----
+    Most pairs are excluded by bounds on what each craft does between common times.  Half a million
+    pairs take a tenth of a second on two cores and some megabytes.  A progress bar goes to standard
+    error from five million pairs on, where that is a terminal.  Paths through samples are searched as
     they are: their `interpolation_error` says how far from them craft may be.
 
-    Raises ValueError for a Path that is not of shape (N,), for paths in different orbits, for the
-    zones of another number of craft, or for two of which none can be made for the pair.
+    References
+    ----------
+    docs/theory.md section 3 and docs/theory.md (23).
     """
     batch = paths if isinstance(paths, Path) else stack(paths)
     if len(batch.shape) != 1:

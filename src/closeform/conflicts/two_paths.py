@@ -18,9 +18,16 @@ from closeform.zones.zone import Zone
 
 @dataclass(frozen=True)
 class Conflict:
-    """One stay inside a zone: `start` and `end` [s], and the `time` [s] of its least `ratio`.
+    """One stay inside a zone.
 
-    The ratio is the least norm: below 1, and 0 where the two centres meet.
+    Attributes
+    ----------
+    start, end : float [s]
+        When it begins and ends, or the edge of the common time.
+    time : float [s]
+        When the norm is least.
+    ratio : float, no unit
+        The least norm: below 1, and 0 where the two centres meet.
     """
 
     start: float
@@ -31,9 +38,18 @@ class Conflict:
 
 @dataclass(frozen=True)
 class PairConflict(Conflict):
-    """A conflict of the craft `first` and `second`, given by index, or in a mission by name.
+    """A conflict, and of whom.
 
-    As in Conflict: `start`, `end` and `time` [s] of the least `ratio`.
+    Attributes
+    ----------
+    start, end : float [s]
+        When it begins and ends, or the edge of the common time.
+    time : float [s]
+        When the norm is least.
+    ratio : float, no unit
+        The least norm: below 1, and 0 where the two centres meet.
+    first, second : int or str
+        The two craft: indices, or in a mission names.
     """
 
     first: Any
@@ -42,10 +58,16 @@ class PairConflict(Conflict):
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """Closest approach: `time` [s], least norm `ratio`, and the `distance` [m] at that time.
+    """The closest approach of two paths, or of the pairs of two batches.
 
-    Floats for two craft, arrays of the broadcast shape for batches.  Paths with no common time
-    have ratio and distance inf and time nan.
+    Attributes
+    ----------
+    time : float or array of shape (...) [s]
+        When the norm is least; nan without a common time.  Arrays are of the paths' broadcast shape.
+    ratio : float or array of shape (...), no unit
+        The least norm; inf without a common time.
+    distance : float or array of shape (...) [m]
+        Between the centres at that time, which need not be the least; inf without a common time.
     """
 
     time: Any
@@ -69,19 +91,40 @@ def _comparable(path: Path, other: Path, zone: Zone) -> None:
 
 
 def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
-    """Every stay [s] of `path` inside the `zone` around `other`, in order of time.
+    """Every stay of one craft inside the zone around another, in order of time.
 
+    Parameters
+    ----------
+    path : Path
+        Of one craft.
+    other : Path
+        Of the craft that the zone is around, in the same orbit.
+    zone : Zone
+        Of the pair.
+
+    Returns
+    -------
+    tuple of Conflict
+        None without a common time; a stay that is on at its edge starts or ends there.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch (use `screen`), the orbits differ, or an argument is of another kind.
+
+    Notes
+    -----
     Certified: between two stays the norm of the relative position is above 1, with no time
     step and however short a stay is, up to rounding: of positions, about 1e-15 of the largest
     relative coordinate met; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
     a conflict, one above 1 + 4e-13 is none.  At every start and end inside the common time
     |norm - 1| <= 1e-12 where rounding allows (coordinates of some tens of zones, times whose
     last place is small against zone / speed), so times are good to 1e-6 s wherever the norm
-    changes faster than 1e-6 per second.  The least ratio is certain to 1e-9.  A conflict that is
-    on at the edge of the common time starts or ends there; without a common time there is none.
+    changes faster than 1e-6 per second.  The least ratio is certain to 1e-9.
 
-    Both paths are of one craft.  Raises ValueError for batches (use `screen`) or for paths in
-    different orbits.  Theory 3; the problem is that of SP11 section 3.
+    References
+    ----------
+    docs/theory.md section 3; the problem is that of SP11 (Sauter and Palmer 2011) section 3.
     """
     _comparable(path, other, zone)
     if path.shape or other.shape:
@@ -111,10 +154,31 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
 
 
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
-    """Least norm of `path` relative to `other` in the `zone`, over their common time.
+    """The least norm of the position of one craft relative to another, over their common time.
 
-    The ratio is certain to 1e-9 of itself: nothing closer happens between any two instants.
-    Batch shapes broadcast.  Raises ValueError for paths in different orbits or shapes that do not broadcast.
+    Parameters
+    ----------
+    path : Path
+        Of one craft, or a batch.
+    other : Path
+        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+    zone : Zone
+        Whose norm is looked at.
+
+    Returns
+    -------
+    Approach
+        Floats for two craft, arrays for batches.  The ratio is certain to 1e-9 of itself: nothing closer
+        happens between any two instants.
+
+    Raises
+    ------
+    ValueError
+        If the orbits differ, batch shapes do not broadcast, or an argument is of another kind.
+
+    References
+    ----------
+    docs/theory.md section 3, least norm.
     """
     _comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
@@ -145,14 +209,37 @@ def _drifted(path: Path, craft: Any, time: Floats) -> Any:
 
 
 def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
-    """Latest time [s] at which coasting `path` can be within the `zone` around coasting `other`.
+    """Latest time at which one coasting craft can be within the zone around another, however long they coast.
 
-    However long they coast.  SP11 eq. 15 as theory (6): drift carries them apart for good once
-    3 n |d| t exceeds |l| + 2E + the zone's along-track extent.  inf where their mean motions
-    agree (d = 0) and nothing carries them apart; -inf where they never come close radially
-    (|2d| - E above the zone's radial extent).  Shapes broadcast; times count from the later start.
+    Parameters
+    ----------
+    path : Path
+        Coasting, of one craft or a batch.
+    other : Path
+        Coasting, of the craft that the zone is around, or a batch; batch shapes broadcast.
+    zone : Zone
+        Of the pair.
 
-    Raises ValueError in deep space, for paths that thrust, or in different orbits.
+    Returns
+    -------
+    float or array of shape (...) [s]
+        inf where their mean motions agree and nothing carries them apart; -inf where they never come
+        close radially.
+
+    Raises
+    ------
+    ValueError
+        If the orbit is deep space, a path thrusts or has impulses, the orbits differ, batch shapes do
+        not broadcast, or an argument is of another kind.
+
+    Notes
+    -----
+    Drift carries them apart for good once 3 n |d| t exceeds |l| + 2E + the zone's along-track extent,
+    with t from the later start.  They never come close where |2d| - E is above its radial extent.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) eq. 15; docs/theory.md (6).
     """
     _comparable(path, other, zone)
     n = path.orbit.mean_motion

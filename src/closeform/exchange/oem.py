@@ -1,4 +1,4 @@
-"""CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B): read, write, and bring to one Hill frame.
+"""CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B): read and write.
 
 Files hold km and km/s; here all is in m and m/s.  Reading and writing need the extra `ephemeris`
 (the packages oem and astropy), which is imported when it is first used.
@@ -8,7 +8,6 @@ import io
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path as FilePath
@@ -16,77 +15,40 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats, instance, number, numbers, sequence
+from closeform.arrays import instance, sequence
+from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris, flaw_of
 from closeform.exchange.epochs import EpochError, imported, scale_of, seconds_of
-from closeform.motion.elements import EARTH_MU, mean_motion_from_semi_major_axis
-from closeform.motion.frames import AlongTrack, relative_from_inertial
-
-# Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
-# and TEME follow its pole: below 1e-11 rad/s, nothing beside a mean motion.
-INERTIAL = ("EME2000", "GCRF", "ICRF", "J2000", "MCI", "MOD", "TEME", "TOD")
 
 REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
 
-SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
-
-
-@dataclass(frozen=True, eq=False)
-class Ephemeris:
-    """States of the object `name` (`object_id`) over time, as in one segment of an OEM.
-
-    times: (T,) seconds since `epoch`, rising, T >= 2; states: (T, 6) in m and m/s in `frame`
-    about `center`.  `epoch` is the ISO time of the first state in `time_system`.  Raises
-    ValueError for wrong shapes, values that are not finite and times that do not rise.
-    """
-
-    name: str
-    object_id: str
-    center: str
-    frame: str
-    time_system: str
-    epoch: str
-    times: Floats
-    states: Floats
-
-    def __post_init__(self) -> None:
-        for field in fields(self)[:6]:
-            instance(field.name, getattr(self, field.name), str)
-        times, states = numbers("times", self.times), numbers("states", self.states)
-        if times.ndim != 1 or len(times) < 2 or states.shape != (len(times), 6):
-            got = f"got {times.shape} and {states.shape}"
-            raise ValueError(f"times, states: expected shapes (T,) and (T, 6) with T >= 2, {got}")
-        flaw = _flaw(times, states)
-        if flaw is not None:
-            raise ValueError(f"times, states: row {flaw[0]}: {flaw[1]}")
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "states", states)
-
-
-@dataclass(frozen=True, eq=False)
-class CommonFrame:
-    """Ephemerides of N objects, by `names`, in the Hill frame of the first: from `common_frame`.
-
-    times: (T,) seconds since `epoch` in `time_system`; states: (N, T, 6) in m and m/s, zero for the
-    first object; `mean_motion` [rad/s] and `radius` [m] of the circle that the chief's orbit is
-    taken for.
-    """
-
-    names: tuple[str, ...]
-    epoch: str
-    time_system: str
-    times: Floats
-    states: Floats
-    mean_motion: float
-    radius: float
-
 
 def read_oem(file: str | PathLike[str]) -> Ephemeris:
-    """The ephemeris in an OEM `file`, in key-value or XML form, with one segment: m and m/s.
+    """The ephemeris in an OEM, in key-value or XML form, with one segment.
 
     States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME are left out, as are accelerations
-    and covariances.  Raises ValueError in one line, with file and line, for a file that is absent,
-    damaged, not an OEM, of several segments, with fewer than two states, with values that are not
-    finite or epochs that do not rise; ImportError where the extra is not installed.
+    and covariances.
+
+    Parameters
+    ----------
+    file : str or path-like
+        The file, in km and km/s as the standard has it.
+
+    Returns
+    -------
+    Ephemeris
+        In m and m/s.
+
+    Raises
+    ------
+    ValueError
+        If the file is absent, damaged, not an OEM, of several segments, with fewer than two states, with
+        values that are not finite or epochs that do not rise; in one line, with file and line.
+    ImportError
+        If the extra `ephemeris` is not installed.
+
+    References
+    ----------
+    CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
     """
     instance("file", file, str, PathLike)
     try:
@@ -110,10 +72,29 @@ def write_oem(
     originator: str = "CLOSEFORM",
     comments: Sequence[str] = (),
 ) -> None:
-    """Write `ephemeris` as an OEM in key-value form, to 1e-6 m and 1e-9 m/s.
+    """Write an ephemeris as an OEM in key-value form, to 1e-6 m and 1e-9 m/s.
 
-    `originator` and `comments` go into the header.  An existing `file` is replaced.  Raises ImportError
-    where the extra is not installed.
+    Parameters
+    ----------
+    file : str or path-like
+        Where to; a file that is there is replaced.
+    ephemeris : Ephemeris
+        What to write.
+    originator : str, default "CLOSEFORM"
+        ORIGINATOR in the header.
+    comments : sequence of str, optional
+        Lines of COMMENT in the header.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of another kind, or `epoch` or `time_system` cannot be read.
+    ImportError
+        If the extra `ephemeris` is not installed.
+
+    References
+    ----------
+    CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
     """
     instance("file", file, str, PathLike)
     instance("ephemeris", ephemeris, Ephemeris)
@@ -145,79 +126,6 @@ def write_oem(
         position = " ".join(f"{value:17.9f}" for value in state[:3])
         lines.append(f"{stamp} {position} " + " ".join(f"{value:16.12f}" for value in state[3:]))
     FilePath(file).write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def common_frame(
-    ephemerides: Sequence[Ephemeris], along_track: AlongTrack = "arc", mu: float = EARTH_MU
-) -> CommonFrame:
-    """The motion of `ephemerides` in the Hill frame of the first, at the epochs that all share.
-
-    along_track: as in `relative_from_inertial`; with "arc", arcs are measured on the circle of
-    `radius`.  That is the mean over the common epochs of the chief's osculating semi-major axis,
-    and `mean_motion` belongs to it by Kepler's third law with `mu` [m^3/s^2].  No state is
-    interpolated.
-
-    Raises ValueError, naming the objects, for fewer than two, equal names, different centres,
-    frames or time systems, a frame that turns with the Earth, and fewer than two common epochs.
-    """
-    ephemerides = tuple(sequence("ephemerides", ephemerides, Ephemeris))
-    if not (number("mu", mu) > 0.0 and np.isfinite(mu)):
-        raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
-    _comparable(ephemerides)
-    chief = ephemerides[0]
-    offsets = seconds_of([each.epoch for each in ephemerides], chief.time_system)
-    shared = np.ones(len(chief.times), dtype=bool)
-    nearest = []
-    for each, offset in zip(ephemerides, offsets, strict=True):
-        times = each.times + offset
-        after = np.clip(np.searchsorted(times, chief.times), 1, len(times) - 1)
-        index = after - (chief.times - times[after - 1] < times[after] - chief.times)
-        shared &= np.abs(times[index] - chief.times) <= SAME_EPOCH
-        nearest.append(index)
-    if shared.sum() < 2:
-        names = ", ".join(each.name for each in ephemerides)
-        raise ValueError(f"{names}: fewer than two common epochs; sample them at the same times")
-    pairs = zip(ephemerides, nearest, strict=True)
-    inertial = np.stack([each.states[index[shared]] for each, index in pairs])
-    speed_squared = (inertial[0, :, 3:] ** 2).sum(-1)
-    inverse = 2.0 / np.linalg.norm(inertial[0, :, :3], axis=-1) - speed_squared / mu
-    if not (inverse > 0.0).all():
-        raise ValueError(f"{chief.name}: not on a closed orbit about {chief.center} with mu = {mu:g} m^3/s^2")
-    radius = float((1.0 / inverse).mean())
-    circle = radius if along_track == "arc" else None
-    states = relative_from_inertial(inertial[0], inertial, along_track, circle)
-    states[0] = 0.0
-    return CommonFrame(
-        names=tuple(each.name for each in ephemerides),
-        epoch=chief.epoch,
-        time_system=chief.time_system,
-        times=chief.times[shared],
-        states=states,
-        mean_motion=float(mean_motion_from_semi_major_axis(radius, mu)),
-        radius=radius,
-    )
-
-
-def _comparable(ephemerides: tuple[Ephemeris, ...]) -> None:
-    if len(ephemerides) < 2:
-        raise ValueError(f"ephemerides: at least two are needed, got {len(ephemerides)}")
-    chief = ephemerides[0]
-    if chief.frame.upper() not in INERTIAL:
-        what = f"REF_FRAME {chief.frame} turns with the Earth or is unknown"
-        raise ValueError(f"{chief.name}: {what}; convert to one of {', '.join(INERTIAL)}")
-    names = set()
-    for each in ephemerides:
-        for keyword, mine, first in (
-            ("CENTER_NAME", each.center, chief.center),
-            ("REF_FRAME", each.frame, chief.frame),
-            ("TIME_SYSTEM", each.time_system, chief.time_system),
-        ):
-            if mine.upper() != first.upper():
-                what = f"{keyword} {mine} differs from {first} of {chief.name}"
-                raise ValueError(f"{each.name}: {what}; convert one of them")
-        if each.name in names:
-            raise ValueError(f"{each.name}: two ephemerides have this OBJECT_NAME; give each its own")
-        names.add(each.name)
 
 
 @contextmanager
@@ -263,7 +171,7 @@ def _ephemeris(text: str, header: dict[str, str], rows: list[tuple[Any, ...]]) -
         raise ValueError(f"{_line(text, error.index - 2)}: {error}") from None
     (start, stop), times = seconds[:2], seconds[2:]
     states = np.array([row[1:7] for row in rows]) * 1e3
-    flaw = _flaw(times, states)
+    flaw = flaw_of(times, states)
     if flaw is not None:
         raise ValueError(f"{_line(text, flaw[0])}: {flaw[1]}")
     useable = (times >= start - SAME_EPOCH) & (times <= stop + SAME_EPOCH)
@@ -280,17 +188,6 @@ def _ephemeris(text: str, header: dict[str, str], rows: list[tuple[Any, ...]]) -
         times=times[useable] - times[first],
         states=states[useable],
     )
-
-
-def _flaw(times: Floats, states: Floats) -> tuple[int, str] | None:
-    """The first row that cannot stand, and why."""
-    finite = np.isfinite(times) & np.isfinite(states).all(axis=1)
-    if not finite.all():
-        return int(np.argmin(finite)), "a value is not finite; remove or correct this state"
-    rising = np.diff(times) > 0.0
-    if not rising.all():
-        return int(np.argmin(rising)) + 1, "epochs must rise; sort the states and remove doubles"
-    return None
 
 
 def _line(text: str, row: int) -> str:

@@ -18,7 +18,7 @@ from closeform.arrays import Floats, instance, number, whole
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.elements import checked, palmer_from_state, state_from_palmer
 from closeform.motion.orbit import Orbit
-from closeform.zones.zone import Sphere
+from closeform.zones.solids import Sphere
 
 TOGETHER = 1e-9  # of the formation's size: closer craft are at one place
 EQUAL = 1e-6  # of a distance

@@ -8,7 +8,8 @@ from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.zone import HalfSpaces, Zone
+from closeform.zones.solids import HalfSpaces
+from closeform.zones.zone import Zone
 
 PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upwards
 AROUND = np.linspace(0, 2 * np.pi, 145)

@@ -30,7 +30,8 @@ from closeform.plots.look import (
     time_axes,
 )
 from closeform.zones.shapes import CUBE
-from closeform.zones.zone import HalfSpaces, Zone
+from closeform.zones.solids import HalfSpaces
+from closeform.zones.zone import Zone
 
 BEYOND = 1e12  # [m] where no craft is: an open side of a zone
 FAR = 20.0  # zone extents, beyond which a distance is drawn on a logarithmic scale

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from closeform.conflicts.flight import Flight
-from closeform.exchange.oem import CommonFrame
+from closeform.exchange.common_frame import CommonFrame
 from closeform.report import conflicts
 from closeform.report.table import Table
 from closeform.verdict import Verdict, conflicts_in

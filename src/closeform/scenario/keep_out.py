@@ -10,7 +10,8 @@ from closeform.scenario.formation import Six
 from closeform.scenario.quantity import AREA, LENGTH, Reader
 from closeform.scenario.table import Length, Lengths, Table, Vector
 from closeform.zones.own_zone import Body, OwnZone, Uncertainty
-from closeform.zones.zone import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere, Zone
+from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
+from closeform.zones.zone import Zone
 
 SHAPES = "sphere", "box", "ellipsoid", "covariance", "cylinder", "half_spaces"
 Row = Annotated[Vector, Field(strict=False)]

@@ -8,20 +8,36 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, shown
 from closeform.zones.containment import containing_zone
+from closeform.zones.solids import Ellipsoid
 from closeform.zones.sums import outer_sum
-from closeform.zones.zone import Ellipsoid, Zone
+from closeform.zones.zone import Zone
 
 REGION, COVARIANCE, BODY = "keep-out region", "covariance", "body"
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Uncertainty:
-    """Where a craft is: around its path by a normal distribution, of which `sigmas` are to be kept clear.
+    """Where a craft is: about its path, by a normal distribution.
 
-    `covariance` (3, 3) in m^2 of its position.  Errors of two craft are taken as independent: their
-    covariances add, and the zone of the pair is the ellipsoid of as many sigmas of the sum.
+    Errors of two craft are taken as independent: their covariances add, and the zone of the pair is
+    the ellipsoid of as many standard deviations of the sum.
 
-    Raises ValueError unless the covariance is symmetric positive definite and `sigmas` positive.
+    Parameters
+    ----------
+    covariance : array_like of shape (3, 3) [m^2]
+        Of its position, in the path's frame; symmetric and positive definite.
+    sigmas : float, no unit
+        How many standard deviations are to be kept clear; the same for all craft.
+
+    Raises
+    ------
+    ValueError
+        If `covariance` is not symmetric, finite and positive definite, or `sigmas` is not positive
+        and finite.
+
+    References
+    ----------
+    docs/theory.md section 3, zones of pairs.
     """
 
     covariance: Floats
@@ -34,17 +50,29 @@ class Uncertainty:
 
     @property
     def zone(self) -> Ellipsoid:
-        """The ellipsoid of this craft alone."""
+        """The ellipsoid of this craft alone, with lengths in m."""
         return Ellipsoid.from_covariance(self.covariance, self.sigmas)
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a craft fills: a `zone` in m that holds it, about its path and fixed in the path's frame.
+    """What a craft fills, about its path and fixed in the path's frame.
 
     Two bodies must not touch: the zone of the pair holds the Minkowski sum of both.
 
-    Raises ValueError for what is no zone.
+    Parameters
+    ----------
+    zone : Zone
+        A set that holds the body, such as `Sphere(2.0)`.
+
+    Raises
+    ------
+    ValueError
+        If `zone` is not a zone.
+
+    References
+    ----------
+    docs/theory.md section 3, zones of pairs; Schweppe 1973.
     """
 
     zone: Zone

@@ -16,17 +16,32 @@ NONE = -1  # the kind of a body without a zone of its own; and of a pair without
 
 @dataclass(frozen=True, eq=False)
 class PairZones:
-    """The zone of every pair among N bodies, made of the two bodies' own.
+    """The zone of every pair among N bodies, made of the two bodies' own by `PairZones.of`.
 
     Own zones are regions (any `Zone`), an `Uncertainty` each, or a `Body` each.  Of two regions that
     counts which holds the other, covariances add, and bodies add as sets, as do zones of unlike
     kinds.  A body without a zone is a point that is known exactly: its pairs go by the other's own,
-    and a pair of two such has none.  Nor has a pair of two bodies of which neither `moves` (N,).
-
-    `kinds` (N,) tells which bodies have equal zones, `table` which of the `zones` holds between kind
-    and kind: nothing here grows with the number of pairs.  `rules` say of each zone how it was made.
+    and a pair of two such has none.  Nor has a pair of two bodies of which neither moves.
 
     The zone of a pair i < j is about r_i - r_j: around j, or what is around i as j sees it.
+
+    Attributes
+    ----------
+    zones : tuple of Zone
+        Each zone that some pair keeps, once.
+    kinds : array of int of shape (N,)
+        Which bodies have equal own zones: the same number; -1 without one.
+    table : array of int of shape (K + 1, K + 1)
+        Which of the zones holds between kinds of i < j, -1 for none; the last row and column are those
+        of bodies without one.  Nothing here grows with the number of pairs.
+    moves : array of bool of shape (N,)
+        Which bodies move.
+    rules : tuple of str
+        How each zone was made, in words.
+
+    References
+    ----------
+    docs/theory.md section 3, zones of pairs.
     """
 
     zones: tuple[Zone, ...]
@@ -42,10 +57,32 @@ class PairZones:
         names: Sequence[str] | None = None,
         moves: Sequence[bool] | None = None,
     ) -> Self:
-        """From each body's own among `zones` (N,), or None; whether it `moves` (N,), all unless given.
+        """From each body's own zone.
 
-        Raises ValueError, with their `names` (N,) if any, for two bodies with regions of which
-        neither holds the other, with covariances of different sigmas, or of a sum without end.
+        Parameters
+        ----------
+        zones : sequence of Zone, Uncertainty, Body or None
+            Each body's own; None for a point that is known exactly.
+        names : sequence of str, optional
+            What the bodies are called in errors, in their order.
+        moves : sequence of bool, optional
+            Which bodies move; all unless given.
+
+        Returns
+        -------
+        PairZones
+            Of as many bodies.
+
+        Raises
+        ------
+        ValueError
+            If `zones` holds something else, or `names` or `moves` are not as many; naming two bodies, if
+            neither of their regions holds the other, if their covariances are of different sigmas, or if
+            their sum has no end.
+
+        References
+        ----------
+        docs/theory.md section 3, zones of pairs.
         """
         zones = sequence("zones", zones, Zone, Uncertainty, Body, type(None))
         for name, value, kind in (("names", names, str), ("moves", moves, bool | np.bool_)):
@@ -79,24 +116,70 @@ class PairZones:
         return len(self.kinds)
 
     def which(self, first: Any, second: Any) -> Any:
-        """Which of the `zones` holds for pairs `first` < `second`, arrays of one shape; -1 for none."""
+        """Which of the `zones` some pairs keep.
+
+        Parameters
+        ----------
+        first, second : int or array of int of shape (M,)
+            Bodies i < j of each pair, by index.
+
+        Returns
+        -------
+        array of int of shape (M,)
+            Indices of `zones`; -1 for a pair without one.
+        """
         found = self.table[self.kinds[first], self.kinds[second]]
         return np.where(self.moves[first] | self.moves[second], found, NONE)
 
     def between(self, one: int, other: int) -> Zone | None:
-        """The zone of `one` about `other`, which holds for the position of `one` less that of `other`."""
+        """The zone of one body about another.
+
+        Parameters
+        ----------
+        one : int
+            The body whose position counts, less that of the other.
+        other : int
+            The body that the zone is around.
+
+        Returns
+        -------
+        Zone or None
+            None for a pair without one.
+        """
         k = int(self.which(min(one, other), max(one, other)))
         if k == NONE:
             return None
         return self.zones[k] if one < other else self.zones[k].mirrored
 
     def rule(self, one: int, other: int) -> str | None:
-        """How the zone of `one` and `other` was made: "covariances added, 3 sigma"; None without one."""
+        """How the zone of a pair was made.
+
+        Parameters
+        ----------
+        one, other : int
+            The two bodies by index, in either order.
+
+        Returns
+        -------
+        str or None
+            Such as "covariances added, 3 sigma"; None for a pair without a zone.
+        """
         k = int(self.which(min(one, other), max(one, other)))
         return None if k == NONE else self.rules[k] if self.rules else "given"
 
     def around(self, body: int) -> tuple[Zone | None, ...]:
-        """The zones of one `body` about every other, in the others' order."""
+        """The zones of one body about every other.
+
+        Parameters
+        ----------
+        body : int
+            By index.
+
+        Returns
+        -------
+        tuple of Zone or None
+            In the others' order; None for a pair without one.
+        """
         return tuple(self.between(body, other) for other in range(len(self)) if other != body)
 
     @property
@@ -107,7 +190,13 @@ class PairZones:
         return count_pairs(len(self)) - without
 
     def groups(self) -> Iterator[tuple[Zone, Any]]:
-        """Every zone with the pairs (M, 2), i < j, for which it holds."""
+        """Every zone with the pairs that keep it.
+
+        Returns
+        -------
+        iterator of tuple of a Zone and an array of int of shape (M, 2)
+            The pairs i < j by index.
+        """
         found: list[list[Any]] = [[np.empty((0, 2), dtype=np.int64)] for _ in self.zones]
         for first, second in pairs_of(len(self)):
             for k, some in by_zone(self.which(first, second)):

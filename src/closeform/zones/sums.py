@@ -11,7 +11,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.zones.containment import greatest_length
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.zone import LEADING, HalfSpaces, Zone, enclosing
+from closeform.zones.solids import HalfSpaces
+from closeform.zones.zone import LEADING, Zone, enclosing
 
 VOLUMES = {BALL: 4.0 * pi / 3.0, CUBE: 8.0, CYLINDER: 2.0 * pi}  # of unit shapes
 HALVINGS = 60  # of the logarithm of p: to a double's last digit from any start

@@ -1,13 +1,13 @@
 """Keep-out zones. A zone is a convex set about the origin: its norm is 1 on the surface, below 1 inside.
 
-What a shape is to kernels stands in `shapes`; here are the objects that users make.
+What a shape is to kernels stands in `shapes`; the zones that users make are in `solids`.
 """
 
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations, product
 from math import sqrt
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,22 +22,14 @@ ROUNDING = 1e-14  # relative: what is left of a direction that faces make up
 SAME = 1e-12  # relative: normals that differ by less span nothing
 
 
-def _lengths(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+def positive(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """An argument as positive numbers of a shape."""
     lengths = numbers(name, value)
     if lengths.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {lengths.shape}")
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise ValueError(f"{name}: must be positive and finite, got {lengths.tolist()}")
     return lengths
-
-
-def _rotation(axes: ArrayLike | None) -> Floats:
-    if axes is None:
-        return np.eye(3)
-    rows = numbers("axes", axes)
-    if rows.shape != (3, 3) or not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
-        raise ValueError("axes: expected three orthonormal rows, the zone's own axes in the path's frame")
-    return rows
 
 
 def _directions(name: str, value: ArrayLike) -> Floats:
@@ -49,14 +41,25 @@ def _directions(name: str, value: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """The set of relative positions r, in m, where the largest part of `shape` at M r is at most 1.
+    """A keep-out zone: the relative positions r where the largest part of a shape at M r is at most 1.
 
-    `matrix` M (3, 3) in 1/m takes r to zone coordinates q, where a BALL is |q| <= 1, a CUBE
-    max|q_i| <= 1, a CYLINDER max(hypot(q_0, q_1), |q_2|) <= 1 and FACES are f_k . q <= 1 for
-    each row f_k of `faces` (F, 3).  Made by `Sphere`, `Ellipsoid`, `Box`, `Cylinder`, `HalfSpaces`.
+    It is the zone *around* a craft: r is the position of the other one less its own.  All but
+    `HalfSpaces` are symmetric, so that who is who does not matter.  Made by `Sphere`, `Ellipsoid`,
+    `Box`, `Cylinder` and `HalfSpaces`.
 
-    A zone is that *around* a craft: r is the position of the other one less its own.  All but
-    `HalfSpaces` are symmetric, so that who is who does not matter.
+    Attributes
+    ----------
+    shape : int
+        A BALL is |q| <= 1 of zone coordinates q = M r, a CUBE max|q_i| <= 1, a CYLINDER
+        max(hypot(q_0, q_1), |q_2|) <= 1, and FACES are f_k . q <= 1 for each k.
+    matrix : array of shape (3, 3) [1/m]
+        M, from the path's frame to zone coordinates.
+    faces : array of shape (F, 3), no unit
+        The rows f_k in zone coordinates; none for the other shapes.
+
+    References
+    ----------
+    docs/theory.md section 3.
     """
 
     shape: int
@@ -69,7 +72,7 @@ class Zone:
 
     @property
     def form(self) -> tuple[int, Floats, Floats]:
-        """The zone as kernels take it, of numba's type `shapes.FORM`."""
+        """The zone as kernels take it, numba's `shapes.FORM`: shape, matrix (3, 3) [1/m], faces (F, 3)."""
         return self.shape, self.matrix, self.faces
 
     @property
@@ -78,19 +81,58 @@ class Zone:
         return self.shape != FACES
 
     def norm(self, position: ArrayLike) -> Any:
-        """Norm of `position` (..., 3) in m: shape (...), <= 1 inside.  Raises ValueError for other shapes.
+        """Norm of relative positions: 1 on the surface, less inside.
 
         Of half-spaces it is negative where every face falls away, as far behind a single one.
+
+        Parameters
+        ----------
+        position : array_like of shape (..., 3) [m]
+            Of the other craft less that of the one with the zone, in the path's frame.
+
+        Returns
+        -------
+        float or array of shape (...), no unit
+            The norm of each position.
+
+        Raises
+        ------
+        ValueError
+            If `position` is not made of numbers, or of another shape.
+
+        References
+        ----------
+        docs/theory.md section 3.
         """
         return scaled_norm(self, _directions("position", position) @ self.matrix.T)
 
     def enlarged(self, factor: float) -> "Zone":
-        """The same shape, `factor` times as large.  Raises ValueError unless that is positive."""
-        return Zone(self.shape, self.matrix / float(_lengths("factor", factor, ())), self.faces)
+        """The same shape, larger or smaller about the origin.
+
+        Parameters
+        ----------
+        factor : float, no unit
+            By which all lengths grow.
+
+        Returns
+        -------
+        Zone
+            Of the same shape.
+
+        Raises
+        ------
+        ValueError
+            If `factor` is not positive and finite.
+
+        References
+        ----------
+        docs/theory.md section 3.
+        """
+        return Zone(self.shape, self.matrix / float(positive("factor", factor, ())), self.faces)
 
     @cached_property
     def radius(self) -> float:
-        """Of a ball in m about the origin that holds the zone; inf for one without end."""
+        """Radius [m] of a ball about the origin that holds the zone; inf for a zone without end."""
         if self.shape == FACES:
             return float(np.linalg.norm(self.extents))
         return float(CORNER[self.shape] / np.linalg.svd(self.matrix, compute_uv=False)[-1])
@@ -101,9 +143,26 @@ class Zone:
         return self if self.symmetric else Zone(self.shape, self.matrix, -self.faces)
 
     def support(self, direction: ArrayLike) -> Any:
-        """Greatest d . r over the zone for `direction` d (..., 3): shape (...), in m for unit vectors.
+        """How far the zone reaches in some directions: the greatest d . r over all its r.
 
-        inf where the zone is unbounded that way.  Raises ValueError for other shapes.
+        Parameters
+        ----------
+        direction : array_like of shape (..., 3), no unit
+            d, in the path's frame; of any length, by which the answer is multiplied.
+
+        Returns
+        -------
+        float or array of shape (...) [m]
+            inf where the zone is unbounded that way.
+
+        Raises
+        ------
+        ValueError
+            If `direction` is not made of numbers, or of another shape.
+
+        References
+        ----------
+        docs/theory.md section 3.
         """
         d = _directions("direction", direction) @ np.linalg.inv(self.matrix)
         if self.shape == FACES:
@@ -152,7 +211,7 @@ class Zone:
 
     @property
     def vertices(self) -> Floats:
-        """Corners (V, 3) in m of a box or of half-spaces, as far as they have any; none of round shapes."""
+        """Corners (V, 3) [m] of a box or of half-spaces, in the path's frame; (0, 3) for round shapes."""
         half_axes = np.linalg.inv(self.matrix)
         if self.shape != FACES:
             return np.asarray(CORNERS[: 8 * (self.shape == CUBE)] @ half_axes.T)
@@ -164,52 +223,13 @@ class Zone:
 
     @property
     def extents(self) -> Floats:
-        """Half-widths (3,) in m of the smallest box along x, y, z about the origin that holds the zone.
+        """Half-widths (3,) [m] of the smallest box along x, y, z about the origin that holds the zone.
 
         inf where it is unbounded.  For an ellipsoid the roots of the diagonal of P^-1.   # theory 3
         """
         ways = np.eye(3)
         widths: Floats = np.maximum(self.support(ways), self.support(-ways))
         return widths
-
-
-class Box(Zone):
-    """Box with `half_widths` (3,) in m; `axes` rows are its own axes in the path's frame.
-
-    Raises ValueError for lengths that are not positive or axes that are not orthonormal.
-    """
-
-    def __init__(self, half_widths: ArrayLike, axes: ArrayLike | None = None) -> None:
-        lengths = _lengths("half_widths", half_widths, (3,))
-        super().__init__(CUBE, _rotation(axes) / lengths[:, None])
-
-
-class Ellipsoid(Zone):
-    """Ellipsoid with `semi_axes` (3,) in m; `axes` rows are its own axes in the path's frame.
-
-    Raises ValueError for lengths that are not positive or axes that are not orthonormal.
-    """
-
-    def __init__(self, semi_axes: ArrayLike, axes: ArrayLike | None = None) -> None:
-        lengths = _lengths("semi_axes", semi_axes, (3,))
-        super().__init__(BALL, _rotation(axes) / lengths[:, None])
-
-    @classmethod
-    def from_covariance(cls, covariance: ArrayLike, sigmas: float) -> Self:
-        """Ellipsoid of `sigmas` standard deviations of a position `covariance` (3, 3) in m^2.
-
-        P = (sigmas^2 covariance)^-1.  Raises ValueError unless it is symmetric positive definite.
-        """
-        matrix = numbers("covariance", covariance)
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T):
-            raise ValueError("covariance: expected a finite symmetric (3, 3) matrix in m^2")
-        sigmas = float(_lengths("sigmas", sigmas, ()))
-        variances, axes = np.linalg.eigh(matrix)
-        if variances[0] <= 1e-15 * variances[-1]:
-            raise ValueError(
-                f"covariance: must be positive definite, its least variance is {variances[0]:g} m^2"
-            )
-        return cls(sigmas * np.sqrt(variances), axes.T)
 
 
 def scaled_norm(zone: Zone, q: Floats) -> Any:
@@ -221,64 +241,6 @@ def scaled_norm(zone: Zone, q: Floats) -> Any:
     if not rounded:
         return flat
     return np.maximum(np.sqrt((q[..., :rounded] ** 2).sum(axis=-1)), flat)
-
-
-class Sphere(Zone):
-    """Sphere of `radius` in m. Raises ValueError unless it is positive and finite."""
-
-    def __init__(self, radius: float) -> None:
-        super().__init__(BALL, np.eye(3) / _lengths("radius", radius, ()))
-
-
-class Cylinder(Zone):
-    """Finite cylinder of `radius` and `half_length` in m about `axis` (3,), a direction in the path's frame.
-
-    It ends flat at half_length on either side: a tank, a sweep of a boom, an approach corridor.
-
-    Raises ValueError for lengths that are not positive and finite, or an axis without a direction.
-    """
-
-    def __init__(self, radius: float, half_length: float, axis: ArrayLike = (1.0, 0.0, 0.0)) -> None:
-        wide, long = _lengths("radius", radius, ()), _lengths("half_length", half_length, ())
-        way = numbers("axis", axis)
-        if way.shape != (3,):
-            raise ValueError(f"axis: expected shape (3,), got {way.shape}")
-        if not np.isfinite(way).all() or not way.any():
-            raise ValueError(f"axis: must be finite and not zero, got {way.tolist()}")
-        super().__init__(CYLINDER, _about(way) / np.array([[wide], [wide], [long]]))
-
-
-def _about(axis: Floats) -> Floats:
-    """Orthonormal rows, the last along `axis`; the others along x, y, z where it is."""
-    x, y, z = way = axis / np.abs(axis).max() / sqrt(sum((axis / np.abs(axis).max()) ** 2))
-    sign = 1.0 if z >= 0.0 else -1.0
-    u = -1.0 / (sign + z)  # Frisvad, without his singular direction (Duff et al. 2017)
-    w = x * y * u
-    return np.array([[1.0 + sign * x * x * u, sign * w, -sign * x], [w, sign + y * y * u, -y], way])
-
-
-class HalfSpaces(Zone):
-    """All r with n_k . r <= b_k: `normals` n (F, 3), of any length, and `offsets` b (F,) in m.
-
-    One face is a plane that is not to be crossed, two are a wedge or a slab, more a corridor or
-    any convex body with flat faces; it may be unbounded.  It is *not* symmetric: it belongs to the
-    craft that it is around, and r is the position of the other one less its own.
-
-    Raises ValueError for normals without a direction, offsets that are not positive and finite,
-    or numbers of them that differ.
-    """
-
-    def __init__(self, normals: ArrayLike, offsets: ArrayLike) -> None:
-        ways = numbers("normals", normals)
-        if ways.ndim != 2 or ways.shape[1] != 3 or not len(ways):
-            raise ValueError(f"normals: expected shape (F, 3), one row for each face, got {ways.shape}")
-        if not (np.isfinite(ways).all() and ways.any(axis=1).all()):
-            raise ValueError(f"normals: must be finite and not zero, got {ways.tolist()}")
-        lengths = _lengths("offsets", offsets, (len(ways),))
-        ways = ways / np.abs(ways).max(axis=1, keepdims=True)
-        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-        least = lengths.min()  # the ball that touches the nearest face is the unit of its coordinates
-        super().__init__(FACES, np.eye(3) / least, ways * (least / lengths)[:, None])
 
 
 def enclosing(zone: Zone) -> Floats:

@@ -1,0 +1,74 @@
+"""Ephemeris: states of one object over time, as a message holds them."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from closeform.arrays import Floats, instance, numbers
+
+SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
+
+
+@dataclass(frozen=True, eq=False)
+class Ephemeris:
+    """States of one object over time, as in one segment of an OEM.
+
+    Parameters
+    ----------
+    name, object_id : str
+        OBJECT_NAME and OBJECT_ID.
+    center : str
+        CENTER_NAME, the body of the frame's origin.
+    frame : str
+        REF_FRAME.
+    time_system : str
+        TIME_SYSTEM, such as "UTC".
+    epoch : str
+        The ISO time of the first state in `time_system`.
+    times : array of shape (T,) [s]
+        Since `epoch`, rising, T >= 2; anything array_like will do.
+    states : array of shape (T, 6) [m, m/s]
+        In `frame` about `center`; anything array_like will do.
+
+    Raises
+    ------
+    ValueError
+        If a word is no text, shapes do not fit, a value is not finite, or times do not rise.
+
+    References
+    ----------
+    CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
+    """
+
+    name: str
+    object_id: str
+    center: str
+    frame: str
+    time_system: str
+    epoch: str
+    times: Floats
+    states: Floats
+
+    def __post_init__(self) -> None:
+        for field in fields(self)[:6]:
+            instance(field.name, getattr(self, field.name), str)
+        times, states = numbers("times", self.times), numbers("states", self.states)
+        if times.ndim != 1 or len(times) < 2 or states.shape != (len(times), 6):
+            got = f"got {times.shape} and {states.shape}"
+            raise ValueError(f"times, states: expected shapes (T,) and (T, 6) with T >= 2, {got}")
+        flaw = flaw_of(times, states)
+        if flaw is not None:
+            raise ValueError(f"times, states: row {flaw[0]}: {flaw[1]}")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "states", states)
+
+
+def flaw_of(times: Floats, states: Floats) -> tuple[int, str] | None:
+    """The first row that cannot stand, and why."""
+    finite = np.isfinite(times) & np.isfinite(states).all(axis=1)
+    if not finite.all():
+        return int(np.argmin(finite)), "a value is not finite; remove or correct this state"
+    rising = np.diff(times) > 0.0
+    if not rising.all():
+        return int(np.argmin(rising)) + 1, "epochs must rise; sort the states and remove doubles"
+    return None

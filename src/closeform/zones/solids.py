@@ -1,0 +1,208 @@
+"""The zones that users make: boxes, ellipsoids, spheres, cylinders, half-spaces."""
+
+from math import sqrt
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, numbers
+from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.zone import Zone, positive
+
+
+def _rotation(axes: ArrayLike | None) -> Floats:
+    if axes is None:
+        return np.eye(3)
+    rows = numbers("axes", axes)
+    if rows.shape != (3, 3) or not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
+        raise ValueError("axes: expected three orthonormal rows, the zone's own axes in the path's frame")
+    return rows
+
+
+class Box(Zone):
+    """A box, centred on the craft.
+
+    Parameters
+    ----------
+    half_widths : array_like of shape (3,) [m]
+        Half its widths along its own axes.
+    axes : array_like of shape (3, 3), no unit, optional
+        Its own axes as orthonormal rows in the path's frame, which are x, y, z unless given.
+
+    Raises
+    ------
+    ValueError
+        If a half-width is not positive and finite, or `axes` are not orthonormal.
+
+    References
+    ----------
+    docs/theory.md section 3.
+    """
+
+    def __init__(self, half_widths: ArrayLike, axes: ArrayLike | None = None) -> None:
+        lengths = positive("half_widths", half_widths, (3,))
+        super().__init__(CUBE, _rotation(axes) / lengths[:, None])
+
+
+class Ellipsoid(Zone):
+    """An ellipsoid, centred on the craft.
+
+    Parameters
+    ----------
+    semi_axes : array_like of shape (3,) [m]
+        Half its widths along its own axes.
+    axes : array_like of shape (3, 3), no unit, optional
+        Its own axes as orthonormal rows in the path's frame, which are x, y, z unless given.
+
+    Raises
+    ------
+    ValueError
+        If a semi-axis is not positive and finite, or `axes` are not orthonormal.
+
+    References
+    ----------
+    docs/theory.md section 3; SP11 (Sauter and Palmer 2011) section 3.
+    """
+
+    def __init__(self, semi_axes: ArrayLike, axes: ArrayLike | None = None) -> None:
+        lengths = positive("semi_axes", semi_axes, (3,))
+        super().__init__(BALL, _rotation(axes) / lengths[:, None])
+
+    @classmethod
+    def from_covariance(cls, covariance: ArrayLike, sigmas: float) -> Self:
+        """The ellipsoid of some standard deviations of a position: P = (sigmas^2 covariance)^-1.
+
+        Parameters
+        ----------
+        covariance : array_like of shape (3, 3) [m^2]
+            Of the position, in the path's frame; symmetric and positive definite.
+        sigmas : float, no unit
+            How many standard deviations the ellipsoid reaches.
+
+        Returns
+        -------
+        Ellipsoid
+            With semi-axes of `sigmas` deviations along the principal axes.
+
+        Raises
+        ------
+        ValueError
+            If `covariance` is not symmetric, finite and positive definite, or `sigmas` is not positive
+            and finite.
+
+        References
+        ----------
+        docs/theory.md section 3.
+        """
+        matrix = numbers("covariance", covariance)
+        if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T):
+            raise ValueError("covariance: expected a finite symmetric (3, 3) matrix in m^2")
+        sigmas = float(positive("sigmas", sigmas, ()))
+        variances, axes = np.linalg.eigh(matrix)
+        if variances[0] <= 1e-15 * variances[-1]:
+            raise ValueError(
+                f"covariance: must be positive definite, its least variance is {variances[0]:g} m^2"
+            )
+        return cls(sigmas * np.sqrt(variances), axes.T)
+
+
+class Sphere(Zone):
+    """A ball, centred on the craft.
+
+    Parameters
+    ----------
+    radius : float [m]
+        The distance to be kept.
+
+    Raises
+    ------
+    ValueError
+        If `radius` is not positive and finite.
+
+    References
+    ----------
+    docs/theory.md section 3.
+    """
+
+    def __init__(self, radius: float) -> None:
+        super().__init__(BALL, np.eye(3) / positive("radius", radius, ()))
+
+
+class Cylinder(Zone):
+    """A cylinder with flat ends, centred on the craft: a tank, a sweep of a boom, an approach corridor.
+
+    Parameters
+    ----------
+    radius : float [m]
+        About its axis.
+    half_length : float [m]
+        From the centre to either end.
+    axis : array_like of shape (3,), no unit, default x
+        Its direction in the path's frame, of any length.
+
+    Raises
+    ------
+    ValueError
+        If a length is not positive and finite, or `axis` is zero, not finite or of another shape.
+
+    References
+    ----------
+    docs/theory.md section 3.
+    """
+
+    def __init__(self, radius: float, half_length: float, axis: ArrayLike = (1.0, 0.0, 0.0)) -> None:
+        wide, long = positive("radius", radius, ()), positive("half_length", half_length, ())
+        way = numbers("axis", axis)
+        if way.shape != (3,):
+            raise ValueError(f"axis: expected shape (3,), got {way.shape}")
+        if not np.isfinite(way).all() or not way.any():
+            raise ValueError(f"axis: must be finite and not zero, got {way.tolist()}")
+        super().__init__(CYLINDER, _about(way) / np.array([[wide], [wide], [long]]))
+
+
+def _about(axis: Floats) -> Floats:
+    """Orthonormal rows, the last along `axis`; the others along x, y, z where it is."""
+    x, y, z = way = axis / np.abs(axis).max() / sqrt(sum((axis / np.abs(axis).max()) ** 2))
+    sign = 1.0 if z >= 0.0 else -1.0
+    u = -1.0 / (sign + z)  # Frisvad, without his singular direction (Duff et al. 2017)
+    w = x * y * u
+    return np.array([[1.0 + sign * x * x * u, sign * w, -sign * x], [w, sign + y * y * u, -y], way])
+
+
+class HalfSpaces(Zone):
+    """All relative positions r with n_k . r <= b_k for every face k.
+
+    One face is a plane that is not to be crossed, two are a wedge or a slab, more a corridor or
+    any convex body with flat faces; it may be unbounded.  It is *not* symmetric: it belongs to the
+    craft that it is around, and r is the position of the other one less its own.
+
+    Parameters
+    ----------
+    normals : array_like of shape (F, 3), no unit
+        n_k, out of the zone, in the path's frame; of any length, which is made 1.
+    offsets : array_like of shape (F,) [m]
+        b_k, the distance of each face from the craft.
+
+    Raises
+    ------
+    ValueError
+        If a normal is zero or not finite, an offset is not positive and finite, or there are not as
+        many offsets as normals.
+
+    References
+    ----------
+    docs/theory.md section 3.
+    """
+
+    def __init__(self, normals: ArrayLike, offsets: ArrayLike) -> None:
+        ways = numbers("normals", normals)
+        if ways.ndim != 2 or ways.shape[1] != 3 or not len(ways):
+            raise ValueError(f"normals: expected shape (F, 3), one row for each face, got {ways.shape}")
+        if not (np.isfinite(ways).all() and ways.any(axis=1).all()):
+            raise ValueError(f"normals: must be finite and not zero, got {ways.tolist()}")
+        lengths = positive("offsets", offsets, (len(ways),))
+        ways = ways / np.abs(ways).max(axis=1, keepdims=True)
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        least = lengths.min()  # the ball that touches the nearest face is the unit of its coordinates
+        super().__init__(FACES, np.eye(3) / least, ways * (least / lengths)[:, None])

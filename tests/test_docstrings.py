@@ -1,0 +1,229 @@
+"""Docstrings of public names: numpydoc sections, read against the signatures.
+
+An entry under Parameters or Attributes is `name : kind`, one under Returns the kind alone. The kind of a
+number ends in its unit in brackets, or says "no unit"; an array says its shape; whole numbers count, or
+are indices. What has three or six components says in which frame, or that they are elements or about axes.
+"""
+
+import dataclasses
+import inspect
+import re
+from enum import Enum
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+
+from test_surface import CALLABLES, RESULTS, arguments, properties
+
+TO_DO = ("closeform.motion", "closeform.plots", "closeform.planning", "closeform.search")
+TO_DO += ("closeform.campaign",)
+# Definitions of ours, bookkeeping and files: there is nobody to cite.
+OURS = {"join", "stack", "study", "PairZones.groups"}
+
+# Take and give objects that carry their own units.
+UNITLESS = {"join", "closest_approach", "write_oem", "Zone.enlarged", "EventKind", "GatherStatus"}
+UNITLESS |= {"Search.coverage", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
+UNIT_OR_SHAPE = re.compile(r"\[(m|s|rad)\b[^]]*\]|\bin m\b|\bm and m/s\b|\((\.\.\.|[NMT],|\d,)[^)]*\)")
+
+SECTIONS = ["Parameters", "Attributes", "Returns", "Yields", "Raises", "See Also", "Notes", "References"]
+HEADING = re.compile(r"^(\w[\w ]*)\n(-+)$", re.MULTILINE)
+UNIT = re.compile(r"\[[^]]*\b(m|s|rad|kg|N)\b[^]]*\]|\bno unit\b")
+SHAPE = re.compile(r"\bof shape \([^)]*\)|\bof the \w+'s shape\b")
+VECTOR = re.compile(r"of shape \([^)]*\b[36],?\)")
+FRAME = re.compile(r"\b(frame|elements|axes|coordinates)\b")
+THEORY = (Path(__file__).parents[1] / "docs" / "theory.md").read_text(encoding="utf-8")
+# What an annotation's name is called in a docstring, where it is called otherwise.
+CALLED = {"ndarray": "array", "NoneType": "None|optional", "Sequence": "sequence", "Callable": "callable"}
+CALLED |= {"PathLike": "path-like", "IO": "file", "Iterator": "iterator", "float": "float|array"}
+OF_ARRAY_LIKE = {
+    "dtype",
+    "_Buffer",
+    "_SupportsArray",
+    "_NestedSequence",
+    "bool",
+    "int",
+    "float",
+    "complex",
+    "str",
+    "bytes",
+}
+
+
+def sections(text: str) -> dict[str, str]:
+    """A docstring's parts by heading; what stands before the first one is its "Summary"."""
+    parts = HEADING.split(inspect.cleandoc(text))
+    assert all(len(title) == len(line) for title, line in zip(parts[1::3], parts[2::3], strict=True))
+    return {"Summary": parts[0].strip()} | {
+        title: body.strip("\n") for title, body in zip(parts[1::3], parts[3::3], strict=True)
+    }
+
+
+def entries(body: str) -> dict[str, str]:
+    """The entries of a section: their first line and what is said below it."""
+    found = re.split(r"^(?=\S)", body, flags=re.MULTILINE)[1:]
+    return {head: " ".join(rest.split()) for head, _, rest in (one.partition("\n") for one in found)}
+
+
+def named(body: str) -> dict[str, str]:
+    """Kinds and words by name; `a, b : kind` is about two."""
+    found = {}
+    for head, words in entries(body).items():
+        names, colon, kind = head.partition(" : ")
+        assert colon, f"not of the form name : kind: {head}"
+        found |= dict.fromkeys(names.split(", "), f"{kind}\n{words}")
+    return found
+
+
+def parts(annotation: Any) -> set[str]:
+    """The names of all types in an annotation."""
+    if isinstance(annotation, str):
+        return {annotation}
+    if annotation in (Any, ...) or getattr(annotation, "__name__", "") == "Self":
+        return set()
+    if get_origin(annotation) is Literal:
+        return {f'"{word}"' for word in get_args(annotation)}
+    inner = set().union(*map(parts, get_args(annotation)))
+    if "_SupportsArray" in inner:
+        return inner - OF_ARRAY_LIKE | {"array_like"}
+    origin = get_origin(annotation) or annotation
+    name = getattr(origin, "__name__", str(origin))
+    if name == "ndarray":
+        return {name}
+    if name == "Path" and origin.__module__.startswith("pathlib"):
+        return {"PathLike"}
+    return inner if name in ("Union", "UnionType") else inner | {name}
+
+
+def check_kind(name: str, annotation: Any, entry: str) -> None:
+    """One entry against its annotation."""
+    kind, _, words = entry.partition("\n")
+    for part in parts(annotation):
+        said = "|".join(re.escape(word) for word in CALLED.get(part, part).split("|"))
+        assert re.search(rf"(?<!\w)({said})(s|es)?(?!\w)", kind), f"{name}: {kind!r} says nothing of {part}"
+    whole = re.sub(r"array(_like)? of (int|bool|str)s?", "", kind)
+    if re.search(r"\b(float|array|array_like)\b", whole):
+        assert UNIT.search(kind), f"{name}: {kind!r} names no unit, and does not say that there is none"
+    if re.search(r"\barray(_like)?\b", kind):
+        assert SHAPE.search(kind), f"{name}: {kind!r} names no shape"
+    if VECTOR.search(kind) and not re.search(r"array(_like)? of (int|bool)", kind):
+        assert FRAME.search(entry), f"{name}: {kind!r} names no frame"
+    assert words, f"{name}: says nothing about it"
+
+
+def check_all(listed: str, expected: dict[str, Any]) -> None:
+    """A section has an entry for each name, in their order, and no other."""
+    found = named(listed)
+    assert list(found) == list(expected)
+    for name, annotation in expected.items():
+        check_kind(name, annotation, found[name])
+
+
+def done(name: str, value: Any) -> bool:
+    return not str(inspect.getmodule(value).__name__).startswith(TO_DO)
+
+
+PLAIN = {
+    name: value
+    for name, value in CALLABLES.items()
+    if not (inspect.isclass(value) and issubclass(value, Enum))
+}
+DONE = {name: value for name, value in PLAIN.items() if done(name, value)}
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_sections(name: str) -> None:
+    """The summary is one line, and sections stand in numpydoc's order."""
+    found = sections(DONE[name].__doc__)
+    summary, _, more = found.pop("Summary").partition("\n")
+    assert summary.endswith(".")
+    assert not more or more.startswith("\n")
+    assert list(found) == [title for title in SECTIONS if title in found]
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_parameters_are_those_of_the_signature(name: str) -> None:
+    """Those of a result are its fields, under Attributes: nobody but the package makes it."""
+    value, found = DONE[name], sections(DONE[name].__doc__)
+    if inspect.isclass(value) and name in RESULTS:
+        fields = [field for field in dataclasses.fields(value) if not field.name.startswith("_")]
+        assert "Parameters" not in found
+        check_all(found["Attributes"], {field.name: field.type for field in fields})
+        return
+    given = inspect.signature(value).parameters
+    expected = {one: given[one].annotation for one in arguments(value)}
+    assert ("Parameters" in found) == bool(expected)
+    if expected:
+        check_all(found["Parameters"], expected)
+        for one, entry in named(found["Parameters"]).items():
+            default = given[one].default is not inspect.Parameter.empty
+            assert default == bool(re.search(r"\boptional\b|\bdefault\b", entry.partition("\n")[0])), one
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_returns(name: str) -> None:
+    value, found = DONE[name], sections(DONE[name].__doc__)
+    if inspect.isclass(value):
+        assert "Returns" not in found
+        return
+    annotation = inspect.signature(value).return_annotation
+    assert ("Returns" in found) == (annotation is not None)
+    if annotation is not None:
+        heads = entries(found["Returns"])
+        if get_origin(annotation) is tuple and len(heads) > 1:  # each with a name
+            for (one, entry), kind in zip(named(found["Returns"]).items(), get_args(annotation), strict=True):
+                check_kind(one, kind, entry)
+        else:
+            (head,) = heads
+            check_kind("Returns", annotation, f"{head}\n{heads[head]}")
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_raises(name: str) -> None:
+    """Whatever takes arguments refuses some; each error says when."""
+    value, found = DONE[name], sections(DONE[name].__doc__)
+    refuses = bool(arguments(value)) and name not in RESULTS
+    assert not refuses or any(head.endswith("Error") for head in entries(found["Raises"]))
+    for head, words in entries(found.get("Raises", "")).items():
+        assert re.fullmatch(r"\w+Error", head)
+        assert words.endswith(".")
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_source(name: str) -> None:
+    """A year of a paper, or a page of the docs; equations and sections of theory are there."""
+    found = sections(DONE[name].__doc__)
+    if not (name in OURS | RESULTS or name.startswith("plots.")):
+        assert re.search(r"\b(19|20)\d\d\b|\bdocs/\w+\.md\b", found["References"])
+    for text in found.values():
+        for section in re.findall(r"docs/theory\.md section (\d)", text):
+            assert f"\n## {section} " in THEORY
+        for equation in re.findall(r"docs/theory\.md \((\d+\w?)\)", text):
+            assert f"({equation})" in THEORY
+
+
+def getter(value: Any) -> Any:
+    """The function of a property, cached or not."""
+    return value.fget if isinstance(value, property) else value.func
+
+
+@pytest.mark.parametrize(("name", "value"), [one for one in properties() if done(one[0], getter(one[1]))])
+def test_property(name: str, value: Any) -> None:
+    """One line will do, if it names unit and shape."""
+    text, annotation = value.__doc__ or "", inspect.signature(getter(value)).return_annotation
+    if {"float", "ndarray"} & parts(annotation) or annotation is Any:
+        assert UNIT.search(text)
+    if "ndarray" in parts(annotation) or annotation is Any:
+        assert re.search(r"\([^)]*,[^)]*\)|\bshape\b", text)
+
+
+@pytest.mark.parametrize("name", CALLABLES.keys() - DONE.keys())
+def test_docstring(name: str) -> None:
+    """Each argument, a unit or shape, and what is raised."""
+    function, text = CALLABLES[name], CALLABLES[name].__doc__ or ""
+    assert text.strip()
+    if not arguments(function):
+        return
+    assert [one for one in arguments(function) if not re.search(rf"\b{one}\b", text)] == []
+    assert UNIT_OR_SHAPE.search(text) or name in UNITLESS or name.startswith("plots.")
+    assert re.search(r"\b[Rr]aises\b", text) or name in RESULTS
