@@ -96,6 +96,12 @@ CALLS = {
         obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
     ),
     "end_gradients": turned(path=MOVE),
+    "Thrusters": turned(
+        directions=np.eye(3), frame="inertial", acceleration=PLACE**2, minimum_bit=1e-3, period=9.0
+    ),
+    "Thrusters.rtn": turned(frame="orbit", acceleration=0.1, minimum_bit=1e-3, period=9.0),
+    "Thrusters.with_force": turned(self=cf.Thrusters(np.eye(3)), force=0.1, mass=12.0, minimum_impulse=1e-3),
+    "Thrusters.directions_at": turned(self=cf.Thrusters(np.eye(3), "inertial"), orbit=ORBIT, time=TIMES),
     "shortest_transfer": turned(
         orbit=ORBIT, initial=START[0], final=START[1], max_acceleration=1e-2, start=0.0
     ),

@@ -20,6 +20,7 @@ _NAMES = {
     "planning.plan": "Avoidance Contact Plan Status TooWeak",
     "planning.sauter_palmer": "end_gradients",
     "planning.limits": "shortest_transfer propellant",
+    "fuel.thrusters": "Thrusters",
     "motion.frames": "relative_from_inertial inertial_from_relative",
     "motion.elements": (
         "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "

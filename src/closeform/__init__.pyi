@@ -24,6 +24,7 @@ from closeform.conflicts.two_paths import (
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
 )
+from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.motion.elements import (
     EARTH_MU as EARTH_MU,
     EARTH_RADIUS as EARTH_RADIUS,

@@ -1,0 +1,1 @@
+"""Fuel: what thrusters a craft has, and how they fire."""

@@ -1,0 +1,154 @@
+"""Thrusters: where they push, how strongly, and how little at a time."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance, number, numbers, shown
+from closeform.motion.elements import checked
+from closeform.motion.orbit import Orbit
+
+UNIT = 1e-6  # by how much the length of a direction may differ from 1: six digits were typed
+MOST = 64  # thrusters: the facets of their hull are found among all triples
+ALIGNED = 1e-9  # of a sine: what is below is no push to that side
+
+
+@dataclass(frozen=True, eq=False)
+class Thrusters:
+    """The thrusters of a craft, each of which pushes in one direction only, and only on or off.
+
+    `directions` (m, 3) are unit vectors of the thrust (not of the plume), in the `frame`: "orbit", for a
+    craft that keeps its attitude to the orbit, radial, along-track and cross-track; or "inertial", for one
+    that keeps it to the stars: the axes are the orbit's at time 0.  `acceleration` [m/s^2] is what each
+    gives while it is on, and `minimum_bit` [m/s] the least that it can give at a time, one for all or (m,)
+    each; `with_force` takes newtons.  A thruster fires once in a `period` [s], or more seldom where its
+    bit asks for that.  Without `acceleration` and `period` they say where a plan may push and no more.
+
+    Raises ValueError for directions that are not of unit length to 1e-6, or of which two are the same; for
+    more than 64; an acceleration or period that is not positive, a bit below 0; or an unknown frame.
+    """
+
+    directions: Any
+    frame: Literal["orbit", "inertial"] = "orbit"
+    acceleration: Any = None
+    minimum_bit: Any = 0.0
+    period: float | None = None
+
+    def __post_init__(self) -> None:
+        given = checked("directions", self.directions)
+        if np.ndim(given) != 2 or given.shape[1] != 3 or not 1 <= len(given) <= MOST:
+            raise ValueError(
+                f"directions: expected shape (m, 3) for 1 to {MOST} thrusters, got {np.shape(given)}"
+            )
+        lengths = np.linalg.norm(given, axis=1)
+        if (wrong := np.flatnonzero(np.abs(lengths - 1.0) > UNIT)).size:
+            k = wrong[0]
+            raise ValueError(
+                f"directions[{k}]: must be of length 1, got {lengths[k]:g}; give unit vectors, and how "
+                "strong thrusters are as acceleration"
+            )
+        units = given / lengths[:, None] + 0.0  # without -0
+        apart = np.linalg.norm(units[:, None] - units, axis=-1) + 3.0 * np.tri(len(units))
+        if (apart <= UNIT).any():
+            one, other = np.argwhere(apart <= UNIT)[0]
+            raise ValueError(
+                f"directions[{other}]: the same as directions[{one}]; give one with the sum of both "
+                "accelerations"
+            )
+        if not isinstance(self.frame, str) or self.frame not in ("orbit", "inertial"):
+            raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(self.frame)}")
+        object.__setattr__(self, "directions", units)
+        object.__setattr__(self, "minimum_bit", self._each("minimum_bit", self.minimum_bit, 0.0))
+        if self.acceleration is not None:
+            object.__setattr__(self, "acceleration", self._each("acceleration", self.acceleration))
+        if self.period is not None:
+            period = number("period", self.period)
+            if not 0.0 < period < np.inf:
+                raise ValueError(f"period: must be positive and finite, got {period:g} s")
+            object.__setattr__(self, "period", period)
+
+    def _each(self, name: str, value: ArrayLike, least: float | None = None) -> Floats:
+        """One number for each thruster: positive, or of at least `least`."""
+        values = numbers(name, value)
+        count = len(self.directions)
+        if values.shape not in ((), (count,)):
+            raise ValueError(
+                f"{name}: expected one number or {count}, one for each, got shape {values.shape}"
+            )
+        fits = values > 0.0 if least is None else values >= least
+        if not (fits & np.isfinite(values)).all():
+            wanted = "positive" if least is None else f"at least {least:g}"
+            raise ValueError(f"{name}: must be {wanted} and finite, got {values.min():g}")
+        return np.broadcast_to(values, count).copy()
+
+    @classmethod
+    def rtn(
+        cls,
+        frame: Literal["orbit", "inertial"] = "orbit",
+        acceleration: ArrayLike | None = None,
+        minimum_bit: ArrayLike = 0.0,
+        period: float | None = None,
+    ) -> Self:
+        """Six thrusters: +R, -R, +T, -T, +N, -N, radial, along-track, cross-track.
+
+        In the inertial `frame` these are the axes at time 0.  `acceleration` [m/s^2], `minimum_bit` [m/s]
+        and `period` [s] as of the class, and what raises ValueError.
+        """
+        both = np.stack([np.eye(3), -np.eye(3)], axis=1).reshape(6, 3)
+        return cls(both, frame, acceleration, minimum_bit, period)
+
+    def with_force(self, force: ArrayLike, mass: float, minimum_impulse: ArrayLike = 0.0) -> Self:
+        """The same thrusters, each with a `force` [N], one for all or (m,), on a craft of `mass` [kg].
+
+        `minimum_impulse` [N s] is the least that a thruster can give at a time.  The mass is that at the
+        start: `fire` knows of what is burned since.  Raises ValueError unless force and mass are positive
+        and the impulse at least 0.
+        """
+        kilograms = number("mass", mass)
+        if not 0.0 < kilograms < np.inf:
+            raise ValueError(f"mass: must be positive and finite, got {kilograms:g} kg")
+        newtons, bits = self._each("force", force), self._each("minimum_impulse", minimum_impulse, 0.0)
+        return replace(self, acceleration=newtons / kilograms, minimum_bit=bits / kilograms)
+
+    def __len__(self) -> int:
+        return len(self.directions)
+
+    @property
+    def unreachable(self) -> Floats | None:
+        """A direction (3,) of unit length towards which no thruster pushes; None where they push everywhere.
+
+        Whatever they do, the sum has nothing along it, or something against it.
+        """
+        if np.linalg.matrix_rank(self.directions, tol=ALIGNED) < 3:  # there is a normal to all
+            return np.asarray(np.linalg.svd(self.directions)[2][2])
+        first, second = np.triu_indices(len(self), 1)
+        edges = np.cross(self.directions[first], self.directions[second])
+        edges = edges[np.linalg.norm(edges, axis=1) > ALIGNED]
+        edges /= np.linalg.norm(edges, axis=1)[:, None]
+        edges = np.concatenate([edges, -edges])  # of the cone in which nobody pushes, if there is one
+        inside = edges[(edges @ self.directions.T <= ALIGNED).all(axis=1)]
+        if not len(inside):
+            return None
+        middle = inside.sum(axis=0)
+        return np.asarray(middle / np.linalg.norm(middle))
+
+    def directions_at(self, orbit: Orbit, time: ArrayLike) -> Floats:
+        """Directions (..., m, 3) in the rotating frame of `orbit` at `time` (...) [s].
+
+        Raises ValueError for times that are not finite, or what is no orbit.
+        """
+        angles = instance("orbit", orbit, Orbit).mean_motion * np.asarray(checked("time", time))
+        if self.frame == "orbit":
+            return np.broadcast_to(self.directions, (*angles.shape, *self.directions.shape))
+        turned: Floats = np.einsum("...ij,mj->...mi", turn(angles), self.directions)
+        return turned
+
+
+def turn(angle: ArrayLike) -> Floats:
+    """Matrices (..., 3, 3) from inertial axes to those of an orbit that has turned by `angle` (...) [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    rows = [[c, s, zero], [-s, c, zero], [zero, zero, one]]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
