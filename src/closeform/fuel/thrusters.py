@@ -17,17 +17,33 @@ ALIGNED = 1e-9  # of a sine: what is below is no push to that side
 
 @dataclass(frozen=True, eq=False)
 class Thrusters:
-    """The thrusters of a craft, each of which pushes in one direction only, and only on or off.
+    """The thrusters of a craft, each of which pushes in one direction only, and is on or off.
 
-    `directions` (m, 3) are unit vectors of the thrust (not of the plume), in the `frame`: "orbit", for a
-    craft that keeps its attitude to the orbit, radial, along-track and cross-track; or "inertial", for one
-    that keeps it to the stars: the axes are the orbit's at time 0.  `acceleration` [m/s^2] is what each
-    gives while it is on, and `minimum_bit` [m/s] the least that it can give at a time, one for all or (m,)
-    each; `with_force` takes newtons.  A thruster fires once in a `period` [s], or more seldom where its
-    bit asks for that.  Without `acceleration` and `period` they say where a plan may push and no more.
+    Without an acceleration and a period they say where a plan may push, and no more.
 
-    Raises ValueError for directions that are not of unit length to 1e-6, or of which two are the same; for
-    more than 64; an acceleration or period that is not positive, a bit below 0; or an unknown frame.
+    Parameters
+    ----------
+    directions : array_like of shape (m, 3), no unit
+        Unit vectors of the thrust (not of the plume) in the `frame`, at most 64, no two the same.
+    frame : "orbit" or "inertial", optional
+        In what they are fixed: the orbit's rotating frame, for a craft that keeps its attitude to the
+        orbit, or inertial axes, which are the orbit's at time 0, for one that keeps it to the stars.
+    acceleration : array_like of shape () or (m,) [m/s^2], optional
+        What each gives while it is on, to a craft of the mass at the start; `with_force` takes newtons.
+    minimum_bit : array_like of shape () or (m,) [m/s], optional
+        The least that each can give at a time.
+    period : float [s], optional
+        In which each fires once, or more seldom where its bit asks for that.
+
+    Raises
+    ------
+    ValueError
+        If directions are not of unit length to 1e-6, are the same, or are more than 64; an acceleration or
+        the period is not positive; a bit is below 0; or the frame is an unknown word.
+
+    References
+    ----------
+    docs/fuel.md, thrusters.
     """
 
     directions: Any
@@ -91,20 +107,61 @@ class Thrusters:
         minimum_bit: ArrayLike = 0.0,
         period: float | None = None,
     ) -> Self:
-        """Six thrusters: +R, -R, +T, -T, +N, -N, radial, along-track, cross-track.
+        """Six thrusters: +R, -R, +T, -T, +N, -N, along and against radial, along-track and cross-track.
 
-        In the inertial `frame` these are the axes at time 0.  `acceleration` [m/s^2], `minimum_bit` [m/s]
-        and `period` [s] as of the class, and what raises ValueError.
+        Parameters
+        ----------
+        frame : "orbit" or "inertial", optional
+            In what they are fixed; inertial axes are those of the orbit at time 0.
+        acceleration : array_like of shape () or (6,) [m/s^2], optional
+            What each gives while it is on.
+        minimum_bit : array_like of shape () or (6,) [m/s], optional
+            The least that each can give at a time.
+        period : float [s], optional
+            In which each fires once.
+
+        Returns
+        -------
+        Thrusters
+            In this order.
+
+        Raises
+        ------
+        ValueError
+            As of the class.
+
+        References
+        ----------
+        docs/fuel.md, thrusters.
         """
         both = np.stack([np.eye(3), -np.eye(3)], axis=1).reshape(6, 3)
         return cls(both, frame, acceleration, minimum_bit, period)
 
     def with_force(self, force: ArrayLike, mass: float, minimum_impulse: ArrayLike = 0.0) -> Self:
-        """The same thrusters, each with a `force` [N], one for all or (m,), on a craft of `mass` [kg].
+        """The same thrusters, with the force that each has.
 
-        `minimum_impulse` [N s] is the least that a thruster can give at a time.  The mass is that at the
-        start: `fire` knows of what is burned since.  Raises ValueError unless force and mass are positive
-        and the impulse at least 0.
+        Parameters
+        ----------
+        force : array_like of shape () or (m,) [N]
+            What each gives while it is on.
+        mass : float [kg]
+            Of the craft at the start; `fire` knows what is burned since.
+        minimum_impulse : array_like of shape () or (m,) [N s], optional
+            The least that each can give at a time.
+
+        Returns
+        -------
+        Thrusters
+            With acceleration and bit for a craft of this mass.
+
+        Raises
+        ------
+        ValueError
+            If a force or the mass is not positive, or an impulse is below 0.
+
+        References
+        ----------
+        docs/fuel.md, thrusters.
         """
         kilograms = number("mass", mass)
         if not 0.0 < kilograms < np.inf:
@@ -117,7 +174,7 @@ class Thrusters:
 
     @property
     def unreachable(self) -> Floats | None:
-        """A direction (3,) of unit length towards which no thruster pushes; None where they push everywhere.
+        """A direction (3,), no unit, towards which no thruster pushes; None where they push everywhere.
 
         Whatever they do, the sum has nothing along it, or something against it.
         """
@@ -135,9 +192,28 @@ class Thrusters:
         return np.asarray(middle / np.linalg.norm(middle))
 
     def directions_at(self, orbit: Orbit, time: ArrayLike) -> Floats:
-        """Directions (..., m, 3) in the rotating frame of `orbit` at `time` (...) [s].
+        """Where the thrusters point at some times, as seen in the orbit's rotating frame.
 
-        Raises ValueError for times that are not finite, or what is no orbit.
+        Parameters
+        ----------
+        orbit : Orbit
+            In which the craft moves.
+        time : array_like of shape (...) [s]
+            Since inertial axes were those of the orbit.
+
+        Returns
+        -------
+        array of shape (..., m, 3), no unit
+            Unit vectors in the rotating frame: radial, along-track, cross-track.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite, or `orbit` is none.
+
+        References
+        ----------
+        docs/fuel.md, thrusters.
         """
         angles = instance("orbit", orbit, Orbit).mean_motion * np.asarray(checked("time", time))
         if self.frame == "orbit":
