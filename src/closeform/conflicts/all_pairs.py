@@ -76,7 +76,7 @@ def search_pairs(
         tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]
     rows = np.empty((min(4096, 64 + len(first)), COLUMNS))
     done = np.zeros(2, dtype=np.int64)
-    found = [np.empty((0, COLUMNS))]
+    found = []
     while done[0] < len(first):
         before = done[0]
         count = conflicts_of_pairs(
@@ -92,9 +92,12 @@ def search_pairs(
             rows,
             done,
         )
-        found.append(rows[:count].copy())
+        if count:
+            found.append(rows[:count].copy())
         if done[0] == before:  # one pair has more conflicts than there are rows
             rows = np.empty((done[1], COLUMNS))
+    if not found:
+        return np.empty((0, 2), dtype=np.int64), np.empty((0, COLUMNS - 1))
     table = np.concatenate(found)
     index = table[:, 0].astype(np.int64)
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]

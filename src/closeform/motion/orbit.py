@@ -23,7 +23,7 @@ from closeform.motion.elements import (
 from closeform.motion.hill import coast, response
 from closeform.motion.lambert import start_velocities
 from closeform.motion.linear import solve
-from closeform.motion.path import FORGIVEN, Path
+from closeform.motion.path import FORGIVEN, Path, path_of
 
 # Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
 # to coast.  Ten times as much: where flattening or thrust bends paths, Hill's motion is chosen with
@@ -299,4 +299,4 @@ class Orbit:
 
     def _path(self, arcs: Any) -> Path:
         rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
-        return Path(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])
+        return path_of(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])

@@ -168,11 +168,11 @@ class Path:
     def _gathered(self, index: Any, shape: tuple[int, ...]) -> "Path":
         if not shape:
             first, last = self.offsets[index[0]], self.offsets[index[0] + 1]
-            return Path(self.orbit, self.arcs[first:last], np.array([0, last - first]), ())
+            return path_of(self.orbit, self.arcs[first:last], np.array([0, last - first]), ())
         counts = np.diff(self.offsets)[index]
         offsets = np.concatenate([[0], np.cumsum(counts)])
         rows = np.arange(offsets[-1]) + np.repeat(self.offsets[index] - offsets[:-1], counts)
-        return Path(self.orbit, self.arcs[rows], offsets, shape)
+        return path_of(self.orbit, self.arcs[rows], offsets, shape)
 
     def _shaped(self, values: Any) -> Any:
         return values.reshape(self.shape) if self.shape else float(values[0])
@@ -200,6 +200,13 @@ class Path:
         out = np.empty((len(self.offsets) - 1, times.shape[1], columns))
         evaluate(self.arcs, self.offsets, self.orbit.mean_motion, np.ascontiguousarray(times), out)
         return out
+
+
+def path_of(orbit: "Orbit", arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:
+    """Of contiguous arcs and offsets (int64) that fit, which nobody needs to look at again."""
+    path = object.__new__(Path)
+    path.__dict__.update(orbit=orbit, arcs=arcs, offsets=offsets, shape=shape)
+    return path
 
 
 def _single(paths: Any, verb: str) -> list[Path]:
@@ -256,7 +263,7 @@ def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
     owner = np.concatenate([np.repeat(np.arange(len(p.offsets) - 1), np.diff(p.offsets)) for p in paths])
     arcs = np.concatenate(pieces)[np.argsort(owner, kind="stable")]
     offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(paths[0].offsets) - 1))])
-    return Path(paths[0].orbit, arcs, offsets, paths[0].shape)
+    return path_of(paths[0].orbit, arcs, offsets, paths[0].shape)
 
 
 def stack(paths: Any) -> Path:
@@ -268,4 +275,5 @@ def stack(paths: Any) -> Path:
     if any(path.shape for path in chosen):
         raise ValueError("paths: stack takes paths of single craft; index the batches first")
     offsets = np.concatenate([[0], np.cumsum([len(path.arcs) for path in chosen])])
-    return Path(chosen[0].orbit, np.concatenate([path.arcs for path in chosen]), offsets, (len(chosen),))
+    arcs = np.concatenate([path.arcs for path in chosen])
+    return path_of(chosen[0].orbit, arcs, offsets, (len(chosen),))

@@ -145,8 +145,9 @@ class Around:
 
 def transfer(path: Path, factor: float = 1.0) -> Path:
     """The unconstrained optimum between the end states of a path, in so many times its duration."""
-    ends = path.state(path.start), path.state(path.end)
-    return path.orbit.transfer(*ends, factor * (path.end - path.start), path.start)
+    start, end = path.start, path.end
+    initial, final = path.state([start, end])
+    return path.orbit.transfer(initial, final, factor * (end - start), start)
 
 
 def within_limit(
@@ -209,20 +210,20 @@ def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) ->
         found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes))
     assert found.flown is not None
     path = problem.path(found.flown)[0]
-    bound = optimum + proof.bound
+    energy, bound = path.energy, optimum + proof.bound
     number = len(found.contacts)
-    best = f"the best of {found.tried} candidates examined, {closeness(path.energy, bound)}"
+    best = f"the best of {found.tried} candidates examined, {closeness(energy, bound)}"
     return Avoidance(
         path=path,
-        energy=path.energy,
+        energy=energy,
         extra_energy=found.extra,
         delta_v=path.delta_v,
-        lower_bound=min(bound, path.energy),
+        lower_bound=min(bound, energy),
         contacts=found.contacts,
         status=Status.AVOIDED,
         reason=f"{number} contact{'s' * (number != 1)}, {best}",
         margin=found.margin,
-        proven=is_proven(path.energy, bound),
+        proven=is_proven(energy, bound),
         tried=found.tried,
     )
 

@@ -1,7 +1,7 @@
 """From contacts to a solution that the march certifies clear: rounded zones first, then as they are."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf
 
 import numpy as np
@@ -116,10 +116,10 @@ class LocalSolver:
     def relaxed(self, scene: Scene, start: Contacts, sides: Sides, bar: float) -> Solution:
         """What the local solver comes to."""
         workspace = self.workspace(scene, start.number)
-        room = len(workspace.gaps)
-        contacts, best = start.joined(Contacts.none(room - start.number)), Contacts.none(room)
-        ended, count, energy = solve_local(scene, sides, contacts, start.number, bar, best, workspace)
-        kept = best.some(slice(0, count))
+        for column, given in zip(workspace.hand, start, strict=True):
+            column[: start.number] = given
+        ended, count, energy = solve_local(scene, sides, start.number, bar, workspace)
+        kept = workspace.best.first(count)
         return Solution(self.problem, kept, energy, ended != BLOCKED, ended == OPTIMAL)
 
     def certified(self, solution: Solution, bar: float) -> Solution:
@@ -177,5 +177,11 @@ def nearer(problem: Problem) -> Sides:
 
 def shifted(problem: Problem, seed: int, depth: float, size: float) -> Sides:
     """New contacts below the norm `depth` as though bodies were shifted; even seeds along the motion."""
-    shifts: Floats = np.random.default_rng(seed).normal(size=(len(problem.direct[1]) - 1, 3)) * size
+    shifts = size * directions(seed, len(problem.direct[1]) - 1)
     return Sides(shifts, depth, seed % 2 == 0 and depth >= 1.0)
+
+
+@lru_cache(maxsize=64)
+def directions(seed: int, count: int) -> Floats:
+    """Random vectors (count, 3)."""
+    return np.random.default_rng(seed).normal(size=(count, 3))

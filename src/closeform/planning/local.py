@@ -55,6 +55,8 @@ class Workspace(NamedTuple):
     slid: Contacts
     following: Contacts
     trial: Contacts
+    hand: Contacts
+    best: Contacts
     factors: Floats
     gram: Floats
     work: Floats
@@ -74,6 +76,8 @@ class Workspace(NamedTuple):
             Contacts.none(count),
             Contacts.none(count),
             Contacts.none(count),
+            Contacts.none(count),
+            Contacts.none(count),
             np.empty((count, 2, 4, 3, 6)),
             np.empty((count, count)),
             np.empty((count, count)),
@@ -87,7 +91,7 @@ class Workspace(NamedTuple):
 FACTORS = float64[:, :, :, :, ::1]
 WORKSPACE = types.NamedTuple(
     (
-        *(BLOCKS, BLOCKS, NUMBERS, CONTACTS, CONTACTS, CONTACTS, FACTORS),
+        *(BLOCKS, BLOCKS, NUMBERS, *(CONTACTS,) * 5, FACTORS),
         *(ROWS, ROWS, NUMBERS, ROWS, ROWS, INDICES),
     ),
     Workspace,
@@ -179,14 +183,14 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
     return energy
 
 
-@kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, CONTACTS, int64, float64, CONTACTS, WORKSPACE))
-def solve_local(scene, sides, contacts, count, bar, best, room):
-    """Relax the first `count` contacts, and those that turn up: (how it ended, how many contacts, energy).
+@kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, int64, float64, WORKSPACE))
+def solve_local(scene, sides, count, bar, room):
+    """Relax the first `count` contacts in hand, and those that turn up: (how it ended, contacts, energy).
 
     `best` is filled with the contacts of the cheapest clear solution; BLOCKED: with those it came to.
-    Given up where it costs well above `bar` when nearly clear.  `contacts` has room for more, and is spoilt.
+    Given up where it costs well above `bar` when nearly clear.
     """
-    scene, sides, best, contacts = lent(scene), lent(sides), lent(best), lent(contacts)
+    scene, sides, best, contacts = lent(scene), lent(sides), lent(room.best), lent(room.hand)
     samples = lent(Samples(room.states, room.places, room.speeds))
     slid, following, trial = lent(room.slid), lent(room.following), lent(room.trial)
     factors, gram, work = borrowed(room.factors), borrowed(room.gram), borrowed(room.work)

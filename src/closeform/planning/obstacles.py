@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from closeform.arrays import shown
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, stack
@@ -42,8 +44,12 @@ def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
 
 def end_inside(problem: Problem) -> tuple[str, float, int] | None:
     """An end of the one craft's path inside a zone: "start" or "end", its norm, which obstacle; else None."""
-    for name, time in (("start", problem.first), ("end", problem.last)):
-        for (_, other), (start, end) in zip(problem.pairs.tolist(), problem.windows[1], strict=True):
-            if start <= time <= end and (ratio := problem.ratio(problem.direct, (0, other), time)) <= ON:
-                return name, ratio, other - 1
-    return None
+    start, end = problem.windows[1].T
+    ends = np.array([[problem.first], [problem.last]])
+    end_of, which = np.nonzero((start <= ends) & (ends <= end))
+    ratios = problem.ratios(problem.direct, which, ends[end_of, 0])
+    inside = np.flatnonzero(ratios <= ON)
+    if not len(inside):
+        return None
+    k = inside[0]
+    return ("start", "end")[end_of[k]], float(ratios[k]), int(problem.pairs[which[k], 1]) - 1

@@ -156,7 +156,8 @@ class Search:
     def push_exits(self, pair: tuple[int, int], conflict: Floats) -> None:
         """Every way out of a conflict of the unconstrained paths."""
         contact = self.clipped(self.problem.at(pair, conflict[2]))
-        for cost, normal in self.ways_out(contact, self.problem.motions(self.problem.direct, contact)[0]):
+        motions, compliance = self.problem.unconstrained(contact)
+        for cost, normal in self.ways_out(contact, motions[0], compliance):
             self.push(cost, Turn(contact, 0, normal))
 
     def push_turns(self, solution: Solution) -> None:
@@ -174,20 +175,16 @@ class Search:
         contacts = solution.contacts
         one, normal = contacts.some([k]), contacts.normals[k]
         motion = self.problem.motions(solution.flown, one)[0]
-        motion[0] -= contacts.multipliers[k] * self.problem.kernel(one) @ normal
-        for _, side in self.ways_out(one, motion):
+        compliance = self.problem.kernel(one)
+        motion[0] -= contacts.multipliers[k] * compliance @ normal
+        for _, side in self.ways_out(one, motion, compliance):
             if side @ normal < ANOTHER * np.linalg.norm(side) * np.linalg.norm(normal):
                 yield Turn(contacts, k, side)
 
-    def ways_out(self, contact: Contacts, motion: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    def ways_out(self, contact: Contacts, motion: Floats, compliance: Floats) -> list[tuple[float, Floats]]:
         """Ways out of a pair's zone at a relative motion: (rough cost, normal)."""
-        scene = self.solver.scene
-        kind = scene.kinds[contact.which[0]]
-        faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
-        kernel = self.problem.kernel(contact)
-        yield from exit_normals(
-            int(scene.shapes[kind]), faces, self.solver.margin, motion[0], motion[1], kernel
-        )
+        zone = self.problem.zones[self.problem.kinds[contact.which[0]]]
+        return exit_normals(zone.shape, zone.faces, self.solver.margin, motion[0], motion[1], compliance)
 
     def clipped(self, contacts: Contacts) -> Contacts:
         """Contacts within the times at which they can lie."""

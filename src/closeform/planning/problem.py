@@ -12,7 +12,7 @@ from closeform.conflicts.all_pairs import search_pairs
 from closeform.motion.arc import END, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, stack
+from closeform.motion.path import Path, path_of, stack
 from closeform.planning.approaches import sample_bodies
 from closeform.planning.deflection import fly, invert_responses, look_at
 from closeform.planning.scene import Contacts, Scene
@@ -174,9 +174,12 @@ class Problem:
 
     def kernel(self, contacts: Contacts) -> Floats:
         """What unit forces at contacts do to positions there (3K, 3K), in zone coordinates.  # theory (12)"""
+        return self.unconstrained(contacts)[1]
+
+    def unconstrained(self, contacts: Contacts) -> tuple[Floats, Floats]:
+        """`motions` of the unconstrained optima at contacts, and the `kernel` there."""
         gram = np.empty((3 * contacts.number, 3 * contacts.number))
-        self._look(self.direct, contacts, gram)
-        return gram
+        return self._look(self.direct, contacts, gram), gram
 
     def _look(self, flown: Flown, contacts: Contacts, gram: Floats) -> Floats:
         arcs, offsets = flown
@@ -201,7 +204,7 @@ class Problem:
         """The craft's paths, of shape (N,)."""
         arcs, offsets = flown
         own = offsets[: self.count + 1]
-        return Path(self.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (self.count,))
+        return path_of(self.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (self.count,))
 
     @cached_property
     def index(self) -> dict[tuple[int, int], int]:
@@ -210,14 +213,22 @@ class Problem:
 
     def at(self, pair: tuple[int, int], time: float) -> Contacts:
         """One contact of a pair, without normal and multiplier."""
-        which = np.array([self.index[pair]])
-        return Contacts.none(1)._replace(which=which, times=np.array([time]))
+        return Contacts.at(np.array([self.index[pair]]), np.array([time]))
+
+    def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
+        """Norm (K,) of some of the pairs, each at an instant."""
+        places = self.motions(flown, Contacts.at(which, times))[:, 0]
+        each = [scaled_norm(self.zones[kind], q) for kind, q in zip(self.kinds[which], places, strict=True)]
+        return np.array(each)
 
     def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
         """Norm of a pair at one instant."""
-        contact = self.at(pair, time)
-        zone = self.zones[self.kinds[contact.which[0]]]
-        return float(scaled_norm(zone, self.motions(flown, contact)[0, 0]))
+        return float(self.ratios(flown, np.array([self.index[pair]]), np.array([time]))[0])
+
+    @cached_property
+    def pairs_by_kind(self) -> list[Any]:
+        """The pairs (2, P) that each zone holds for."""
+        return [np.ascontiguousarray(self.pairs[self.kinds == kind].T) for kind in range(len(self.zones))]
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
         """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
@@ -225,8 +236,7 @@ class Problem:
         Certified, see `find_conflicts`.
         """
         found = []
-        for kind, zone in enumerate(self.zones):
-            pairs = np.ascontiguousarray(self.pairs[self.kinds == kind].T)
+        for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
             table = search_pairs(*flown, *flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found

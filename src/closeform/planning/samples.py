@@ -38,9 +38,9 @@ class Samples:
         """Further samples, each moved to when one of its pair can give way."""
         pairs = np.array(which, dtype=np.int64)
         inside = np.clip(np.array(times, dtype=float), *self.problem.windows[0][pairs].T)
-        self.contacts = self.contacts.joined(Contacts.none(len(pairs))._replace(which=pairs, times=inside))
-        self.places = self.problem.motions(self.problem.direct, self.contacts)[:, 0]
-        gram = self.problem.kernel(self.contacts)
+        self.contacts = self.contacts.joined(Contacts.at(pairs, inside))
+        motions, gram = self.problem.unconstrained(self.contacts)
+        self.places = motions[:, 0]
         self.gram = 0.5 * (gram + gram.T)
         self.zones = [self.problem.zones[kind] for kind in self.problem.kinds[self.contacts.which]]
 

@@ -54,8 +54,17 @@ class Contacts(NamedTuple):
         """Room for `count` contacts."""
         return cls(np.zeros(count, dtype=np.int64), np.zeros(count), np.zeros((count, 3)), np.zeros(count))
 
+    @classmethod
+    def at(cls, which: Any, times: Floats) -> "Contacts":
+        """Some of the pairs, each at an instant, without normals and multipliers."""
+        return cls(np.ascontiguousarray(which), times, np.zeros((len(times), 3)), np.zeros(len(times)))
+
+    def first(self, count: int) -> "Contacts":
+        """A copy of the first `count`."""
+        return Contacts(*(column[:count].copy() for column in self))
+
     def some(self, chosen: Any) -> "Contacts":
-        """Those of a mask, of indices or of a slice."""
+        """Those of a mask or of indices."""
         return Contacts(*(np.ascontiguousarray(column[chosen]) for column in self))
 
     def joined(self, other: "Contacts") -> "Contacts":

@@ -36,10 +36,10 @@ def exit_normals(
 
 def round_normals(aim: float, position: Floats, velocity: Floats, compliance: Floats) -> Floats:
     """Normals of a ball where rays from the position leave it, along the softest axes across the motion."""
-    speed = np.linalg.norm(velocity)
+    square = velocity @ velocity
     across = np.eye(len(position))
-    if speed > 0.0:
-        across -= np.outer(velocity, velocity) / speed**2
+    if square > 0.0:
+        across -= velocity[:, None] * velocity / square
     axes = np.linalg.eigh(across @ compliance @ across)[1].T
     rays = np.concatenate([axes, -axes])
     along = rays @ position

@@ -35,12 +35,13 @@ def turned_energies(problem: Problem, margin: float, turns: list[Turn]) -> list[
     if not turns:
         return []
     contacts = turns[0].contacts
+    motions, compliance = problem.unconstrained(contacts)
     energies = np.empty(len(turns))
     fill_energies(
         contacts.which,
         contacts.normals,
-        problem.motions(problem.direct, contacts)[:, 0].copy(),
-        problem.kernel(contacts),
+        motions[:, 0].copy(),
+        compliance,
         margin,
         np.array([turn.k for turn in turns]),
         np.array([turn.side for turn in turns]),
