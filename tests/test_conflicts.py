@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
+from closeform.motion.arc import WIDTH
 from closeform.zones.shapes import CUBE
 from pairs import draw, graze
 from truth import faults
@@ -324,7 +325,7 @@ def test_the_search_ends_a_few_ulps_before_the_end():
     duration = 45.726171541353537
     state = [-55.16707588648363, -87.82255784911099, -46.12278022423288]
     state += [-0.23647073012871034, 2.99366989949006, -0.5494185380258668]
-    row = np.zeros((1, 21))
+    row = np.zeros((1, WIDTH))
     row[0, :3] = 0.0, duration, orbit.mean_motion
     row[0, 6:12] = [-98.7934213621146, -95.23623878378649, -33.50285600905398] + [
         1.6091543057921243,

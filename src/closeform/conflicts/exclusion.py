@@ -21,7 +21,7 @@ from numba import float64, int64, void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix
-from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, state_at, thrusts
+from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, is_cubic, state_at, thrusts
 from closeform.motion.march import bounds, store, window
 from closeform.zones.shapes import BALL, CUBE, FACES, support
 
@@ -34,7 +34,7 @@ FEW = 100  # intervals of a pair: more cost more than the bound of an ellipse
 @kernel()
 def see(arc, t, matrix, q):
     """Fill `q` with the derivatives of one arc at time t: their order, and the size that rounds."""
-    order = 8 if arc[MEAN_MOTION] > 0.0 and thrusts(arc) else 4
+    order = 8 if thrusts(arc) and not is_cubic(arc) else 4
     q[:order] = 0.0
     derivatives_at(arc, t, order, q, 1.0)
     size = 0.0

@@ -1,13 +1,16 @@
-"""An arc: natural, optimal or constant-thrust motion, stored as one row of floats.
+"""An arc: natural motion, or motion under thrust of its span, stored as one row of floats.
 
 A row holds the arc's times, its mean motion, the impulse at its start, the state after that
-impulse, the optimal thrust and its rate at the start, and a thrust constant in the rotating
-frame.  Coefficients of a basis are never stored: they cancel as n t -> 0.
+impulse, the optimal thrust and its rate at the start, and another thrust by its first four
+derivatives at the start, each axis of which is a natural motion's: of the span of order 4 below.
+(Constant in the rotating frame: the first alone.  Constant in inertial space: cos nt and sin nt.
+Saturated thrust: a piece for each small turn of it.)  Coefficients of a basis are never stored:
+they cancel as n t -> 0.
 
 For the search of conflicts an arc is seen as derivatives of its position at one instant.
 Per axis it is the sum of `derivative k` times a function that is t^k/k! at n = 0:
 
-    natural motion (order 4)   1, t, (1 - cos nt)/n^2, (nt - sin nt)/n^3
+    natural motion (order 4)   1, t, P_1 = (1 - cos nt)/n^2, P_2 = (nt - sin nt)/n^3
     with thrust    (order 8)   1, t, t^2/2, t^3/6, and four that solve D^4 (D^2 + n^2)^2 f = 0
 
 Both spans are closed under differences, shifts in time and d/dt, so the relative motion of
@@ -15,11 +18,11 @@ any two craft is one such arc again.                                # theory 2, 
 """
 
 from closeform.compiled import kernel
-from closeform.motion.hill import coast, driven, pushed
+from closeform.motion.hill import coast, driven, oscillation, pushed
 
 START, END, MEAN_MOTION = 0, 1, 2
-IMPULSE, STATE, THRUST, CONSTANT = 3, 6, 12, 18  # first column of 3, 6, 6 and 3
-WIDTH = 21
+IMPULSE, STATE, THRUST, PUSH = 3, 6, 12, 18  # first column of 3, 6, 6 and 12
+WIDTH = 30
 
 # An arc with thrust is seen anew every ANGLE of n t; the bounds of `march` hold up to 1.
 ANGLE = 1.0
@@ -37,7 +40,7 @@ def thrusts(arc):
 @kernel()
 def has_primer(arc):
     """Whether an optimal thrust acts along the arc."""
-    for k in range(THRUST, CONSTANT):
+    for k in range(THRUST, PUSH):
         if arc[k] != 0.0:
             return True
     return False
@@ -45,8 +48,22 @@ def has_primer(arc):
 
 @kernel()
 def pushes(arc):
-    """Whether a constant thrust acts along the arc."""
-    return arc[CONSTANT] != 0.0 or arc[CONSTANT + 1] != 0.0 or arc[CONSTANT + 2] != 0.0
+    """Whether another thrust acts along the arc."""
+    for k in range(PUSH, WIDTH):
+        if arc[k] != 0.0:
+            return True
+    return False
+
+
+@kernel()
+def is_cubic(arc):
+    """Whether the position is a cubic of time, as in deep space, where thrust does not bend."""
+    if arc[MEAN_MOTION] != 0.0:
+        return False
+    for k in range(PUSH + 3, WIDTH):
+        if arc[k] != 0.0:
+            return False
+    return True
 
 
 @kernel()
@@ -61,7 +78,7 @@ def state_at(arc, t):
             fx, fy, fz, gx, gy, gz = driven(n, dt, arc[12], arc[13], arc[14], arc[15], arc[16], arc[17])
             x, y, z, vx, vy, vz = x + fx, y + fy, z + fz, vx + gx, vy + gy, vz + gz
         if pushes(arc):
-            fx, fy, fz, gx, gy, gz = pushed(n, dt, arc[18], arc[19], arc[20])
+            fx, fy, fz, gx, gy, gz = pushed(n, dt, arc, PUSH)
             x, y, z, vx, vy, vz = x + fx, y + fy, z + fz, vx + gx, vy + gy, vz + gz
     return x, y, z, vx, vy, vz
 
@@ -70,6 +87,18 @@ def state_at(arc, t):
 def primer_at(arc, t):
     """Optimal thrust and its rate at time t: itself a natural motion."""
     return coast(arc[MEAN_MOTION], t - arc[START], arc[12], arc[13], arc[14], arc[15], arc[16], arc[17])
+
+
+@kernel()
+def push_at(arc, axis, t):
+    """The other thrust along one axis at time t, and its first three derivatives."""
+    n = arc[MEAN_MOTION]
+    p0, p1, p2 = oscillation(n, t - arc[START])
+    k = PUSH + axis
+    c = 1.0 - n * n * p1
+    bend, twist = arc[k + 6] * c + arc[k + 9] * p0, arc[k + 9] * c - n * n * arc[k + 6] * p0
+    rate = arc[k + 3] + arc[k + 6] * p0 + arc[k + 9] * p1
+    return arc[k] + arc[k + 3] * (t - arc[START]) + arc[k + 6] * p1 + arc[k + 9] * p2, rate, bend, twist
 
 
 @kernel()
@@ -86,7 +115,12 @@ def derivatives_at(arc, t, order, out, sign):
     ux, uy, uz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     if has_primer(arc):
         ux, uy, uz, wx, wy, wz = primer_at(arc, t)
-    px, py, pz = arc[CONSTANT], arc[CONSTANT + 1], arc[CONSTANT + 2]  # acts on the second only
+    push = pushes(arc)
+    px = py = pz = qx = qy = qz = bx = by = bz = cx = cy = cz = 0.0
+    if push:
+        px, qx, bx, cx = push_at(arc, 0, t)
+        py, qy, by, cy = push_at(arc, 1, t)
+        pz, qz, bz, cz = push_at(arc, 2, t)
     k = 0
     while True:
         out[k, 0] += sign * x
@@ -96,7 +130,10 @@ def derivatives_at(arc, t, order, out, sign):
             return
         ax, ay, az = acceleration(n, x, z, vx, vy)
         x, y, z, vx, vy, vz = vx, vy, vz, ax + ux + px, ay + uy + py, az + uz + pz
-        bx, by, bz = acceleration(n, ux, uz, wx, wy)
-        ux, uy, uz, wx, wy, wz = wx, wy, wz, bx, by, bz
-        px = py = pz = 0.0
+        ax, ay, az = acceleration(n, ux, uz, wx, wy)
+        ux, uy, uz, wx, wy, wz = wx, wy, wz, ax, ay, az
+        if push:
+            px, qx, bx, cx = qx, bx, cx, -n * n * bx
+            py, qy, by, cy = qy, by, cy, -n * n * by
+            pz, qz, bz, cz = qz, bz, cz, -n * n * bz
         k += 1

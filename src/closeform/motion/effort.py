@@ -7,15 +7,18 @@ from numba import float64, int64, void
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import (
-    CONSTANT,
     END,
     MEAN_MOTION,
+    PUSH,
     START,
+    WIDTH,
     acceleration,
     has_primer,
     primer_at,
+    push_at,
     pushes,
     state_at,
+    thrusts,
 )
 from closeform.motion.extrema import maximum_norm
 from closeform.motion.hill import costate, driven
@@ -28,7 +31,8 @@ def thrust_at(arc, n, t):
     An interpolated arc (n = 0 in an orbit with n > 0) has the thrust that its motion asks for.
     """
     ux, uy, uz, _, _, _ = primer_at(arc, t)
-    ux, uy, uz = ux + arc[CONSTANT], uy + arc[CONSTANT + 1], uz + arc[CONSTANT + 2]
+    if pushes(arc):
+        ux, uy, uz = ux + push_at(arc, 0, t)[0], uy + push_at(arc, 1, t)[0], uz + push_at(arc, 2, t)[0]
     if arc[MEAN_MOTION] != n:
         x, _, z, vx, vy, _ = state_at(arc, t)
         ax, ay, az = acceleration(n, x, z, vx, vy)
@@ -52,21 +56,6 @@ def gauss4(arc, n, middle, half):
     return half * (0.6521451548625461 * inner + 0.34785484513745385 * outer)
 
 
-@kernel()
-def arc_energy(arc, n):
-    duration = arc[END] - arc[START]
-    if arc[MEAN_MOTION] != n:
-        return 0.5 * gauss4(arc, n, 0.5 * (arc[START] + arc[END]), 0.5 * duration)
-    energy = 0.5 * duration * (arc[18] ** 2 + arc[19] ** 2 + arc[20] ** 2)
-    if has_primer(arc):
-        # d(costate . state)/dt = |u|^2, with the state that the thrust alone produces
-        x, y, z, vx, vy, vz = driven(n, duration, arc[12], arc[13], arc[14], arc[15], arc[16], arc[17])
-        ux, uy, uz, wx, wy, wz = primer_at(arc, arc[END])
-        lx, ly, lz = costate(n, ux, uy, uz, wx, wy, wz)
-        energy += 0.5 * (lx * x + ly * y + lz * z + ux * vx + uy * vy + uz * vz)
-    return energy
-
-
 # Kronrod's 15 points and weights and the 7 Gauss weights among them (QUADPACK, positive half).
 NODES: tuple[float, ...] = (0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993945)
 NODES += (0.5860872354676911, 0.4058451513773972, 0.2077849550078985, 0.0)
@@ -76,11 +65,11 @@ GAUSS = (0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.38183005050511
 
 
 @kernel()
-def arc_delta_v(arc, n, stack):
-    """Integral of |thrust| by adaptive Gauss-Kronrod quadrature, to 1e-10 of itself."""
+def integral(arc, n, squared, stack):
+    """Integral of |thrust|, or of its square, by adaptive Gauss-Kronrod quadrature, to 1e-10 of itself."""
+    if not thrusts(arc) and arc[MEAN_MOTION] == n:
+        return 0.0
     duration = arc[END] - arc[START]
-    if not has_primer(arc) and arc[MEAN_MOTION] == n:
-        return duration * sqrt(arc[18] ** 2 + arc[19] ** 2 + arc[20] ** 2)
     total = 0.0
     scale = 0.0
     stack[0] = 0.0  # left edges of the intervals still to do; each is 2^-depth long
@@ -95,9 +84,9 @@ def arc_delta_v(arc, n, stack):
         fine = 0.0
         coarse = 0.0
         for k in range(8):
-            f = sqrt(thrust_squared(arc, n, middle - half * NODES[k]))
-            if k < 7:
-                f += sqrt(thrust_squared(arc, n, middle + half * NODES[k]))
+            f = thrust_squared(arc, n, middle - half * NODES[k])
+            g = thrust_squared(arc, n, middle + half * NODES[k]) if k < 7 else 0.0
+            f = f + g if squared else sqrt(f) + sqrt(g)
             fine += KRONROD[k] * f
             coarse += GAUSS[k] * f
         if depth == 0.0:
@@ -111,6 +100,23 @@ def arc_delta_v(arc, n, stack):
             stack[2 * top + 3] = depth + 1.0
             top += 2
     return total
+
+
+@kernel()
+def arc_energy(arc, n, stack):
+    duration = arc[END] - arc[START]
+    if arc[MEAN_MOTION] != n:
+        return 0.5 * gauss4(arc, n, 0.5 * (arc[START] + arc[END]), 0.5 * duration)
+    if pushes(arc):
+        return 0.5 * integral(arc, n, True, stack)
+    energy = 0.0
+    if has_primer(arc):
+        # d(costate . state)/dt = |u|^2, with the state that the thrust alone produces
+        x, y, z, vx, vy, vz = driven(n, duration, arc[12], arc[13], arc[14], arc[15], arc[16], arc[17])
+        ux, uy, uz, wx, wy, wz = primer_at(arc, arc[END])
+        lx, ly, lz = costate(n, ux, uy, uz, wx, wy, wz)
+        energy += 0.5 * (lx * x + ly * y + lz * z + ux * vx + uy * vy + uz * vz)
+    return energy
 
 
 @kernel()
@@ -134,10 +140,8 @@ def arc_peak(arc, n, q):
             q[k, 2] -= az
             x, _, z, vx, vy, vz = vx, vy, vz, ux, uy, uz
             ux, uy, uz, wx, wy, wz = wx, wy, wz, 0.0, 0.0, 0.0
-    if pushes(arc):
-        q[0, 0] += arc[CONSTANT]
-        q[0, 1] += arc[CONSTANT + 1]
-        q[0, 2] += arc[CONSTANT + 2]
+    for k in range(WIDTH - PUSH):
+        q[k // 3, k % 3] += arc[PUSH + k]
     return maximum_norm(q, order_n, duration)
 
 
@@ -159,9 +163,9 @@ def totals(arcs, offsets, n, what, out):
             arc = arcs[a]
             if arc[END] > arc[START]:
                 if what == ENERGY:
-                    total += arc_energy(arc, n)
+                    total += arc_energy(arc, n, stack)
                 elif what == DELTA_V:
-                    total += arc_delta_v(arc, n, stack)
+                    total += integral(arc, n, False, stack)
                 else:
                     peak = arc_peak(arc, n, q)
                     if what == HIDDEN:

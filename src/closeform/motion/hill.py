@@ -142,19 +142,27 @@ def _driven(n, t, transforms, ux, uy, uz, wx, wy, wz):
 
 
 @kernel()
-def pushed(n, t, cx, cy, cz):
-    """State reached from rest at the origin under a thrust constant in the rotating frame."""
-    p0, p1, p2 = oscillation(n, t)
+def pushed(n, t, u, k):
+    """State reached from rest at the origin under a thrust u0 + u1 t + u2 P_1 + u3 P_2 along each axis.
+
+    Its derivatives at the start stand in `u` from place k on: three of u0, then of u1, u2 and u3.
+    """
+    p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4 = inverse_transforms(n, t)
     m = 2.0 * n
-    x = cx * p1 + m * cy * p2
-    p3 = inverse_transforms(n, t)[3]
+    y1 = u[k + 1] * t + u[k + 4] * t * t / 2.0 + u[k + 7] * p2 + u[k + 10] * p3  # integral of the thrust
+    y2 = u[k + 1] * t * t / 2.0 + u[k + 4] * t * t * t / 6.0 + u[k + 7] * p3 + u[k + 10] * p4
+    across = u[k + 1] * p2 + u[k + 4] * p3 + u[k + 7] * q2 + u[k + 10] * q3
+    x = u[k] * p1 + u[k + 3] * p2 + u[k + 6] * q1 + u[k + 9] * q2 + m * across
+    moved = u[k + 1] * p3 + u[k + 4] * p4 + u[k + 7] * q3 + u[k + 10] * q4
+    moved = u[k] * p2 + u[k + 3] * p3 + u[k + 6] * q2 + u[k + 9] * q3 + m * moved
+    gained = u[k + 1] * p1 + u[k + 4] * p2 + u[k + 7] * q1 + u[k + 10] * q2
     return (
         x,
-        -m * (cx * p2 + m * cy * p3) + cy * t * t / 2.0,
-        cz * p1,
-        cx * p0 + m * cy * p1,
-        -m * x + cy * t,
-        cz * p0,
+        y2 - m * moved,
+        u[k + 2] * p1 + u[k + 5] * p2 + u[k + 8] * q1 + u[k + 11] * q2,
+        u[k] * p0 + u[k + 3] * p1 + u[k + 6] * q0 + u[k + 9] * q1 + m * gained,
+        y1 - m * x,
+        u[k + 2] * p0 + u[k + 5] * p1 + u[k + 8] * q0 + u[k + 11] * q1,
     )
 
 

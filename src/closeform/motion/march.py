@@ -23,6 +23,7 @@ from closeform.motion.arc import (
     START,
     acceleration,
     derivatives_at,
+    is_cubic,
     state_at,
     thrusts,
 )
@@ -63,7 +64,7 @@ def window(a, b, t, matrix, q):
             ax, ay, az = acceleration(n, x, z, vx, vy)
             x, y, z, vx, vy, vz = vx, vy, vz, ax, ay, az
         return 4, n
-    order = 4 if n == 0.0 else 8  # n = 0 arcs are cubic in time whatever their thrust
+    order = 4 if is_cubic(a) and is_cubic(b) else 8
     q[:order] = 0.0
     derivatives_at(a, t, order, q, 1.0)
     derivatives_at(b, t, order, q, -1.0)

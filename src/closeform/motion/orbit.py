@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import LARGEST, Floats, broadcast, number, numbers, shown
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import CONSTANT, END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.duration import flaw
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.elements import (
@@ -236,7 +236,7 @@ class Orbit:
         """
         push = _checked("acceleration", acceleration, 3)
         arcs = self._arcs(duration, start, state=state, like=push.shape[:-1])
-        arcs[..., CONSTANT : CONSTANT + 3] = push
+        arcs[..., PUSH : PUSH + 3] = push
         return self._path(arcs)
 
     def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:

@@ -40,7 +40,7 @@ def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -
 class Path:
     """Motion of one craft, or of a batch of craft of `shape`, in one orbit's rotating frame.
 
-    `arcs` (M, 21) holds the arcs of every craft, one after another (see `arc`); `offsets`
+    `arcs` (M, 30) holds the arcs of every craft, one after another (see `arc`); `offsets`
     (N + 1,) tells where each craft's begin.  Paths are made by an `Orbit`, `join` and `stack`.
     Index a batch like an array to get some of its craft.
     """

@@ -37,7 +37,7 @@ class Problem:
     """
 
     orbit: Orbit
-    base: Floats  # (N, 21)
+    base: Floats  # (N, 30)
     others: Floats
     other_offsets: Any  # (M + 1,)
     pairs: Any

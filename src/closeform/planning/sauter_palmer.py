@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, instance
-from closeform.motion.arc import CONSTANT, IMPULSE, MEAN_MOTION, THRUST
+from closeform.motion.arc import IMPULSE, MEAN_MOTION, PUSH, THRUST
 from closeform.motion.elements import state_from_palmer
 from closeform.motion.path import Path, join
 from closeform.planning.passing import MARGINS
@@ -32,7 +32,7 @@ def end_gradients(path: Path) -> tuple[Floats, Floats]:
     n = instance("path", path, Path).orbit.mean_motion
     if (
         path.arcs[:, IMPULSE : IMPULSE + 3].any()
-        or path.arcs[:, CONSTANT:].any()
+        or path.arcs[:, PUSH:].any()
         or (path.arcs[:, MEAN_MOTION] != n).any()
     ):
         raise ValueError("path: the gradients are those of an energy-optimal path; plan one with transfer")

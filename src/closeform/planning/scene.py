@@ -15,11 +15,11 @@ class Scene(NamedTuple):
     of its parts.  Paths are to keep the norm at `aims` or above.
     """
 
-    base: Floats  # (N, 21): each craft's unconstrained optimum, over its own time
+    base: Floats  # (N, 30): each craft's unconstrained optimum, over its own time
     inverses: Floats  # (N, 6, 6): start thrust and thrust rate that reach a state at its end
-    direct: Floats  # (A, 21): the same paths with the coasts before and after them
+    direct: Floats  # (A, 30): the same paths with the coasts before and after them
     direct_offsets: Any  # (N + 1,)
-    others: Floats  # (B, 21): the obstacles
+    others: Floats  # (B, 30): the obstacles
     other_offsets: Any  # (M + 1,)
     pairs: Any  # (P, 2), i < j, a craft at least in each
     kinds: Any  # (P,): which of the zones
