@@ -40,6 +40,7 @@ from closeform.scenario import (
     Target,
 )
 from closeform.search.gather_result import Gathering, who_is_left
+from closeform.verdict import Late, Use
 
 if TYPE_CHECKING:
     from closeform.planning.plan import Plan
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 
 AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
 ROUNDING = 1e-9
-LATE = 1.0 + 1e-6  # times the duration asked for: longer is worth a warning
+LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked
 SLACK = 1.01  # by which later such times are stretched, so that they settle
 NAMED = 10  # pairs that are named where more never lock
 
@@ -171,16 +172,31 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         avoidance = replace(avoidance, reason=weakness(avoidance.weak, craft.name, craft.mass))
     before = flight(direct)
     after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
-    result = AvoidResult(stage.craft, rest, zones, direct, avoidance, asked)
-    failure, late = (None, too_late(start, stage, after)) if avoidance.ok else (avoidance.reason, None)
+    late = too_late(start, stage, after, {craft.name: avoidance.punctual})
+    plain = way((after.end - start.time) / asked) if late is not None else direct
+    result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked)
+    failure = None if avoidance.ok else avoidance.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
 
 
-def too_late(start: StageStart, stage: Avoid | Joint, after: Flight) -> str | None:
-    """That a stage takes longer than it was asked to, where it does."""
+def too_late(
+    start: StageStart, stage: Avoid | Joint, after: Flight, punctual: dict[str, float | None]
+) -> Late | None:
+    """That a stage takes longer than it was asked to, where it does.
+
+    `punctual`: with which thrust [m/s^2] each craft would not, None where that is not known.
+    """
     took, asked = after.end - start.time, stage.within.on(start.orbit.mean_motion)
-    late = f'stage {start.number} ({stage.verb}) takes {took:.1f} s, not {asked:.1f} s; see "Tried"'
-    return late if took > asked * LATE else None
+    if took <= asked * LATE:
+        return None
+    short = [
+        Use("thrust", "N", craft.name, needed * craft.mass, craft.max_thrust)
+        for craft in start.scenario.craft
+        if (needed := punctual.get(craft.name)) is not None
+        and craft.mass is not None
+        and craft.max_thrust is not None
+    ]
+    return Late(start.number, stage.verb, asked, took, tuple(use for use in short if use.exceeded))
 
 
 def scatter(start: StageStart, stage: Scatter) -> StageResult[Joint, ReconfigureResult]:
@@ -241,7 +257,8 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> StageResult[Joint
     asked = stage.within.on(start.orbit.mean_motion)
     before = start.mixed(who, plan.direct)
     after = start.mixed(who, plan.paths) if plan.paths is not None and plan.contacts else before
-    late = too_late(start, stage, after)
+    punctual = plan.punctual.tolist() if plan.punctual is not None else [None] * len(movers)
+    late = too_late(start, stage, after, dict(zip(movers, punctual, strict=True)))
     failure = None if plan.ok else f"{plan.status}: {plan.reason}"
     result = ReconfigureResult(movers, others, asked, plan, measures)
     return StageResult(start.number, stage, start.time, before, after, result, failure, plan.ok, late)
@@ -265,6 +282,7 @@ def planned(
         order += [k for k in range(len(who)) if k not in order]
     duration = stage.within.on(start.orbit.mean_motion)
     measures: tuple[str, ...] = ()
+    punctual: Floats | None = None
     for attempt in range(AGAIN):
         slots = goals(duration)
         plan = reconfigure(
@@ -283,6 +301,8 @@ def planned(
             names=[scenario.names[k] for k in who + rest],
         )
         measures += plan.measures
+        punctual = punctual if attempt else plan.punctual  # of the duration asked for
+        plan = replace(plan, punctual=punctual)
         if plan.weak is not None:
             weak = scenario.craft[who[plan.weak.craft]]
             plan = replace(plan, reason=weakness(plan.weak, weak.name, weak.mass))

@@ -14,7 +14,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Use, Verdict, conflicts_in
+from closeform.verdict import Late, Use, Verdict, conflicts_in
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class StageResult(Generic[AnyStage, AnyResult]):
 
     `result`: what was done, None of a coast; times in a Gathering or FirstLocks count from the start
     of the stage.  `failure`: why the mission cannot go on after it; `flown`: whether its paths
-    count, which those of a plan that failed do not; `warning`: what is not as it was asked.
+    count, which those of a plan that failed do not; `late`: by how much it takes longer than asked.
     """
 
     number: int
@@ -42,7 +42,7 @@ class StageResult(Generic[AnyStage, AnyResult]):
     result: AnyResult
     failure: str | None = None
     flown: bool = True
-    warning: str | None = None
+    late: Late | None = None
 
     @property
     def end(self) -> float:
@@ -54,13 +54,15 @@ class StageResult(Generic[AnyStage, AnyResult]):
 class AvoidResult:
     """The `direct` path of one `craft` and the way around the `others`, each with its zone.
 
-    It was asked to arrive `asked` [s] after the start of the stage.
+    It was asked to arrive `asked` [s] after the start of the stage, as `direct` does; `plain` is the direct
+    path that takes as long as the way around, another one where that takes longer.
     """
 
     craft: str
     others: tuple[str, ...]
     zones: tuple[Zone, ...]
     direct: Path
+    plain: Path
     avoidance: "Avoidance"
     asked: float
 
@@ -124,6 +126,7 @@ class Mission:
             pairs,
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
+            tuple(result.late for result in flown if result.late is not None),
         )
 
     @property
@@ -187,5 +190,5 @@ class Mission:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Stages that take longer than asked, and craft that need more than they have, one line each."""
-        late = [result.warning for result in self.results if result.flown and result.warning is not None]
+        late = (one.warning for one in self.verdict.late)
         return (*late, *(use.warning for use in self.uses if use.exceeded))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import ceil, floor, log10
 
 from closeform.conflicts.flight import Flight
 
@@ -43,12 +44,53 @@ class Use:
 
 
 @dataclass(frozen=True)
+class Late:
+    """A stage, by its `number` and `verb`, that `took` [s] longer than `asked` [s].
+
+    `punctual`: the thrust with which each craft that has less would have kept the time; none where it is
+    not want of thrust.
+    """
+
+    number: int
+    verb: str
+    asked: float
+    took: float
+    punctual: tuple[Use, ...] = ()
+
+    @property
+    def late(self) -> float:
+        """By how much [s]."""
+        return self.took - self.asked
+
+    @property
+    def keeping(self) -> str:
+        """The thrust that would keep the time, rounded up."""
+        names = [f"{raised(use.used)} {use.unit} ({use.craft})" for use in self.punctual[:MOST_NAMES]]
+        more = len(self.punctual) - MOST_NAMES
+        return ", ".join(names + [f"{more} more"] * (more > 0))
+
+    @property
+    def warning(self) -> str:
+        """The same in words."""
+        keeping = f"; max_thrust of {self.keeping} would keep it" if self.punctual else ""
+        return (
+            f"stage {self.number} ({self.verb}) takes {self.took:.1f} s, not {self.asked:.1f} s{keeping}; "
+            'see "Tried"'
+        )
+
+    def __str__(self) -> str:
+        keeping = f", for want of {self.keeping}" if self.punctual else ""
+        return f"stage {self.number} ({self.verb}) by {self.late:.1f} s{keeping}"
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether what was asked for is met.
 
     `stopped`: why there are fewer stages than in the file, else None; `conflicts`, each from an entry
     into a zone to the exit, of so many `pairs`; None where nobody looked for them.  `exceeded`: who
-    uses more than there is, None without any limit.  `searched`: whether craft were lost.
+    uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
+    that take longer than asked.
     """
 
     stopped: str | None
@@ -56,6 +98,7 @@ class Verdict:
     pairs: int
     exceeded: tuple[Use, ...] | None
     searched: bool
+    late: tuple[Late, ...] = ()
 
     @property
     def clear(self) -> bool:
@@ -64,8 +107,8 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Whether it is clear and every limit is kept."""
-        return self.clear and not self.exceeded
+        """Whether it is clear, every limit is kept and no stage takes longer than asked."""
+        return self.clear and not self.exceeded and not self.late
 
     @property
     def status(self) -> int:
@@ -86,7 +129,15 @@ class Verdict:
             unmet.append(f"{conflicts_of(self.conflicts, self.pairs)} remain{'s' * (self.conflicts == 1)}")
         if self.exceeded:
             unmet.append(f"limits are not kept: {beyond(self.exceeded)}")
+        if self.late:
+            unmet.append(f"later than asked: {', '.join(map(str, self.late))}")
         return "; ".join(unmet)
+
+
+def raised(number: float) -> str:
+    """A number with four digits that is not below it."""
+    unit = 10.0 ** (floor(log10(number)) - 3) if number > 0.0 else 1.0
+    return f"{unit * ceil(number / unit * (1.0 - 1e-12)):.4g}"
 
 
 def conflicts_of(conflicts: int, pairs: int) -> str:

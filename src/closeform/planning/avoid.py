@@ -10,10 +10,10 @@ import numpy as np
 from closeform.arrays import Floats, instance, numbers, shown
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, stack
-from closeform.planning.limits import FULL, LARGEST_STEP, REACH, stretched
+from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.passing import MARGINS, Found
-from closeform.planning.plan import Avoidance, Status, TooWeak, weakness
+from closeform.planning.plan import Avoidance, Status, TooWeak, too_weak
 from closeform.planning.planner import check_effort, outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
@@ -60,9 +60,9 @@ def avoid(
 
     `max_acceleration` [m/s^2] bounds the thrust.  A path beyond it takes the shortest longer duration that
     was found to respect it, with the same final state, if `longer` allows: in an orbit up to ten orbits, or
-    twice its duration; but it ends no later than any obstacle that is there when `path` ends, as nobody
-    knows where that goes on to.  Where that does not
-    help the status is "thrust limit exceeded", and `weak` says by how much.  Impulses are beyond any limit.
+    twice its duration, in deep space up to a hundred times; but it ends no later than any obstacle that is
+    there when `path` ends, as nobody knows where that goes on to.  Where that does not help the status is
+    "thrust limit exceeded", and `weak` says by how much.  Impulses are beyond any limit.
 
     Raises ValueError for a batch of paths, another orbit, zones or names that do not match the
     obstacles, a limit that is not positive, a budget below 1, a negative time, or an unknown method.
@@ -167,28 +167,25 @@ def within_limit(
         plan = task.plan(way, prove, fixed=True)
         if plan.path is None or (over := excess(plan.path)) <= FULL:
             return plan
+    asked = float(path.end - path.start)
+    plan = replace(plan, punctual=float(over[0]) * limit)
+
+    def refused(remedy: str, excess: Floats = over, duration: float = asked) -> Avoidance:
+        weak = TooWeak(0, float(excess[0]) * limit, limit, duration, remedy, asked, float(over[0]) * limit)
+        return too_weak(plan, weak, "path")
+
     if not longer:
-        return too_weak(plan, path, over, limit, "allow longer, or give more time")
-    there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * (path.end - path.start)]
-    most = (float(min(there, default=inf)) - path.start) / (path.end - path.start)
+        return refused("allow longer, or give more time")
+    there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * asked]
+    most = min(float(min(there, default=inf)) - path.start, longest(path.orbit, asked)) / asked
     if most <= 1.0 + ROUNDING:
-        remedy = f"give more time, or obstacles that are known beyond {path.end:.6g} s"
-        return too_weak(plan, path, over, limit, remedy)
-    if path.orbit.mean_motion:  # around thousands of times others are met thousands of times
-        most = min(most, max(REACH * path.orbit.period / (path.end - path.start), LARGEST_STEP))
+        return refused(f"give more time, or obstacles that are known beyond {path.end:.6g} s")
     later = stretched(over, lambda factor: excess(direct(factor)), attempt, most)
     if later.found is None:
-        plan = replace(plan, measures=(later.measure,))
-        return too_weak(plan, direct(later.factor), later.excess, limit, "give it more")
+        tried = refused("give it more", later.excess, later.factor * asked)
+        return replace(tried, measures=(later.measure,))
     found = task.plan(direct(later.factor), prove, fixed=True) if prove else later.found
-    return replace(found, measures=(later.measure,))
-
-
-def too_weak(plan: Avoidance, path: Path, excess: Floats, limit: float, remedy: str) -> Avoidance:
-    """An avoidance without a path, for want of thrust; `path` has the times in which it was tried."""
-    weak = TooWeak(0, float(excess[0]) * limit, limit, float(path.end - path.start), remedy)
-    none = replace(plan, path=None, energy=nan, extra_energy=nan, delta_v=nan, contacts=(), proven=False)
-    return replace(none, status=Status.TOO_WEAK, reason=weakness(weak, "path"), weak=weak)
+    return replace(found, measures=(later.measure,), punctual=plan.punctual)
 
 
 def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) -> Avoidance:

@@ -2,15 +2,14 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from math import nan
 from typing import Literal
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.planning.limits import FULL, stretched
-from closeform.planning.plan import Plan, Status, TooWeak, weakness
+from closeform.planning.limits import FULL, longest, stretched
+from closeform.planning.plan import Plan, TooWeak, too_weak
 from closeform.planning.request import Request
 
 Fallback = Literal["more sides", "longer", "stagger"]
@@ -53,10 +52,21 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
     TOO_WEAK where none does, or where `longer` is not allowed.
     """
     excess = _excess(request, plan.paths)
-    if excess.max() <= FULL:
+    if excess.max() <= FULL or request.limits is None:
         return request, plan
+    limits = request.limits
+    if not plan.measures:  # else craft take longer for another reason
+        plan = replace(plan, punctual=excess * limits)
+
+    def refused(remedy: str, over: Floats = excess, factor: float = 1.0) -> Plan:
+        worst = int(np.argmax(over))
+        needed, first = (float(one[worst] * limits[worst]) for one in (over, excess))
+        shortest = float(request.durations[worst])
+        weak = TooWeak(worst, needed, float(limits[worst]), factor * shortest, remedy, shortest, first)
+        return too_weak(plan, weak, request.names[worst])
+
     if not longer:
-        return request, _too_weak(request, plan, excess, 'allow "longer", or give more time')
+        return request, refused('allow "longer", or give more time')
 
     def attempted(factor: float) -> tuple[Plan, Floats] | None:
         other = attempt(request.longer(factor), False)
@@ -66,22 +76,14 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
         changed = request.longer(factor)
         return _excess(changed, changed.direct)
 
-    later = stretched(excess, free, attempted)
-    changed = request.longer(later.factor)
+    asked = float(request.durations.max())
+    later = stretched(excess, free, attempted, longest(request.orbit, asked) / asked)
     measures = *plan.measures, later.measure
     if later.found is None:
-        return request, _too_weak(changed, replace(plan, measures=measures), later.excess, "give it more")
-    return changed, replace(later.found, measures=measures)
+        return request, replace(refused("give it more", later.excess, later.factor), measures=measures)
+    return request.longer(later.factor), replace(later.found, measures=measures, punctual=plan.punctual)
 
 
 def _excess(request: Request, paths: Path | None) -> Floats:
     """Peak thrust over its limit (N,)."""
     return np.zeros(1) if paths is None else np.asarray(paths.peak_thrust / request.limits)
-
-
-def _too_weak(request: Request, plan: Plan, excess: Floats, remedy: str) -> Plan:
-    worst = int(np.argmax(excess))
-    limit = float(request.limits[worst]) if request.limits is not None else nan
-    weak = TooWeak(worst, float(excess[worst]) * limit, limit, float(request.durations[worst]), remedy)
-    plan = replace(plan, paths=None, energy=nan, delta_v=nan, contacts=(), proven=False)
-    return replace(plan, status=Status.TOO_WEAK, reason=weakness(weak, request.names[worst]), weak=weak)

@@ -17,6 +17,7 @@ STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2], by which specific impulse is a time (CGPM 1901)."""
 
 REACH = 10.0  # orbits: no longer transfer is looked for
+FAR = 100.0  # times the duration, which is what is looked for in deep space
 SHARE, ANGLE = 0.02, 0.05  # steps of the scan: of the duration itself, and in n T
 CHUNK = 128
 FINE = 1e-13  # of the duration
@@ -84,6 +85,16 @@ def propellant(mass: ArrayLike, delta_v: ArrayLike, specific_impulse: ArrayLike)
     return -wet * np.expm1(-spent / exhaust)
 
 
+def longest(orbit: Orbit, duration: float) -> float:
+    """The longest duration [s] that is tried for a thrust limit where a `duration` [s] was asked for.
+
+    Ten orbits, or twice the duration; in deep space a hundred times, where thrust falls to a ten-thousandth.
+    """
+    if not orbit.mean_motion:
+        return FAR * duration
+    return max(REACH * orbit.period, LARGEST_STEP * duration)
+
+
 class Stretched(NamedTuple, Generic[Planned]):
     """What was found at a `factor` of all durations, or None; `excess` (N,): thrust over its limit."""
 
@@ -103,7 +114,7 @@ def stretched(
     excess: Floats,
     free: Callable[[float], Floats],
     attempt: Callable[[float], tuple[Planned, Floats] | None],
-    most: float = inf,
+    most: float,
 ) -> Stretched[Planned]:
     """The shortest stretch of all durations that was found to keep thrust limits, of `most` at most.
 

@@ -1,12 +1,14 @@
 """What a plan answers: certified paths, where they touch, what they cost, or why there are none."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import nan
-from typing import Any
+from typing import Any, TypeVar
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+
+Answer = TypeVar("Answer", "Avoidance", "Plan")
 
 
 class Status(StrEnum):
@@ -52,7 +54,7 @@ class TooWeak:
     """The `craft`, by index, that misses its thrust limit by most, and the `remedy` in words.
 
     It would need `needed` [m/s^2], where `limit` [m/s^2] is allowed, in the `duration` [s] that was tried
-    last.
+    last; in the `shortest` [s] that was tried, which is the same where no longer one was, `first` [m/s^2].
     """
 
     craft: int
@@ -60,15 +62,17 @@ class TooWeak:
     limit: float
     duration: float
     remedy: str
+    shortest: float
+    first: float
 
 
 def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
     """The same in words: in m/s^2, or in newtons for a craft of `mass` [kg]."""
     size, unit, has = (1.0, "m/s²", "its limit is") if mass is None else (mass, "N", "its max_thrust is")
-    return (
-        f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s, "
-        f"{has} {size * weak.limit:.4g} {unit}; {weak.remedy}"
-    )
+    needs = f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s"
+    if weak.duration > weak.shortest:
+        needs += f", the longest tried, and {size * weak.first:.4g} {unit} in {weak.shortest:.6g} s"
+    return f"{needs}, {has} {size * weak.limit:.4g} {unit}; {weak.remedy}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +86,8 @@ class Avoidance:
     path is the best of the `tried` candidates.  `contacts` are in order of time; the craft is 0,
     obstacle k is k + 1.  The path was made for zones `margin` times as large.  `status` says how it
     ended, and `reason` in words; `measures`: what was done to keep a thrust limit, and `weak` by how
-    much it was missed.
+    much it was missed.  `punctual` [m/s^2]: the peak thrust of a clear path over the duration asked
+    for, where that is beyond the limit; with it the path would take no longer.
     """
 
     path: Path | None
@@ -98,6 +103,7 @@ class Avoidance:
     tried: int = 0
     measures: tuple[str, ...] = ()
     weak: TooWeak | None = None
+    punctual: float | None = None
 
     @property
     def ok(self) -> bool:
@@ -124,7 +130,8 @@ class Plan:
     of time.  The plan was made for zones `margin` times as large.  `proven`: the energy is proven the global
     optimum for these slots and times; otherwise it is the best of the `tried` candidates.  `status` says how
     it ended, `reason` in words, `blocked` the two craft that stand in the way (N + k for obstacle k), and
-    `weak` who misses its thrust limit, and by how much.
+    `weak` who misses its thrust limit, and by how much.  `punctual` (N,) [m/s^2]: the peak thrusts of a clear
+    plan over the durations asked for, where they are beyond a limit; with these none would take longer.
     """
 
     paths: Path | None
@@ -144,6 +151,7 @@ class Plan:
     proven: bool = False
     tried: int = 0
     weak: TooWeak | None = None
+    punctual: Floats | None = None
 
     @property
     def ok(self) -> bool:
@@ -159,6 +167,15 @@ class Plan:
     def gap(self) -> float:
         """By how much the energy exceeds the lower bound, as a share of it; nan where not ok."""
         return gap(self.energy, self.lower_bound)
+
+
+def too_weak(plan: Answer, weak: TooWeak, name: str) -> Answer:
+    """The same without paths, for want of thrust of the craft `name`."""
+    paths: dict[str, Any] = (
+        {"path": None, "extra_energy": nan} if isinstance(plan, Avoidance) else {"paths": None}
+    )
+    none = replace(plan, **paths, energy=nan, delta_v=nan, contacts=(), proven=False)
+    return replace(none, status=Status.TOO_WEAK, reason=weakness(weak, name), weak=weak)
 
 
 def gap(energy: float, bound: float) -> float:

@@ -53,7 +53,8 @@ def reconfigure(
     `Uncertainty` or a `Body`; or `PairZones`.  Of two regions the larger holds, covariances and bodies add.
     `obstacles`: paths that do not give way, and are gone when they end.
     `max_acceleration` [m/s^2], one for all or (N,), bounds the thrust: a plan beyond it takes the
-    shortest longer duration that was found to respect it.
+    shortest longer duration that was found to respect it, of up to ten orbits or twice the duration, in deep
+    space of a hundred times.
 
     `method` "joint": all paths are deflected together, by forces between pairs (theory 4).
     "sequential": craft plan one after another in `order` (indices; 0, 1, ... unless given), as in

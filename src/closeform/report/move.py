@@ -42,16 +42,22 @@ def section(mission: Mission, result: Move) -> Section:
 
 
 def efforts(mission: Mission, result: Move) -> Table:
-    """What the direct path costs and what the way around, beside each other."""
+    """What the direct path costs and what the way around that takes as long, beside each other."""
     moved, path = result.result, result.result.avoidance.path
-    direct = effort.spent(mission, result, moved.craft, moved.direct)
-    rows: list[tuple[Any, ...]] = [("direct", *direct)]
-    if path is not None and path is not moved.direct:
-        around = effort.spent(mission, result, moved.craft, path)
-        pairs = zip(direct, around, strict=True)
-        rows.append(("around", *around))
-        rows.append(("change", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
-    return Table("Change made", (Column("path", words=True), *effort.shown(mission)), rows)
+
+    def row(name: str, one: Path) -> tuple[Any, ...]:
+        return name, one.end - one.start, *effort.spent(mission, result, moved.craft, one)
+
+    rows = [row("direct", moved.direct)]
+    if moved.plain is not moved.direct:
+        rows.append(row("direct, longer", moved.plain))
+    if path is not None and moved.avoidance.contacts:
+        rows.append(row("around", path))
+        pairs = zip(*(one[2:] for one in rows[-2:]), strict=True)
+        rows.append(("change", "", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
+    lasts = Column("lasts [s]" if moved.plain is not moved.direct else None, form="{:.1f}".format)
+    title = "Change made" if len(rows) > 1 else "Path"
+    return Table(title, (Column("path", words=True), lasts, *effort.shown(mission)), rows)
 
 
 def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
@@ -68,11 +74,16 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
     if not avoidance.ok:
         return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
     if not avoidance.contacts:
+        if moved.plain is not moved.direct:
+            longer = f"direct path of {moved.plain.end - moved.plain.start:.1f} s"
+            return (f"Method {method}: takes the {longer}, which is in nobody's way",)
         return (f"Method {method}: no change needed, {avoidance.status}",)
+    over = f" over {moved.plain.end - moved.plain.start:.1f} s" if moved.plain is not moved.direct else ""
     touched = ", ".join(f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts)
     return (
         f"Method {method}: touches the zone of {touched}",
-        f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum; {optimum.best(avoidance)}",
+        f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum{over}; "
+        f"{optimum.best(avoidance)}",
         *optimum.bounds(avoidance),
     )
 
@@ -96,6 +107,7 @@ def figures(mission: Mission, result: Move) -> dict[str, Any]:
             for at in avoidance.contacts
         ],
         "direct": cost(moved.craft, moved.direct),
+        "direct_longer": cost(moved.craft, moved.plain if moved.plain is not moved.direct else None),
         "around": cost(moved.craft, avoidance.path),
         "meanwhile": {
             fellow.craft: cost(fellow.craft, result.after.path(fellow.craft))

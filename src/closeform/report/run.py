@@ -94,6 +94,16 @@ def verdict(reached: Verdict) -> dict[str, Any]:
         "pairs_in_conflict": reached.pairs if reached.conflicts is not None else None,
         "limits_kept": None if reached.exceeded is None else not exceeded,
         "exceeded": exceeded,
+        "late": [
+            {
+                "stage": late.number,
+                "do": late.verb,
+                "asked_s": late.asked,
+                "took_s": late.took,
+                "keeping_N": {use.craft: use.used for use in late.punctual},
+            }
+            for late in reached.late
+        ],
     }
 
 

@@ -1,0 +1,183 @@
+"""A stage that takes longer than asked: the verdict says so, by how much, and which thrust keeps the time."""
+
+import json
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.cli import main
+from closeform.mission import fly
+from closeform.report.run import RunReport
+from closeform.scenario import parse
+from closeform.verdict import Late, Use, Verdict, raised
+
+INSPECTOR = """\
+closeform = 1
+title = "An inspector goes around"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["chief", "insp"]
+position = ["0 0 0 m", "0 -300 0 m"]
+velocity = "0 0 0 m/s"
+mass = "12 kg"
+max_thrust = "THRUST"
+keep_out = { sphere = "20 m" }
+"""
+AROUND = """
+[[stage]]
+do = "avoid"
+craft = "insp"
+to = { position = "0 300 0 m", velocity = "0 0 0 m/s" }
+within = "0.4 orbits"
+"""
+TOGETHER = """
+[[stage]]
+do = "reconfigure"
+craft = ["insp"]
+to = { safety_ellipse = { radial = "50 m", cross_track = "50 m" } }
+within = "0.4 orbits"
+"""
+SPREAD = """
+[[stage]]
+do = "scatter"
+factor = 3.0
+within = "0.1 orbits"
+"""
+ASKED = 0.4 * cf.Orbit.circular(500e3).period
+
+
+def scenario(*stages: str, thrust: str = "1 mN") -> str:
+    return INSPECTOR.replace("THRUST", thrust) + "".join(stages)
+
+
+def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
+    """Status, what is printed, the summary and the page in words, of a run without pictures."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.move.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
+    Path("file.toml").write_text(text)
+    status = main(["run", "file.toml", "--overwrite"])
+    page = unescape(Path("file-results/report.html").read_text())
+    return status, capsys.readouterr().out, json.loads(Path("file-results/summary.json").read_text()), page
+
+
+@pytest.mark.parametrize("stage", [AROUND, TOGETHER, SPREAD], ids=["avoid", "reconfigure", "scatter"])
+def test_later_than_asked_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> None:
+    """Status 1; and with the thrust that is named, and not with less, the time is kept."""
+    status, printed, summary, page = run(scenario(stage), tmp_path, monkeypatch, capsys)
+    assert status == summary["status"] == 1
+    assert summary["clear"] is True
+    (late,) = summary["late"]
+    (flown,) = summary["stages"]
+    assert late["took_s"] == pytest.approx(flown["end_s"], rel=1e-12)
+    verb = flown["do"]
+    begin = f"later than asked: stage 1 ({verb}) by {late['took_s'] - late['asked_s']:.1f} s, for want of "
+    verdict = summary["verdict"]
+    assert verdict.startswith(begin)
+    assert f'<p class="verdict bad">{verdict}</p>' in page
+    assert verdict in " ".join(printed.split())
+    needed = {name: float(force) for force, name in re.findall(r"([0-9.]+) N \((\w+)\)", verdict)}
+    assert needed == pytest.approx(late["keeping_N"], rel=1e-3)
+    assert summary["warnings"][0].endswith(' would keep it; see "Tried"')
+    for factor, kept in ((1.0, True), (0.998, False)):
+        force = [f'"{factor * needed.get(name, 1.0)!r} N"' for name in ("chief", "insp")]
+        mission = fly(parse(scenario(stage).replace('"1 mN"', f"[{', '.join(force)}]")))
+        assert (mission.results[0].end == pytest.approx(late["asked_s"], rel=1e-9)) is kept
+        assert mission.verdict.ok is kept
+
+
+def test_several_late_stages_and_craft() -> None:
+    uses = tuple(Use("thrust", "N", f"F{k}", 0.12341, 0.1) for k in range(5))
+    late = Late(1, "avoid", 100.0, 150.0, uses), Late(3, "scatter", 200.0, 250.05)
+    assert str(Verdict(None, 1, 1, (), False, late)) == (
+        "1 conflict remains; later than asked: stage 1 (avoid) by 50.0 s, for want of 0.1235 N (F0), "
+        "0.1235 N (F1), 0.1235 N (F2), 2 more, stage 3 (scatter) by 50.1 s"
+    )
+    assert Verdict(None, 0, 0, (), False, late).status == 1
+    assert [raised(number) for number in (0.12340001, 12345.0, 3e-7)] == ["0.1235", "1.235e+04", "3e-07"]
+
+
+@pytest.mark.parametrize("stage", [AROUND, TOGETHER], ids=["avoid", "reconfigure"])
+@pytest.mark.parametrize("place", ["orbit", "deep space"])
+def test_hopeless_thrust_is_given_up_after_a_time_that_is_said(place: str, stage: str) -> None:
+    """Ten orbits, in deep space a hundred times as long; and what the time asked for would need."""
+    text = scenario(stage, thrust="0.00005 mN")
+    if place == "deep space":
+        text = text.replace('altitude = "500 km"', "deep_space = true").replace("0.4 orbits", "2000 s")
+        text = re.sub(r"to = \{ safety.*", 'to = [{ position = "0 300 0 m", velocity = "0 0 0 m/s" }]', text)
+    mission = fly(parse(text))
+    assert mission.verdict.status == 1
+    asked = 2000.0 if place == "deep space" else ASKED
+    most = 100.0 * asked if place == "deep space" else ASKED / 0.04
+    found = re.search(
+        r"insp needs (\S+) N in (\S+) s, the longest tried, and (\S+) N in (\S+) s, "
+        r"its max_thrust is 5e-08 N; give it more$",
+        mission.stopped,
+    )
+    last, longest, first, shortest = map(float, found.groups())
+    assert (longest, shortest) == pytest.approx((most, asked), rel=1e-4)
+    direct = mission.results[0].before.paths[1]
+    assert first >= 12.0 * direct.peak_thrust * (1 - 1e-3)
+    again = cf.Orbit(mission.orbit.mean_motion).transfer(direct.state(0.0), direct.state(direct.end), most)
+    assert last == pytest.approx(12.0 * again.peak_thrust, rel=1e-3)
+
+
+def test_python_says_with_which_thrust_it_would_be_punctual() -> None:
+    deep, ball = cf.Orbit(0.0), cf.Sphere(20.0)
+    path = deep.transfer([0, -100, 3, 0, 0, 0], [0, 100, 3, 0, 0, 0], 1000.0)
+    rock = deep.coast(np.zeros(6), 1e5)
+    free = cf.avoid(path, rock, ball)
+    assert free.punctual is None
+    kept = cf.avoid(path, rock, ball, max_acceleration=0.7 * free.path.peak_thrust)
+    assert kept.path.end > 1000.0
+    assert kept.punctual == pytest.approx(free.path.peak_thrust)
+    starts, ends = np.zeros((2, 6)), np.zeros((2, 6))
+    starts[:, 0], ends[:, 0], ends[:, 1] = [0, 100], [0, 100], [60, 90]
+    free = cf.reconfigure(deep, starts, ends, 100.0, ball)
+    assert free.punctual is None
+    kept = cf.reconfigure(deep, starts, ends, 100.0, ball, max_acceleration=0.03)
+    assert kept.durations.max() > 100.0
+    np.testing.assert_allclose(kept.punctual, free.paths.peak_thrust)
+    weak = cf.reconfigure(deep, starts, ends, 100.0, ball, max_acceleration=0.03, if_blocked=()).weak
+    assert (weak.shortest, weak.first) == (weak.duration, weak.needed)
+
+
+# what was compared, where thrust made a way around longer
+
+
+def test_like_is_compared_with_like() -> None:
+    """Once the direct path is clear, and once it is in the chief's way, in the time that it takes."""
+    straight = scenario(AROUND, thrust="5 mN").replace('altitude = "500 km"', "deep_space = true")
+    straight = straight.replace("0.4 orbits", f"{ASKED!r} s").replace("-300 0 m", "-300 3 m")
+    for text, contacts in ((scenario(AROUND), False), (straight, True)):
+        mission = fly(parse(text))
+        (flown,), (section,) = mission.results, RunReport(mission).sections
+        moved = flown.result
+        assert bool(moved.avoidance.contacts) is contacts
+        took = flown.end - flown.start
+        table = next(table for table in section.tables if table.title == "Change made")
+        names = [row[0] for row in table.texts]
+        assert names == ["direct", "direct, longer"] + ["around", "change"] * contacts
+        assert [row[1] for row in table.texts[:2]] == [f"{ASKED:.1f}", f"{took:.1f}"]
+        assert table.shown[1].heading == "lasts [s]"
+        again = mission.orbit.transfer(moved.direct.state(0.0), moved.direct.state(moved.direct.end), took)
+        if contacts:
+            change = moved.avoidance.path.delta_v / again.delta_v - 1.0
+            assert table.texts[-1][3] == f"{100.0 * change:+.3f} %"
+            assert f"beyond the free optimum over {took:.1f} s; " in section.closing[1]
+        else:
+            assert section.closing[0] == (
+                f"Method exact: takes the direct path of {took:.1f} s, which is in nobody's way"
+            )
+        longer = section.figures["change"]["direct_longer"]
+        assert longer["energy_m2_s3"] == pytest.approx(again.energy, rel=1e-9)
+    punctual = RunReport(fly(parse(scenario(AROUND, thrust="1 N")))).sections[0]
+    assert "lasts [s]" not in [column.heading for column in punctual.tables[0].shown]
+    assert punctual.figures["change"]["direct_longer"] is None
