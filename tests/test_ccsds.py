@@ -14,7 +14,8 @@ from oem import OrbitEphemerisMessage
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.ephemeris import Ephemeris
 from closeform.exchange.oem import read_oem, write_oem
-from closeform.motion.elements import EARTH_MU, elements_from_inertial, inertial_from_elements
+from closeform.motion.elements import elements_from_inertial, inertial_from_elements
+from closeform.motion.mean_motion import EARTH_MU
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 

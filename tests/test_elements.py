@@ -9,26 +9,32 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from closeform.motion.elements import (
+    elements_from_inertial,
+    inertial_from_elements,
+)
+from closeform.motion.frames import inertial_from_relative, relative_from_inertial
+from closeform.motion.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
     altitude_from_mean_motion,
-    elements_from_inertial,
-    elements_from_roe,
-    inertial_from_elements,
     mean_motion_from_altitude,
     mean_motion_from_period,
     mean_motion_from_semi_major_axis,
-    palmer_from_state,
     period_from_mean_motion,
+    semi_major_axis_from_mean_motion,
+)
+from closeform.motion.palmer import (
+    palmer_from_state,
+    state_from_palmer,
+)
+from closeform.motion.roe import (
+    elements_from_roe,
     roe_from_elements,
     roe_from_state,
     scaled_roe_from_state,
-    semi_major_axis_from_mean_motion,
-    state_from_palmer,
     state_from_roe,
     state_from_scaled_roe,
 )
-from closeform.motion.frames import inertial_from_relative, relative_from_inertial
 
 ROUND_TRIP = 1e-12  # of the scale of the state: 7 micrometres on an orbit, 1e-12 of an angle
 

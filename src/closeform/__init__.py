@@ -6,7 +6,8 @@ from typing import Any
 # Loaded at first use: `import closeform` costs nothing, and the command line starts at once.
 _NAMES = {
     "motion.orbit": "Orbit",
-    "motion.path": "Path join stack",
+    "motion.path": "Path",
+    "motion.joining": "join stack",
     "zones.zone": "Zone",
     "zones.solids": "Box Ellipsoid Sphere Cylinder HalfSpaces",
     "zones.own_zone": "Uncertainty Body",
@@ -22,15 +23,20 @@ _NAMES = {
     "planning.limits": "shortest_transfer propellant",
     "fuel.thrusters": "Thrusters",
     "motion.frames": "relative_from_inertial inertial_from_relative",
-    "motion.elements": (
+    "motion.mean_motion": (
         "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "
         "mean_motion_from_period semi_major_axis_from_mean_motion altitude_from_mean_motion "
-        "period_from_mean_motion palmer_from_state state_from_palmer elements_from_inertial "
-        "inertial_from_elements roe_from_elements elements_from_roe roe_from_state "
-        "state_from_roe scaled_roe_from_state state_from_scaled_roe"
+        "period_from_mean_motion"
+    ),
+    "motion.palmer": "palmer_from_state state_from_palmer",
+    "motion.elements": "elements_from_inertial inertial_from_elements",
+    "motion.roe": (
+        "roe_from_elements elements_from_roe roe_from_state state_from_roe "
+        "scaled_roe_from_state state_from_scaled_roe"
     ),
     "search.sensor": "Sensor",
-    "search.schedule": "Leg Search",
+    "search.leg": "Leg",
+    "search.schedule": "Search",
     "search.locks": "Locks lock_times",
     "search.margins": "LockMargins lock_margins",
     "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",

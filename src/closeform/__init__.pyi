@@ -26,22 +26,28 @@ from closeform.conflicts.two_paths import (
 )
 from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.motion.elements import (
+    elements_from_inertial as elements_from_inertial,
+    inertial_from_elements as inertial_from_elements,
+)
+from closeform.motion.mean_motion import (
     EARTH_MU as EARTH_MU,
     EARTH_RADIUS as EARTH_RADIUS,
     altitude_from_mean_motion as altitude_from_mean_motion,
-    elements_from_inertial as elements_from_inertial,
-    elements_from_roe as elements_from_roe,
-    inertial_from_elements as inertial_from_elements,
     mean_motion_from_altitude as mean_motion_from_altitude,
     mean_motion_from_period as mean_motion_from_period,
     mean_motion_from_semi_major_axis as mean_motion_from_semi_major_axis,
-    palmer_from_state as palmer_from_state,
     period_from_mean_motion as period_from_mean_motion,
+    semi_major_axis_from_mean_motion as semi_major_axis_from_mean_motion,
+)
+from closeform.motion.palmer import (
+    palmer_from_state as palmer_from_state,
+    state_from_palmer as state_from_palmer,
+)
+from closeform.motion.roe import (
+    elements_from_roe as elements_from_roe,
     roe_from_elements as roe_from_elements,
     roe_from_state as roe_from_state,
     scaled_roe_from_state as scaled_roe_from_state,
-    semi_major_axis_from_mean_motion as semi_major_axis_from_mean_motion,
-    state_from_palmer as state_from_palmer,
     state_from_roe as state_from_roe,
     state_from_scaled_roe as state_from_scaled_roe,
 )
@@ -51,11 +57,8 @@ from closeform.motion.frames import (
 )
 from closeform.planning.limits import propellant as propellant, shortest_transfer as shortest_transfer
 from closeform.motion.orbit import Orbit as Orbit
-from closeform.motion.path import (
-    Path as Path,
-    join as join,
-    stack as stack,
-)
+from closeform.motion.joining import join as join, stack as stack
+from closeform.motion.path import Path as Path
 from closeform.conflicts.all_pairs import (
     Screening as Screening,
     screen as screen,
@@ -70,7 +73,8 @@ from closeform.search.gather_result import (
 )
 from closeform.search.locks import Locks as Locks, lock_times as lock_times
 from closeform.search.margins import LockMargins as LockMargins, lock_margins as lock_margins
-from closeform.search.schedule import Leg as Leg, Search as Search
+from closeform.search.leg import Leg as Leg
+from closeform.search.schedule import Search as Search
 from closeform.search.sensor import Sensor as Sensor
 from closeform.search.theorem import (
     TheoremCase as TheoremCase,

@@ -22,8 +22,9 @@ from closeform.conflicts.flight import Flight, watch
 from closeform.mission_result import AvoidResult, FirstLocks, Mission, ReconfigureResult, StageResult
 from closeform.motion.arc import END, START
 from closeform.motion.duration import far_beyond
+from closeform.motion.joining import join, stack
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, join, stack
+from closeform.motion.path import Path
 from closeform.scenario import (
     Avoid,
     Coast,

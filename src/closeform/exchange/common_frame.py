@@ -8,8 +8,8 @@ import numpy as np
 from closeform.arrays import Floats, number, sequence
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
-from closeform.motion.elements import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.motion.frames import AlongTrack, relative_from_inertial
+from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
 
 # Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
 # and TEME follow its pole: below 1e-11 rad/s, nothing beside a mean motion.

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, shown
-from closeform.motion.elements import checked
+from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
 UNIT = 1e-6  # by how much the length of a direction may differ from 1: six digits were typed

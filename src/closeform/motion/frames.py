@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, shown
-from closeform.motion.elements import checked
+from closeform.motion.mean_motion import checked
 
 AlongTrack = Literal["straight", "arc"]
 
@@ -25,21 +25,41 @@ def relative_from_inertial(
     along_track: AlongTrack = "straight",
     radius: ArrayLike | None = None,
 ) -> Floats:
-    """State (..., 6) in m and m/s of the deputy in the rotating Hill frame of the chief.
+    """State of a deputy in the rotating Hill frame of a chief, exactly.
 
-    chief, deputy: inertial states (..., 6) in m and m/s of one epoch, in one frame centred on the
-    body they orbit.
+    Parameters
+    ----------
+    chief : array_like of shape (..., 6) [m, m/s]
+        Inertial, in a frame centred on the body that both orbit.
+    deputy : array_like of shape (..., 6) [m, m/s]
+        In the same frame and of the same epoch; shapes broadcast.
+    along_track : "straight" or "arc", default "straight"
+        "straight": the Cartesian components of the difference.  "arc": x is the difference of the
+        distances from the body's centre, y and z are the angles of the deputy ahead of the chief, in its
+        plane and out of it, times `radius`.  Velocities are the rates of these.
+    radius : array_like of shape (...) [m], optional
+        Of the circle of "arc": held constant, or unless given the chief's own distance, which varies.
 
-    along_track: "straight" gives the Cartesian components of the difference.  "arc" gives the
-    difference of the distances from the body's centre as x, and as y and z the angles of the
-    deputy ahead of the chief, in its plane and out of it, times `radius` [m]: lengths of arc on a
-    circle, which stay true to Hill's equations at separations of many kilometres (see
-    docs/validity.md).  `radius` is the chief's own distance by default, which varies; any other
-    is held constant.  With its semi-major axis a craft ahead on the same orbit obeys Hill's
-    equations to second order in the eccentricity.  Velocities are the rates of the coordinates.
+    Returns
+    -------
+    array of shape (..., 6) [m, m/s]
+        In the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
 
-    Raises ValueError for shapes, values that are not finite, a chief without an orbital plane, or
-    with "arc" a deputy on the axis of the chief's orbit, where the angle along-track has no value.
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a value is not finite, the chief has no orbital plane, a word is unknown,
+        `radius` is not positive or given with "straight", or with "arc" the deputy is on the axis of the
+        chief's orbit, where the angle along-track has no value.
+
+    Notes
+    -----
+    Arcs stay true to Hill's equations at separations of many kilometres.  With the chief's semi-major
+    axis as `radius` a craft ahead on the same orbit obeys them to second order in the eccentricity.
+
+    References
+    ----------
+    docs/validity.md; Alfriend et al., Spacecraft Formation Flying, 2010, chapter 2.
     """
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
     inertial = checked("deputy", deputy, last=6)
@@ -73,10 +93,33 @@ def inertial_from_relative(
     along_track: AlongTrack = "straight",
     radius: ArrayLike | None = None,
 ) -> Floats:
-    """Inertial state (..., 6) in m and m/s of the deputy: inverse of `relative_from_inertial`.
+    """Inertial state of a deputy: the inverse of `relative_from_inertial`.
 
-    chief: inertial state (..., 6); relative: state (..., 6) in its Hill frame, in m and m/s, with
-    the same `along_track` and `radius` as it was made with.  Raises ValueError like its inverse.
+    Parameters
+    ----------
+    chief : array_like of shape (..., 6) [m, m/s]
+        Inertial, in a frame centred on the body.
+    relative : array_like of shape (..., 6) [m, m/s]
+        Of the deputy in the chief's Hill frame; shapes broadcast.
+    along_track : "straight" or "arc", default "straight"
+        As `relative` was made.
+    radius : array_like of shape (...) [m], optional
+        As `relative` was made.
+
+    Returns
+    -------
+    array of shape (..., 6) [m, m/s]
+        In the chief's inertial frame.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a value is not finite, the chief has no orbital plane, a word is unknown, or
+        `radius` is not positive or given with "straight".
+
+    References
+    ----------
+    docs/validity.md.
     """
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
     circle, growth = _circle(along_track, radius, distance, climb)

@@ -13,16 +13,16 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.duration import flaw
 from closeform.motion.effort import ENERGY, totals
-from closeform.motion.elements import (
+from closeform.motion.hill import coast, response
+from closeform.motion.lambert import start_velocities
+from closeform.motion.linear import solve
+from closeform.motion.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
     mean_motion_from_altitude,
     mean_motion_from_period,
     mean_motion_from_semi_major_axis,
 )
-from closeform.motion.hill import coast, response
-from closeform.motion.lambert import start_velocities
-from closeform.motion.linear import solve
 from closeform.motion.path import FORGIVEN, Path, path_of
 
 # Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said

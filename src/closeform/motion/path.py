@@ -8,9 +8,9 @@ import numpy as np
 from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers, sequence, shown
+from closeform.arrays import Floats, numbers, shown
 from closeform.compiled import kernel
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, WIDTH, state_at
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
 from closeform.motion.march import locate
 
@@ -38,11 +38,20 @@ def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Motion of one craft, or of a batch of craft of `shape`, in one orbit's rotating frame.
+    """Motion of one craft, or of a batch of craft, in one orbit's rotating frame.
 
-    `arcs` (M, 30) holds the arcs of every craft, one after another (see `arc`); `offsets`
-    (N + 1,) tells where each craft's begin.  Paths are made by an `Orbit`, `join` and `stack`.
-    Index a batch like an array to get some of its craft.
+    Made by an `Orbit`, `join` and `stack`.  Index a batch like an array to get some of its craft.
+
+    Attributes
+    ----------
+    orbit : Orbit
+        Whose frame it is.
+    arcs : array of shape (M, 30) [s, m, m/s, m/s^2]
+        The arcs of every craft, one after another; a row is described in `closeform.motion.arc`.
+    offsets : array of int of shape (N + 1,)
+        Where the arcs of each craft begin, and the end of the last.
+    shape : tuple of int
+        Of the batch: () for one craft.
     """
 
     orbit: "Orbit"
@@ -71,41 +80,117 @@ class Path:
 
     @property
     def start(self) -> Any:
-        """Start time [s], of the batch's shape."""
+        """Start time [s], of the path's shape."""
         return self._shaped(self.arcs[self.offsets[:-1], START])
 
     @property
     def end(self) -> Any:
-        """End time [s], of the batch's shape."""
+        """End time [s], of the path's shape."""
         return self._shaped(self.arcs[self.offsets[1:] - 1, END])
 
     def state(self, time: ArrayLike) -> Floats:
-        """States [m, m/s] at `time` [s]: shape of the path + shape of `time` + (6,).
+        """States at some times.
 
-        At an impulse the state is the one after it.  Raises ValueError for a time outside of
-        the path (1e-9 of its length is forgiven) or one that is not finite.
+        Parameters
+        ----------
+        time : array_like of shape (...) [s]
+            On the path; at an impulse the state is the one after it.
+
+        Returns
+        -------
+        array of shape (*path, ..., 6) [m, m/s]
+            In the rotating frame, for each craft of the path's shape.
+
+        Raises
+        ------
+        ValueError
+            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+
+        References
+        ----------
+        docs/theory.md section 1.
         """
         return self._evaluate(time, 6)
 
     def position(self, time: ArrayLike) -> Floats:
-        """Positions [m] at `time` [s]: shape of the path + shape of `time` + (3,).  Raises as `state`."""
+        """Positions at some times.
+
+        Parameters
+        ----------
+        time : array_like of shape (...) [s]
+            On the path.
+
+        Returns
+        -------
+        array of shape (*path, ..., 3) [m]
+            In the rotating frame, for each craft of the path's shape.
+
+        Raises
+        ------
+        ValueError
+            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+
+        References
+        ----------
+        docs/theory.md section 1.
+        """
         return self.state(time)[..., :3]
 
     def velocity(self, time: ArrayLike) -> Floats:
-        """Velocities [m/s] at `time` [s]: shape of the path + shape of `time` + (3,).  Raises as `state`."""
+        """Velocities at some times.
+
+        Parameters
+        ----------
+        time : array_like of shape (...) [s]
+            On the path; at an impulse the velocity is the one after it.
+
+        Returns
+        -------
+        array of shape (*path, ..., 3) [m/s]
+            In the rotating frame, for each craft of the path's shape.
+
+        Raises
+        ------
+        ValueError
+            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+
+        References
+        ----------
+        docs/theory.md section 1.
+        """
         return self.state(time)[..., 3:]
 
     def thrust(self, time: ArrayLike) -> Floats:
-        """Thrust accelerations [m/s^2] at `time` [s]: shape of the path + shape of `time` + (3,).
+        """Thrust accelerations at some times, without impulses.
 
-        Impulses are not in it.  For a sampled path: the thrust that its motion asks for.  Raises
-        as `state`.
+        Parameters
+        ----------
+        time : array_like of shape (...) [s]
+            On the path.
+
+        Returns
+        -------
+        array of shape (*path, ..., 3) [m/s^2]
+            In the rotating frame, for each craft of the path's shape; of a path through samples what its
+            motion asks for.
+
+        Raises
+        ------
+        ValueError
+            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+
+        References
+        ----------
+        docs/theory.md section 2.
         """
         return self._evaluate(time, 3)
 
     @property
     def energy(self) -> Any:
-        """Half the integral of |thrust|^2 [m^2/s^3], per unit mass; inf with an impulse.  # theory (7)"""
+        """Half the integral of |thrust|^2 [m^2/s^3], per unit mass, of the path's shape; inf with an impulse.
+
+        docs/theory.md (7).
+        """
         energy = self._total(ENERGY)
         impulsive = np.abs(self.arcs[:, IMPULSE : IMPULSE + 3]).sum(axis=1) > 0
         energy[np.add.reduceat(impulsive, self.offsets[:-1]) > 0] = np.inf
@@ -113,18 +198,18 @@ class Path:
 
     @property
     def delta_v(self) -> Any:
-        """Integral of |thrust| and the sizes of all impulses [m/s], to 1e-9 of itself."""
+        """Integral of |thrust| and the sizes of all impulses [m/s], to 1e-9, of the path's shape."""
         jumps = np.linalg.norm(self.arcs[:, IMPULSE : IMPULSE + 3], axis=1)
         return self._shaped(self._total(DELTA_V) + np.add.reduceat(jumps, self.offsets[:-1]))
 
     @property
     def peak_thrust(self) -> Any:
-        """Greatest |thrust| [m/s^2], to 1e-9 of itself; impulses are not in it."""
+        """Greatest |thrust| [m/s^2], of the path's shape, to 1e-9 of itself; impulses are not in it."""
         return self._shaped(self._total(PEAK))
 
     @property
     def interpolation_error(self) -> Any:
-        """Of a path through samples: how far from it the craft may have been between two, an estimate [m].
+        """How far craft may have been from a path through samples, an estimate [m], of the path's shape.
 
         a h^2 / 16, the greatest for all samples, h apart, with a the acceleration that the path has
         beside natural motion: as far as a craft can be that thrusts by a more or less.  A visit that
@@ -134,13 +219,16 @@ class Path:
 
     @property
     def cubic_share(self) -> Any:
-        """Share of the arcs that are cubics through samples, not motion in this orbit; 0 in deep space."""
+        """Share of the arcs that are cubics through samples, no unit, of the path's shape.
+
+        The others are motion in this orbit.  In deep space it is 0, as cubics are its motion.
+        """
         cubic = self.arcs[:, MEAN_MOTION] != self.orbit.mean_motion
         return self._shaped(np.add.reduceat(cubic, self.offsets[:-1], dtype=float) / np.diff(self.offsets))
 
     @property
     def impulses(self) -> tuple[tuple[float, Floats], ...]:
-        """The velocity jumps of one craft: (time [s], jump (3,) [m/s]) in order of time.
+        """Velocity jumps of one craft in order of time: (time [s], jump (3,) [m/s] in the rotating frame).
 
         Raises ValueError for a batch: index it first.
         """
@@ -207,73 +295,3 @@ def path_of(orbit: "Orbit", arcs: Floats, offsets: Any, shape: tuple[int, ...]) 
     path = object.__new__(Path)
     path.__dict__.update(orbit=orbit, arcs=arcs, offsets=offsets, shape=shape)
     return path
-
-
-def _single(paths: Any, verb: str) -> list[Path]:
-    chosen = sequence("paths", paths, Path)
-    if not chosen:
-        raise ValueError(f"paths: nothing to {verb}, give at least one path")
-    for path in chosen:
-        if path.orbit.mean_motion != chosen[0].orbit.mean_motion:
-            raise ValueError(f"paths: all must be in one orbit to {verb} them")
-    return chosen
-
-
-def join(paths: Any) -> Path:
-    """One path out of `paths` that follow each other in time, all of one batch shape.
-
-    A velocity jump between two becomes an impulse; a position jump is an error.  Jumps below
-    1e-9 of the larger of |r| and |v| T are rounding.  Raises ValueError for a gap in time, a
-    position jump, or different shapes or orbits.
-    """
-    chosen = _single(paths, "join")
-    if any(path.shape != chosen[0].shape for path in chosen):
-        raise ValueError(f"paths: all must have one shape to join them, got {[p.shape for p in chosen]}")
-    pieces = [chosen[0].arcs]
-    for before, after in zip(chosen, chosen[1:], strict=False):
-        arcs = after.arcs.copy()
-        first = after.offsets[:-1]
-        last = before.offsets[1:] - 1
-        length = before.arcs[last, END] - before.arcs[before.offsets[:-1], START]
-        gap = arcs[first, START] - before.arcs[last, END]
-        if np.any(np.abs(gap) > FORGIVEN * length):
-            raise ValueError(
-                f"paths: one ends and the next starts {np.abs(gap).max():g} s apart; they must follow"
-            )
-        ended = before._evaluate_rows(before.arcs[last, END : END + 1])[:, 0]
-        jump = arcs[first, STATE : STATE + 6] - ended
-        scale = FORGIVEN * np.maximum(_scale(before, length), _scale(after, length)) + 1e-300
-        if np.any(np.abs(jump[:, :3]).max(axis=1) > scale):
-            raise ValueError(f"paths: position jumps by {np.abs(jump[:, :3]).max():g} m between two of them")
-        kicked = np.abs(jump[:, 3:]).max(axis=1) * np.maximum(length, 1e-300) > scale
-        arcs[first, IMPULSE : IMPULSE + 3] = np.where(kicked[:, None], jump[:, 3:], 0.0)
-        pieces.append(arcs)
-    return _interleaved(chosen, pieces)
-
-
-def _scale(path: Path, duration: Floats) -> Floats:
-    """The larger of |r| and |v| T over the arcs of each craft (N,)."""
-    sizes = np.abs(path.arcs[:, STATE : STATE + 6])
-    sizes[:, 3:] *= np.repeat(duration, np.diff(path.offsets))[:, None]
-    return np.maximum.reduceat(sizes.max(axis=1), path.offsets[:-1])
-
-
-def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
-    """Arcs of each craft brought together, craft by craft."""
-    owner = np.concatenate([np.repeat(np.arange(len(p.offsets) - 1), np.diff(p.offsets)) for p in paths])
-    arcs = np.concatenate(pieces)[np.argsort(owner, kind="stable")]
-    offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(paths[0].offsets) - 1))])
-    return path_of(paths[0].orbit, arcs, offsets, paths[0].shape)
-
-
-def stack(paths: Any) -> Path:
-    """One batch of shape (N,) out of N `paths` of single craft; they may have different times.
-
-    Raises ValueError for a path that is a batch already, or for different orbits.
-    """
-    chosen = _single(paths, "stack")
-    if any(path.shape for path in chosen):
-        raise ValueError("paths: stack takes paths of single craft; index the batches first")
-    offsets = np.concatenate([[0], np.cumsum([len(path.arcs) for path in chosen])])
-    arcs = np.concatenate([path.arcs for path in chosen])
-    return path_of(chosen[0].orbit, arcs, offsets, (len(chosen),))

@@ -8,8 +8,9 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from closeform.arrays import Floats, instance, numbers, shown
+from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, stack
+from closeform.motion.path import Path
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.passing import MARGINS, Found

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from closeform.motion.path import Path, stack
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
 from closeform.planning.certify import Solution, nearer
 from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS, Search

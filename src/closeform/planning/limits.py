@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, instance, numbers
 from closeform.motion.duration import SHORTEST
-from closeform.motion.elements import checked
+from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 

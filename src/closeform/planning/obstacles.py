@@ -5,8 +5,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from closeform.arrays import shown
+from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, stack
+from closeform.motion.path import Path
 from closeform.planning.problem import Problem
 
 ON = 1.0 + 1e-9  # of a zone: an end there counts as inside

@@ -11,8 +11,9 @@ from closeform.arrays import Floats
 from closeform.conflicts.all_pairs import search_pairs
 from closeform.motion.arc import END, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
+from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, path_of, stack
+from closeform.motion.path import Path, path_of
 from closeform.planning.approaches import sample_bodies
 from closeform.planning.deflection import fly, invert_responses, look_at
 from closeform.planning.scene import Contacts, Scene

@@ -8,8 +8,9 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.motion.arc import IMPULSE, MEAN_MOTION, PUSH, THRUST
-from closeform.motion.elements import state_from_palmer
-from closeform.motion.path import Path, join
+from closeform.motion.joining import join
+from closeform.motion.palmer import state_from_palmer
+from closeform.motion.path import Path
 from closeform.planning.passing import MARGINS
 from closeform.planning.plan import Avoidance, Contact, Status
 from closeform.planning.problem import Problem, deepest

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from closeform.motion.arc import END, START
-from closeform.motion.path import Path, stack
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
 from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS
 from closeform.planning.plan import Contact

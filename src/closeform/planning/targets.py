@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.conflicts.two_paths import closest_approach
-from closeform.motion.elements import checked, palmer_from_state, state_from_palmer
+from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
+from closeform.motion.palmer import palmer_from_state, state_from_palmer
 from closeform.zones.solids import Sphere
 
 TOGETHER = 1e-9  # of the formation's size: closer craft are at one place

@@ -24,7 +24,8 @@ from closeform.plots.camera import (
 )
 from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline, sheet
 from closeform.plots.scene import CIRCLE
-from closeform.search.schedule import SUN, Leg, Search, rotation
+from closeform.search.leg import SUN, Leg, rotation
+from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched
 
 ABOVE = Camera.around(-1.15, 0.38, -SUN, np.array([1.0, 0.0, 0.0]))  # n_z up, n_x to the right

@@ -30,7 +30,8 @@ from closeform.plots.look import (
     headline,
     sheet,
 )
-from closeform.search.schedule import SUN, Search
+from closeform.search.leg import SUN
+from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched
 
 REGION_COLOURS = {1: AFTER, 2: ZONE, 3: ALTERNATIVE, 4: "#AA4499"}

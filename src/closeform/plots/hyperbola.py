@@ -36,8 +36,9 @@ from closeform.plots.look import (
     length_unit,
     sheet,
 )
+from closeform.search.leg import SUN
 from closeform.search.locks import lock_times
-from closeform.search.schedule import SUN, Search
+from closeform.search.schedule import Search
 
 ORIGIN, LEVEL = np.zeros(3), np.array([1.0, 1.0, 0.0])
 CAMERA = Camera.around(-1.0, 0.55, -SUN, np.array([1.0, 0.0, 0.0]))

@@ -11,7 +11,7 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.search.gather_result import Event, EventKind, Gathering
-from closeform.search.schedule import Leg
+from closeform.search.leg import Leg
 
 SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock
 

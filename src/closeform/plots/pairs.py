@@ -9,7 +9,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
-from closeform.motion.path import Path, stack
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
 from closeform.plots.letters import short_names
 from closeform.plots.look import crafts
 from closeform.zones.pair_zones import NONE, pair_zones

@@ -28,7 +28,7 @@ from closeform.plots.letters import plain
 from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT, length_unit
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.search.gather_result import EventKind, Gathering
-from closeform.search.schedule import SUN
+from closeform.search.leg import SUN
 from closeform.search.sets import FORMATION, LOST
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as the sun sees it

@@ -7,8 +7,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from closeform.arrays import Floats
-from closeform.motion.elements import state_from_palmer, state_from_scaled_roe
 from closeform.motion.orbit import Orbit
+from closeform.motion.palmer import state_from_palmer
+from closeform.motion.roe import state_from_scaled_roe
 from closeform.scenario.formation import Start
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.quantity import (

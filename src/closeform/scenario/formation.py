@@ -6,8 +6,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from closeform.arrays import Floats
-from closeform.motion.elements import state_from_palmer, state_from_scaled_roe
 from closeform.motion.orbit import Orbit
+from closeform.motion.palmer import state_from_palmer
+from closeform.motion.roe import state_from_scaled_roe
 from closeform.scenario.quantity import LENGTH, Reader
 from closeform.scenario.table import Angle, Length, Names, Position, Table, Vector, Velocity
 

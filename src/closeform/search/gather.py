@@ -1,15 +1,15 @@
 """Gather: lost craft search, lock and join until one formation set holds them all (H03)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, instance, numbers, shown
+from closeform.arrays import Floats, instance, shown
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -31,18 +31,17 @@ from closeform.search.gather_events import (
     fly_all,
 )
 from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
+from closeform.search.leg import Group
 from closeform.search.locks import in_parts
+from closeform.search.request import Burns, Groups, cleared, sides, states
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
-from closeform.search.schedule import Group, Search
+from closeform.search.schedule import Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
 from closeform.zones.own_zone import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
-from closeform.zones.shapes import BALL, CUBE
-from closeform.zones.zone import Zone
+from closeform.zones.shapes import CUBE
 
-Burns = Literal["least", "first", "second", "half"]
-Groups = Literal["alternating", "balanced"] | Sequence[Group]
 KINDS = tuple(EventKind)  # in the order of the kernel's
 WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # the first of equals is taken
 EACH_CALL = 1024  # gatherings that one call of the kernel flies
@@ -59,27 +58,57 @@ def gather(
     burns: Burns = "least",
     max_speed: float | None = None,
 ) -> Gathering:
-    """Lost craft search, lock and join until one formation set holds them all (H03 section IV).
+    """Lost craft search, lock and join until one formation set holds them all.
 
-    `positions` [m] and `velocities` [m/s] are (N, 3) at the start of the `search`, in deep space.
-    `groups`: "alternating" (A, B, A, ...), "balanced" (the first half A: H03's 3:2), or one of
-    "A", "B" for each craft.  The first pair to lock begins the formation set: of its
-    two craft `burns` the "second" (the lower index holds), the "first", "half" each, or the
-    "least", which flies the way of the three that leaves the fewest craft and of those spends the
-    least delta-v in total; of equals the lower index holds.  Of locks at one time that of the
-    lowest craft in A counts first, then of the lowest in B.  Craft that join the formation set
-    null their velocity relative to it; knowledge sets coast, but for corrections where
-    `keep_out` would be entered before the end of the search: one zone for all or one for each
-    craft, as in `screen`, but round or a box.  A burn voids S04's guarantee for
-    the pairs that it touches, so the search is repeated up to `rounds` times.  With `max_speed`
-    [m/s], a bound of the relative speeds, each round ends with the near-field search (H03
-    section III.C): all wait for near_field / max_speed, the lost burn twice max_speed against
-    their boresight, all wait as long again.
+    The first pair to lock begins the formation set.  Craft that join it null their velocity relative to
+    it; knowledge sets coast until they meet it, but for corrections against collisions.
 
-    Raises ValueError for fewer than two craft, an empty group, coincident craft, wrong shapes or
-    numbers that are not finite, and other arguments that make no sense.
+    Parameters
+    ----------
+    search : Search
+        Which all carry out.
+    positions : array_like of shape (N, 3) [m]
+        At the start of the search, in the inertial frame, in deep space.
+    velocities : array_like of shape (N, 3) [m/s]
+        In the inertial frame.
+    groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
+        A, B, A, ...; the first half A (H03's 3:2); or one for each craft.
+    keep_out : Zone, Uncertainty, Body, sequence of these or None, or PairZones, optional
+        One for all or one for each craft, as in `screen`, but round or a box: where it would be entered
+        before the end of the search, craft of a set correct.
+    rounds : int, default 2
+        How often the search is carried out at most; a burn voids S04's guarantee for the pairs that it
+        touches.
+    burns : "least", "first", "second" or "half", default "least"
+        Who of the first pair burns: the first, the second (the lower index holds), both half, or the way
+        that leaves the fewest craft and of those spends the least delta-v in total.
+    max_speed : float [m/s], optional
+        A bound of the relative speeds: each round ends with the near-field search.  All wait for
+        near_field / max_speed, the lost burn twice `max_speed` against their boresight, all wait as
+        long again.
+
+    Returns
+    -------
+    Gathering
+        Also where some are still lost: its `status` says how it ended.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two craft, a group is empty, two are at one place, shapes do not fit, a
+        number is not finite, `keep_out` is of another shape or makes no zone for a pair, or a word,
+        `rounds` or `max_speed` is out of range.
+
+    Notes
+    -----
+    Of locks at one time that of the lowest craft in A counts first, then of the lowest in B.  Of equal
+    ways to burn the lower index holds.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/search.md.
     """
-    where, speeds = _states(positions, velocities, 2)
+    where, speeds = states(positions, velocities, 2)
     fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
     with ThreadPoolExecutor(len(WAYS)) as pool:
         flown = pool.map(lambda code: fleet.fly(where, speeds, code, 8 * where.shape[1]), WAYS.values())
@@ -103,10 +132,40 @@ def gather_cases(
 ) -> Gatherings:
     """Many gatherings at once, on all cores: what `gather` does, without paths and events.
 
-    `positions` [m] and `velocities` [m/s] are (C, N, 3); `search`, `groups`, `keep_out`, `rounds`,
-    `burns` and `max_speed` [m/s] as there.  Raises ValueError as there.
+    Parameters
+    ----------
+    search : Search
+        Which all carry out.
+    positions : array_like of shape (C, N, 3) [m]
+        Of each case at the start of the search, in the inertial frame, in deep space.
+    velocities : array_like of shape (C, N, 3) [m/s]
+        In the inertial frame.
+    groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
+        As in `gather`, the same in all cases.
+    keep_out : Zone, Uncertainty, Body, sequence of these or None, or PairZones, optional
+        As in `gather`.
+    rounds : int, default 2
+        As in `gather`.
+    burns : "least", "first", "second" or "half", default "least"
+        As in `gather`.
+    max_speed : float [m/s], optional
+        As in `gather`.
+
+    Returns
+    -------
+    Gatherings
+        Arrays of C cases.
+
+    Raises
+    ------
+    ValueError
+        As `gather`, and if there are no cases; naming the case of two craft at one place.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/search.md.
     """
-    where, speeds = _states(positions, velocities, 3)
+    where, speeds = states(positions, velocities, 3)
     fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
     ways = list(WAYS.values()) if burns == "least" else [WAYS[burns]]
 
@@ -250,73 +309,13 @@ def _fleet(
     instance("search", search, Search)
     kept = None
     if keep_out is not None:
-        _cleared(keep_out)
+        cleared(keep_out)
         kept = pair_zones("keep_out", keep_out, count)
         for zone in kept.zones:
-            _cleared(zone)
+            cleared(zone)
     speed = None if max_speed is None else positive("max_speed", max_speed)
     flown, drifts = all_rounds(search, int(rounds), speed)
-    return _Fleet(flown, int(rounds), drifts, _sides(groups, count), kept, 2.0 * (speed or 0.0))
-
-
-def _cleared(zone: Any) -> None:
-    """Refuse a zone that the kernel has no burn for."""
-    if isinstance(zone, Zone) and zone.shape not in (BALL, CUBE):
-        raise ValueError(
-            f"keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a {type(zone).__name__}; "
-            "give one that holds it"
-        )
-
-
-def _sides(groups: Groups, count: int) -> tuple[Group, ...]:
-    """The group of each craft."""
-    if isinstance(groups, str):
-        if groups not in ("alternating", "balanced"):
-            raise ValueError(
-                f'groups: "alternating", "balanced" or one of A, B for each craft, got {shown(groups)}'
-            )
-        middle = (count + 1) // 2  # H03 figure 3: three and two of five
-        second = [k % 2 == 1 if groups == "alternating" else k >= middle for k in range(count)]
-        return tuple("B" if there else "A" for there in second)
-    if not isinstance(groups, Iterable):
-        raise ValueError(f'groups: "alternating", "balanced" or A, B for each craft, got {shown(groups)}')
-    given = tuple(groups)
-    if len(given) != count:
-        raise ValueError(f"groups: expected one for each of {count} craft, got {len(given)}")
-    if wrong := [group for group in given if group not in ("A", "B")]:
-        raise ValueError(f'groups: each must be "A" or "B", got {shown(wrong[0])}')
-    for group in ("A", "B"):
-        if group not in given:
-            raise ValueError(f"groups: {group} is empty; craft of one group never see each other")
-    return given
-
-
-def _states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tuple[Floats, Floats]:
-    """Positions and velocities as (C, N, 3)."""
-    shape = ("N, 3", "C, N, 3")[dimensions - 2]
-    arrays = {"positions": numbers("positions", positions), "velocities": numbers("velocities", velocities)}
-    for name, array in arrays.items():
-        if array.ndim != dimensions or array.shape[-1] != 3:
-            raise ValueError(f"{name}: expected shape ({shape}), got {array.shape}")
-        if not (np.abs(array) < LARGEST).all():
-            raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
-    where, speeds = (np.where(np.abs(array) < 1.0 / LARGEST, 0.0, array) for array in arrays.values())
-    if where.shape != speeds.shape:
-        raise ValueError(f"velocities: expected the shape of positions, {where.shape}, got {speeds.shape}")
-    if where.shape[-2] < 2:
-        raise ValueError(f"positions: a gathering needs two craft or more, got {where.shape[-2]}")
-    if not where.size:
-        raise ValueError("positions: no cases")
-    cases = where.reshape(-1, *where.shape[-2:])
-    order = np.lexsort(cases.transpose(2, 0, 1), axis=-1)
-    ranked = np.take_along_axis(cases, order[..., None], axis=1)
-    same = (ranked[:, 1:] == ranked[:, :-1]).all(axis=2)
-    if same.any():
-        case, k = np.argwhere(same)[0]
-        i, j = sorted(map(int, order[case, k : k + 2]))
-        place = f" in case {case}" if dimensions > 2 else ""
-        raise ValueError(f"positions: craft {i} and {j} are at one place{place}")
-    return np.ascontiguousarray(cases), np.ascontiguousarray(speeds.reshape(cases.shape))
+    return _Fleet(flown, int(rounds), drifts, sides(groups, count), kept, 2.0 * (speed or 0.0))
 
 
 def _paths(positions: Floats, velocities: Floats, burned: Floats, duration: float) -> Path:

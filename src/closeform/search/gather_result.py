@@ -13,7 +13,8 @@ from closeform.arrays import Floats, instance, number
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
-from closeform.search.schedule import Group, Search
+from closeform.search.leg import Group
+from closeform.search.schedule import Search
 from closeform.search.sets import LOST
 from closeform.zones.pair_zones import PairZones
 
@@ -46,13 +47,29 @@ class GatherStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A lock of craft `first` and `second`, or a burn of `first` (then `second` is -1), at `time` [s].
+    """A lock of two craft, or a burn of one.
 
-    `kind` tells which.  `phase` and `round` are those of the search; `case` is the lock's number
-    in H03's table of joins (1 to 9; 0 for burns); `label` the set after it: 0 the formation set,
-    k >= 1 knowledge set k, -1 lost.  A burn joins the formation set, or is a correction against a
-    collision inside a set, or the near-field search's; `delta_v` (3,) [m/s].  A craft that need
-    not change its velocity joins without one.
+    A burn joins the formation set, or is a correction against a collision inside a set, or the
+    near-field search's.  A craft that need not change its velocity joins without one.
+
+    Attributes
+    ----------
+    time : float [s]
+        From the start of the search.
+    kind : EventKind
+        Which of these.
+    first, second : int
+        The two that lock, by index; of a burn who burns, and -1.
+    phase : str
+        Of the search.
+    round : int
+        Of the search, from 1.
+    case : int
+        The lock's number in H03's table of joins, 1 to 9; 0 for burns.
+    label : int
+        The set after it: 0 the formation set, k >= 1 knowledge set k, -1 lost.
+    delta_v : array of shape (3,) [m/s]
+        Of the burn, in the inertial frame.
     """
 
     time: float
@@ -70,13 +87,36 @@ class Event:
 class Gathering:
     """What became of N lost craft.
 
-    `search`: over all rounds, with the near-field search, its boresights hold to the end;
-    `groups`: "A" or "B" of each; `paths`: shape (N,), burns as impulses; `events` in order of
-    time; `delta_v` (N,) [m/s]; `totals`: total delta-v [m/s] of the three ways in which the first
-    pair can burn, of which `burns` was flown; `sets`: the formation set first, if there is one,
-    then knowledge sets; `lost`: craft in none; `duration` [s] until gathered, or of all rounds;
-    `rounds`: searches begun; `keep_out`: the zones of pairs, if any.  `status`, and `reason`: who is left
-    and why, None if gathered.
+    Attributes
+    ----------
+    search : Search
+        Over all rounds, with the near-field search; boresights hold to the end.
+    groups : tuple of "A" or "B"
+        Of each craft.
+    paths : Path
+        Of shape (N,), with burns as impulses.
+    events : tuple of Event
+        In order of time.
+    delta_v : array of shape (N,) [m/s]
+        What each craft spent.
+    totals : dict of str to float [m/s]
+        Total delta-v of the three ways in which the first pair can burn.
+    burns : str
+        Which of the three was flown.
+    sets : tuple of tuple of int
+        Members by index: the formation set first, if there is one, then knowledge sets.
+    lost : tuple of int
+        Craft in none.
+    duration : float [s]
+        Until gathered, or of all rounds.
+    rounds : int
+        Searches begun.
+    status : GatherStatus
+        How it ended.
+    reason : str or None
+        Who is left and why; None if gathered.
+    keep_out : PairZones or None
+        The zones of pairs.
     """
 
     search: Search
@@ -109,7 +149,7 @@ class Gathering:
 
     @cached_property
     def history(self) -> Any:
-        """The label of each craft before the first event and after each one: (E + 1, N)."""
+        """The label of each craft before the first event and after each, (E + 1, N), no unit; see `Event`."""
         rows = np.full((len(self.events) + 1, len(self.groups)), LOST)
         for k, event in enumerate(self.events):
             rows[k + 1] = rows[k]
@@ -135,9 +175,28 @@ class Gathering:
         return times
 
     def acquainted(self, first: int, second: int) -> float:
-        """When craft `first` and `second`, given by index, came into one set [s]; inf if never.
+        """When two craft came into one set.
 
-        Raises IndexError for a craft that is not there.
+        Parameters
+        ----------
+        first, second : int
+            By index.
+
+        Returns
+        -------
+        float [s]
+            From the start of the search; inf if never.
+
+        Raises
+        ------
+        ValueError
+            If `first` or `second` is not a whole number.
+        IndexError
+            If there is no such craft.
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) section IV.
         """
         for name, craft in (("first", first), ("second", second)):
             instance(name, craft, int, np.integer)
@@ -146,21 +205,58 @@ class Gathering:
         return float(self._acquainted[first, second])
 
     def known(self, first: int, second: int, time: float) -> bool:
-        """Whether craft `first` and `second`, given by index, knew each other before a `time` [s].
+        """Whether two craft knew each other before a time.
 
-        Raises IndexError for a craft that is not there.
+        Parameters
+        ----------
+        first, second : int
+            By index.
+        time : float [s]
+            From the start of the search.
+
+        Returns
+        -------
+        bool
+            Whether they came into one set before it.
+
+        Raises
+        ------
+        ValueError
+            If `first` or `second` is not a whole number, or `time` is not one number.
+        IndexError
+            If there is no such craft.
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) section IV.
         """
         return self.acquainted(first, second) < number("time", time)
 
 
 @dataclass(frozen=True, eq=False)
 class Gatherings:
-    """What became of C gatherings, arrays (C,).
+    """What became of C gatherings of N craft.
 
-    `duration` [s] until gathered, or of all rounds; `leg` of `search` in which they ended, -1 if
-    incomplete; `rounds`: searches begun; `left`: craft not in the formation set; `delta_v` of all
-    craft together [m/s], `each_delta_v` (C, N) of each; `met_unknown`: pairs that came within the
-    keep-out zone before they knew each other; `met_known`: those that did so only after.
+    Attributes
+    ----------
+    search : Search
+        Over all rounds, with the near-field search.
+    duration : array of shape (C,) [s]
+        Until gathered, or of all rounds.
+    leg : array of int of shape (C,)
+        Of `search`, in which they ended; -1 if incomplete.
+    rounds : array of int of shape (C,)
+        Searches begun.
+    left : array of int of shape (C,)
+        How many craft are not in the formation set.
+    delta_v : array of shape (C,) [m/s]
+        Of all craft together.
+    each_delta_v : array of shape (C, N) [m/s]
+        Of each craft.
+    met_unknown : array of int of shape (C,)
+        How many pairs came within the keep-out zone before they knew each other.
+    met_known : array of int of shape (C,)
+        How many did so only after.
     """
 
     search: Search

@@ -14,7 +14,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import factorial, floor, inf, nan, pi, sqrt
+from math import inf, nan, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import LARGEST, Floats, instance, numbers
 from closeform.compiled import kernel
 from closeform.search.schedule import Search
+from closeform.search.sine_cosine import sine_cosine
 
 START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs
 SEEN = 1e-12  # of the distance: a margin that small counts as a lock
@@ -33,11 +34,6 @@ NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1
 CHUNK = 65_536
 BLOCK, SWEEPS = 128, 8  # pairs that step side by side, and how often
 
-S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
-C1, C2, C3, C4, C5, C6, C7, C8 = ((-1) ** k / factorial(2 * k) for k in range(1, 9))
-QUARTER = 1.57079632673412561417  # of a turn, to 33 bits, and the rest of it
-REST = 6.07710050650619224932e-11
-
 
 class LockSensor(NamedTuple):
     """What locks ask of a sensor: both offsets together [m], the cosine of its half-angle, its range [m]."""
@@ -45,25 +41,6 @@ class LockSensor(NamedTuple):
     baseline: float
     cosine: float
     longest: float
-
-
-@kernel(inline=True)
-def sine_cosine(angle):
-    """Sine and cosine to 2e-16, for angles of some turns: their series about the next quarter turn.
-
-    It has no branches, like all that `ahead` does for many pairs side by side.
-    """
-    turns = floor(angle * (2.0 / pi) + 0.5)
-    x = (angle - turns * QUARTER) - turns * REST
-    z = x * x
-    zz = z * z
-    s = ((1.0 + S1 * z) + (S2 + S3 * z) * zz) + ((S4 + S5 * z) + (S6 + S7 * z) * zz) * (zz * zz)
-    c = ((C4 + C5 * z) + (C6 + C7 * z) * zz + C8 * (zz * zz)) * (zz * zz)
-    c += (1.0 + C1 * z) + (C2 + C3 * z) * zz
-    s *= x
-    half = floor(turns * 0.5)
-    odd, sign = turns - 2.0 * half, 1.0 - 2.0 * (half - 2.0 * floor(half * 0.5))
-    return sign * (s * (1.0 - odd) + c * odd), sign * (c * (1.0 - odd) - s * odd)
 
 
 @kernel(inline=True)
@@ -253,7 +230,15 @@ def first_locks(
 
 @dataclass(frozen=True, eq=False)
 class Locks:
-    """First locks of M pairs: `time` (M,) [s], nan where there is none, and `leg` (M,), then -1."""
+    """First locks of M pairs.
+
+    Attributes
+    ----------
+    time : array of shape (M,) [s]
+        From the start of the search; nan where there is none.
+    leg : array of int of shape (M,)
+        The index of the leg of the lock; -1 where there is none.
+    """
 
     time: Floats
     leg: Any
@@ -265,12 +250,34 @@ class Locks:
 def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: ArrayLike) -> Locks:
     """The first lock of each pair of a craft in group A and one in group B, coasting in deep space.
 
-    `relative_position` [m] and `relative_velocity` [m/s] are (M, 3), B minus A at the start of
-    the `search`; a single (3,) or broadcasting shapes will do.  Certified: no lock is stepped
-    over, however short; a margin below 1e-12 of the distance counts as one.  Times are good to
-    1e-6 s wherever the margin changes faster than 1e-6 per second.  All cores are used.
+    Parameters
+    ----------
+    search : Search
+        Which both carry out.
+    relative_position : array_like of shape (M, 3) [m]
+        B minus A at the start of the search, in the inertial frame; (3,) for one pair.
+    relative_velocity : array_like of shape (M, 3) [m/s]
+        B minus A, in the inertial frame; both shapes broadcast.
 
-    Raises ValueError for wrong shapes, numbers that are not finite, or two craft at one place.
+    Returns
+    -------
+    Locks
+        Of M pairs, in their order.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not finite, or two craft are at one place.
+
+    Notes
+    -----
+    Certified: no lock is stepped over, however short; a margin below 1e-12 of the distance counts as
+    one.  Times are good to 1e-6 s wherever the margin changes faster than 1e-6 per second.  All cores
+    are used.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) eqs. 1-2; docs/theory.md (13) and docs/theory.md (14).
     """
     positions, velocities = _vectors(relative_position=relative_position, relative_velocity=relative_velocity)
     sensor = instance("search", search, Search).sensor

@@ -31,15 +31,17 @@ ANYWHERE = -2.0  # the cosine of a cone that holds every direction, whatever the
 class LockMargins:
     """How surely a pair locks in its leg, and in none before.
 
-    `leg` is the index of the leg of the first lock, -1 for none.  `margins` (leg + 1,) [rad]: by how
-    much each leg up to that one misses, at least; the last is negative, less the `depth` [rad] to
-    which the other's sensor comes inside of the cone in the leg of the lock.  Without a lock there
-    is one for each leg of the search, and the depth is nan.
-
-    `position` [m] and `velocity` [m/s] are the half-axes of a set of initial states that certainly
-    lock in the same leg (or never, as this pair): all that differ by dr and dv with
-    |dr| / position + |dv| / velocity <= 1.  `velocity` is inf for a lock at once that does not
-    depend on it.  The set is not the greatest.
+    Attributes
+    ----------
+    leg : int
+        The index of the leg of the first lock, -1 for none.
+    margins : array of shape (L,) [rad]
+        By how much each leg up to that one misses, at least, L = leg + 1; the last is negative, less the
+        depth of the lock.  Without a lock one for each leg of the search.
+    position, velocity : float [m, m/s]
+        Half-axes of a set of initial states that certainly lock in the same leg (or never, as this
+        pair): all that differ by dr and dv with |dr| / position + |dv| / velocity <= 1.  The set is not
+        the greatest.  `velocity` is inf for a lock at once that does not depend on it.
     """
 
     leg: int
@@ -110,14 +112,32 @@ def deepest(leg: Floats, state: Floats, baseline: float, half_angle: float) -> A
 
 
 def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> LockMargins:
-    """By how much each leg of the `search` misses a pair until one locks, and which states behave alike.
+    """By how much each leg of a search misses a pair until one locks, and which states behave alike.
 
-    `position` (3,) [m] and `velocity` (3,) [m/s] are those of a craft in group B less those of one
-    in group A, coasting in deep space, at the start of the search.  Every bound is certified, the
-    rounding of the march included; margins of a leg are sharp to about 1e-9 rad.
+    Parameters
+    ----------
+    search : Search
+        Which both carry out; with a sensor without limit of range.
+    position : array_like of shape (3,) [m]
+        B minus A at the start of the search, in the inertial frame.
+    velocity : array_like of shape (3,) [m/s]
+        B minus A, in the inertial frame; both coast in deep space.
 
-    Raises ValueError for a sensor of finite range, wrong shapes, numbers that are not finite, or
-    two craft at one place.
+    Returns
+    -------
+    LockMargins
+        Every bound is certified, the rounding of the march included; margins of a leg are sharp to about
+        1e-9 rad.
+
+    Raises
+    ------
+    ValueError
+        If the sensor has a range, shapes do not fit, a number is not finite, or the two craft are at
+        one place.
+
+    References
+    ----------
+    docs/theory.md section 5.
     """
     sensor = instance("search", search, Search).sensor
     if sensor.range < inf:

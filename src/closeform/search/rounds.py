@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from closeform.search.schedule import START_ATTITUDE, SUN, Leg, Search
+from closeform.search.leg import START_ATTITUDE, SUN, Leg
+from closeform.search.schedule import Search
 
 PHASE = "NFS"
 MOST_ROUNDS = 1000  # some months of searching

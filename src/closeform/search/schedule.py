@@ -7,85 +7,41 @@ boresights stay opposite.  Columns of an attitude are the body axes x, y, z; z i
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import acos, atan2, ceil, cos, degrees, inf, pi, sin, sqrt, tan
-from typing import Any, Literal, Self
+from math import ceil, degrees, pi
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, numbers, shown
-from closeform.search.coverage import covered, greatest
+from closeform.search.coverage import covered
+from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
 from closeform.search.sensor import Sensor, positive
+from closeform.search.tips import full_tip, least_half_angle, near_field
 
-Group = Literal["A", "B"]
-
-SUN = np.array([0.0, 0.0, -1.0])  # direction to it
-START_ATTITUDE = {  # columns: body x at the sun, body y, boresight
-    "A": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
-    "B": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
-}
 YEAR = 365.25636 * 86400.0  # sidereal, in seconds: how fast the sun's direction turns at 1 AU
 COLUMNS = 12  # of a row of a table of legs: START, END, RATE, STEADY (3), COSINE (3), SINE (3)
-
-
-def rotation(axis: Floats, angle: ArrayLike) -> Floats:
-    """Right-handed rotation by `angle` (...) [rad] about a unit axis (3,): matrices (..., 3, 3)."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = np.asarray(angle, dtype=float)[..., None, None]
-    along = np.outer(axis, axis)
-    return np.asarray(along + np.cos(turn) * (np.eye(3) - along) + np.sin(turn) * cross)
-
-
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """One turn of all craft by `angle` [rad] about an inertial `axis` (3,), from `start` to `end` [s].
-
-    `phase` is "IPS", "OPS", "mOPS" or "NFS", `round` counts how often the search has come to such
-    phases, `about` is "sun line" or "body y", or "none" where everybody waits; `attitude` (3, 3)
-    is group A's at the start.
-    """
-
-    start: float
-    end: float
-    phase: str
-    round: int
-    about: str
-    axis: Floats
-    angle: float
-    attitude: Floats
-
-    @property
-    def row(self) -> Floats:
-        """The boresight of A as steady + cosine cos(rate t) + sine sin(rate t), t from the start."""
-        boresight = self.attitude[:, 2]
-        steady = self.axis * (self.axis @ boresight)
-        rate = self.angle / (self.end - self.start)
-        sine = np.cross(self.axis, boresight)
-        return np.concatenate([[self.start, self.end, rate], steady, boresight - steady, sine])
-
-    def attitude_at(self, time: ArrayLike) -> Floats:
-        """A's attitude (..., 3, 3) at `time` (...) [s]."""
-        share = (numbers("time", time) - self.start) / (self.end - self.start)
-        return rotation(self.axis, self.angle * share) @ self.attitude
-
-    @property
-    def sun_angle(self) -> float:
-        """Greatest angle [rad] between body x and the sun line; the same for both groups."""
-        shade = self.attitude[:, 0]
-        steady = self.axis * (self.axis @ shade)
-        parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN
-        least = -float(greatest(parts[0], parts[1], parts[2], self.angle))
-        return acos(max(-1.0, min(1.0, least)))
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
     """A synchronized search of the sky, made by `Search.modified` or `Search.basic`.
 
-    All craft carry the same `sensor`.  `legs` in order, without the near-field search;
-    `tip_angle` [rad] of the out-of-plane turns, `slew_rate` [rad/s] of all of them, `sun_limit`
-    [rad] of body x, the shade's normal.
+    The sun is along -z of the inertial frame.  All craft carry the same sensor; group B looks opposite
+    to group A throughout.
+
+    Attributes
+    ----------
+    sensor : Sensor
+        What each craft sees with.
+    slew_rate : float [rad/s]
+        Of all turns.
+    sun_limit : float [rad]
+        The most that body x, the shade's normal, may be off the sun.
+    tip_angle : float [rad]
+        Of the out-of-plane turns.
+    legs : tuple of Leg
+        All turns in order, without the near-field search.
     """
 
     sensor: Sensor
@@ -96,11 +52,31 @@ class Search:
 
     @classmethod
     def modified(cls, sensor: Sensor, slew_rate: float, sun_limit: float) -> Self:
-        """S04's search: IPS, mOPS, IPS, mOPS with the tip of S04 eq. 1, for which it proves every lock.
+        """S04's search: IPS, mOPS, IPS, mOPS with tips for which it proves that every pair locks.
 
-        `sensor` with a half-angle of at least 45 deg; `slew_rate` [rad/s]; `sun_limit` [rad].
-        Raises ValueError for a half-angle below 45 deg, a tip above the sun limit (the message
-        says which half-angle would do), or numbers that are not positive and finite.
+        Parameters
+        ----------
+        sensor : Sensor
+            With a half-angle of at least 45 deg.
+        slew_rate : float [rad/s]
+            Of all turns.
+        sun_limit : float [rad]
+            The most that body x may be off the sun, below pi/2.
+
+        Returns
+        -------
+        Search
+            With the least tip that searches a whole complementary cone.
+
+        Raises
+        ------
+        ValueError
+            If the half-angle is below 45 deg, the tip is above the sun limit (the message says which
+            half-angle would do), or a number is not positive and finite.
+
+        References
+        ----------
+        S04 (Scharf, Ploen, Hadaegh and Sohl 2004) eq. 1; docs/theory.md (15).
         """
         rate, limit = _limits(slew_rate, sun_limit)
         instance("sensor", sensor, Sensor)
@@ -126,10 +102,32 @@ class Search:
     ) -> Self:
         """H03's search: IPS, OPS, IPS, OPS.
 
-        `sensor` of any half-angle; `slew_rate` [rad/s]; `sun_limit` [rad]; `in_plane_turn` [rad] of
-        each IPS (H03: one and a half turns, one in its simulation); `tip_angle` [rad], None for the
-        sun limit.  Raises ValueError for a tip above the sun limit or numbers that are not positive
-        and finite.
+        Parameters
+        ----------
+        sensor : Sensor
+            Of any half-angle.
+        slew_rate : float [rad/s]
+            Of all turns.
+        sun_limit : float [rad]
+            The most that body x may be off the sun, below pi/2.
+        in_plane_turn : float [rad], default 3 pi
+            Of each IPS: one and a half turns; one in H03's simulation.
+        tip_angle : float [rad], optional
+            Of the out-of-plane turns; the sun limit unless given.
+
+        Returns
+        -------
+        Search
+            Which need not find every pair.
+
+        Raises
+        ------
+        ValueError
+            If the tip is above the sun limit, or a number is not positive and finite.
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) section III.
         """
         rate, limit = _limits(slew_rate, sun_limit)
         turn = positive("in_plane_turn", in_plane_turn)
@@ -149,7 +147,7 @@ class Search:
 
     @cached_property
     def table(self) -> Floats:
-        """The legs as rows (L, 12) for the march: start, end, rate and the boresight's three vectors."""
+        """The legs as rows (L, 12) for the march: see `Leg.row` for their [s], [rad/s] and vectors."""
         return np.array([leg.row for leg in self.legs])
 
     @property
@@ -162,9 +160,28 @@ class Search:
         return tuple((phase, number, *span) for (phase, number), span in spans.items())
 
     def attitude(self, t: ArrayLike, group: Group = "A") -> Floats:
-        """Attitude (..., 3, 3) of a `group` at times `t` (...) [s]: columns are body x, y, z in the frame.
+        """Attitude of the craft of one group.
 
-        Raises ValueError for a time outside of the search or a group that is neither "A" nor "B".
+        Parameters
+        ----------
+        t : array_like of shape (...) [s]
+            From the start of the search, inside of it.
+        group : "A" or "B", default "A"
+            Whose.
+
+        Returns
+        -------
+        array of shape (..., 3, 3), no unit
+            Columns are body x, y and the boresight in the inertial frame.
+
+        Raises
+        ------
+        ValueError
+            If a time is outside of the search, or `group` is neither "A" nor "B".
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/search.md.
         """
         _known(group)
         times = numbers("t", t)
@@ -178,7 +195,29 @@ class Search:
         return out if group == "A" else out * [1.0, -1.0, -1.0]
 
     def boresight(self, t: ArrayLike, group: Group = "A") -> Floats:
-        """Boresight (..., 3) of a `group` at times `t` (...) [s], a unit vector.  Raises as `attitude`."""
+        """Boresight of the craft of one group.
+
+        Parameters
+        ----------
+        t : array_like of shape (...) [s]
+            From the start of the search, inside of it.
+        group : "A" or "B", default "A"
+            Whose.
+
+        Returns
+        -------
+        array of shape (..., 3), no unit
+            Of length 1, in the inertial frame.
+
+        Raises
+        ------
+        ValueError
+            If a time is outside of the search, or `group` is neither "A" nor "B".
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/search.md.
+        """
         return self.attitude(t, group)[..., 2]
 
     @property
@@ -198,23 +237,35 @@ class Search:
         0 for a sensor at the centre of mass; inf where the tip is too small to reach the sun line.
         Two craft facing each other need twice as much: their sensors are two offsets apart.
         """
-        if self.sensor.offset == 0.0:
-            return 0.0
-        # a point h up the sun line, seen from the sensor at its highest tip, lies on the cone:
-        # h sin(tip) - rho = c sqrt(rho^2 + h^2 - 2 rho h sin(tip))                     # theory (16)
-        reach, c = sin(self.tip_angle), self.sensor.cosine
-        if reach <= c:
-            return inf
-        a, b, ss = reach * reach - c * c, reach * (1.0 - c * c), 1.0 - c * c
-        root = sqrt(max(0.0, b * b - a * ss))
-        return self.sensor.offset * ((b + root) / a if c > 0.0 else ss / (b + root))
+        return near_field(self.sensor, self.tip_angle)
 
     def alignment(self, attitude: ArrayLike, group: Group = "A") -> tuple[Floats, float, float]:
-        """The turn from an `attitude` (3, 3) to the start attitude of a `group`: (axis, angle, time).
+        """The turn from any attitude to the one with which the search begins.
 
-        Columns of the attitude are the body axes in the frame; axis (3,), angle [rad] at most pi,
-        time [s] at the slew rate.  Raises ValueError for a matrix that is no rotation or for a
-        group that is neither "A" nor "B".
+        Parameters
+        ----------
+        attitude : array_like of shape (3, 3), no unit
+            Columns are body x, y and the boresight in the inertial frame.
+        group : "A" or "B", default "A"
+            Whose start attitude.
+
+        Returns
+        -------
+        axis : array of shape (3,), no unit
+            What to turn about, of length 1, in the inertial frame; the sun line if there is nothing to turn.
+        angle : float [rad]
+            From 0 to pi, right-handed.
+        time : float [s]
+            At the slew rate.
+
+        Raises
+        ------
+        ValueError
+            If `attitude` is not a rotation, or `group` is neither "A" nor "B".
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/search.md.
         """
         from scipy.spatial.transform import Rotation
 
@@ -230,10 +281,26 @@ class Search:
         return axis, angle, angle / self.slew_rate
 
     def coverage(self, phase: str | None = None) -> float:
-        """Share of the sky that one craft's cone sweeps in one `phase`, or in the whole search for None.
+        """Share of the sky, of far and fixed directions, that one craft's cone sweeps.
 
-        Of far, fixed directions: a number from 0 to 1, to about 1e-5.  Raises ValueError for a
-        phase that the search does not have.
+        Parameters
+        ----------
+        phase : str, optional
+            In the first phase of that name, such as "IPS"; in the whole search unless given.
+
+        Returns
+        -------
+        float, no unit
+            From 0 to 1, to about 1e-5.
+
+        Raises
+        ------
+        ValueError
+            If the search has no such phase.
+
+        References
+        ----------
+        S04 (Scharf, Ploen, Hadaegh and Sohl 2004); docs/search.md.
         """
         if phase is not None:
             instance("phase", phase, str)
@@ -243,27 +310,6 @@ class Search:
             raise ValueError(f"phase: this search has {names}, got {phase!r}")
         table = self.table[[phase is None or (leg.phase, leg.round) == (phase, first) for leg in self.legs]]
         return covered(table, self.sensor.cosine)
-
-
-def full_tip(half_angle: float) -> float:
-    """Tip [rad] that searches a whole complementary cone, for a half-angle from 45 deg on.  # S04 eq. 1
-
-    Raises ValueError for a smaller half-angle.
-    """
-    c = cos(half_angle)
-    if half_angle >= pi / 2.0:
-        return 0.0  # no complementary cone
-    if 1.0 - 2.0 * c * c < 0.0 and half_angle < pi / 4.0:
-        raise ValueError(
-            f"half_angle: {degrees(half_angle):g} deg is below 45 deg, no tip covers the complementary "
-            "cones; use a wider sensor, or the basic search"
-        )
-    return atan2(c, sqrt(max(0.0, 1.0 - 2.0 * c * c)))
-
-
-def least_half_angle(tip: float) -> float:
-    """The half-angle [rad] for which a tip searches a whole complementary cone: S04 eq. 1 inverted."""
-    return acos(tan(tip) / sqrt(1.0 + 2.0 * tan(tip) ** 2))
 
 
 def _known(group: Any) -> None:

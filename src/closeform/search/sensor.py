@@ -26,9 +26,23 @@ def positive(name: str, value: float) -> float:
 class Sensor:
     """A sensor that sees a cone about its boresight, and works only between two that see each other.
 
-    `half_angle` of the cone [rad]; `offset` of the sensor from the centre of mass along the
-    boresight [m] (H03: 7.5 m; S04: 0); `range` [m] between two sensors.  Raises ValueError for a
-    half-angle that is not between 0 and pi, a negative offset or a range that is not positive.
+    Parameters
+    ----------
+    half_angle : float [rad]
+        Of the cone, above 0 and below pi.
+    offset : float [m], default 0
+        From the centre of mass along the boresight (H03: 7.5 m; S04: 0).
+    range : float [m], default inf
+        Between two sensors, above 0.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside of these bounds, nan, or not one number.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) eqs. 1-2; docs/theory.md (13).
     """
 
     half_angle: float
@@ -49,7 +63,7 @@ class Sensor:
 
     @property
     def cosine(self) -> float:
-        """Cosine of the half-angle; below 1e-15 it is that of a right angle."""
+        """Cosine of the half-angle, no unit; 0 where it is below 1e-15, that of a right angle."""
         value = cos(self.half_angle)
         return value if abs(value) > 1e-15 else 0.0
 

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from closeform.arrays import Floats, instance, numbers
+from closeform.search.leg import Group
 from closeform.search.locks import lock_times
-from closeform.search.schedule import Group, Search
+from closeform.search.schedule import Search
 
 Volume = Literal["in-plane", "complementary cone"]
 
@@ -28,10 +29,22 @@ LONGEST = 1e300  # s
 class TheoremCase:
     """The case of S04's theorem 2 under which a pair falls, and what the theorem promises for it.
 
-    `label` is S04's number of the case, "1" to "3.b.ii.B"; `volume` is where craft j starts and
-    `changes` are the times [s] at which it goes to the other volume, over the whole future t >= 0
-    and not only during the search.  `time` [s] and `phase` (name, round) are those of the first
-    lock, `latest` [s] and `latest_phase` those by which the theorem guarantees it.
+    Attributes
+    ----------
+    label : str
+        S04's number of the case, "1" to "3.b.ii.B".
+    volume : "in-plane" or "complementary cone"
+        Where the craft of B starts, as that of A sees it.
+    changes : tuple of float [s]
+        When it goes to the other volume, over the whole future and not only during the search.
+    time : float [s]
+        Of the first lock.
+    phase : tuple of str and int
+        Name and round of the phase of the first lock.
+    latest : float [s]
+        When the theorem guarantees that there has been a lock.
+    latest_phase : tuple of str and int
+        Name and round of the phase that ends then.
     """
 
     label: str
@@ -44,13 +57,31 @@ class TheoremCase:
 
 
 def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[np.bool_]:
-    """In which of the regions I, II, III, IV of S04 figure 5 a craft of B is, seen from one of A.
+    """In which of the regions I, II, III, IV of the complementary cones a craft of B is, seen from one of A.
 
-    `position` (..., 3) [m] is B minus A, `mops` says which mOPS fixes n1: the first, where n1 = -x,
-    or the second, where n1 = +x.  The answer (..., 4) has one truth value for each region: none is
-    true in the in-plane volume, and two are on the plane between regions, which are closed.
+    Parameters
+    ----------
+    search : Search
+        With the mOPS in question.
+    position : array_like of shape (..., 3) [m]
+        B minus A, in the inertial frame.
+    mops : int, default 1
+        Which mOPS fixes n1: the first, where n1 = -x, or the second, where n1 = +x.
 
-    Raises ValueError for wrong shapes or a search without that mOPS.
+    Returns
+    -------
+    array of bool of shape (..., 4)
+        Whether it is in each region: in none in the in-plane volume, and in two on the plane between
+        regions, which are closed.
+
+    Raises
+    ------
+    ValueError
+        If `position` is of another shape, or the search has no such mOPS.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 5.
     """
     instance("search", search, Search)
     where = numbers("position", position)
@@ -71,14 +102,36 @@ def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[
 
 
 def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple[tuple[float, int], ...]:
-    """When a craft of `group` has a whole region in its cone, in mOPS number `mops` of a `search`, and which.
+    """When a craft has a whole region of the complementary cones in its own cone, and which.
 
-    Instants [s] with the region's number.
-    Regions count from 1 for I to 4 for IV; both groups in the frame of the first of the two, see
-    `cone_regions`.  S04: I, II, III, IV, I, II for A, and III, IV, I, II, III, IV for B.  Taken
-    from the legs of the search: full tips are where the legs of an mOPS meet.
+    Parameters
+    ----------
+    search : Search
+        With the mOPS in question.
+    mops : int, default 1
+        Which mOPS.
+    group : "A" or "B", default "A"
+        Whose craft.
 
-    Raises ValueError for a search without that mOPS, or a group that is neither "A" nor "B".
+    Returns
+    -------
+    tuple of tuple of float [s] and int
+        Instants with the region's number, from 1 for I to 4 for IV.  Both groups count regions in the
+        frame of A, see `cone_regions`.
+
+    Raises
+    ------
+    ValueError
+        If the search has no such mOPS, or `group` is neither "A" nor "B".
+
+    Notes
+    -----
+    S04 has I, II, III, IV, I, II for A, and III, IV, I, II, III, IV for B.  Here it is taken from the
+    legs of the search: full tips are where the legs of an mOPS meet.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figures 4 and 5.
     """
     start = _start(instance("search", search, Search), mops)
     if search.sensor.cosine <= 0.0:
@@ -91,12 +144,30 @@ def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple
 
 
 def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> tuple[float, ...] | None:
-    """Times [s], of either sign and in order, at which a craft of B meets the complementary cones' surface.
+    """When a craft of B meets the surface of the complementary cones of one of A, on its whole line.
 
-    `position` (3,) [m] and `velocity` (3,) [m/s] are B minus A at time 0 of the `search`.  No, one
-    or two times, or None where the whole line lies in the surface.  # S04 lemma 3
+    Parameters
+    ----------
+    search : Search
+        Whose sensor has the cones.
+    position : array_like of shape (3,) [m]
+        B minus A at time 0, in the inertial frame.
+    velocity : array_like of shape (3,) [m/s]
+        B minus A, in the inertial frame.
 
-    Raises ValueError for wrong shapes, numbers that are not finite, or two craft at one place.
+    Returns
+    -------
+    tuple of float, or None [s]
+        No, one or two times of either sign, in order; None where the whole line lies in the surface.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not finite, or the two craft are at one place.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) lemma 3 and eq. 5.
     """
     instance("search", search, Search)
     meetings = _meetings(*_surface(search, *one_pair(position, velocity)))
@@ -106,11 +177,29 @@ def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> 
 def theorem_case(search: Search, position: ArrayLike, velocity: ArrayLike) -> TheoremCase:
     """The case of S04's theorem 2 for a pair, with its lock and the time by which that is guaranteed.
 
-    `position` (3,) [m] and `velocity` (3,) [m/s] are B minus A at the start of the `search`.
+    Parameters
+    ----------
+    search : Search
+        Made by `Search.modified`, with sensors at the centres of mass and without limit of range.
+    position : array_like of shape (3,) [m]
+        B minus A at the start of the search, in the inertial frame.
+    velocity : array_like of shape (3,) [m/s]
+        B minus A, in the inertial frame.
 
-    Raises ValueError for a search that the theorem does not cover (its assumptions: S04's modified
-    search, sensors at the centres of mass, no limit of range), for craft that start at one place
-    or fly through each other, for wrong shapes and for numbers that are not finite.
+    Returns
+    -------
+    TheoremCase
+        With the lock that this package finds.
+
+    Raises
+    ------
+    ValueError
+        If the theorem does not cover the search, the craft start at one place or fly through each other,
+        shapes do not fit, or a number is not finite.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) section IV, theorem 2.
     """
     _assumptions(search)
     r, v = one_pair(position, velocity)

@@ -1,0 +1,107 @@
+"""Joining: paths one after another in time, and side by side as a batch."""
+
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats, sequence
+from closeform.motion.arc import END, IMPULSE, START, STATE
+from closeform.motion.path import FORGIVEN, Path, path_of
+
+
+def _single(paths: Any, verb: str) -> list[Path]:
+    chosen = sequence("paths", paths, Path)
+    if not chosen:
+        raise ValueError(f"paths: nothing to {verb}, give at least one path")
+    for path in chosen:
+        if path.orbit.mean_motion != chosen[0].orbit.mean_motion:
+            raise ValueError(f"paths: all must be in one orbit to {verb} them")
+    return chosen
+
+
+def join(paths: Any) -> Path:
+    """One path out of some that follow each other in time.
+
+    A velocity jump between two becomes an impulse.  Jumps below 1e-9 of the larger of |r| and |v| T
+    are rounding.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        In order of time, of one batch shape and in one orbit.
+
+    Returns
+    -------
+    Path
+        Of that shape.
+
+    Raises
+    ------
+    ValueError
+        If there is no path, one is of another kind, orbits or shapes differ, there is a gap in time, or
+        the position jumps.
+    """
+    chosen = _single(paths, "join")
+    if any(path.shape != chosen[0].shape for path in chosen):
+        raise ValueError(f"paths: all must have one shape to join them, got {[p.shape for p in chosen]}")
+    pieces = [chosen[0].arcs]
+    for before, after in zip(chosen, chosen[1:], strict=False):
+        arcs = after.arcs.copy()
+        first = after.offsets[:-1]
+        last = before.offsets[1:] - 1
+        length = before.arcs[last, END] - before.arcs[before.offsets[:-1], START]
+        gap = arcs[first, START] - before.arcs[last, END]
+        if np.any(np.abs(gap) > FORGIVEN * length):
+            raise ValueError(
+                f"paths: one ends and the next starts {np.abs(gap).max():g} s apart; they must follow"
+            )
+        ended = before._evaluate_rows(before.arcs[last, END : END + 1])[:, 0]
+        jump = arcs[first, STATE : STATE + 6] - ended
+        scale = FORGIVEN * np.maximum(_scale(before, length), _scale(after, length)) + 1e-300
+        if np.any(np.abs(jump[:, :3]).max(axis=1) > scale):
+            raise ValueError(f"paths: position jumps by {np.abs(jump[:, :3]).max():g} m between two of them")
+        kicked = np.abs(jump[:, 3:]).max(axis=1) * np.maximum(length, 1e-300) > scale
+        arcs[first, IMPULSE : IMPULSE + 3] = np.where(kicked[:, None], jump[:, 3:], 0.0)
+        pieces.append(arcs)
+    return _interleaved(chosen, pieces)
+
+
+def _scale(path: Path, duration: Floats) -> Floats:
+    """The larger of |r| and |v| T over the arcs of each craft (N,)."""
+    sizes = np.abs(path.arcs[:, STATE : STATE + 6])
+    sizes[:, 3:] *= np.repeat(duration, np.diff(path.offsets))[:, None]
+    return np.maximum.reduceat(sizes.max(axis=1), path.offsets[:-1])
+
+
+def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
+    """Arcs of each craft brought together, craft by craft."""
+    owner = np.concatenate([np.repeat(np.arange(len(p.offsets) - 1), np.diff(p.offsets)) for p in paths])
+    arcs = np.concatenate(pieces)[np.argsort(owner, kind="stable")]
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(paths[0].offsets) - 1))])
+    return path_of(paths[0].orbit, arcs, offsets, paths[0].shape)
+
+
+def stack(paths: Any) -> Path:
+    """One batch out of single craft; they may have different times.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        N paths of one craft each, in one orbit.
+
+    Returns
+    -------
+    Path
+        Of shape (N,).
+
+    Raises
+    ------
+    ValueError
+        If there is no path, one is of another kind or a batch, or orbits differ.
+    """
+    chosen = _single(paths, "stack")
+    if any(path.shape for path in chosen):
+        raise ValueError("paths: stack takes paths of single craft; index the batches first")
+    offsets = np.concatenate([[0], np.cumsum([len(path.arcs) for path in chosen])])
+    arcs = np.concatenate([path.arcs for path in chosen])
+    return path_of(chosen[0].orbit, arcs, offsets, (len(chosen),))

@@ -1,0 +1,196 @@
+"""Mean motion of an altitude, a period or a semi-major axis, and back.
+
+Pure NumPy; every function broadcasts.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import numbers
+
+EARTH_MU = 3.986004418e14
+"""Earth's gravitational parameter [m^3/s^2], WGS 84 (also IERS Conventions 2010, table 1.1)."""
+
+EARTH_RADIUS = 6378137.0
+"""Earth's equatorial radius [m], WGS 84."""
+
+
+def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:
+    """`value` as finite floats; ValueError names the argument and what is wrong with it."""
+    array = numbers(name, value)
+    if last is not None and (array.ndim == 0 or array.shape[-1] != last):
+        raise ValueError(f"{name}: expected shape (..., {last}), got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: every value must be finite")
+    if positive and not (array > 0.0).all():
+        raise ValueError(f"{name}: must be positive, got {array.min():g}")
+    return array if array.ndim else float(array)
+
+
+def mean_motion_from_semi_major_axis(semi_major_axis: ArrayLike, mu: float = EARTH_MU) -> Any:
+    """Mean motion of an orbit, by Kepler's third law.
+
+    Parameters
+    ----------
+    semi_major_axis : array_like of shape (...) [m]
+        Of the orbit.
+    mu : float [m^3/s^2], default that of the Earth
+        Gravitational parameter of the body.
+
+    Returns
+    -------
+    float or array of shape (...) [rad/s]
+        Of each orbit.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive and finite.
+
+    References
+    ----------
+    Kepler's third law; docs/elements.md.
+    """
+    a = checked("semi_major_axis", semi_major_axis, positive=True)
+    return np.sqrt(checked("mu", mu, positive=True) / a) / a
+
+
+def mean_motion_from_altitude(altitude: ArrayLike, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Any:
+    """Mean motion of a circular orbit at some altitude, by Kepler's third law.
+
+    Parameters
+    ----------
+    altitude : array_like of shape (...) [m]
+        Above the body's surface.
+    mu : float [m^3/s^2], default that of the Earth
+        Gravitational parameter of the body.
+    radius : float [m], default the Earth's equatorial
+        Of the body.
+
+    Returns
+    -------
+    float or array of shape (...) [rad/s]
+        Of each orbit.
+
+    Raises
+    ------
+    ValueError
+        If `mu`, `radius` or its sum with the altitude is not positive and finite.
+
+    References
+    ----------
+    Kepler's third law; docs/elements.md.
+    """
+    a = checked("altitude", altitude) + checked("radius", radius, positive=True)
+    return mean_motion_from_semi_major_axis(checked("altitude + radius", a, positive=True), mu)
+
+
+def mean_motion_from_period(period: ArrayLike) -> Any:
+    """Mean motion of an orbit of some period.
+
+    Parameters
+    ----------
+    period : array_like of shape (...) [s]
+        Of one turn.
+
+    Returns
+    -------
+    float or array of shape (...) [rad/s]
+        2 pi over it.
+
+    Raises
+    ------
+    ValueError
+        If `period` is not positive and finite.
+
+    References
+    ----------
+    docs/elements.md.
+    """
+    return 2.0 * np.pi / checked("period", period, positive=True)
+
+
+def semi_major_axis_from_mean_motion(mean_motion: ArrayLike, mu: float = EARTH_MU) -> Any:
+    """Semi-major axis of an orbit, by Kepler's third law.
+
+    Parameters
+    ----------
+    mean_motion : array_like of shape (...) [rad/s]
+        Of the orbit.
+    mu : float [m^3/s^2], default that of the Earth
+        Gravitational parameter of the body.
+
+    Returns
+    -------
+    float or array of shape (...) [m]
+        Of each orbit.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive and finite.
+
+    References
+    ----------
+    Kepler's third law; docs/elements.md.
+    """
+    n = checked("mean_motion", mean_motion, positive=True)
+    return np.cbrt(checked("mu", mu, positive=True) / (n * n))
+
+
+def altitude_from_mean_motion(
+    mean_motion: ArrayLike, mu: float = EARTH_MU, radius: float = EARTH_RADIUS
+) -> Any:
+    """Altitude of a circular orbit, by Kepler's third law.
+
+    Parameters
+    ----------
+    mean_motion : array_like of shape (...) [rad/s]
+        Of the orbit.
+    mu : float [m^3/s^2], default that of the Earth
+        Gravitational parameter of the body.
+    radius : float [m], default the Earth's equatorial
+        Of the body.
+
+    Returns
+    -------
+    float or array of shape (...) [m]
+        Above the body's surface; negative for an orbit inside of it.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive and finite.
+
+    References
+    ----------
+    Kepler's third law; docs/elements.md.
+    """
+    return semi_major_axis_from_mean_motion(mean_motion, mu) - checked("radius", radius, positive=True)
+
+
+def period_from_mean_motion(mean_motion: ArrayLike) -> Any:
+    """Period of an orbit of some mean motion.
+
+    Parameters
+    ----------
+    mean_motion : array_like of shape (...) [rad/s]
+        Of the orbit.
+
+    Returns
+    -------
+    float or array of shape (...) [s]
+        Of one turn.
+
+    Raises
+    ------
+    ValueError
+        If `mean_motion` is not positive and finite.
+
+    References
+    ----------
+    docs/elements.md.
+    """
+    return 2.0 * np.pi / checked("mean_motion", mean_motion, positive=True)

@@ -1,0 +1,105 @@
+"""Leg: one turn of all craft.
+
+Columns of an attitude are the body axes x, y, z; z is the boresight.
+"""
+
+from dataclasses import dataclass
+from math import acos
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, numbers
+from closeform.search.coverage import greatest
+
+Group = Literal["A", "B"]
+
+SUN = np.array([0.0, 0.0, -1.0])  # direction to it
+START_ATTITUDE = {  # columns: body x at the sun, body y, boresight
+    "A": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "B": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
+}
+
+
+def rotation(axis: Floats, angle: ArrayLike) -> Floats:
+    """Right-handed rotation by `angle` (...) [rad] about a unit axis (3,): matrices (..., 3, 3)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.asarray(angle, dtype=float)[..., None, None]
+    along = np.outer(axis, axis)
+    return np.asarray(along + np.cos(turn) * (np.eye(3) - along) + np.sin(turn) * cross)
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One turn of all craft about an inertial axis, or a wait.
+
+    Attributes
+    ----------
+    start, end : float [s]
+        From the start of the search.
+    phase : str
+        "IPS", "OPS", "mOPS" or "NFS".
+    round : int
+        How often the search has come to such phases, from 1.
+    about : str
+        "sun line" or "body y", or "none" where everybody waits.
+    axis : array of shape (3,), no unit
+        What all turn about, of length 1, in the inertial frame.
+    angle : float [rad]
+        Of the turn, right-handed.
+    attitude : array of shape (3, 3), no unit
+        Group A's at the start: columns are body x, y and the boresight in the inertial frame.
+    """
+
+    start: float
+    end: float
+    phase: str
+    round: int
+    about: str
+    axis: Floats
+    angle: float
+    attitude: Floats
+
+    @property
+    def row(self) -> Floats:
+        """The boresight of A as steady + cosine cos(rate t) + sine sin(rate t), t from the start.
+
+        A row (12,): start and end [s], rate [rad/s], and the three vectors.
+        """
+        boresight = self.attitude[:, 2]
+        steady = self.axis * (self.axis @ boresight)
+        rate = self.angle / (self.end - self.start)
+        sine = np.cross(self.axis, boresight)
+        return np.concatenate([[self.start, self.end, rate], steady, boresight - steady, sine])
+
+    def attitude_at(self, time: ArrayLike) -> Floats:
+        """Group A's attitude during the leg.
+
+        Parameters
+        ----------
+        time : array_like of shape (...) [s]
+            From the start of the search; outside of the leg the turn goes on.
+
+        Returns
+        -------
+        array of shape (..., 3, 3), no unit
+            Columns are body x, y and the boresight in the inertial frame.
+
+        Raises
+        ------
+        ValueError
+            If `time` is not made of numbers.
+        """
+        share = (numbers("time", time) - self.start) / (self.end - self.start)
+        return rotation(self.axis, self.angle * share) @ self.attitude
+
+    @property
+    def sun_angle(self) -> float:
+        """Greatest angle [rad] between body x and the sun line; the same for both groups."""
+        shade = self.attitude[:, 0]
+        steady = self.axis * (self.axis @ shade)
+        parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN
+        least = -float(greatest(parts[0], parts[1], parts[2], self.angle))
+        return acos(max(-1.0, min(1.0, least)))
