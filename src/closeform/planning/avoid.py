@@ -42,31 +42,55 @@ def avoid(
     prove: float = 0.0,
     names: Sequence[str] | None = None,
 ) -> Avoidance:
-    """The cheapest path found with the end states and times of `path` that stays out of every zone.
+    """The cheapest path found between the same states and times that stays out of every zone.
 
-    `obstacles`: one path, a Path of shape (M,) or a sequence; coasting, thrusting or sampled.
-    `zone`: one for all, or one for each obstacle, which the craft keeps out of as a point that is known
-    exactly; where it has a zone of its own, `PairZones` of craft and obstacles.  `names` are the
-    obstacles', for reasons.  A path that is clear is returned as it is.
+    A path that is clear is returned as it is.  Whatever is returned is certified clear of the zone
+    itself, or the status says why there is none: an end inside a zone, or no clear path found.
 
-    "exact": least energy, by the kernel of paths with fixed ends and forces at contacts.  The sides on which
-    zones are passed are searched, ranked by what they may cost: `budget` candidates at most (by how many
-    zones are touched unless given), each solved to its local optimum; the best is returned, with a certified
-    lower bound of what any path costs (theory 4).  `prove` [s]: for so long at most, branch and bound over
-    all sides raises the bound until it is within 0.1 %, and takes a cheaper path where it finds one (not with
-    `max_acceleration`).
-    "sauter-palmer": the paper's one deviation point for each conflict, perpendicular to the cost's gradients
-    (SP11 section 4), for n > 0.  Either way the path is certified clear of the zone itself, or the status
-    says why there is none: an end inside a zone, or no clear path found.
+    Parameters
+    ----------
+    path : Path
+        Of one craft: its end states and times are kept.
+    obstacles : Path or sequence of Path
+        One path, a Path of shape (M,) or M paths, in the same orbit: coasting, thrusting or sampled.
+    zone : Zone, Uncertainty, Body, sequence of these, or PairZones
+        One for all, or one for each obstacle, which the craft keeps out of as a point that is known exactly.
+        Where it has a zone of its own, `PairZones` of craft and obstacles.
+    method : "exact" or "sauter-palmer", default "exact"
+        "exact": least energy, by forces at contacts; the sides on which zones are passed are searched.
+        "sauter-palmer": one deviation point for each conflict, perpendicular to the cost's gradients; not
+        in deep space.
+    max_acceleration : float [m/s^2], optional
+        Bounds the thrust; impulses are beyond any limit.  A path beyond it takes the shortest longer
+        duration that was found to respect it, with the same final state.
+    longer : bool, default True
+        Whether it may: in an orbit up to ten orbits, or twice its duration, in deep space up to a hundred
+        times; but no longer than any obstacle that is there when `path` ends, as nobody knows where that
+        goes on to.  Where that does not help the status is TOO_WEAK, and `weak` says by how much.
+    budget : int, optional
+        Candidates that are examined at most, each solved to its local optimum; by how many zones are touched
+        unless given.
+    prove : float [s], default 0
+        For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
+        and takes a cheaper path where it finds one (not with `max_acceleration`).
+    names : sequence of str, optional
+        The obstacles', for reasons; "obstacle 0" and so on unless given.
 
-    `max_acceleration` [m/s^2] bounds the thrust.  A path beyond it takes the shortest longer duration that
-    was found to respect it, with the same final state, if `longer` allows: in an orbit up to ten orbits, or
-    twice its duration, in deep space up to a hundred times; but it ends no later than any obstacle that is
-    there when `path` ends, as nobody knows where that goes on to.  Where that does not help the status is
-    "thrust limit exceeded", and `weak` says by how much.  Impulses are beyond any limit.
+    Returns
+    -------
+    Avoidance
+        With a certified lower bound of what any path costs.
 
-    Raises ValueError for a batch of paths, another orbit, zones or names that do not match the
-    obstacles, a limit that is not positive, a budget below 1, a negative time, or an unknown method.
+    Raises
+    ------
+    ValueError
+        If `path` is a batch, an obstacle is in another orbit, zones or names are not as many as obstacles,
+        a limit is not positive, a budget below 1, a time negative, a word unknown, or an argument of another
+        kind.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) section 4; docs/theory.md section 4.
     """
     if instance("path", path, Path).shape:
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")

@@ -37,23 +37,47 @@ def shortest_transfer(
     max_acceleration: ArrayLike,
     start: ArrayLike = 0.0,
 ) -> Path:
-    """The shortest energy-optimal path from `initial` to `final` within a thrust limit.
+    """The shortest energy-optimal path between two states within a thrust limit.
 
-    initial, final: states (..., 6) in m and m/s; the final one is the same for every duration.
-    max_acceleration: of the thrust, in m/s^2; start: time [s].  All arguments broadcast.  The
-    duration of each craft is the least T for which `orbit.transfer` has a peak thrust of at most
-    the limit (Palmer, J. Guidance, Control, and Dynamics 30(5), 1542-1546, 2007, asks which states
-    a limited thrust can reach).  From rest to rest over a distance L in deep space it is
-    sqrt(6 L / max_acceleration).  In an orbit the peak does not fall steadily with T: longer
-    transfers may exceed the limit again.
+    Parameters
+    ----------
+    orbit : Orbit
+        In whose rotating frame the states are.
+    initial : array_like of shape (..., 6) [m, m/s]
+        In the rotating frame.
+    final : array_like of shape (..., 6) [m, m/s]
+        In the rotating frame, the same for every duration.
+    max_acceleration : array_like of shape (...) [m/s^2]
+        Of the thrust.
+    start : array_like of shape (...) [s], default 0
+        Of the path; all arguments broadcast.
+
+    Returns
+    -------
+    Path
+        Of the broadcast shape; the duration of each craft is the least T for which `orbit.transfer` has a
+        peak thrust of at most the limit.
+
+    Raises
+    ------
+    ValueError
+        If the two states of a craft are the same, which needs no time at all, no duration of up to 10 orbits
+        keeps the limit (in deep space there always is one), shapes do not fit, a number is not finite, or a
+        limit is not positive.
+
+    Notes
+    -----
+    From rest to rest over a distance L in deep space T is sqrt(6 L / max_acceleration).  In an orbit the
+    peak does not fall steadily with T: longer transfers may exceed the limit again.
 
     What is certain: the path keeps the limit to 1e-9, and durations before the scan's first are
     excluded by a bound.  The scan goes up in steps of 2 % of T, at most 0.05 of n T, and looks
     into every dip between its samples; the peak varies over T and 1/n, many times as long.
 
-    Raises ValueError for a craft whose two states are the same, which needs no time at all; where
-    no duration of up to 10 orbits keeps the limit (in deep space there always is one); and for
-    wrong shapes, numbers that are not finite or a limit that is not positive.
+    References
+    ----------
+    Palmer, J. Guidance, Control, and Dynamics 30(5), 1542-1546, 2007, asks which states a limited thrust
+    can reach; docs/theory.md section 2.
     """
     instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for what no transfer takes
     begins, ends = numbers("initial", initial), numbers("final", final)
@@ -71,11 +95,30 @@ def shortest_transfer(
 
 
 def propellant(mass: ArrayLike, delta_v: ArrayLike, specific_impulse: ArrayLike) -> Any:
-    """Propellant [kg] that a craft of `mass` [kg] burns for `delta_v` [m/s].
+    """Propellant that a craft burns for a velocity change, by Tsiolkovsky's equation.
 
-    mass: before the burns, propellant included; specific_impulse: in s, times 9.80665 m/s^2 the
-    exhaust speed.  Arguments of shape (...) broadcast.  Raises ValueError unless mass and specific
-    impulse are positive, delta-v is at least zero and all are finite.  Tsiolkovsky's equation.
+    Parameters
+    ----------
+    mass : array_like of shape (...) [kg]
+        Before the burns, propellant included.
+    delta_v : array_like of shape (...) [m/s]
+        At least 0.
+    specific_impulse : array_like of shape (...) [s]
+        Times 9.80665 m/s^2 the exhaust speed; all arguments broadcast.
+
+    Returns
+    -------
+    float or array of shape (...) [kg]
+        mass (1 - exp(-delta_v / exhaust speed)).
+
+    Raises
+    ------
+    ValueError
+        If a mass or a specific impulse is not positive, a delta-v is negative, or a number is not finite.
+
+    References
+    ----------
+    Tsiolkovsky's equation; standard gravity of the CGPM, 1901.
     """
     wet = checked("mass", mass, positive=True)
     exhaust = STANDARD_GRAVITY * checked("specific_impulse", specific_impulse, positive=True)

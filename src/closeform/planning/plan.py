@@ -34,11 +34,20 @@ class Status(StrEnum):
 class Contact:
     """Where two paths of a plan touch the zone between them.
 
-    `time` [s]; the craft `first` and `second` by index, N + k for obstacle k of a plan of N craft; the
-    first's `position` (3,) [m]; the unit `normal` (3,) of the zone, pointing from second to first; the
-    `multiplier` [m/s^3] along it, a jump of the thrust's rate: of the first along the normal, of the
-    second against it, and twice the extra energy per metre of push for a single contact.  Obstacles do
-    not feel it, nor, planned one after another, does the second.
+    Attributes
+    ----------
+    time : float [s]
+        Of the touch.
+    first, second : int
+        The two craft by index; N + k is obstacle k of a plan of N craft.
+    position : array of shape (3,) [m]
+        The first's, in the rotating frame.
+    normal : array of shape (3,), no unit
+        Of the zone, of length 1, pointing from second to first, in the rotating frame.
+    multiplier : float [m/s^3]
+        A jump of the thrust's rate: of the first along the normal, of the second against it.  For a single
+        contact it is twice the extra energy per metre of push.  Obstacles do not feel it, nor, planned one
+        after another, does the second.
     """
 
     time: float
@@ -51,10 +60,24 @@ class Contact:
 
 @dataclass(frozen=True)
 class TooWeak:
-    """The `craft`, by index, that misses its thrust limit by most, and the `remedy` in words.
+    """The craft that misses its thrust limit by most.
 
-    It would need `needed` [m/s^2], where `limit` [m/s^2] is allowed, in the `duration` [s] that was tried
-    last; in the `shortest` [s] that was tried, which is the same where no longer one was, `first` [m/s^2].
+    Attributes
+    ----------
+    craft : int
+        By index.
+    needed : float [m/s^2]
+        Peak thrust in the duration that was tried last.
+    limit : float [m/s^2]
+        What is allowed.
+    duration : float [s]
+        That was tried last.
+    remedy : str
+        What would help, in words.
+    shortest : float [s]
+        Duration that was tried first; the same where no longer one was.
+    first : float [m/s^2]
+        Peak thrust in that.
     """
 
     craft: int
@@ -79,15 +102,37 @@ def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
 class Avoidance:
     """A path around obstacles, or why there is none.
 
-    `path` is certified clear of every zone (None where not `ok`); `energy` [m^2/s^3] and
-    `delta_v` [m/s] are its own, `extra_energy` what it costs beyond the unconstrained optimum
-    between its end states (nan where not ok).  No clear path between these states and times has less
-    energy than `lower_bound` [m^2/s^3]; `proven`: it is the energy itself, to rounding.  Otherwise the
-    path is the best of the `tried` candidates.  `contacts` are in order of time; the craft is 0,
-    obstacle k is k + 1.  The path was made for zones `margin` times as large.  `status` says how it
-    ended, and `reason` in words; `measures`: what was done to keep a thrust limit, and `weak` by how
-    much it was missed.  `punctual` [m/s^2]: the peak thrust of a clear path over the duration asked
-    for, where that is beyond the limit; with it the path would take no longer.
+    Attributes
+    ----------
+    path : Path or None
+        Certified clear of every zone; None where not `ok`.
+    energy : float [m^2/s^3]
+        Half the integral of |thrust|^2 of the path; nan where not ok.
+    extra_energy : float [m^2/s^3]
+        Beyond that of the unconstrained optimum between its end states; nan where not ok.
+    delta_v : float [m/s]
+        Of the path; nan where not ok.
+    lower_bound : float [m^2/s^3]
+        No clear path between these states and times has less energy.
+    contacts : tuple of Contact
+        In order of time; the craft is 0, obstacle k is k + 1.
+    status : Status
+        How it ended.
+    reason : str
+        The same in words.
+    margin : float, no unit
+        The path was made for zones so many times as large.
+    proven : bool
+        Whether the energy is the lower bound, to rounding; else the path is the best of those tried.
+    tried : int
+        How many candidates were examined.
+    measures : tuple of str
+        What was done to keep a thrust limit.
+    weak : TooWeak or None
+        By how much a thrust limit is missed.
+    punctual : float or None [m/s^2]
+        Peak thrust of a clear path over the duration asked for, where that is beyond the limit: with it the
+        path would take no longer.
     """
 
     path: Path | None
@@ -112,7 +157,7 @@ class Avoidance:
 
     @property
     def gap(self) -> float:
-        """By how much the energy exceeds the lower bound, as a share of it; nan where not ok."""
+        """By how much the energy exceeds the lower bound, as a share of it, no unit; nan where not ok."""
         return gap(self.energy, self.lower_bound)
 
 
@@ -120,18 +165,46 @@ class Avoidance:
 class Plan:
     """The paths of N craft from their initial to their final states, or why there are none.
 
-    `paths`: shape (N,), from the earliest start to the latest end, coasting outside of the craft's
-    own time; every pair is certified clear (None where not `ok`).  `direct`: the unconstrained
-    optima over the same times.  `slots` (N,): the final state that each craft flies to.  `starts`
-    and `durations` (N,) [s] as flown, which differ from those asked for where `measures` says so:
-    what was tried openly, in order.  `energy` [m^2/s^3] and `delta_v` [m/s] are totals (nan where
-    not ok), each craft's are those of its path; no clear plan over these times (and, where craft were
-    assigned to slots, no other assignment) has less energy than `lower_bound` [m^2/s^3].  `contacts` in order
-    of time.  The plan was made for zones `margin` times as large.  `proven`: the energy is proven the global
-    optimum for these slots and times; otherwise it is the best of the `tried` candidates.  `status` says how
-    it ended, `reason` in words, `blocked` the two craft that stand in the way (N + k for obstacle k), and
-    `weak` who misses its thrust limit, and by how much.  `punctual` (N,) [m/s^2]: the peak thrusts of a clear
-    plan over the durations asked for, where they are beyond a limit; with these none would take longer.
+    Attributes
+    ----------
+    paths : Path or None
+        Of shape (N,), from the earliest start to the latest end, coasting outside of the craft's own time;
+        every pair is certified clear.  None where not `ok`.
+    direct : Path
+        The unconstrained optima over the same times.
+    slots : array of int of shape (N,)
+        The final state that each craft flies to.
+    starts, durations : array of shape (N,) [s]
+        As flown, which differ from those asked for where `measures` says so.
+    energy : float [m^2/s^3]
+        Half the integral of |thrust|^2, of all craft; nan where not ok.
+    delta_v : float [m/s]
+        Of all craft; nan where not ok.
+    lower_bound : float [m^2/s^3]
+        No clear plan over these times has less energy, nor, where craft were assigned to slots, has any
+        other assignment.
+    contacts : tuple of Contact
+        In order of time.
+    status : Status
+        How it ended.
+    reason : str
+        The same in words.
+    blocked : tuple of int, or None
+        The two craft that stand in the way, N + k for obstacle k.
+    measures : tuple of str
+        What was tried openly, in order.
+    margin : float, no unit
+        The plan was made for zones so many times as large.
+    proven : bool
+        Whether the energy is proven the least for these slots and times; else the plan is the best of
+        those tried.
+    tried : int
+        How many candidates were examined.
+    weak : TooWeak or None
+        Who misses its thrust limit, and by how much.
+    punctual : array of shape (N,), or None [m/s^2]
+        Peak thrusts of a clear plan over the durations asked for, where they are beyond a limit: with these
+        none would take longer.
     """
 
     paths: Path | None
@@ -165,7 +238,7 @@ class Plan:
 
     @property
     def gap(self) -> float:
-        """By how much the energy exceeds the lower bound, as a share of it; nan where not ok."""
+        """By how much the energy exceeds the lower bound, as a share of it, no unit; nan where not ok."""
         return gap(self.energy, self.lower_bound)
 
 

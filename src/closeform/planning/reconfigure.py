@@ -44,29 +44,64 @@ def reconfigure(
     budget: int | None = None,
     prove: float = 0.0,
 ) -> Plan:
-    """Paths of N craft from `initial` to `final` states, every pair certified clear of its zone.
+    """Paths of N craft from initial to final states, every pair certified clear of its zone.
 
-    In the frame of `orbit`, `initial` (N, 6) holds at each craft's `start` [s] and `final` (N, 6) a
-    `duration` [s] later, one for all or (N,) each; before and after their own time craft coast.  With
-    `assign`, `final` (S, 6), S >= N, are slots, and craft go to those of least total energy.  `zone`:
-    one for all, or one for each craft and, after them, obstacle (None: none of its own), each a region, an
-    `Uncertainty` or a `Body`; or `PairZones`.  Of two regions the larger holds, covariances and bodies add.
-    `obstacles`: paths that do not give way, and are gone when they end.
-    `max_acceleration` [m/s^2], one for all or (N,), bounds the thrust: a plan beyond it takes the
-    shortest longer duration that was found to respect it, of up to ten orbits or twice the duration, in deep
-    space of a hundred times.
+    Parameters
+    ----------
+    orbit : Orbit
+        In whose rotating frame all states are.
+    initial : array_like of shape (N, 6) [m, m/s]
+        In the rotating frame, each at the craft's `start`; earlier it coasts.
+    final : array_like of shape (N, 6) [m, m/s]
+        In the rotating frame, each a `duration` later; then it coasts.  With `assign` slots of shape (S, 6),
+        S >= N.
+    duration : array_like of shape (N,) [s]
+        Of each craft's move; one number for all.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+        One for all, or one for each craft and, after them, obstacle (None: none of its own).  Of two regions
+        the larger holds, covariances and bodies add; `PairZones` tell it themselves.
+    assign : bool, default False
+        Whether craft go to the slots of least total energy, instead of each to its own.
+    start : array_like of shape (N,) [s], default 0
+        Of each craft's move; one number for all.
+    obstacles : Path or sequence of Path, default none
+        Paths that do not give way, and are gone when they end.
+    max_acceleration : array_like of shape (N,) [m/s^2], optional
+        Bounds the thrust, one number for all.  A plan beyond it takes the shortest longer duration that was
+        found to respect it, of up to ten orbits or twice the duration, in deep space of a hundred times.
+    if_blocked : sequence of "more sides", "longer" or "stagger", default all
+        What is tried, in order, where no clear plan is found; without "longer" no plan takes longer for a
+        thrust limit either.
+    method : "joint" or "sequential", default "joint"
+        "joint": all paths are deflected together, by forces between pairs.  "sequential": craft plan one by
+        one, and those before do not give way.
+    order : sequence of int, optional
+        Of craft, by index, with "sequential"; 0, 1, ... unless given.
+    names : sequence of str, optional
+        Of craft, or of craft and obstacles, for reasons.
+    budget : int, optional
+        Candidates that are examined at most, each solved to its local optimum: sides on which pairs pass each
+        other.  By how many pairs are in contact unless given, down to one beyond 200.
+    prove : float [s], default 0
+        For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
+        and takes a cheaper plan where it finds one (not with `max_acceleration`).
 
-    `method` "joint": all paths are deflected together, by forces between pairs (theory 4).
-    "sequential": craft plan one after another in `order` (indices; 0, 1, ... unless given), as in
-    SP11.  The sides on which pairs pass each other are searched: `budget` candidates at most, each solved to
-    its local optimum (by how many pairs are in contact unless given, down to one beyond 200).
-    The plan comes with a certified lower bound of what any costs.  `prove` [s]: for so long at most, branch
-    and bound over all sides raises the bound until it is within 0.1 %, and takes a cheaper plan where it
-    finds one (not with `max_acceleration`).  Where no clear plan is found, `if_blocked` says what is tried,
-    in order; () forbids all.  `names` are used in reasons.
+    Returns
+    -------
+    Plan
+        With a certified lower bound of what any plan costs; its `status` says how it ended.
 
-    The result says how it ended; it raises ValueError for arguments that do not fit: shapes,
-    fewer slots than craft, zones that make none for a pair, unknown words.
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a number is not finite, slots are fewer than craft, a duration or limit is not
+        positive, an obstacle is in another orbit, zones make none for a pair, names are not as many as craft,
+        `order` is no order or given with "joint", a budget is below 1, a time negative, a word unknown, or an
+        argument of another kind.
+
+    References
+    ----------
+    docs/theory.md section 4, many craft; "sequential" is as in SP11 (Sauter and Palmer 2011).
     """
     instance("assign", assign, bool, np.bool_)
     request = Request.of(

@@ -21,14 +21,32 @@ SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its l
 
 
 def end_gradients(path: Path) -> tuple[Floats, Floats]:
-    """First-order change of the energy with the initial and with the final state of a path.
+    """First-order change of a path's energy with its initial and with its final state.
 
-    Two arrays of the path's shape + (6,): dJ/d(initial) and dJ/d(final), for positions in
-    [m/s^3] and velocities in [m/s^2] (energy per unit mass).  They are the costates at the two
-    ends: SP11 eqs. 20-21, theory 4, in rectangular coordinates.
+    Parameters
+    ----------
+    path : Path
+        Energy-optimal between its ends, in one arc or shaped by `avoid`; of one craft or a batch.
 
-    Raises ValueError for a path that is not energy-optimal between its ends (impulses, constant
-    thrust, sampled, or several arcs that were not shaped by `avoid`).
+    Returns
+    -------
+    initial : array of shape (*path, 6) [m/s^3, m/s^2]
+        dJ/d(initial) for positions and velocities in the rotating frame; energy per unit mass.
+    final : array of shape (*path, 6) [m/s^3, m/s^2]
+        dJ/d(final), in the rotating frame.
+
+    Raises
+    ------
+    ValueError
+        If the path has impulses, constant thrust or samples.
+
+    Notes
+    -----
+    They are the costates at the two ends, in rectangular coordinates.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) eqs. 20-21; docs/theory.md section 4.
     """
     n = instance("path", path, Path).orbit.mean_motion
     if (
