@@ -16,7 +16,7 @@ import pytest
 
 from test_surface import CALLABLES, RESULTS, arguments, properties
 
-TO_DO = ("closeform.motion.orbit", "closeform.plots", "closeform.planning.targets")
+TO_DO = ("closeform.motion.orbit", "closeform.plots")
 TO_DO += ("closeform.campaign",)
 # Definitions of ours, bookkeeping and files: there is nobody to cite.
 OURS = {"join", "stack", "study", "PairZones.groups"}

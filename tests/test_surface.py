@@ -37,12 +37,7 @@ def callables() -> dict[str, Any]:
     """Every public function, class and method by its full name."""
     public = {name: getattr(cf, name) for name in cf._HOMES}
     public |= {f"plots.{name}": getattr(cf.plots, name) for name in cf.plots.__all__}
-    own = [
-        name
-        for name, one in vars(cf.targets).items()
-        if inspect.isfunction(one) and one.__module__ == cf.targets.__name__
-    ]
-    public |= {f"targets.{name}": getattr(cf.targets, name) for name in own if not name.startswith("_")}
+    public |= {f"targets.{name}": getattr(cf.targets, name) for name in cf.targets.__all__}
     found = {name: value for name, value in public.items() if callable(value)}
     for name, value in public.items():
         if inspect.isclass(value):
