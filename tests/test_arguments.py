@@ -61,7 +61,8 @@ CALLS = {
         self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
     ),
     "Orbit.burn": turned(
-        self=ORBIT, state=START, acceleration=1e-4 * START[:, :3], duration=TIMES, start=TIMES
+        self=ORBIT, state=START, acceleration=1e-4 * START[:, :3], duration=TIMES, start=TIMES,
+        frame="inertial",
     ),
     "Orbit.sampled": turned(self=ORBIT, times=np.array([0.0, 60.0, 90.0]), states=np.stack([START, START])),
     "Path": turned(orbit=ORBIT, arcs=COAST.arcs, offsets=COAST.offsets, shape=(3,)),

@@ -1,7 +1,7 @@
 """Orbit: the frame in which craft move, and the paths that they can take in it."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numba import float64, void
@@ -73,6 +73,16 @@ def transitions(n: float, times: Floats, out: Floats) -> None:
             )
             for i in range(6):
                 out[p, i, k] = column[i]
+
+
+def fix_inertially(n: float, arcs: Floats) -> None:
+    """Constant thrusts of arcs (..., 30), given in inertial axes, as the rotating frame sees them turn."""
+    angle = n * arcs[..., START]
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = arcs[..., PUSH].copy(), arcs[..., PUSH + 1].copy()
+    arcs[..., PUSH], arcs[..., PUSH + 1] = x * c + y * s, y * c - x * s
+    for k in range(PUSH, PUSH + 9, 3):  # each derivative, by a quarter turn against the orbit's
+        arcs[..., k + 3], arcs[..., k + 4] = n * arcs[..., k + 1], -n * arcs[..., k]
 
 
 def interpolated(n: float, arcs: Floats, finals: Floats) -> Floats:
@@ -227,16 +237,27 @@ class Orbit:
         )
 
     def burn(
-        self, state: ArrayLike, acceleration: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
+        self,
+        state: ArrayLike,
+        acceleration: ArrayLike,
+        duration: ArrayLike,
+        start: ArrayLike = 0.0,
+        frame: Literal["orbit", "inertial"] = "orbit",
     ) -> Path:
-        """Constant thrust `acceleration` (..., 3) [m/s^2], fixed in the rotating frame, from `state`.
+        """Constant thrust `acceleration` (..., 3) [m/s^2] from `state`.
 
-        It begins at time `start` [s] and lasts for `duration` [s].  All arguments broadcast.
-        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
+        It begins at time `start` [s] and lasts for `duration` [s].  It is fixed in the orbit's rotating
+        `frame`, or with "inertial" in inertial axes, those of the orbit at time 0.  All arguments broadcast.
+        Raises ValueError for a duration that is not positive, wrong shapes, non-finite numbers or an
+        unknown frame.
         """
+        if not isinstance(frame, str) or frame not in ("orbit", "inertial"):
+            raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(frame)}")
         push = _checked("acceleration", acceleration, 3)
         arcs = self._arcs(duration, start, state=state, like=push.shape[:-1])
         arcs[..., PUSH : PUSH + 3] = push
+        if frame == "inertial":
+            fix_inertially(self.mean_motion, arcs)
         return self._path(arcs)
 
     def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
