@@ -6,9 +6,16 @@ at 1.407, 2.445 ... orbits, where tan(n t / 2) = 3 n t / 8.  There some places c
 that can be are by many velocities.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH
+from closeform.motion.path import FORGIVEN, Path, path_of
+
+if TYPE_CHECKING:
+    from closeform.motion.orbit import Orbit
 
 # Of duration times speed: the velocity along a direction that moves the end by less than this is
 # taken as free.  Larger: transfers close to such a time no longer end where they should, as paths
@@ -36,3 +43,42 @@ def start_velocities(flow: Floats, durations: Floats, initial: Floats, final: Fl
         last = final[p, 3:] - flow[p, 3:, :3] @ initial[p, :3] - turn @ speeds[p]
         speeds[p] += free @ np.linalg.lstsq(jumps, np.concatenate([first, last]), rcond=None)[0]
     return np.asarray(speeds)
+
+
+def drifts(orbit: "Orbit", arcs: Floats, finals: Floats) -> Path:
+    """Natural motion over `arcs` (..., 30) to final states (P, 6), with an impulse at either end."""
+    rows = arcs.reshape(-1, WIDTH)
+    begins, lengths = rows[:, STATE : STATE + 6].copy(), rows[:, END] - rows[:, START]
+    speeds = start_velocities(orbit.transition(lengths), lengths, begins, finals)
+    rows[:, STATE + 3 : STATE + 6] = speeds
+    rows[:, IMPULSE : IMPULSE + 3] = speeds - begins[:, 3:]
+    drift = path_of(orbit, rows, np.arange(len(rows) + 1), (len(rows),))
+    arrived = drift._evaluate_rows(rows[:, END : END + 1])[:, 0]
+    _reached(orbit, arcs.shape[:-1], rows, arrived, finals)
+    last = np.zeros_like(rows)
+    last[:, [START, END]] = rows[:, [END]]
+    last[:, MEAN_MOTION] = orbit.mean_motion
+    last[:, STATE : STATE + 6] = finals
+    last[:, IMPULSE : IMPULSE + 3] = finals[:, 3:] - arrived[:, 3:]
+    both = np.stack([rows, last], axis=1).reshape(-1, WIDTH)
+    return Path(orbit, both, 2 * np.arange(len(rows) + 1), arcs.shape[:-1])
+
+
+def _reached(orbit: "Orbit", shape: tuple[int, ...], rows: Floats, arrived: Floats, finals: Floats) -> None:
+    """ValueError where craft of a batch arrive beside their final position."""
+    if not len(rows):
+        return
+    lengths = rows[:, END] - rows[:, START]
+    missed = np.linalg.norm(arrived[:, :3] - finals[:, :3], axis=1)
+    places = np.abs(np.concatenate([rows[:, STATE : STATE + 3], finals[:, :3]], axis=1)).max(axis=1)
+    drift = np.abs(rows[:, STATE + 3 : STATE + 6]).max(axis=1) * lengths
+    k = int(np.argmax(missed - FORGIVEN * np.maximum(places, drift)))
+    if missed[k] <= FORGIVEN * max(places[k], drift[k]):
+        return
+    craft = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
+    apart = f"{lengths[k]:g} s ({lengths[k] / orbit.period:.6g} orbits) apart"
+    place = ", ".join(f"{coordinate:.9g}" for coordinate in arrived[k, :3])
+    raise ValueError(
+        f"final: {craft}two impulses {apart} come no nearer than {missed[k]:.6g} m, at [{place}]; "
+        "end there, or change the duration"
+    )

@@ -4,18 +4,12 @@ from dataclasses import dataclass
 from typing import Any, Literal, Self
 
 import numpy as np
-from numba import float64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, broadcast, number, numbers, shown
-from closeform.compiled import kernel
-from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
-from closeform.motion.duration import flaw
-from closeform.motion.effort import ENERGY, totals
-from closeform.motion.hill import coast, response
-from closeform.motion.lambert import start_velocities
-from closeform.motion.linear import solve
+from closeform.arrays import Floats, number, numbers, shown
+from closeform.motion.arc import PUSH, WIDTH
+from closeform.motion.ends import arcs_between, arcs_from, checked_below
+from closeform.motion.lambert import drifts
 from closeform.motion.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
@@ -23,99 +17,32 @@ from closeform.motion.mean_motion import (
     mean_motion_from_period,
     mean_motion_from_semi_major_axis,
 )
-from closeform.motion.path import FORGIVEN, Path, path_of
-
-# Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
-# to coast.  Ten times as much: where flattening or thrust bends paths, Hill's motion is chosen with
-# samples half an hour apart, and is off by half as much again as cubics are (GRACE).  A tenth: an hour apart
-# cubics are chosen, which are off by five times as much.
-COASTING = 0.1
-
-
-@kernel(void(float64, float64[:, ::1], float64[:, ::1]))
-def steer(n: float, arcs: Floats, finals: Floats) -> None:
-    """Set the optimal thrust of each arc so that it ends in its final state.        # theory (7, 8)"""
-    matrix = stack_matrix(6, 6)
-    work = stack_matrix(6, 6)
-    rhs = stack_vector(6)
-    for p in range(len(arcs)):
-        arc = arcs[p]
-        t = arc[END] - arc[START]
-        response(n, t, matrix)
-        gap = stack_vector(6)
-        reached = coast(n, t, arc[6], arc[7], arc[8], arc[9], arc[10], arc[11])
-        for i in range(6):
-            gap[i] = finals[p, i] - reached[i]
-        for _ in range(2):  # once more on what rounding left
-            for i in range(6):
-                rhs[i] = gap[i]
-                for j in range(6):
-                    rhs[i] -= matrix[i, j] * arc[THRUST + j]
-                    work[i, j] = matrix[i, j]
-            solve(work, rhs, 6)
-            for i in range(6):
-                arc[THRUST + i] += rhs[i]
-
-
-@kernel(void(float64, float64[::1], float64[:, :, ::1]))
-def transitions(n: float, times: Floats, out: Floats) -> None:
-    for p in range(len(times)):
-        for k in range(6):
-            column = coast(
-                n,
-                times[p],
-                1.0 * (k == 0),
-                1.0 * (k == 1),
-                1.0 * (k == 2),
-                1.0 * (k == 3),
-                1.0 * (k == 4),
-                1.0 * (k == 5),
-            )
-            for i in range(6):
-                out[p, i, k] = column[i]
-
-
-def fix_inertially(n: float, arcs: Floats) -> None:
-    """Constant thrusts of arcs (..., 30), given in inertial axes, as the rotating frame sees them turn."""
-    angle = n * arcs[..., START]
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = arcs[..., PUSH].copy(), arcs[..., PUSH + 1].copy()
-    arcs[..., PUSH], arcs[..., PUSH + 1] = x * c + y * s, y * c - x * s
-    for k in range(PUSH, PUSH + 9, 3):  # each derivative, by a quarter turn against the orbit's
-        arcs[..., k + 3], arcs[..., k + 4] = n * arcs[..., k + 1], -n * arcs[..., k]
-
-
-def interpolated(n: float, arcs: Floats, finals: Floats) -> Floats:
-    """Arcs from their states to the final ones: Hill's motion where a craft coasts, else cubics."""
-    cubic, hill = arcs.copy(), arcs.copy()
-    hill[:, MEAN_MOTION] = n
-    each = np.arange(len(arcs) + 1)
-    energies = np.empty((2, len(arcs)))
-    for rows, motion, energy in ((cubic, 0.0, energies[0]), (hill, n, energies[1])):
-        steer(motion, rows, finals)
-        totals(rows, each, n, ENERGY, energy)
-    coasts = energies[1] <= COASTING * energies[0]
-    return np.where(coasts[:, None], hill, cubic)
-
-
-def _checked(name: str, value: ArrayLike, columns: int | None = None) -> Floats:
-    array = numbers(name, value)
-    if columns is not None and (array.ndim == 0 or array.shape[-1] != columns):
-        raise ValueError(f"{name}: expected shape (..., {columns}), got {array.shape}")
-    if not (np.abs(array) < LARGEST).all():
-        raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
-    return array
+from closeform.motion.path import Path, path_of
+from closeform.motion.sampling import arcs_through
+from closeform.motion.steering import fix_inertially, steer, transitions
 
 
 @dataclass(frozen=True)
 class Orbit:
-    """A circular reference orbit by its `mean_motion` [rad/s], at least 0; 0 is deep space.
+    """A circular reference orbit, in whose rotating frame craft move.
 
-    States are (..., 6): x radial outward, y along the velocity, z along the orbit normal [m],
-    then their rates [m/s], in the frame that turns with the orbit.  In deep space the frame
-    does not turn.  Whatever moves does so for 1e-12 s at least and 1e6 orbits at most (`duration`).
+    States are positions and their rates: x radial outward, y along the velocity, z along the orbit
+    normal.  In deep space the frame does not turn.  Whatever moves does so for 1e-12 s at least and 1e6
+    orbits at most.
 
-    Raises ValueError for a mean motion that is negative or not finite.
+    Parameters
+    ----------
+    mean_motion : float [rad/s]
+        At least 0; 0 is deep space.
+
+    Raises
+    ------
+    ValueError
+        If `mean_motion` is negative, not finite, or not one number.
+
+    References
+    ----------
+    Hill's equations: docs/theory.md section 1.
     """
 
     mean_motion: float
@@ -130,25 +57,73 @@ class Orbit:
 
     @classmethod
     def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
-        """Orbit at `altitude` [m] above a body of `mu` [m^3/s^2] and `radius` [m].
+        """The orbit at some altitude, by Kepler's third law.
 
-        Raises ValueError unless altitude + radius and mu are positive.
+        Parameters
+        ----------
+        altitude : float [m]
+            Above the body's surface.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+        radius : float [m], default the Earth's equatorial
+            Of the body.
+
+        Returns
+        -------
+        Orbit
+            With the mean motion there.
+
+        Raises
+        ------
+        ValueError
+            If `mu`, `radius` or its sum with the altitude is not positive and finite.
         """
         given = number("altitude", altitude), number("mu", mu), number("radius", radius)
         return cls(float(mean_motion_from_altitude(*given)))
 
     @classmethod
     def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
-        """Orbit of `semi_major_axis` [m] around a body of `mu` [m^3/s^2].
+        """The orbit of some semi-major axis, by Kepler's third law.
 
-        Raises ValueError unless both are positive.
+        Parameters
+        ----------
+        semi_major_axis : float [m]
+            Its radius.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+
+        Returns
+        -------
+        Orbit
+            With the mean motion there.
+
+        Raises
+        ------
+        ValueError
+            If a number is not positive and finite.
         """
         given = number("semi_major_axis", semi_major_axis), number("mu", mu)
         return cls(float(mean_motion_from_semi_major_axis(*given)))
 
     @classmethod
     def from_period(cls, period: float) -> Self:
-        """Orbit of `period` [s].  Raises ValueError unless it is positive."""
+        """The orbit of some period.
+
+        Parameters
+        ----------
+        period : float [s]
+            Of one turn.
+
+        Returns
+        -------
+        Orbit
+            With the mean motion 2 pi over it.
+
+        Raises
+        ------
+        ValueError
+            If `period` is not positive and finite.
+        """
         return cls(float(mean_motion_from_period(number("period", period))))
 
     @property
@@ -157,84 +132,132 @@ class Orbit:
         return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
 
     def transition(self, duration: ArrayLike) -> Floats:
-        """State transition matrix of natural motion over `duration` [s], of any sign: (..., 6, 6).
+        """State transition matrices of natural motion.
 
-        Raises ValueError for numbers that are not finite.
+        Parameters
+        ----------
+        duration : array_like of shape (...) [s]
+            Of any sign.
+
+        Returns
+        -------
+        array of shape (..., 6, 6) [no unit, s, 1/s]
+            They take states in the rotating frame to those so much later.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite.
+
+        References
+        ----------
+        docs/theory.md section 1.
         """
-        times = _checked("duration", duration)
+        times = checked_below("duration", duration)
         out = np.empty((times.size, 6, 6))
         transitions(self.mean_motion, np.ravel(times), out)
         return out.reshape(times.shape + (6, 6))
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
-        """Natural motion from `state` (..., 6) at time `start` [s] for `duration` [s].
+        """Natural motion from a state.
 
-        All arguments broadcast.  Raises ValueError for a duration that is not positive, wrong
-        shapes or non-finite numbers.
+        Parameters
+        ----------
+        state : array_like of shape (..., 6) [m, m/s]
+            At the start, in the rotating frame.
+        duration : array_like of shape (...) [s]
+            Above 0.
+        start : array_like of shape (...) [s], default 0
+            Time of the state; all arguments broadcast.
+
+        Returns
+        -------
+        Path
+            Of the broadcast shape.
+
+        Raises
+        ------
+        ValueError
+            If a duration is not positive or too long, shapes do not fit, or a number is not finite.
+
+        References
+        ----------
+        docs/theory.md section 1.
         """
-        return self._path(self._arcs(duration, start, state=state))
+        return self._path(arcs_from(self.mean_motion, duration, start, state=state))
 
     def transfer(
         self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
     ) -> Path:
-        """Energy-optimal path from `initial` to `final` (..., 6) in `duration` [s].   # theory 2
+        """The energy-optimal path between two states: that of least half-integral of |thrust|^2.
 
-        Least half-integral of |thrust|^2, from time `start` [s] on; all arguments broadcast, so
-        that `transfer(a[:, None], b, T).energy` is the matrix of costs from every a to every b.
-        Raises ValueError for a duration that is not positive, wrong shapes or non-finite numbers.
+        Parameters
+        ----------
+        initial : array_like of shape (..., 6) [m, m/s]
+            In the rotating frame.
+        final : array_like of shape (..., 6) [m, m/s]
+            In the rotating frame.
+        duration : array_like of shape (...) [s]
+            Above 0.
+        start : array_like of shape (...) [s], default 0
+            Time of the initial state; all arguments broadcast, so that `transfer(a[:, None], b, T).energy` is
+            the matrix of costs from every a to every b.
+
+        Returns
+        -------
+        Path
+            Of the broadcast shape.
+
+        Raises
+        ------
+        ValueError
+            If a duration is not positive or too long, shapes do not fit, or a number is not finite.
+
+        References
+        ----------
+        docs/theory.md section 2, from docs/theory.md (7) and docs/theory.md (8).
         """
-        arcs, finals = self._between(initial, final, duration, start)
+        arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
         steer(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
         return self._path(arcs)
 
     def two_impulse(
         self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
     ) -> Path:
-        """Drift from `initial` to `final` (..., 6) in `duration` [s] between two impulses.
+        """The drift between two states with an impulse at each end.
 
-        The first is at time `start` [s].  All arguments broadcast.  After half an orbit, and
-        at other times at which a start velocity changes nothing along some direction (see `lambert`),
-        many drifts meet a place or none does: of many it is the one with the least sum of the
-        squares of both impulses [m^2/s^2].
+        Parameters
+        ----------
+        initial : array_like of shape (..., 6) [m, m/s]
+            Before the first impulse, in the rotating frame.
+        final : array_like of shape (..., 6) [m, m/s]
+            After the last one, in the rotating frame.
+        duration : array_like of shape (...) [s]
+            Above 0.
+        start : array_like of shape (...) [s], default 0
+            Time of the first impulse; all arguments broadcast.
 
-        Raises ValueError for a final position that no two impulses reach in the duration (it
-        says how near they come), a duration that is not positive, wrong shapes or non-finite
-        numbers.
+        Returns
+        -------
+        Path
+            Of the broadcast shape.
+
+        Raises
+        ------
+        ValueError
+            If no two impulses reach a final position in the duration (it says how near they come), a duration
+            is not positive or too long, shapes do not fit, or a number is not finite.
+
+        Notes
+        -----
+        At times at which a start velocity changes nothing along some direction, as after half an orbit, many
+        drifts meet a place or none does: of many it is that of the least sum of both impulses squared.
+
+        References
+        ----------
+        Clohessy and Wiltshire, J. Aerospace Sciences 27(9), 653-658, 1960; docs/motion.md.
         """
-        arcs, finals = self._between(initial, final, duration, start)
-        rows = arcs.reshape(-1, WIDTH)
-        begins, lengths = rows[:, STATE : STATE + 6].copy(), rows[:, END] - rows[:, START]
-        speeds = start_velocities(self.transition(lengths), lengths, begins, finals)
-        rows[:, STATE + 3 : STATE + 6] = speeds
-        rows[:, IMPULSE : IMPULSE + 3] = speeds - begins[:, 3:]
-        arrived = self._path(rows)._evaluate_rows(rows[:, END : END + 1])[:, 0]
-        self._reached(arcs.shape[:-1], rows, arrived, finals)
-        last = np.zeros_like(rows)
-        last[:, [START, END]] = rows[:, [END]]
-        last[:, MEAN_MOTION] = self.mean_motion
-        last[:, STATE : STATE + 6] = finals
-        last[:, IMPULSE : IMPULSE + 3] = finals[:, 3:] - arrived[:, 3:]
-        both = np.stack([rows, last], axis=1).reshape(-1, WIDTH)
-        return Path(self, both, 2 * np.arange(len(rows) + 1), arcs.shape[:-1])
-
-    def _reached(self, shape: tuple[int, ...], rows: Floats, arrived: Floats, finals: Floats) -> None:
-        """ValueError where craft of a batch arrive beside their final position."""
-        if not len(rows):
-            return
-        lengths = rows[:, END] - rows[:, START]
-        missed = np.linalg.norm(arrived[:, :3] - finals[:, :3], axis=1)
-        places = np.abs(np.concatenate([rows[:, STATE : STATE + 3], finals[:, :3]], axis=1)).max(axis=1)
-        drift = np.abs(rows[:, STATE + 3 : STATE + 6]).max(axis=1) * lengths
-        k = int(np.argmax(missed - FORGIVEN * np.maximum(places, drift)))
-        if missed[k] <= FORGIVEN * max(places[k], drift[k]):
-            return
-        craft = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
-        apart = f"{lengths[k]:g} s ({lengths[k] / self.period:.6g} orbits) apart"
-        place = ", ".join(f"{coordinate:.9g}" for coordinate in arrived[k, :3])
-        raise ValueError(
-            f"final: {craft}two impulses {apart} come no nearer than {missed[k]:.6g} m, at [{place}]; "
-            "end there, or change the duration"
-        )
+        return drifts(self, *arcs_between(self.mean_motion, initial, final, duration, start))
 
     def burn(
         self,
@@ -244,79 +267,81 @@ class Orbit:
         start: ArrayLike = 0.0,
         frame: Literal["orbit", "inertial"] = "orbit",
     ) -> Path:
-        """Constant thrust `acceleration` (..., 3) [m/s^2] from `state`.
+        """Constant thrust from a state.
 
-        It begins at time `start` [s] and lasts for `duration` [s].  It is fixed in the orbit's rotating
-        `frame`, or with "inertial" in inertial axes, those of the orbit at time 0.  All arguments broadcast.
-        Raises ValueError for a duration that is not positive, wrong shapes, non-finite numbers or an
-        unknown frame.
+        Parameters
+        ----------
+        state : array_like of shape (..., 6) [m, m/s]
+            At the start, in the rotating frame.
+        acceleration : array_like of shape (..., 3) [m/s^2]
+            In `frame`.
+        duration : array_like of shape (...) [s]
+            Above 0.
+        start : array_like of shape (...) [s], default 0
+            Time of the state; all arguments broadcast.
+        frame : "orbit" or "inertial", default "orbit"
+            In which the thrust is fixed: the rotating one, or inertial axes, those of the orbit at time 0.
+
+        Returns
+        -------
+        Path
+            Of the broadcast shape.
+
+        Raises
+        ------
+        ValueError
+            If a duration is not positive or too long, shapes do not fit, a number is not finite, or `frame`
+            is unknown.
+
+        References
+        ----------
+        docs/theory.md section 1; docs/motion.md.
         """
         if not isinstance(frame, str) or frame not in ("orbit", "inertial"):
             raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(frame)}")
-        push = _checked("acceleration", acceleration, 3)
-        arcs = self._arcs(duration, start, state=state, like=push.shape[:-1])
+        push = checked_below("acceleration", acceleration, 3)
+        arcs = arcs_from(self.mean_motion, duration, start, state=state, like=push.shape[:-1])
         arcs[..., PUSH : PUSH + 3] = push
         if frame == "inertial":
             fix_inertially(self.mean_motion, arcs)
         return self._path(arcs)
 
     def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
-        """Path through `states` (..., T, 6) at `times` (T,) [s]: Hill's motion where craft coast, or cubics.
+        """The path through some states: Hill's motion where craft coast, cubics elsewhere.
 
-        Position and velocity are met at every sample.  From one to the next the path is the optimal
-        transfer in this orbit where that needs less than a tenth of the energy that a cubic would:
-        there the craft coasts but for little.  Elsewhere it is the cubic (Hermite), which is the
-        transfer at n = 0: samples h apart leave its position off by at most h^4/384 max|r''''|, its
-        velocity by h^3/124 max|r''''|, per axis.  `interpolation_error` of the path estimates how
-        far craft may have been from it, `cubic_share` tells which of the two was used.
+        Parameters
+        ----------
+        times : array_like of shape (T,) [s]
+            Rising, T >= 2.
+        states : array_like of shape (..., T, 6) [m, m/s]
+            At these times, in the rotating frame; all are met.
 
-        Raises ValueError unless the times increase strictly and all numbers are finite.
+        Returns
+        -------
+        Path
+            Of the states' leading shape; see its `interpolation_error` and `cubic_share`.
+
+        Raises
+        ------
+        ValueError
+            If times do not rise, shapes do not fit, a number is not finite, or from one time to the next is
+            too long.
+
+        Notes
+        -----
+        From one sample to the next the path is the optimal transfer in this orbit where that needs less than
+        a tenth of the energy that a cubic would: there the craft coasts but for little.  Elsewhere it is the
+        cubic (Hermite), which is the transfer at n = 0: samples h apart leave its position off by at most
+        h^4/384 max|r''''|, its velocity by h^3/124 max|r''''|, per axis.
+
+        References
+        ----------
+        docs/theory.md section 2; docs/ephemerides.md.
         """
-        instants = _checked("times", times)
-        nodes = _checked("states", states, 6)
-        if instants.ndim != 1 or len(instants) < 2 or nodes.shape[-2:-1] != instants.shape:
-            raise ValueError(
-                "states: expected shape (..., T, 6) for T >= 2 times, "
-                f"got {nodes.shape} for times of shape {instants.shape}"
-            )
-        if not (np.diff(instants) > 0).all():
-            raise ValueError("times: must increase strictly")
-        if wrong := flaw(np.diff(instants), self.mean_motion):
-            raise ValueError(f"times: from one to the next {wrong}")
-        batch = nodes.shape[:-2]
-        arcs = np.zeros((*batch, len(instants) - 1, WIDTH))
-        arcs[..., START] = instants[:-1]
-        arcs[..., END] = instants[1:]
-        arcs[..., STATE : STATE + 6] = nodes[..., :-1, :]
-        finals = np.ascontiguousarray(nodes[..., 1:, :]).reshape(-1, 6)
-        rows = interpolated(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
-        count = int(np.prod(batch, dtype=int))
-        return Path(self, rows, np.arange(count + 1) * (len(instants) - 1), batch)
-
-    def _arcs(
-        self, duration: ArrayLike, start: ArrayLike, state: ArrayLike, like: tuple[int, ...] = ()
-    ) -> Floats:
-        states = _checked("state", state, 6)
-        lengths, starts = _checked("duration", duration), _checked("start", start)
-        if wrong := flaw(lengths, self.mean_motion):
-            raise ValueError(f"duration: {wrong}")
-        shape = broadcast(state=states.shape[:-1], duration=lengths.shape, start=starts.shape, other=like)
-        arcs = np.zeros((*shape, WIDTH))
-        arcs[..., START] = starts
-        arcs[..., END] = starts + lengths
-        if not (arcs[..., END] > arcs[..., START]).all():
-            raise ValueError(f"duration: {lengths.min():g} s vanishes beside a start of {starts.max():g} s")
-        arcs[..., MEAN_MOTION] = self.mean_motion
-        arcs[..., STATE : STATE + 6] = states
-        return arcs
-
-    def _between(
-        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
-    ) -> tuple[Floats, Floats]:
-        ends = _checked("final", final, 6)
-        begins = _checked("initial", initial, 6)
-        arcs = self._arcs(duration, start, state=begins, like=ends.shape[:-1])
-        return arcs, np.broadcast_to(ends, (*arcs.shape[:-1], 6)).reshape(-1, 6).copy()
+        arcs = arcs_through(self.mean_motion, times, states)
+        *batch, each, _ = arcs.shape
+        offsets = each * np.arange(int(np.prod(batch, dtype=int)) + 1)
+        return Path(self, arcs.reshape(-1, WIDTH), offsets, tuple(batch))
 
     def _path(self, arcs: Any) -> Path:
         rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)

@@ -1,0 +1,51 @@
+"""Sampling: arcs through states at given times."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH
+from closeform.motion.duration import flaw
+from closeform.motion.effort import ENERGY, totals
+from closeform.motion.ends import checked_below
+from closeform.motion.steering import steer
+
+# Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
+# to coast.  Ten times as much: where flattening or thrust bends paths, Hill's motion is chosen with
+# samples half an hour apart, and is off by half as much again as cubics are (GRACE).  A tenth: an hour apart
+# cubics are chosen, which are off by five times as much.
+COASTING = 0.1
+
+
+def arcs_through(mean_motion: float, times: ArrayLike, states: ArrayLike) -> Floats:
+    """Arcs (..., T - 1, 30) from each of some states (..., T, 6) at times (T,) to the next."""
+    instants = checked_below("times", times)
+    nodes = checked_below("states", states, 6)
+    if instants.ndim != 1 or len(instants) < 2 or nodes.shape[-2:-1] != instants.shape:
+        raise ValueError(
+            "states: expected shape (..., T, 6) for T >= 2 times, "
+            f"got {nodes.shape} for times of shape {instants.shape}"
+        )
+    if not (np.diff(instants) > 0).all():
+        raise ValueError("times: must increase strictly")
+    if wrong := flaw(np.diff(instants), mean_motion):
+        raise ValueError(f"times: from one to the next {wrong}")
+    arcs = np.zeros((*nodes.shape[:-2], len(instants) - 1, WIDTH))
+    arcs[..., START] = instants[:-1]
+    arcs[..., END] = instants[1:]
+    arcs[..., STATE : STATE + 6] = nodes[..., :-1, :]
+    finals = np.ascontiguousarray(nodes[..., 1:, :]).reshape(-1, 6)
+    return interpolated(mean_motion, arcs.reshape(-1, WIDTH), finals).reshape(arcs.shape)
+
+
+def interpolated(n: float, arcs: Floats, finals: Floats) -> Floats:
+    """Arcs from their states to the final ones: Hill's motion where a craft coasts, else cubics."""
+    cubic, hill = arcs.copy(), arcs.copy()
+    hill[:, MEAN_MOTION] = n
+    each = np.arange(len(arcs) + 1)
+    energies = np.empty((2, len(arcs)))
+    for rows, motion, energy in ((cubic, 0.0, energies[0]), (hill, n, energies[1])):
+        steer(motion, rows, finals)
+        totals(rows, each, n, ENERGY, energy)
+    coasts = energies[1] <= COASTING * energies[0]
+    return np.where(coasts[:, None], hill, cubic)
