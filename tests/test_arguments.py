@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from test_docstrings import entries, sections
 from test_surface import CALLABLES, RESULTS
 
 mpl.use("agg")
@@ -220,6 +221,8 @@ def test_what_does_not_fit_is_named(name, argument, bad):
     with pytest.raises((ValueError, TypeError)) as caught:
         call(name, **{argument: bad})
     assert is_named(argument, caught.value)
+    said = entries(sections(CALLABLES[name].__doc__).get("Raises", ""))
+    assert said.keys() & {kind.__name__ for kind in type(caught.value).__mro__}
 
 
 @pytest.mark.parametrize("argument", ["file", "ephemeris", "originator", "comments"])

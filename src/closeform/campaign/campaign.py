@@ -154,14 +154,30 @@ class GatherCampaign(Campaign):
 def study(file: str | Path, cases: int | None = None, seed: int | None = None) -> Campaign:
     """Fly many cases of a scenario's search, each with its own draws from [study.vary].
 
-    `file` is a scenario with one stage, lock or gather; `cases` and `seed` stand for those of its
-    [study] table where they are given.  Case K is the same in every study of the file with the
-    same seed, however many cases it has; `closeform run FILE --case K` shows one.  The result is a
-    LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v [m/s];
-    failed cases stay in the denominators of its `shares`.
+    Case K is the same in every study of the file with the same seed, however many cases it has;
+    `closeform run FILE --case K` shows one.
 
-    Raises ScenarioError, a ValueError, for a scenario that cannot be read or studied, and
-    ValueError for a number of cases or a seed that makes no sense.
+    Parameters
+    ----------
+    file : str or path-like
+        A scenario with one stage, lock or gather.
+    cases : int, optional
+        C, instead of the number in its [study] table.
+    seed : int, optional
+        Instead of that in its [study] table.
+
+    Returns
+    -------
+    Campaign
+        A LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v [m/s]; failed
+        cases stay in the denominators of its `shares`.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be read or studied; a ValueError.
+    ValueError
+        If `file` is no path, or a number of cases or a seed makes no sense.
     """
     return flown(load(file), cases, seed)
 

@@ -52,6 +52,11 @@ class Path:
         Where the arcs of each craft begin, and the end of the last.
     shape : tuple of int
         Of the batch: () for one craft.
+
+    Raises
+    ------
+    ValueError
+        If arcs, offsets and shape do not fit each other.
     """
 
     orbit: "Orbit"

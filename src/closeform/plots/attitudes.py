@@ -41,11 +41,28 @@ def angle_text(angle: float, sign: bool = True) -> str:
 def in_plane_search(search: Search) -> Figure:
     """The in-plane search of both groups: S04 figure 3, H03 figure 4.
 
-    Each ball is the sky of one craft.  The sensor's cone is drawn at the start of the turn about
-    the sun line and, as rims, on its way; the spiral is the way of the boresight.  The grey
-    cones are the complementary cones that the turn leaves out, as `search` has them.
+    Each ball is the sky of one craft.  The sensor's cone is drawn at the start of the turn about the sun
+    line and, as rims, on its way; the spiral is the way of the boresight.  The grey cones are the
+    complementary cones that the turn leaves out.
 
-    Raises ValueError for a search that does not begin with an in-plane search.
+    Parameters
+    ----------
+    search : Search
+        Which begins with an in-plane search.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If it does not, or `search` is of another kind.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 3; H03 (Hadaegh, Scharf and Ploen 2003) figure 4.
     """
     leg = search.legs[0]
     if leg.phase != "IPS":
@@ -113,14 +130,32 @@ def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -
 def manoeuvres(search: Search, number: int = 1) -> Figure:
     """Every turn of one round of a search, for both groups: S04 figure 4.
 
-    Round `number` of the `search`, from 1.  Each panel looks along body y, as it is before the
-    out-of-plane turns, at the attitude to which a turn leads: the shade with body x, the boresight
-    and its cone (from the centre, as in S04); dashed the boresight before, grey the complementary
-    cones.  Below it the turn, about the own body y or the sun line, and its time [s].  Both groups
-    make the same turns in space, so about their own body y they are opposite.  A Roman number is
-    the region of S04 figure 5 that lies in the cone at the end of a turn.
+    Each panel looks along body y, as it is before the out-of-plane turns, at the attitude to which a turn
+    leads: the shade with body x, the boresight and its cone (from the centre, as in S04); dashed the
+    boresight before, grey the complementary cones.  Below it the turn, about the own body y or the sun
+    line, and its time.  Both groups make the same turns in space, so about their own body y they are
+    opposite.  A Roman number is the region of S04 figure 5 that lies in the cone at the end of a turn.
 
-    Raises ValueError for a round that the search does not have.
+    Parameters
+    ----------
+    search : Search
+        With that round.
+    number : int, default 1
+        Of the round, from 1.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If the search has no such round, or an argument is of another kind.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 4.
     """
     legs = [leg for leg in search.legs if leg.round == number and leg.angle]
     if not legs:

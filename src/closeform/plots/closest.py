@@ -42,15 +42,31 @@ LINEAR = 6.0  # ratio up to which the whole axis is linear
 def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, count: int = 4) -> Figure:
     """The ratio of the pairs that come closest, against time; below 1 is a conflict.
 
-    `paths` is a Path of shape (N,) or a sequence of paths; `zones` is one zone, one for each craft (or
-    None; of two as in `screen`), or `PairZones`; `names` are the
-    craft's, else they go by their indices; `count` is how many pairs are shown at most.  Each line
-    is the norm of one craft's position relative to the other, over their common time, with a dot
-    at the exact least ratio.  Where a line goes beyond 6 zones the axis is
-    logarithmic outside of the zone.
+    Each line is the norm of one craft's position relative to the other, over their common time, with a
+    dot at the exact least ratio.  Where a line goes beyond 6 zones the axis is logarithmic outside of the
+    zone.
 
-    Raises ValueError for fewer than two craft, another number of names, a count below 1, or where
-    no two craft have a zone and share a time.
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), or N paths.
+    zones : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+        One for all or one for each craft, of two as in `screen`; None: none of its own.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+    count : int, default 4
+        How many pairs are shown at most.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two craft, names are not as many, `count` is below 1, no two craft have a zone
+        and share a time, or an argument is of another kind.
     """
     pairs, called = asked(paths, zones, names)
     if count < 1:

@@ -41,12 +41,30 @@ ORIGIN = np.zeros(3)
 def complementary_cones(search: Search, mops: int = 1) -> Figure:
     """The four regions of the complementary cones and when they are searched: S04 figure 5.
 
-    Seen from craft i of group A; `mops` says which mOPS fixes n1, the boresight of A at its start.
-    n3 points away from the Sun.  Each region is half of a cone, cut by the plane of n2 and n3.
-    The table gives the times [s] at which a whole region lies in the cone of craft i, and the
-    region that craft j of group B then has in its own, which is where it would see craft i.
+    Seen from craft i of group A.  n3 points away from the Sun.  Each region is half of a cone, cut by the
+    plane of n2 and n3.  The table gives the times at which a whole region lies in the cone of craft i, and
+    the region that craft j of group B then has in its own, which is where it would see craft i.
 
-    Raises ValueError for a search without that mOPS, or one that leaves no complementary cones.
+    Parameters
+    ----------
+    search : Search
+        Whose sensor leaves complementary cones.
+    mops : int, default 1
+        Which mOPS fixes n1, the boresight of A at its start.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If the search has no such mOPS or leaves no complementary cones, or an argument is of another kind.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 5.
     """
     if search.sensor.cosine <= 0.0:
         raise ValueError(

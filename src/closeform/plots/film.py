@@ -29,14 +29,33 @@ def animation(
     frames: int = 150,
     progress: Callable[[int, int], object] | None = None,
 ) -> None:
-    """Write a gathering in three views as an animated GIF to a `file`: what H03's simulation showed.
+    """Write a gathering in three views as an animated GIF: what H03's simulation showed.
 
-    The views are those of `three_views`, with the same `craft` and `names`.  `frames` are spread
-    evenly over the gathering's time [s], with one more at each lock, where the film stops for a
-    moment, as it does at the end.  `progress` is called with the frames done and all frames.
+    Parameters
+    ----------
+    gathering : Gathering
+        What is shown.
+    file : str, path-like or file of bytes
+        Where to; a file that is there is replaced.
+    craft : int, default 0
+        Which is shown from near by, as in `three_views`.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+    frames : int, default 150
+        At least 2, spread evenly over the gathering's time, with one more at each lock, where the film stops
+        for a moment, as it does at the end.
+    progress : callable of int and int, optional
+        Called with the frames done and all frames.
 
-    Raises ValueError for fewer than two frames, a craft that is not there, or names that are not
-    as many as the craft.
+    Raises
+    ------
+    ValueError
+        If `frames` is below 2, the craft is not there, names are not as many as the craft, or an argument is
+        of another kind.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     if frames < 2:
         raise ValueError(f"frames: must be at least 2, got {frames!r}")

@@ -62,17 +62,34 @@ def formation_paths(
 ) -> Figure:
     """The paths of a whole formation before and after, side by side, at one scale.
 
-    `before` and `after` are Paths of shape (N,), such as a plan's direct paths and its own; the same
-    where nothing changed, which makes one picture.  In an orbit in the three planes of its axes, in
-    deep space obliquely, where what is nearer passes over what is farther.  A ring is the start of a
-    craft, a dot its end; `names`, else the indices, stand at the start where they fit.  `obstacles`
-    is a Path of any shape or a sequence of paths.  With a `zone` stretches in conflict are strong,
-    and the zone of the closest pair is drawn where it is then, around the craft that stays: an
-    obstacle, or who burns less, or whose track is shorter.  It is one for all, one for each craft
-    (or None; of two as in `screen`), or `PairZones`; obstacle k counts as craft N + k.
+    In an orbit in the three planes of its axes, in deep space obliquely, where what is nearer passes over
+    what is farther.  A ring is the start of a craft, a dot its end.  With a zone stretches in conflict are
+    strong, and the zone of the closest pair is drawn where it is then, around the craft that stays: an
+    obstacle, or who burns less, or whose track is shorter.
 
-    Raises ValueError for paths that are not of one shape (N,), another number of names, or
-    zones that make none for a pair.
+    Parameters
+    ----------
+    before, after : Path
+        Of shape (N,), such as a plan's direct paths and its own; the same where nothing changed, which makes
+        one picture.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.  They stand at the start where they fit.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+        One for all or one for each craft, of two as in `screen` (None: none of its own); obstacle k counts
+        as craft N + k.
+    obstacles : Path or sequence of Path, default none
+        A Path of any shape, or paths.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If paths are not of one shape (N,) and one orbit, names are not as many as the craft, the zones make
+        none for a pair, or an argument is of another kind.
     """
     if not isinstance(after, Path):
         raise ValueError(f"after: expected a Path, got {after!r:.60}; a plan that is not ok has none")

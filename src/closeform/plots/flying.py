@@ -284,18 +284,34 @@ def formation_animation(
     frames: int = 100,
     progress: Callable[[int, int], object] | None = None,
 ) -> None:
-    """Write a formation's flight as an animated GIF to a `file`: every craft with its trail.
+    """Write a formation's flight as an animated GIF: every craft with its trail.
 
-    `paths` is a Path of shape (N,) or a sequence of paths, such as a plan's; `names` are the craft's,
-    else they go by their indices.  In an orbit the three planes of its axes and a view in space, in
-    deep space one view at an angle.  With a `zone` (one for all, one for each craft, or `PairZones`)
-    a line joins the pair that is closest now, and its zone is filled, around the craft that stays;
-    of up to 20 craft each has the outline of the zone that it keeps with the one nearest to it, and
-    who is in conflict has a red edge.  Below, the least ratio of all against time.  `frames` are
-    spread evenly over the time [s], with one more at the closest approach, where the film stops for a
-    moment.  `progress` is called with the frames done and all frames.
+    In an orbit the three planes of its axes and a view in space, in deep space one view at an angle.  With
+    a zone a line joins the pair that is closest now, and its zone is filled, around the craft that stays;
+    of up to 20 craft each has the outline of the zone that it keeps with the one nearest to it, and who is
+    in conflict has a red edge.  Below, the least ratio of all against time.
 
-    Raises ValueError for fewer than two frames or another number of names.
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), such as a plan's, or N paths.
+    file : str, path-like or file of bytes
+        Where to; a file that is there is replaced.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+        One for all or one for each craft, of two as in `screen`; None: none of its own.
+    frames : int, default 100
+        At least 2, spread evenly over the time, with one more at the closest approach, where the film stops
+        for a moment.
+    progress : callable of int and int, optional
+        Called with the frames done and all frames.
+
+    Raises
+    ------
+    ValueError
+        If `frames` is below 2, names are not as many as the craft, the zones make none for a pair, or an
+        argument is of another kind.
     """
     if frames < 2:
         raise ValueError(f"frames: must be at least 2, got {frames!r}")

@@ -145,17 +145,39 @@ class ThreeViews:
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
-    """A gathering at a `time` [s] in three views: H03 figures 9 to 11.
+    """A gathering at one time in three views: H03 figures 9 to 11.
 
-    The `gathering` obliquely, from the Sun, and one `craft` (its index) from near by, with its
-    shade, whose radius is the sensor's offset, and the sensor's cone.  Cones have the colour of
-    their group, marks that of the set: lost, formation, or one of the knowledge sets.  Trails lead
-    from the start and bend where a craft burns.  All times of a gathering have one scale.  Among
-    more than 12 craft only the one chosen has its cone, shade and name, and of the locks only those
-    that joined sets are drawn.  `names` stand for the indices of the craft.
+    Obliquely, from the Sun, and one craft from near by, with its shade, whose radius is the sensor's
+    offset, and the sensor's cone.  Cones have the colour of their group, marks that of the set: lost,
+    formation, or one of the knowledge sets.  Trails lead from the start and bend where a craft burns.  All
+    times of a gathering have one scale.  Among more than 12 craft only the one chosen has its cone, shade
+    and name, and of the locks only those that joined sets are drawn.
 
-    Raises ValueError for a time outside of the gathering, a craft that is not there, or names that
-    are not as many as the craft.
+    Parameters
+    ----------
+    gathering : Gathering
+        What is shown.
+    time : float [s]
+        From the start of the search, up to the gathering's duration.
+    craft : int, default 0
+        Which is shown from near by, by index.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If `time` is outside of the gathering, the craft is not there, names are not as many as the craft, or
+        an argument is of another kind.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     if not 0.0 <= time <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")

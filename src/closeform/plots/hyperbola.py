@@ -105,16 +105,36 @@ class Meeting:
 def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: float | None = None) -> Figure:
     """Why craft outside of each other's complementary cones lock in the in-plane search: S04 figure 6.
 
-    Craft j of group B as craft i of group A sees it: `position` (3,) [m] and `velocity` (3,) [m/s]
-    are B minus A at the start of the `search`, `time` [s] is in its first in-plane search (None:
-    the first lock).  The cone of craft j is drawn down to the plane of the boresights, which it
-    meets in the hyperbola H.  S is the foot of craft j in the plane, T the vertex of H.  The ray
-    from S through T sweeps over craft i in every in-plane search, and beyond T, since a craft on
-    the segment from S to T is in a complementary cone: so craft i comes within H, and both lock.
+    Craft j of group B as craft i of group A sees it.  The cone of craft j is drawn down to the plane of
+    the boresights, which it meets in the hyperbola H.  S is the foot of craft j in the plane, T the vertex
+    of H.  The ray from S through T sweeps over craft i in every in-plane search, and beyond T, since a
+    craft on the segment from S to T is in a complementary cone: so craft i comes within H, and both lock.
 
-    Raises ValueError for wrong shapes, a time outside of the first in-plane search, a pair that
-    does not lock in it where no time is given, a half-angle of 90 deg or more or sensors that are
-    not at the centres of mass.
+    Parameters
+    ----------
+    search : Search
+        With a half-angle below 90 deg and sensors at the centres of mass.
+    position : array_like of shape (3,) [m]
+        B minus A at the start of the search, in the inertial frame.
+    velocity : array_like of shape (3,) [m/s]
+        B minus A, in the inertial frame.
+    time : float [s], optional
+        In the first in-plane search; that of the first lock unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, `time` is outside of the first in-plane search or not given for a pair that does
+        not lock in it, the search is another, or an argument is of another kind.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 6, lemma 2.
     """
     if search.sensor.offset > 0.0 or search.sensor.cosine <= 0.0:
         raise ValueError("search: lemma 2 wants sensors at the centres of mass and half-angles below 90 deg")

@@ -32,16 +32,38 @@ PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "
 
 
 def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "pairs lock") -> Figure:
-    """How many pairs lock in each `bin` [s] of a search: S04 figure 7.
+    """How many pairs lock in each bin of a search: S04 figure 7.
 
-    `times` (M,) [s] are those of `lock_times`, nan where there was no lock.  Pairs locked at once
-    (time 0) are counted in the headline and left out of the bars, as in S04; the count has a
-    logarithmic axis.  The curve is the share of all that is done by then, on the right.  Bands are
-    the phases of the `search` with their counts, as far as anything happens; dashed lines are the
-    ends of its turns.  `what` happened, a plural and its verb, such as "formations gather" for
-    the durations of `gather_cases`.
+    Pairs locked at once (time 0) are counted in the headline and left out of the bars, as in S04; the count
+    has a logarithmic axis.  The curve is the share of all that is done by then, on the right.  Bands are
+    the phases of the search with their counts, as far as anything happens; dashed lines are the ends of
+    its turns.
 
-    Raises ValueError for wrong shapes, times outside of the search or a bin that is not positive.
+    Parameters
+    ----------
+    times : array_like of shape (M,) [s]
+        Of `lock_times`; nan where there was no lock.
+    search : Search
+        In which they lie.
+    bin : float [s], default 60
+        Length of a bin.
+    what : str, default "pairs lock"
+        What happened, a plural and its verb, such as "formations gather" for the durations of `gather_cases`.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If `times` are of another shape or outside of the search, `bin` is not positive and finite, or an
+        argument is of another kind.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
     """
     given = numbers("times", times)
     if given.ndim != 1:

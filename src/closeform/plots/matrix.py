@@ -25,12 +25,28 @@ ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from there to the farthest pair
 def ratio_matrix(paths: Any, zones: Any, names: Sequence[str] | None = None) -> Figure:
     """How near each two craft come, as a matrix of least ratios; at 1 their zone begins.
 
-    `paths` is a Path of shape (N,) or a sequence of paths; `zones` is one zone, one for each craft (or
-    None; of two as in `screen`), or `PairZones`; `names` are the
-    craft's, else they go by their indices.  Both halves say the same.  Pairs in conflict are framed,
-    or crossed among many craft; pairs without a zone or without a common time are left blank.
+    Both halves say the same.  Pairs in conflict are framed, or crossed among many craft; pairs without a
+    zone or without a common time are left blank.
 
-    Raises ValueError for fewer than two craft, another number of names, or where no pair has a zone.
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), or N paths.
+    zones : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+        One for all or one for each craft, of two as in `screen`; None: none of its own.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two craft, names are not as many, no pair has a zone, or an argument is of
+        another kind.
     """
     pairs, called = asked(paths, zones, names)
     count = len(called)

@@ -67,12 +67,30 @@ def ratios(
 ) -> Figure:
     """The norm of a craft's position relative to its obstacles, before and after; below 1 is a conflict.
 
-    `before` and `after` are of one craft, the same path where nothing changed; `obstacles` is a
-    Path of any shape or a sequence of paths, each with the `zone`; `names` are theirs.  Thin lines
-    are the norms to each obstacle on the path after, thick lines the least of all; a dot marks the
-    exact least ratio.
+    Thin lines are the norms to each obstacle on the path after, thick lines the least of all; a dot marks
+    the exact least ratio.
 
-    Raises ValueError for batches, no obstacles, or an obstacle that shares no time with a path.
+    Parameters
+    ----------
+    before, after : Path
+        Of one craft; the same path where nothing changed.
+    obstacles : Path or sequence of Path
+        A Path of any shape, or paths; at least one.
+    zone : Zone
+        Around each obstacle.
+    names : sequence of str, optional
+        The obstacles'.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, there is no obstacle, one shares no time with a path, names are not as many as
+        the obstacles, or an argument is of another kind.
     """
     others = crafts(obstacles)
     if not others:

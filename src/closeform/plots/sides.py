@@ -87,15 +87,38 @@ def two_ways(
 ) -> Figure:
     """The ways around one obstacle, each with its two legs: SP11 figure 2.
 
-    Left: the path in the orbit's frame, the zone where the obstacle is at closest approach, and
-    the ways, each solid to its own closest approach (initial leg) and dotted from there on
-    (terminal leg).  Right: the same as seen from the obstacle, with the zone's cut.
+    Left: the path in the orbit's frame, the zone where the obstacle is at closest approach, and the ways,
+    each solid to its own closest approach (initial leg) and dotted from there on (terminal leg).  Right:
+    the same as seen from the obstacle, with the zone's cut.  Where the path is clear it stands alone.
 
-    `ways` are up to two paths between the same ends; without them, the cheapest path
-    found and the cheapest that was found on the other side.  Where the path is clear it stands alone.
-    `name` is what the obstacle is called.
+    Parameters
+    ----------
+    path : Path
+        Of one craft.
+    obstacle : Path
+        Of one craft.
+    zone : Zone
+        Around the obstacle.
+    ways : sequence of Path, optional
+        Up to two paths between the same ends; unless given the cheapest path found, and the cheapest that was
+        found on the other side.
+    name : str, optional
+        What the obstacle is called.
 
-    Raises ValueError for batches, more than two ways, or paths without a common time.
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, there are more than two ways, there is no common time, or an argument is of
+        another kind.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) figure 2.
     """
     planned = Passage.of(path, obstacle, zone)
     chosen = ways_around(path, obstacle, zone) if ways is None else ways

@@ -82,13 +82,35 @@ def before_after(
 ) -> Figure:
     """A path before and after among obstacles, in three planes and in space: SP11 figure 3.
 
-    `before` and `after` are of one craft, the same path where nothing changed; `obstacles` is a
-    Path of any shape or a sequence of paths, and `names` are theirs.  Strong stretches are in
-    conflict.  A zone is drawn where its obstacle is when the path before is deepest in it, and
-    an outline where the path after touches it; without either, at the closest approach.  All
+    Strong stretches are in conflict.  A zone is drawn where its obstacle is when the path before is deepest
+    in it, and an outline where the path after touches it; without either, at the closest approach.  All
     panels have one scale.
 
-    Raises ValueError for batches, or an obstacle that shares no time with a path.
+    Parameters
+    ----------
+    before, after : Path
+        Of one craft; the same path where nothing changed.
+    obstacles : Path or sequence of Path
+        A Path of any shape, or paths.
+    zone : Zone
+        Around each obstacle.
+    names : sequence of str, optional
+        The obstacles'.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, an obstacle shares no time with it, names are not as many as the obstacles, or
+        an argument is of another kind.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) figure 3.
     """
     others = crafts(obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)

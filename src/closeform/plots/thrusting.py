@@ -45,13 +45,29 @@ LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # of the last p
 
 
 def thrust(paths: Any, labels: Sequence[str], mass: float | None = None) -> Figure:
-    """Magnitude and components of the thrust of up to three paths against time.
+    """Magnitude and components of the thrust of up to three paths, against time.
 
-    `paths` is a sequence of single craft, or a batch, with one label each, such as before and
-    after; the last is drawn strongest.  Thrust is an acceleration, or in newtons with the `mass` [kg]
-    of the craft.  Impulses are stems with their own axis on the right.
+    Impulses are stems with their own axis on the right.
 
-    Raises ValueError for more than three paths, another number of labels, or a mass that is not positive.
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A batch, or single craft, such as before and after; the last is drawn strongest.
+    labels : sequence of str
+        One for each path.
+    mass : float [kg], optional
+        Of the craft: the picture is in newtons; in m/s^2 unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there are more than three paths or none, labels are not as many, `mass` is not positive and finite,
+        or an argument is of another kind.
     """
     if mass is not None and not 0.0 < mass < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
@@ -106,12 +122,29 @@ def formation_thrust(
 ) -> Figure:
     """How strongly each craft of a formation thrusts, against time, with its limit.
 
-    `paths` is a Path of shape (N,) or a sequence of paths, `names` are the craft's, else they go by
-    their indices.  `limits` (N,) are the greatest thrust accelerations [m/s^2], nan or inf for a
-    craft without one.  With `masses` (N,) [kg] the picture is in newtons.  Among up to 12 craft each
-    stands in the legend.
+    Among up to 12 craft each stands in the legend.
 
-    Raises ValueError for another number of names, limits or masses, or masses that are not positive.
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), or N paths.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+    limits : array_like of shape (N,) [m/s^2], optional
+        Greatest thrust accelerations; nan or inf for a craft without one.
+    masses : array_like of shape (N,) [kg], optional
+        Of the craft: the picture is in newtons; in m/s^2 unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If names, limits or masses are not as many as the craft, masses are not positive, or an argument is of
+        another kind.
     """
     flown = crafts(paths)
     called, count = short_names(names, len(flown)), len(flown)

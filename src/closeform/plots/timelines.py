@@ -52,12 +52,33 @@ def slab(zone: Zone, *those: int) -> Zone:
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """The distance along each axis against time, with the zone's lines and timelines: SP11 figure 1.
 
-    The position of `path` relative to `other`, both of one craft, over their common time.  The
-    shaded bands are how far the zone reaches.  Bars below them: within its reach along each axis,
-    along all three (the box around the zone) and, where that is not the same, in the zone
-    itself.  Their edges are the exact times of `find_conflicts`.  `names` are those of the two.
+    The shaded bands are how far the zone reaches.  Bars below them: within its reach along each axis,
+    along all three (the box around the zone) and, where that is not the same, in the zone itself.  Their
+    edges are the exact times of `find_conflicts`.
 
-    Raises ValueError for batches, paths in different orbits or without a common time.
+    Parameters
+    ----------
+    path, other : Path
+        Of one craft each, in one orbit: the position of the first relative to the other is shown.
+    zone : Zone
+        Around the other.
+    names : sequence of str, optional
+        Of the two.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, orbits differ, there is no common time, names are not two, or an argument is of
+        another kind.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) figure 1.
     """
     start, end = common_time(path, other)
     one, two = short_names(names, 2)
