@@ -134,7 +134,66 @@ SCENARIOS = (
         "a file that is not TOML",
         'title = "Three craft"',
         "title = Three craft",
-        "line 2, column 9: not TOML: Invalid value; correct it there",
+        "line 2, column 9: title: not TOML: Invalid value; correct it there",
+    ),
+    Bad(
+        "a key that stands twice",
+        'mass = "150 kg"',
+        'mass = "150 kg"\nmass = "12 kg"',
+        "line 12, column 15: mass: stands twice; keep one",
+    ),
+    Bad(
+        "a table that stands twice",
+        "[[stage]]\nname",
+        '[craft]\nmass = "1 kg"\n\n[[stage]]\nname',
+        "line 19, column 7: [craft]: stands twice; keep one",
+    ),
+    Bad(
+        "a bracket that is not closed",
+        '["0 0 0 m", "0 100 0 m", "0 200 0 m"]',
+        '["0 0 0 m",\n  "0 100 0 m", "0 200 0 m"',
+        "line 11, column 1: position: not TOML: Unclosed array; correct it there",
+    ),
+    Bad(
+        "everything at once",
+        GOOD[GOOD.index("[craft]") :],
+        """\
+[craft]
+name = ["F1", "F2", "F2"]
+position = ["0 0 0 m", "0 100 0 km/s", "0 200 0 m"]
+velocity = "0 0 0 m/s"
+mas = "150 kg"
+silent = true
+max_thrust = "1.5 N"
+specific_impulse = "220 s"
+propellant = "2 kg"
+keep_out = { sphere = "20 m", axis = [0, 1, 0], sigmas = 3 }
+
+[[stage]]
+do = "coast"
+
+[[stage]]
+do = "hover"
+name = "x"
+
+[[stage]]
+name = "x"
+do = "scatter"
+order = ["F1", "F9"]
+within = "9e9 orbits"
+""",
+        """\
+craft.keep_out: sigmas goes with covariance only; remove sigmas
+craft.keep_out: axis goes with cylinder only; remove axis
+craft.mas: unknown key; did you mean mass?
+craft.position[2]: "0 100 0 km/s" is a speed, not a length; use m, km, cm, mm
+stage[1].for: missing; add for example for = "0.5 orbits"
+stage[2].do: "hover" is not known here; use one of coast, avoid, scatter, regather, reconfigure, lock, gather
+stage[3]: order goes with plan = "sequential" only; remove order
+stage[3]: needs one of factor, from; add for example factor = 3.0
+craft.name: F2 is given 2 times; name each one differently
+stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time
+craft.silent: is not built yet; remove it""",
     ),
     Bad("no format", "closeform = 1\n", "", "closeform: must say the file's format; write closeform = 1"),
     Bad(

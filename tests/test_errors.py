@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from bad_input import GOOD, LOST, MISUSES, SCENARIOS, SEARCHES, Bad, Misuse
 from closeform.cli import main
 from closeform.result_folder import Folder
-from closeform.scenario import Scenario, ScenarioError, parse
+from closeform.scenario import Craft, Scenario, ScenarioError, parse
+from closeform.scenario.table import Table
 
 ROOT = Path(__file__).parents[1]
 
@@ -120,6 +121,38 @@ def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFix
     assert main(["check", "cluster.toml"]) == 2
     keys = [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()]
     assert keys == ["orbit.altitude", "craft.keep_out.sphere", "stage[2].craft"]
+
+
+def test_what_is_not_built_is_said_with_the_rest(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also of a study, which `run` does not need."""
+    text = LOST.replace('"100 0 0 m"', '"100 0 0"')
+    text = text.replace('"craft.velocity" = { ball = "6 cm/s" }', '"sensor.offset" = { normal = "1 m" }')
+    text = text.replace('group = ["A", "B", "A"]', 'group = ["A", "B", "A"]\nstart_offset = "2 s"')
+    (desk / "cluster.toml").write_text(text)
+    keys = ["craft.position[2]", "craft.start_offset"]
+    for command, more in (("check", ['study.vary."sensor.offset"']), ("run", [])):
+        assert main([command, "cluster.toml"]) == 2
+        assert [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()] == keys + more
+
+
+def test_no_key_is_offered_that_is_not_built() -> None:
+    for text in ('poniting_error = "0 0 0 deg"', "silnt = true", 'start = { om = "F1.oem" }', "zzz = 1"):
+        with pytest.raises(ScenarioError) as error:
+            parse(GOOD.replace('mass = "150 kg"', f'mass = "150 kg"\n{text}'))
+        remedies = " ".join(line.rsplit("; ", 1)[1] for line in error.value.lines)
+        assert not set(re.findall(r"\w+", remedies)) & {*Craft.not_built, "oem"}
+    with pytest.raises(ScenarioError, match=r"use one of craft\.position, craft\.velocity$"):
+        parse(LOST.replace("craft.velocity", "launch day"))
+
+
+def test_an_example_stands_in_for_every_key() -> None:
+    """So that what is wrong with one hides nothing of another."""
+    tables = [Table]
+    for table in tables:
+        tables += table.__subclasses__()
+        for key in table.examples():
+            table.example(key)
+    assert len(tables) > 20
 
 
 def test_the_good_file_is_good() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from closeform.cli import main
-from closeform.scenario.scenario import IMPERFECT
+from closeform.scenario.craft import Craft
 from closeform.scenario.study import BUILT, readers
 
 LOCKING = """\
@@ -43,7 +43,7 @@ NOT_BUILT = {
     "start_offset": '"2 s"',
     "silent": "[false, true]",
 }
-assert set(NOT_BUILT) == set(IMPERFECT)
+assert set(NOT_BUILT) == set(Craft.not_built)
 
 
 def statuses(text: str, capsys) -> dict[str, tuple[int, list[str]]]:
@@ -97,4 +97,4 @@ def test_docs_say_what_is_not_built() -> None:
     """Every such key is marked on the page of keys, and nothing that is built is."""
     page = (Path(__file__).parents[1] / "docs" / "scenario.md").read_text(encoding="utf-8")
     marked = set(re.findall(r"^\| `(\w+)` \|.*not built yet", page, re.MULTILINE))
-    assert marked - {"oem", "chance"} == set(IMPERFECT)  # a chance is for `silent`
+    assert marked - {"oem", "chance"} == set(Craft.not_built)  # a chance is for `silent`

@@ -22,6 +22,8 @@ from closeform.scenario.quantity import (
     KINDS,
     LENGTH,
     SHARE,
+    TIME,
+    UNITS,
     Duration,
     Kind,
     Reader,
@@ -41,6 +43,22 @@ ASTROPY = {
     "%": 0.01 * astropy.units.one,
     "ppm": 1e-6 * astropy.units.one,
 }
+
+
+def test_every_unit_is_offered_and_documented() -> None:
+    """By the messages and by the page alike."""
+    page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
+    documented = {
+        cells[0]: cells[1]
+        for row in re.findall(r"^\| (.+) \|$", page, re.M)
+        if (cells := row.split(" | "))[1:]
+    }
+    for kind in KINDS:
+        known = {unit for unit, (_, dimension) in UNITS.items() if dimension == kind.dimension}
+        known -= {"turns", "\u00b5N", "\u03bcN"}  # other ways to write one
+        assert known <= set(kind.units)
+        assert set(kind.units) == set(re.split(r",\s*", re.sub(r" \(or .*?\)", "", documented[kind.name])))
+    assert set(DURATION.units) == {*TIME.units, "orbits"}
 
 
 @pytest.mark.parametrize(("kind", "unit"), [(kind, unit) for kind in KINDS for unit in kind.units])

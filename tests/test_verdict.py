@@ -278,10 +278,10 @@ def test_avoid_says_that_it_cannot(obstacle: cf.Path, arguments: dict, remedy: s
     assert weak.weak.limit == limit
     assert weak.weak.needed > limit
     first = cf.avoid(PATH, LONG, BALL).path.peak_thrust
-    longest = f", the longest tried, and {first:.4g} m/s² in 1000 s" if remedy == "give it more" else ""
+    longest = f"no longer is tried, and 1000 s take {first:.4g} m/s²: " if remedy == "give it more" else ""
     assert weak.reason == (
-        f"path needs {weak.weak.needed:.4g} m/s² in {weak.weak.duration:.6g} s{longest}, "
-        f"its limit is {limit:.4g} m/s²; {remedy}"
+        f"path needs {weak.weak.needed:.4g} m/s² in {weak.weak.duration:.6g} s, "
+        f"its limit is {limit:.4g} m/s²; {longest}{remedy}"
     )
     assert weak.weak.duration == pytest.approx(1050.0 if remedy == "give it more" else 1000.0)
 

@@ -116,7 +116,7 @@ def run(
     name = scenario.stem if case is None else f"{scenario.stem}-case-{case}"
     place = out if out is not None else Path(f"{name}-results")
     check_free(place, overwrite)
-    loaded = read(scenario)
+    loaded = read(scenario, "run" if case is None else "run --case")
     if loaded is not None:
         loaded = one_case(loaded, case)
     if loaded is None:
@@ -149,7 +149,7 @@ def check(scenario: Path, /) -> int:
     scenario
         TOML file; docs/scenario.md lists its keys.
     """
-    loaded = read(scenario)
+    loaded = read(scenario, "check")
     if loaded is None:
         return BAD_INPUT
     stages = ", ".join(stage.verb for stage in loaded.stages)
@@ -268,7 +268,7 @@ def study(
     if scheduler is not None:
         raise UsageError("--scheduler: clusters are not built yet; leave --scheduler out")
     check_free(place, overwrite)
-    loaded = read(scenario)
+    loaded = read(scenario, "study")
     if loaded is None:
         return BAD_INPUT
     from closeform.campaign import flown

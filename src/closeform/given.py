@@ -13,15 +13,15 @@ class UsageError(ValueError):
     """An argument that does not fit; one line with the remedy."""
 
 
-def read(file: Path) -> "Scenario | None":
-    """The scenario, or None after saying everything that is wrong with it."""
+def read(file: Path, command: str) -> "Scenario | None":
+    """The scenario for a command, or None after saying everything that is wrong with it."""
     from closeform.scenario import ScenarioError, parse, text_of
     from closeform.warmup import compile_for
 
     try:
         text = text_of(file)
         compile_for(text)
-        return parse(text, str(file))
+        return parse(text, str(file), command)
     except ScenarioError as error:
         complain(*error.lines)
         return None

@@ -92,10 +92,13 @@ class TooWeak:
 def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
     """The same in words: in m/s^2, or in newtons for a craft of `mass` [kg]."""
     size, unit, has = (1.0, "m/s²", "its limit is") if mass is None else (mass, "N", "its max_thrust is")
-    needs = f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s"
+    tried = ""
     if weak.duration > weak.shortest:
-        needs += f", the longest tried, and {size * weak.first:.4g} {unit} in {weak.shortest:.6g} s"
-    return f"{needs}, {has} {size * weak.limit:.4g} {unit}; {weak.remedy}"
+        tried = f"no longer is tried, and {weak.shortest:.6g} s take {size * weak.first:.4g} {unit}: "
+    return (
+        f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s, "
+        f"{has} {size * weak.limit:.4g} {unit}; {tried}{weak.remedy}"
+    )
 
 
 @dataclass(frozen=True, eq=False)

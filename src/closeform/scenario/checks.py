@@ -1,7 +1,8 @@
 """What must fit together between the tables of a scenario."""
 
+import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -9,11 +10,11 @@ from closeform.arrays import Floats
 from closeform.motion.duration import flaw
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import SearchTable, SensorTable
-from closeform.scenario.errors import did_you_mean, dotted
+from closeform.scenario.errors import did_you_mean, dotted, key_of, meant_by
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter
-from closeform.scenario.study import draw_error, readers
+from closeform.scenario.study import BUILT, draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.zones.own_zone import REGION
 from closeform.zones.pair_zones import PairZones, portions
@@ -21,23 +22,77 @@ from closeform.zones.shapes import CYLINDER, FACES
 
 MOST_SAMPLES = 1e7
 MOST_NAMED = 100  # pairs of craft, where more are wrong
+PLACED = "position|velocity|start|keep_out"  # keys of [craft] that say where nobody else may be
 
 
-def check(scenario: Scenario) -> list[str]:
-    """Every disagreement between tables that are each valid, one line for each."""
-    lines = [*duplicates(scenario), *stages(scenario), *study(scenario)]
-    if scenario.orbit.deep_space is None:
-        try:
-            orbit = scenario.orbit.build()
-        except ValueError as error:
-            return [*lines, f"orbit: {error}; check its numbers"]
-        if not orbit.mean_motion > 0.0:
-            return [*lines, "orbit: so wide that nothing turns; write deep_space = true instead"]
-        lines += in_orbit(scenario)
-    else:
+def check(scenario: Scenario, wrong: Sequence[str], command: str) -> list[str]:
+    """Every disagreement between tables, one line for each; with them what a command needs that is not built.
+
+    `wrong` are the lines on what is wrong with each by itself: what depends on that is not looked at.
+    """
+    found = Findings(wrong)
+    fit(scenario, found)
+    if found.said:
+        found.add(scenario.unbuilt())
+        found.add(scenario.unbuilt_study() if command != "run" else ())
+    return found.new
+
+
+def fit(scenario: Scenario, found: "Findings") -> None:
+    """Find what does not fit together."""
+    circular = scenario.orbit.deep_space is None
+    known = found.sound("orbit.*")
+    searches = any(stage.searches for stage in scenario.stages)
+    if scenario.craft:
+        found.add(duplicates(scenario), r"craft\.name|stage\[\d+\]\.name")
+        found.add(stages(scenario), r"craft\.name")
+    if searches and scenario.sensor is not None and scenario.search is not None:
+        found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
+    if searches and scenario.craft and known and not circular and not scenario.scattered:
+        found.add(at_one_place(scenario), r"craft\.(position|velocity|start)")
+    found.add(study(scenario))
+    if not known:
+        return
+    try:
         orbit = scenario.orbit.build()
-        lines += deep_space(scenario)
-    return lines or [*spans(scenario, orbit), *zones(scenario, orbit)]
+    except ValueError as error:
+        found.add([f"orbit: {error}; check its numbers"])
+        return
+    if circular and not orbit.mean_motion > 0.0:
+        found.add(["orbit: so wide that nothing turns; write deep_space = true instead"])
+        return
+    found.add(in_orbit(scenario) if circular else deep_space(scenario))
+    found.add(spans(scenario, orbit))
+    if scenario.craft:
+        found.add(zones(scenario, orbit), rf"craft\.({PLACED})")
+        for number, stage in enumerate(scenario.stages, 1):
+            if isinstance(stage, Reconfigure):
+                found.add(
+                    ends(scenario, orbit, number, stage), rf"craft\.(name|keep_out)|stage\[{number}\].*"
+                )
+
+
+class Findings:
+    """Lines on what is wrong: the keys of which something is `said`, and the `new` lines."""
+
+    def __init__(self, said: Sequence[str]) -> None:
+        self.said = {key_of(line) for line in said}
+        for line in said:
+            section, _, key = key_of(line).partition(".")
+            named = [meant_by(line)] if key else re.findall(r"\w+", line)  # of a whole table: by their words
+            self.said |= {f"{section}.{one}" for one in named if one is not None}
+        self.new: list[str] = []
+
+    def sound(self, keys: str) -> bool:
+        """Whether nothing is said of keys of this pattern."""
+        return not any(re.fullmatch(keys, key) for key in self.said)
+
+    def add(self, lines: Iterable[str], needed: str = "") -> None:
+        """More lines, if the keys that they depend on are sound; none on a key of which something is said."""
+        if self.sound(needed):
+            more = [line for line in lines if key_of(line) not in self.said]
+            self.new += more
+            self.said |= {key_of(line) for line in more}
 
 
 def duplicates(scenario: Scenario) -> Iterator[str]:
@@ -127,12 +182,13 @@ def searching(scenario: Scenario) -> Iterator[str]:
     elif len(set(groups)) == 1:
         empty = "B" if groups[0] == "A" else "A"
         yield f"craft.group: nobody is in group {empty}, locks are between A and B; put a craft into {empty}"
-    if scenario.sensor is not None and scenario.search is not None:
-        yield from search(scenario, scenario.sensor, scenario.search)
     if scenario.orbit.deep_space is None:
         yield "orbit: a search is for deep space only; write deep_space = true instead"
-    elif not scenario.scattered:
-        yield from scenario.coincident()
+
+
+def at_one_place(scenario: Scenario) -> Iterator[str]:
+    """Craft that a search cannot tell apart."""
+    yield from scenario.coincident()
 
 
 def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Iterator[str]:
@@ -200,6 +256,8 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Stages that are too short or too long to be flown."""
     for number, stage in enumerate(scenario.stages, 1):
         for key, duration in stage.durations.items():
+            if duration.orbits and not orbit.mean_motion:
+                continue  # of which something is said
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
                 name = "for" if key == "length" else key
                 yield f"stage[{number}].{name}: {wrong}; give another time"
@@ -228,9 +286,6 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             yield f"craft.position: {names} start inside each other's zone, at {ratio}; {remedy}"
         if count > len(deep):
             yield f"craft.position: {count} pairs in all start inside each other's zone; {remedy}"
-    for number, stage in enumerate(scenario.stages, 1):
-        if isinstance(stage, Reconfigure):
-            yield from ends(scenario, orbit, number, stage)
 
 
 def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]], int]:
@@ -278,7 +333,7 @@ def study(scenario: Scenario) -> Iterator[str]:
     for key, draw in scenario.study.vary.items():
         place = dotted(("study", "vary", key))
         if key not in known:
-            yield f"{place}: cannot vary; {did_you_mean(key, known)}"
+            yield f"{place}: cannot vary; {did_you_mean(key, BUILT)}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
         elif key.startswith(("sensor.", "search.")) and getattr(scenario, key.split(".")[0]) is None:

@@ -1,10 +1,11 @@
 """Where the formation flies and what it is made of: [orbit], [craft], [sensor], [search]."""
 
+from collections.abc import Iterator
 from math import inf, pi
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
@@ -53,12 +54,11 @@ class OrbitTable(Table):
     )
     radius: Length | None = Field(None, examples=['"6378.137 km"'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
-        self.only_with("mu", "altitude", "semi_major_axis")
-        self.only_with("radius", "altitude")
-        return self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space")
+    def flaws(self) -> Iterator[str]:
+        yield from self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
+        yield from self.only_with("mu", "altitude", "semi_major_axis")
+        yield from self.only_with("radius", "altitude")
+        yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space")
 
     def build(self) -> Orbit:
         """The orbit of the core."""
@@ -75,6 +75,7 @@ class OrbitTable(Table):
 class Craft(Table):
     """One craft of [craft]."""
 
+    not_built = ("pointing_error", "slew_rate_error", "start_offset", "silent")
     name: Name = Field(examples=['["F1", "F2"]'])
     group: Literal["A", "B"] | None = Field(None, examples=['["A", "B"]'])
     position: Position | None = Field(None, examples=['["0 0 0 m", "0 100 0 m"]'])
@@ -105,26 +106,29 @@ class Craft(Table):
     silent: bool = Field(False, examples=["false"])
     _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
+    @classmethod
+    def example(cls, key: str) -> Any:
+        value = super().example(key)
+        return value[0] if isinstance(value, list) else value  # of one craft
+
+    def flaws(self) -> Iterator[str]:
         if self.start is not None and (self.position is not None or self.velocity is not None):
-            raise ValueError("start and position with velocity exclude each other; keep one")
+            yield "start and position with velocity exclude each other; keep one"
         if self.start is None and self.position is None:
-            raise ValueError('no position; add for example position = "0 100 0 m"')
+            yield 'no position; add for example position = "0 100 0 m"'
         if self.start is None and self.velocity is None:
-            raise ValueError('no velocity; add for example velocity = "0 0 0 m/s"')
+            yield 'no velocity; add for example velocity = "0 0 0 m/s"'
         if self.max_thrust is not None and self.mass is None:
-            raise ValueError('max_thrust needs mass; add for example mass = "150 kg"')
+            yield 'max_thrust needs mass; add for example mass = "150 kg"'
         if self.specific_impulse is not None and self.mass is None:
-            raise ValueError('specific_impulse needs mass; add for example mass = "150 kg"')
+            yield 'specific_impulse needs mass; add for example mass = "150 kg"'
         if self.propellant is not None and self.specific_impulse is None:
-            raise ValueError('propellant needs specific_impulse; add for example specific_impulse = "220 s"')
+            yield 'propellant needs specific_impulse; add for example specific_impulse = "220 s"'
         if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
-            raise ValueError(
+            yield (
                 f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
                 "give less of it"
             )
-        return self
 
     def placed(self, place: int, count: int) -> Self:
         """The craft that takes this place of so many where `start` names a formation."""
@@ -167,11 +171,9 @@ class SensorTable(Table):
     offset: Annotated[float, BeforeValidator(Reader(LENGTH, least="zero"))] = Field(0.0, examples=['"7.5 m"'])
     range: Length | None = Field(None, examples=['"2 km"'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         if self.half_angle >= pi:
-            raise ValueError('half_angle must be below 180 deg; write for example "70 deg"')
-        return self
+            yield 'half_angle must be below 180 deg; write for example "70 deg"'
 
     def build(self) -> "Sensor":
         """The sensor of the core."""
@@ -200,14 +202,12 @@ class SearchTable(Table):
         None, examples=['"12 cm/s"']
     )
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         for key in ("in_plane_turn", "tip_angle"):
             if self.method == "modified" and getattr(self, key) is not None:
-                raise ValueError(f'{key} goes with method = "basic" only; remove {key}')
+                yield f'{key} goes with method = "basic" only; remove {key}'
         if self.sun_limit >= pi / 2.0:
-            raise ValueError('sun_limit must be below 90 deg; write for example "25 deg"')
-        return self
+            yield 'sun_limit must be below 90 deg; write for example "25 deg"'
 
     def build(self, sensor: "Sensor") -> "Search":
         """The search of the core.

@@ -42,6 +42,18 @@ def dotted(place: Place) -> str:
     return text
 
 
+def key_of(line: str) -> str:
+    """The key of the file that a line is about, without what is inside its value: `stage[2].to`."""
+    found = re.match(r"[a-z_]+(?:\[\d+\])?(?:\.[\w-]+)?", line)
+    return found[0] if found else line
+
+
+def meant_by(line: str) -> str | None:
+    """The key that an unknown one may have been meant to be, if a line says so."""
+    found = re.search(r"unknown key; did you mean ([\w-]+)\?$", line)
+    return found[1] if found else None
+
+
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """The remedy for a word that is not among the known ones."""
     choices = list(known)
@@ -52,7 +64,8 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Place, str]]:
     """Place and message of everything that pydantic found wrong with a table."""
     for found in error.errors(include_url=False):
-        yield found["loc"], message(found, table)
+        for line in message(found, table).split("\n"):
+            yield found["loc"], line
 
 
 def message(found: Any, table: type[Table]) -> str:
@@ -65,7 +78,8 @@ def message(found: Any, table: type[Table]) -> str:
     if kind == "missing":
         return f"missing; add for example {example}"
     if kind == "extra_forbidden":
-        return f"unknown key; {did_you_mean(key, keys)}"
+        built = [one for one in keys if owner is None or one not in owner.not_built]
+        return f"unknown key; {did_you_mean(key, built)}"
     if kind == "value_error":
         return str(context["error"])
     if kind == "literal_error":

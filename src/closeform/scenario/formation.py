@@ -1,9 +1,10 @@
 """Relative orbits by name: what stands in `start` and in `to`."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
@@ -71,11 +72,9 @@ class Ring(Shape):
     inclination: Signed = Field(examples=['"100 m"'])
     first_phase: Angle = Field(0.0, examples=['"0 deg"'])
 
-    @model_validator(mode="after")
-    def apart(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         if self.inclination == 0.0:
-            raise ValueError('inclination must not be zero; write for example inclination = "100 m"')
-        return self
+            yield 'inclination must not be zero; write for example inclination = "100 m"'
 
 
 class Line(Shape):
@@ -84,11 +83,9 @@ class Line(Shape):
     spacing: Length = Field(examples=['"75 m"'])
     direction: Annotated[Vector, Field(strict=False)] = Field(examples=["[1, 0, 0]"])
 
-    @model_validator(mode="after")
-    def pointing(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         if not 1e-30 < max(map(abs, self.direction)) < 1e30:
-            raise ValueError("direction does not point anywhere; write for example direction = [1, 0, 0]")
-        return self
+            yield "direction does not point anywhere; write for example direction = [1, 0, 0]"
 
     def states(self, orbit: Orbit, count: int) -> Floats:
         from closeform.planning import targets
@@ -123,13 +120,13 @@ class Formation(Table):
 class Start(Formation):
     """start: a relative orbit instead of a position and a velocity."""
 
+    not_built = ("oem",)
     palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
     roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
     oem: str | None = Field(None, min_length=1, examples=['"F1.oem"'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        return self.one_of("palmer", "roe", *Formation.model_fields, "oem")
+    def flaws(self) -> Iterator[str]:
+        yield from self.one_of("palmer", "roe", *Formation.model_fields, "oem")
 
     @property
     def orbital(self) -> bool | None:
@@ -144,13 +141,11 @@ class Target(Table):
     palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
     roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        self.one_of("position", "palmer", "roe")
-        self.only_with("velocity", "position")
+    def flaws(self) -> Iterator[str]:
+        yield from self.one_of("position", "palmer", "roe")
+        yield from self.only_with("velocity", "position")
         if self.position is not None and self.velocity is None:
-            raise ValueError('position needs velocity; add for example velocity = "0 0 0 m/s"')
-        return self
+            yield 'position needs velocity; add for example velocity = "0 0 0 m/s"'
 
     @property
     def orbital(self) -> bool | None:
@@ -172,9 +167,8 @@ class Goal(Formation):
     remove: Literal["eccentricity", "altitude difference"] | None = Field(None, examples=['"eccentricity"'])
     join: Names | None = Field(None, examples=['["F1", "F2"]'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        return self.one_of(*Formation.model_fields, "remove", "join")
+    def flaws(self) -> Iterator[str]:
+        yield from self.one_of(*Formation.model_fields, "remove", "join")
 
     @property
     def orbital(self) -> bool | None:

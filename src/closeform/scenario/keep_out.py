@@ -1,9 +1,10 @@
 """keep_out: the zone around a craft, as a scenario file writes it."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from closeform.arrays import Floats
 from closeform.scenario.formation import Six
@@ -40,35 +41,33 @@ class KeepOut(Table):
     )
     normals: Annotated[tuple[Row, ...], Field(strict=False)] | None = Field(None, examples=["[[1, 0, 0]]"])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        self.only_with("sigmas", "covariance")
-        self.only_with("axes", "box", "ellipsoid")
-        self.only_with("axis", "cylinder")
-        self.only_with("normals", "half_spaces")
-        self.one_of(*SHAPES)
+    def flaws(self) -> Iterator[str]:
+        yield from self.only_with("sigmas", "covariance")
+        yield from self.only_with("axes", "box", "ellipsoid")
+        yield from self.only_with("axis", "cylinder")
+        yield from self.only_with("normals", "half_spaces")
+        yield from self.one_of(*SHAPES)
         for shape, key in (("covariance", "sigmas"), ("cylinder", "axis"), ("half_spaces", "normals")):
             if getattr(self, shape) is not None and getattr(self, key) is None:
-                raise ValueError(f"{shape} needs {key}; add for example {key} = {self.examples()[key]}")
+                yield f"{shape} needs {key}; add for example {key} = {self.examples()[key]}"
         rows = np.array(self.axes or np.eye(3))
         if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
-            raise ValueError("axes are not orthonormal; give three perpendicular rows of length 1")
+            yield "axes are not orthonormal; give three perpendicular rows of length 1"
         if self.axis is not None and not any(self.axis):
-            raise ValueError("axis is zero; give the cylinder's direction, for example axis = [0, 1, 0]")
+            yield "axis is zero; give the cylinder's direction, for example axis = [0, 1, 0]"
         if self.normals is not None and not all(map(any, self.normals)):
-            raise ValueError("normals: a row is zero; give the direction out of each face")
-        if self.half_spaces is not None and len(self.normals or ()) != len(self.half_spaces):
-            raise ValueError(
-                f"normals: {len(self.normals or ())} rows for {len(self.half_spaces)} half_spaces; "
+            yield "normals: a row is zero; give the direction out of each face"
+        if self.half_spaces and self.normals and len(self.normals) != len(self.half_spaces):
+            yield (
+                f"normals: {len(self.normals)} rows for {len(self.half_spaces)} half_spaces; "
                 "give one for each"
             )
         if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
-            raise ValueError("covariance is not positive definite; check its six numbers: rr tr tt nr nt nn")
+            yield "covariance is not positive definite; check its six numbers: rr tr tt nr nt nn"
         if (self.kind == "covariance") > (self.covariance is not None):
-            raise ValueError('kind = "covariance" goes with covariance only; write "region" or "body"')
+            yield 'kind = "covariance" goes with covariance only; write "region" or "body"'
         if self.kind == "body" and self.covariance is not None:
-            raise ValueError("covariance is of where a craft is, not of its body; remove kind")
-        return self
+            yield "covariance is of where a craft is, not of its body; remove kind"
 
     def covariance_matrix(self) -> Floats:
         """The covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""

@@ -11,16 +11,17 @@ from pydantic import ValidationError
 
 from closeform.scenario.checks import check
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
-from closeform.scenario.errors import ScenarioError, complaints, did_you_mean, dotted
+from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, meant_by
 from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import STAGES, StageTable
+from closeform.scenario.stages import STAGES, StageTable, Unknown
 from closeform.scenario.study import Study
-from closeform.scenario.table import Table
+from closeform.scenario.table import FLAWED, Table
 
 FORMAT = 1
 DEEPEST = 50  # parts of a dotted key: what reads TOML needs memory by their square, and may recurse
 DEEP = re.compile(rf"""(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""")
+KEY = re.compile(r"""\s*(\[{0,2}[\w."' -]+\]{0,2})\s*(?:=|#|$)""")  # at the beginning of a line
 Model = TypeVar("Model", bound=Table)
 
 
@@ -42,10 +43,11 @@ def text_of(file: str | Path) -> str:
         raise ScenarioError(str(file), ["not UTF-8 text; save it as UTF-8"]) from None
 
 
-def parse(text: str, file: str = "scenario") -> Scenario:
+def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
     """The scenario that a TOML text describes; `file` names it in messages. A byte-order mark is no matter.
 
-    Raises ScenarioError, with one line for each thing that is wrong.
+    Raises ScenarioError, with one line for each thing that is wrong, and then also for what is not built yet
+    of that which a `command` needs.
     """
     if deep := DEEP.search(text):
         place = f"line {text.count(chr(10), 0, deep.start()) + 1}"
@@ -53,10 +55,7 @@ def parse(text: str, file: str = "scenario") -> Scenario:
     try:
         raw = tomllib.loads(text.removeprefix("\ufeff"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        where = re.search(r"\(at (.*)\)$", str(error))
-        what = re.sub(r" \(at .*\)$", "", str(error))
-        place = where[1] if where else "the file"
-        raise ScenarioError(file, [f"{place}: not TOML: {what}; correct it there"]) from None
+        raise ScenarioError(file, [not_toml(text, error)]) from None
     except ValueError:  # Python converts no more digits than these
         most = sys.get_int_max_str_digits()
         before = re.split(rf"[0-9_]{{{most}}}", text)[0].count("\n")
@@ -64,17 +63,32 @@ def parse(text: str, file: str = "scenario") -> Scenario:
             file, [f"line {before + 1}: a number of more than {most} digits; write a shorter one"]
         ) from None
     reading = Reading(raw)
-    values = reading.sections()
-    if not reading.lines:
-        scenario = Scenario(file, text, **values)
-        reading.lines += check(scenario)
-    if reading.lines:
-        raise ScenarioError(file, reading.lines)
+    scenario = Scenario(file, text, **reading.sections())
+    if lines := reading.lines + check(scenario, reading.lines, command):
+        raise ScenarioError(file, lines)
     return scenario
 
 
+def not_toml(text: str, error: Exception) -> str:
+    """What TOML does not take, with its line and key, or the beginning of the line where that has none."""
+    found = re.fullmatch(r"(.*) \(at (.*)\)", str(error))
+    what, place = found.groups() if found else (str(error), "the file")
+    lines = text.splitlines()
+    if line := re.match(r"line (\d+), column (\d+)", place):
+        lines = lines[: int(line[1]) - (line[2] == "1")]  # else it was the line before that has no end
+    before = [KEY.match(line) for line in lines]
+    key = next((found[1].strip() for found in reversed(before) if found is not None), "the file")
+    if re.match("Cannot (overwrite|declare)|Duplicate", what):
+        inline = re.search("key '(.*)'", what)
+        return f"{place}: {inline[1] if inline else key}: stands twice; keep one"
+    return f"{place}: {key}: not TOML: {what}; correct it there"
+
+
 class Reading:
-    """The sections of a file, each validated by itself so that every error shows at once."""
+    """The sections of a file, each validated by itself so that every error shows at once.
+
+    Examples stand in for what is wrong or missing, so that the rest can be looked at, too.
+    """
 
     def __init__(self, raw: dict[str, Any]) -> None:
         self.raw = raw
@@ -93,7 +107,8 @@ class Reading:
             self.complain(("title",), 'must be one line of text; write for example title = "My cluster"')
         return {
             "title": title,
-            "orbit": self.table("orbit", OrbitTable, '[orbit] with altitude = "500 km"'),
+            "orbit": self.table("orbit", OrbitTable, '[orbit] with altitude = "500 km"')
+            or OrbitTable.model_validate({"deep_space": True}),
             "craft": self.craft(),
             "sensor": self.table("sensor", SensorTable),
             "search": self.table("search", SearchTable),
@@ -101,8 +116,12 @@ class Reading:
             "study": self.table("study", Study),
         }
 
-    def complain(self, place: tuple[int | str, ...], text: str) -> None:
-        """Note that something is wrong at a place of the file."""
+    def complain(self, place: Place, text: str) -> None:
+        """Note that something is wrong at a place of the file; of a craft's, as its column is written."""
+        if place[0] == "craft" and len(place) > 1 and isinstance(place[1], int):
+            number, *rest = place[1:]
+            listed = bool(rest) and isinstance(self.raw["craft"].get(str(rest[0])), list)
+            place = "craft", *rest[:1], *([number] if listed else []), *rest[1:]
         self.lines.append(f"{dotted(place)}: {text}")
 
     def table(self, key: str, model: type[Model], needed: str = "") -> Model | None:
@@ -116,14 +135,30 @@ class Reading:
             return None
         return self.validated(model, self.raw[key], (key,))
 
-    def validated(self, model: type[Model], value: Any, place: tuple[int | str, ...]) -> Model | None:
-        """A table, or None if something is wrong with it."""
+    def validated(self, model: type[Model], value: dict[str, Any], place: Place) -> Model | None:
+        """A table; where something is wrong with it, one with examples instead, None if that is none."""
         try:
             return model.model_validate(value)
         except ValidationError as error:
-            for where, text in complaints(error, model):
-                self.complain(place + where, text)
+            found = [*complaints(error, model)]
+        for where, text in found:
+            self.complain(place + where, text)
+        wrong = {str(where[0]) for where, _ in found if where}
+        wrong |= {meant for where, text in found if len(where) == 1 and (meant := meant_by(text))}
+        known = model.examples()
+        try:
+            mended = model.model_validate(
+                {key: one for key, one in value.items() if key not in wrong}
+                | {key: model.example(key) for key in wrong if known.get(key)},
+                context=FLAWED,
+            )
+        except ValidationError:
             return None
+        if wrong:  # else its flaws were found before
+            for text in mended.flaws():
+                if not wrong & set(re.findall(r"\w+", text)):
+                    self.complain(place, text)
+        return mended
 
     def craft(self) -> tuple[Craft, ...]:
         """[craft] as one table for each craft: a list gives one each, anything else is for all."""
@@ -149,14 +184,9 @@ class Reading:
         """The craft one by one; what is wrong with all of them is said once."""
         found = []
         for number in range(count):
-            try:
-                craft = Craft.model_validate({key: column[number] for key, column in columns.items()})
+            values = {key: column[number] for key, column in columns.items()}
+            if (craft := self.validated(Craft, values, ("craft", number))) is not None:
                 found.append(craft.placed(number, count))
-            except ValidationError as error:
-                for place, text in complaints(error, Craft):
-                    listed = bool(place) and isinstance(self.raw["craft"].get(str(place[0])), list)
-                    index = (place[0], number) if listed else place[:1]
-                    self.complain(("craft", *index, *place[1:]), text)
         return tuple(found)
 
     def stages(self) -> tuple[StageTable, ...]:
@@ -165,8 +195,9 @@ class Reading:
         if not isinstance(tables, list) or not tables:
             self.complain(("stage",), 'missing; add [[stage]] with do = "coast" and for = "1 orbit"')
             return ()
-        found: list[StageTable | None] = []
+        found: list[StageTable] = []
         for number, table in enumerate(tables):
+            stage: StageTable | None = None
             if not isinstance(table, dict):
                 self.complain(("stage", number), "is not a table; write it as [[stage]]")
             elif "do" not in table:
@@ -175,5 +206,6 @@ class Reading:
                 text = f"{shown(table['do'])} is not known here; {did_you_mean(str(table['do']), STAGES)}"
                 self.complain(("stage", number, "do"), text)
             else:
-                found.append(self.validated(STAGES[table["do"]], table, ("stage", number)))
-        return tuple(stage for stage in found if stage is not None)
+                stage = self.validated(STAGES[table["do"]], table, ("stage", number))
+            found.append(stage or Unknown.model_validate({}))
+        return tuple(found)

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from closeform.search.schedule import Search
 
 LIMITS = ("max_thrust", "delta_v_budget", "propellant")  # keys of [craft]
-IMPERFECT = ("pointing_error", "slew_rate_error", "start_offset", "silent")  # keys of [craft]
 
 
 @dataclass(frozen=True)
@@ -140,7 +139,7 @@ class Scenario:
         ]
         lines += [
             f"craft.{key}: is not built yet; remove it"
-            for key in IMPERFECT
+            for key in Craft.not_built
             if any(np.any(getattr(craft, key)) for craft in self.craft)
         ]
         return tuple(dict.fromkeys(lines))

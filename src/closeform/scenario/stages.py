@@ -1,9 +1,10 @@
 """What happens, in order: the tables of [[stage]], one model for each verb in `do`."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
@@ -79,13 +80,11 @@ class Avoid(StageTable):
     )
     longer: bool = Field(True, examples=["false"])
 
-    @model_validator(mode="after")
-    def different(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         names = [self.craft, *(fellow.craft for fellow in self.meanwhile)]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"{name} moves twice in one stage; name each craft once")
-        return self
+                yield f"{name} moves twice in one stage; name each craft once"
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:
@@ -107,11 +106,9 @@ class Joint(StageTable):
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
     animation: bool = Field(False, examples=["true"])
 
-    @model_validator(mode="after")
-    def ordered(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         if self.order is not None and self.plan != "sequential":
-            raise ValueError('order goes with plan = "sequential" only; remove order')
-        return self
+            yield 'order goes with plan = "sequential" only; remove order'
 
     @property
     def movers(self) -> Names | None:
@@ -131,13 +128,12 @@ class Scatter(Joint):
     point: Position | None = Field(None, alias="from", examples=['"0 0 0 m"'])
     distance: Length | None = Field(None, examples=['"1 km"'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        self.one_of("factor", "point")
-        self.only_with("distance", "point")
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        yield from self.one_of("factor", "point")
+        yield from self.only_with("distance", "point")
         if self.point is not None and self.distance is None:
-            raise ValueError('from needs distance; add for example distance = "1 km"')
-        return self
+            yield 'from needs distance; add for example distance = "1 km"'
 
     @property
     def away(self) -> tuple[Vector, float]:
@@ -174,16 +170,15 @@ class Reconfigure(Joint):
     assign: bool = Field(False, examples=["true"])
     slots: Annotated[int, Field(ge=1, le=10_000)] | None = Field(None, examples=["10"])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
         for name in self.craft or ():
             if (self.craft or ()).count(name) > 1:
-                raise ValueError(f"{name} moves twice in one stage; name each craft once")
+                yield f"{name} moves twice in one stage; name each craft once"
         if self.slots is not None and not (self.assign and isinstance(self.to, Goal) and self.to.shape):
-            raise ValueError("slots goes with assign = true and a named formation only; remove slots")
+            yield "slots goes with assign = true and a named formation only; remove slots"
         if isinstance(self.to, Goal) and self.to.join is not None and len(self.craft or ()) != 1:
-            raise ValueError('join is for one craft; name it, for example craft = ["F9"]')
-        return self
+            yield 'join is for one craft; name it, for example craft = ["F9"]'
 
     @property
     def movers(self) -> Names | None:
@@ -238,6 +233,12 @@ class Gather(StageTable):
     rounds: Annotated[int, Field(ge=1)] = Field(2, examples=["3"])
     burns: Literal["least", "first", "second", "half"] = Field("least", examples=['"least"'])
     animation: bool = Field(True, examples=["false"])
+
+
+class Unknown(StageTable):
+    """A stage whose `do` is wrong, which keeps its place while other errors are looked for."""
+
+    keeps_out = False
 
 
 STAGES: dict[str, type[StageTable]] = {

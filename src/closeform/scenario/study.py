@@ -1,10 +1,11 @@
 """[study]: what a Monte Carlo study varies. Each draw adds to the nominal value or replaces it."""
 
 import re
+from collections.abc import Iterator
 from functools import cache
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.quantity import TIME, Reader, shown
@@ -29,9 +30,8 @@ class Draw(Table):
         None, examples=['["1 km", "2 km"]']
     )
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
-        return self.one_of(*DRAWS)
+    def flaws(self) -> Iterator[str]:
+        yield from self.one_of(*DRAWS)
 
     @property
     def kind(self) -> str:
@@ -73,21 +73,17 @@ class Study(Table):
     sampled: Annotated[tuple[Step, ...], Field(strict=False)] = Field((), examples=['["1 s", "60 s"]'])
     published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
 
-    @model_validator(mode="after")
-    def complete(self) -> Self:
+    def flaws(self) -> Iterator[str]:
         if min(self.sampled, default=1.0) < 0.01:
-            raise ValueError('sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]')
+            yield 'sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]'
         for row, text in self.published.items():
             if ROW.fullmatch(row) is None:
-                raise ValueError(
+                yield (
                     f'published has {shown(row)}, which is no row of the printed table; use "source", '
                     '"at once", "never" or a phase like "IPS 1"'
                 )
             if not text.isprintable() or len(text) > (80 if row == "source" else 20):
-                raise ValueError(
-                    f"published {shown(row)} does not fit; write at most 20 characters, or 80 for source"
-                )
-        return self
+                yield (f"published {shown(row)} does not fit; write at most 20 characters, or 80 for source")
 
 
 def draw_error(key: str, draw: Draw) -> str | None:

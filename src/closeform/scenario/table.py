@@ -1,17 +1,21 @@
 """What every table of a scenario file has in common."""
 
-from typing import Annotated, Any, Self
+import tomllib
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
 from closeform.scenario.quantity import ANGLE, DURATION, LENGTH, SPEED, Duration, Reader, shown
 
+FLAWED = {"flawed": True}  # the context in which a table is taken with its flaws
 ALL, EACH = "<all>", "<each>"  # which of its two forms a key has: a table for all, or a list of one each
 
 
 class Table(BaseModel):
     """A frozen table; a key that it does not know is an error."""
 
+    not_built: ClassVar[tuple[str, ...]] = ()  # keys whose work is still to come, which nobody is led to
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_alias=True
     )
@@ -29,22 +33,38 @@ class Table(BaseModel):
         """The key in the file of a field."""
         return cls.model_fields[name].alias or name
 
-    def one_of(self, *names: str) -> Self:
-        """Itself, if exactly one of the keys was given."""
+    @classmethod
+    def example(cls, key: str) -> Any:
+        """An example of a key's value, which stands in for a wrong one while other errors are looked for."""
+        return tomllib.loads(f"value = {cls.examples()[key]}")["value"]
+
+    @model_validator(mode="after")
+    def fits(self, info: ValidationInfo) -> Self:
+        """Refuse what does not fit together, unless the context is FLAWED."""
+        if info.context != FLAWED and (flaws := dict.fromkeys(self.flaws())):
+            raise ValueError("\n".join(flaws))
+        return self
+
+    def flaws(self) -> Iterator[str]:
+        """What does not fit together among its keys: `what is wrong; remedy`, with the keys' names."""
+        return iter(())
+
+    def one_of(self, *names: str) -> Iterator[str]:
+        """A flaw unless exactly one of the keys was given."""
         keys = {name: self.key_of(name) for name in names}
         given = [key for name, key in keys.items() if getattr(self, name) is not None]
         if len(given) > 1:
-            raise ValueError(f"{' and '.join(given)} exclude each other; keep one")
+            yield f"{' and '.join(given)} exclude each other; keep one"
         if not given:
             first = f"{keys[names[0]]} = {self.examples()[keys[names[0]]]}"
-            raise ValueError(f"needs one of {', '.join(keys.values())}; add for example {first}")
-        return self
+            built = [key for key in keys.values() if key not in self.not_built]
+            yield f"needs one of {', '.join(built)}; add for example {first}"
 
-    def only_with(self, key: str, *names: str) -> None:
-        """Refuse `key` unless one of the keys that give it a meaning was given."""
+    def only_with(self, key: str, *names: str) -> Iterator[str]:
+        """A flaw where `key` was given and none of the keys that give it a meaning."""
         if key in self.model_fields_set and all(getattr(self, name) is None for name in names):
             keys = " or ".join(self.key_of(name) for name in names)
-            raise ValueError(f"{key} goes with {keys} only; remove {key}")
+            yield f"{key} goes with {keys} only; remove {key}"
 
 
 def as_name(value: Any) -> str:
