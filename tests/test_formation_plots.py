@@ -18,6 +18,7 @@ ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion
 END = 1000.0
 BALL = cf.Sphere(15.0)
+UNITS = ((1.0, "N"), (1e-3, "mN"), (1e-6, "µN"), (1e-9, "nN"))
 PLANES = {"radial": [1, 0], "cross-track": [1, 2]}  # components to the right and upwards
 
 
@@ -604,7 +605,7 @@ def test_tracks_that_merge_do_not_cut_each_other():
 
 
 def test_thrust_of_all_is_the_norm_in_newtons():
-    before, _, _, _ = swap(4)
+    before, _, _, _ = swap(4, 0.3 * ORBIT.period)
     masses, limits = [10.0, 20.0, 30.0, 40.0], [1e-4, np.inf, 2e-4, 2e-4]
     figure = plots.formation_thrust(before, list("ABCD"), limits, masses)
     axes = figure.axes[0]
@@ -619,8 +620,14 @@ def test_thrust_of_all_is_the_norm_in_newtons():
             rtol=1e-6,
         )
         peaks.append(max(line.get_ydata()))
-    levels = {float(line.get_ydata()[0]) * unit for line in axes.get_lines()[4:]}
-    assert sorted(levels) == pytest.approx([1e-3, 6e-3, 8e-3])
+    assert len(axes.get_lines()) == 4  # limits that differ are in a panel of shares
+    shares, has = figure.axes[1], [0, 2, 3]
+    assert shares.get_ylabel() == "share of own limit [%]"
+    for line, k in zip(shares.get_lines()[:3], has, strict=True):
+        times = np.asarray(line.get_xdata()) * 60.0
+        used = np.linalg.norm(before[k].thrust(times), axis=1) / limits[k]
+        assert np.allclose(np.asarray(line.get_ydata()), 100.0 * used, rtol=1e-6)
+    assert [float(line.get_ydata()[0]) for line in shares.get_lines()[3:]] == [100.0]
     over = sum(peak * unit > mass * limit for peak, mass, limit in zip(peaks, masses, limits, strict=True))
     most = "ABCD"[int(np.argmax(peaks))]
     assert figure.get_suptitle().startswith(f"{most} thrusts most: ")
@@ -631,6 +638,35 @@ def test_thrust_of_all_is_the_norm_in_newtons():
     assert plain.axes[0].get_ylabel().endswith("m/s²]")
     still = plots.formation_thrust(DEEP.coast(straight(3), END))
     assert still.get_suptitle() == "Nobody thrusts"
+
+
+@pytest.mark.parametrize(
+    ("shares", "words"),
+    [
+        ([0.5, 1.2, 1e-3, 1e-9], ["the limit of each"]),  # of the limit of each
+        ([0.01, 0.02, 1e-3, 1e-9], ["the limit of each, far above"]),
+        ([0.8, None, None, None], ["limit {} of A"]),
+        ([1e-3] * 4, ["limit {}, far above"]),
+    ],
+)
+def test_limits_neither_flatten_the_curves_nor_fall_below_the_axis(shares, words):
+    before, _, _, _ = swap(4, 0.3 * ORBIT.period)
+    peaks = np.array([path.peak_thrust for path in before])
+    masses = np.full(4, 2.0) if shares[0] != shares[-1] else 1e-3 / peaks  # the same limit in newtons
+    limits = [peak / share if share else np.inf for peak, share in zip(peaks, shares, strict=True)]
+    figure = plots.formation_thrust(before, list("ABCD"), limits, masses)
+    newtons = limits[0] * masses[0]
+    own = next(f"{newtons / size:.4g} {name}" for size, name in UNITS if newtons >= 0.1 * size)
+    assert [text.get_text() for axes in figure.axes for text in axes.texts] == [
+        said.format(own) for said in words
+    ]
+    for axes in figure.axes:
+        low, high = axes.get_ylim()
+        assert low == 0.0
+        assert max(max(line.get_ydata()) for line in axes.get_lines()[:4]) > 0.3 * high
+        for text in axes.texts:
+            height = text.xy[1]
+            assert height == 1.0 if text.xycoords == "axes fraction" else low < height < high
 
 
 def test_a_legend_has_one_unit_of_delta_v():

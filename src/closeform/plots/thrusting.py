@@ -39,7 +39,7 @@ from closeform.plots.look import (
 from closeform.plots.tracks import colours
 
 FEW = 12  # craft up to which each stands in the legend
-WORDS = 0.065  # of the height of the axis, for a line of words
+FAR = 3.0  # times the greatest value: a limit beyond that would flatten all curves
 ROUNDING = 1e-9  # of a limit
 LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # of the last path, the one before ...
 
@@ -131,7 +131,8 @@ def formation_thrust(
     names : sequence of str, optional
         Of the craft; their indices unless given.
     limits : array_like of shape (N,) [m/s^2], optional
-        Greatest thrust accelerations; nan or inf for a craft without one.
+        Greatest thrust accelerations; nan or inf for a craft without one. Where they differ, a second
+        panel shows the share that each craft uses of its own.
     masses : array_like of shape (N,) [kg], optional
         Of the craft: the picture is in newtons; in m/s^2 unless given.
 
@@ -153,34 +154,53 @@ def formation_thrust(
         raise ValueError("masses: must be positive")
     most = np.full(count, np.nan) if limits is None else vector("limits", limits, count)
     peaks, most = np.array([path.peak_thrust for path in flown]) * kilograms, most * kilograms
-    top = float(max(peaks.max(), most.max(initial=0.0, where=np.isfinite(most))))
-    unit = thrust_unit(top, "m/s²" if masses is None else "N")
+    free, basic = ~np.isfinite(most), "m/s²" if masses is None else "N"
+    known = most[~free]
+    unit = thrust_unit(float(peaks.max() or known.max(initial=0.0)), basic)
     start, end = min(path.start for path in flown), max(path.end for path in flown)
     ticks = clock(flown[0], start, end)
 
     few = 1 < count <= FEW
+    unlike = len(known) > 0 and known.min() > 0.0 and known.max() > (1.0 + ROUNDING) * known.min()
     rows = -(-count // 6) if few else 0
-    figure = sheet(5.5 + 0.3 * rows)
-    (axes,) = column(figure, [1.0], 0.75 + 0.3 * rows)
-    dress(axes)
+    figure = sheet((8.0 if unlike else 5.5) + 0.3 * rows)
+    panels = column(figure, [1.0] * (1 + unlike), 0.75 + 0.3 * rows)
     lines = []
-    for path, tint, mass in zip(flown, colours(count), kilograms, strict=True):
+    for path, tint, mass, limit in zip(flown, colours(count), kilograms, most, strict=True):
         times = instants(path.start, path.end, path)
-        push = np.linalg.norm(path.thrust(times), axis=1) * mass / unit.size
-        lines += axes.plot(ticks(times), push, color=tint, linewidth=2.0 if count <= FEW else 1.0)
-    axes.set_ylim(0.0, 1.08 * top / unit.size if top else 1.0)
-    axes.set_ylabel(f"thrust [{unit.name}]", fontsize=TEXT, color=INK)
-    limited(axes, most / unit.size, called, unit)
-    time_axes([axes], ticks, start, end)
+        push = np.linalg.norm(path.thrust(times), axis=1) * mass
+        look: dict[str, Any] = {"color": tint, "linewidth": 2.0 if few or count == 1 else 1.0}
+        lines += panels[0].plot(ticks(times), push / unit.size, **look)
+        if unlike and np.isfinite(limit):
+            panels[1].plot(ticks(times), 100.0 * push / limit, **look)
+    scaled(panels[0], f"thrust [{unit.name}]", float(peaks.max()) / unit.size)
+    if unlike:
+        scaled(panels[1], "share of own limit [%]", 100.0 * float((peaks[~free] / known).max()))
+        limited(panels[1], 100.0, "the limit of each")
+    elif len(known):
+        whose = [name for name, none in zip(called, free, strict=True) if not none]
+        some = f" of {whose[0] if len(whose) == 1 else f'{len(whose)} craft'}" if free.any() else ""
+        own = thrust_unit(known[0], basic)
+        limited(panels[0], known[0] / unit.size, f"limit {known[0] / own.size:.4g} {own.name}{some}")
+    time_axes(panels, ticks, start, end)
     if few:
         legend(figure, lines, called, ncols=min(6, count), handlelength=2.2)
-    k = int(peaks.argmax())
-    said = f"{called[k]} thrusts most: {peaks[k] / unit.size:.4g} {unit.name}"
-    over = int((peaks > most * (1.0 + ROUNDING)).sum())
-    if np.isfinite(most).any():
-        said += f"; {over} of {count} craft above their limit" if over else "; all within their limits"
-    headline(figure, said if peaks[k] > 0.0 else "Nobody thrusts")
+    headline(figure, most_of_all(called, peaks, most, unit))
     return figure
+
+
+def most_of_all(called: list[str], peaks: Floats, limits: Floats, unit: Unit) -> str:
+    """Who thrusts most, and how that compares with limits."""
+    k = int(peaks.argmax())
+    if not peaks[k] > 0.0:
+        return "Nobody thrusts"
+    said = f"{called[k]} thrusts most: {peaks[k] / unit.size:.4g} {unit.name}"
+    known = np.isfinite(limits)
+    if not known.any():
+        return said
+    over = int((peaks > limits * (1.0 + ROUNDING)).sum())
+    kept = f"{over} of {len(peaks)} craft above their limit" if over else "all within their limits"
+    return f"{said}; {kept}"
 
 
 def vector(name: str, given: ArrayLike, count: int) -> Floats:
@@ -191,21 +211,24 @@ def vector(name: str, given: ArrayLike, count: int) -> Floats:
     return values
 
 
-def limited(axes: Axes, limits: Floats, called: list[str], unit: Unit) -> None:
-    """A dashed line at each limit that occurs, and where there is room in words, with whose it is."""
-    free = -np.inf  # up to where words stand
-    for limit in np.unique(limits[np.isfinite(limits)]):
-        whose = np.flatnonzero(limits == limit)
-        words = f"limit {limit:.4g} {unit.name}"
-        if len(whose) < len(limits):
-            words += f" of {called[whose[0]] if len(whose) == 1 else f'{len(whose)} craft'}"
+def scaled(axes: Axes, words: str, top: float) -> None:
+    """An axis from zero to a little above `top`."""
+    dress(axes)
+    axes.set_ylim(0.0, 1.08 * top if top > 0.0 else 1.0)
+    axes.set_ylabel(words, fontsize=TEXT, color=INK)
+
+
+def limited(axes: Axes, limit: float, words: str) -> None:
+    """A dashed line at a limit; one that is far above all curves, which would lie flat, is told only."""
+    look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": SMALL, "color": INK}
+    at, place = (0.995, 1.0), "axes fraction"
+    top = axes.get_ylim()[1] / 1.08
+    if limit <= FAR * top:
+        axes.set_ylim(0.0, 1.08 * max(top, limit))
         axes.axhline(limit, color=INK, linewidth=1.2, linestyle=DASHED)
-        if limit < free:
-            continue
-        free = limit + WORDS * axes.get_ylim()[1]
-        look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": SMALL, "color": INK}
-        place = ("axes fraction", "data"), "offset points"
-        plain(axes.annotate(words, (0.995, limit), (0, -4), *place, **look))
+        plain(axes.annotate(words, (0.995, limit), (0, -4), (place, "data"), "offset points", **look))
+    else:
+        plain(axes.annotate(f"{words}, far above", at, (0, -4), place, "offset points", **look))
 
 
 def level(axes: Axes, top: float, positive: bool) -> None:
