@@ -19,6 +19,7 @@ N = ORBIT.mean_motion
 END = 1000.0
 BALL = cf.Sphere(15.0)
 UNITS = ((1.0, "N"), (1e-3, "mN"), (1e-6, "µN"), (1e-9, "nN"))
+DIRECTIONS = ["radial", "along-track", "cross-track"]
 PLANES = {"radial": [1, 0], "cross-track": [1, 2]}  # components to the right and upwards
 
 
@@ -573,6 +574,52 @@ def test_one_stage_in_an_orbit_has_three_planes_and_a_view_in_space():
     assert words == {("", "radial"), ("along-track", "cross-track"), ("cross-track", ""), ("", "")}
     circle = lines(figure.axes[2], COLOURS[1])[0]  # across the flight the inspector flies a circle
     assert np.allclose(np.linalg.norm(circle, axis=1), 50.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("picture", ["formation_paths", "before_after", "two_ways"])
+def test_arrows_point_the_way_that_craft_fly(picture):
+    """Each lies on its track, and its tip comes later on it than its middle."""
+    before, after, _, _ = swap(4, 0.3 * ORBIT.period)
+    figure = {
+        "formation_paths": lambda: plots.formation_paths(after, after),
+        "before_after": lambda: plots.before_after(before[0], after[0], list(before[1:3]), BALL),
+        "two_ways": lambda: plots.two_ways(before[0], before[2], BALL),
+    }[picture]()
+    flown = [path for paths in (before, after) for path in paths]
+    times = np.linspace(0.0, before[0].end, 3001)
+    tracks = [path.position(times) for path in flown]
+    count = 0
+    for axes in figure.axes:
+        labels = axes.get_xlabel().split(" [")[0], axes.get_ylabel().split(" [")[0]
+        if not set(labels) <= set(DIRECTIONS):
+            continue
+        shown = [(track[:, [DIRECTIONS.index(label) for label in labels]]) for track in tracks]
+        for arrows in axes.collections:
+            if not isinstance(arrows, PathCollection) or len(arrows.get_paths()[0].vertices) != 5:
+                continue
+            for place, head in zip(arrows.get_offsets(), arrows.get_paths(), strict=True):
+                near = [np.linalg.norm(track - place, axis=1) for track in shown]
+                least = [one.min() for one in near]
+                assert min(least) < 1.0  # [m], of tracks of 200 m
+                on = shown[int(np.argmin(least))]
+                k = min(int(np.argmin(near[int(np.argmin(least))])), len(times) - 2)
+                way = on[k + 1] - on[k]
+                assert head.vertices[0] @ way > 0.99 * np.linalg.norm(way)  # the tip, from the middle
+                count += 1
+    assert count >= 2
+
+
+def test_craft_that_stay_have_no_arrow():
+    still = DEEP.coast(np.outer([0.0, 50.0], np.eye(6)[0]), END)
+    found = [
+        path
+        for axes in plots.formation_paths(still, still).axes
+        for one in axes.collections
+        if isinstance(one, PathCollection)
+        for path in one.get_paths()
+    ]
+    assert found
+    assert all(len(path.vertices) != 5 for path in found)
 
 
 def test_tracks_that_merge_do_not_cut_each_other():

@@ -12,6 +12,7 @@ import closeform as cf
 from closeform import plots
 from closeform.mission import fly
 from closeform.plots.letters import LONG, short_names
+from closeform.plots.look import banner
 from closeform.report.run import RunReport
 from closeform.scenario.load import parse
 
@@ -55,6 +56,7 @@ PICTURES = {
     "two ways": lambda names: plots.two_ways(BEFORE[0], BEFORE[6], BALL, name=names[1]),
     "histogram": lambda names: plots.histogram(LATE, SEARCH),
 }
+STAGE = 'Stage 12 "around and back again": reconfigure failed: thrust limit exceeded; these are direct paths'
 PLAIN = [f"F{k}" for k in range(1, 13)]
 
 
@@ -81,7 +83,9 @@ def written(figure):
 @pytest.mark.parametrize("names", [PLAIN, ["Chaser", "Target"] + [f"Formation {k}" for k in range(10)]])
 def test_no_words_lie_on_each_other_or_beyond_the_page(draw, names):
     figure = draw(names)
+    banner(figure, STAGE)
     found = written(figure)
+    assert STAGE in [text.get_text() for text, _ in found]
     page = figure.bbox
     out = [
         text.get_text()
@@ -190,3 +194,33 @@ def test_the_curve_of_a_histogram_is_the_share_done_by_then():
     end = next(end for *_, end in SEARCH.phases if end >= LATE.max())
     assert figure.axes[0].get_xlim() == pytest.approx((0.0, end / 60.0))
     assert figure.axes[1].get_ylabel().endswith("[%]")
+
+
+def test_pictures_say_of_which_stage_they_are_and_what_has_become_of_it():
+    """Two change places, first with enough thrust, then with none that could do it in time."""
+    file = """
+closeform = 1
+title = "Weak"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["A", "B"]
+start = [{ palmer = "0 -60 0 0 0 120 m" }, { palmer = "0 60 0 0 0 -120 m" }]
+mass = "20 kg"
+max_thrust = "1 uN"
+keep_out = { sphere = "10 m" }
+[[stage]]
+do = "coast"
+for = "10 min"
+[[stage]]
+name = "swap"
+do = "reconfigure"
+to = [{ palmer = "0 60 0 0 0 -120 m" }, { palmer = "0 -60 0 0 0 120 m" }]
+within = "0.3 orbits"
+"""
+    coast, swap = RunReport(fly(parse(file))).sections
+    assert {(picture.stage, picture.failed) for picture in coast.pictures} == {("Stage 1: coast", False)}
+    told = 'Stage 2 "swap": reconfigure failed: thrust limit exceeded'
+    told += "; these are the direct paths, which are not flown"
+    assert {(picture.stage, picture.failed) for picture in swap.pictures} == {(told, True)}
+    assert "paths" in {picture.plot.split("_")[-1] for picture in swap.pictures}

@@ -35,7 +35,7 @@ from closeform.plots.look import (
 )
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
-from closeform.plots.scene import place, shadow
+from closeform.plots.scene import headings, place, shadow
 from closeform.plots.tracks import Formation, colours
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
 
@@ -258,8 +258,10 @@ def around(axes: Axes, camera: Camera, unit: float, stage: Formation, tints: Flo
     axes.scatter(ends[:, 0], ends[:, 1], s=size, c=tints, zorder=4, label="end")
     ring: dict[str, Any] = {"s": 1.6 * size, "facecolors": "none", "edgecolors": tints, "linewidths": 1.4}
     axes.scatter(starts[:, 0], starts[:, 1], **ring, zorder=4.1, label="start")
+    flown = headings(axes, lambda points: camera(points) / unit, stage.tracks, tints, 3.5 if many else 6.0)
     if names.called:
-        names.beside(axes, starts, ends, camera(np.vstack(stage.tracks)) / unit, tints)
+        marks = np.vstack([ends, flown])
+        names.beside(axes, starts, marks, camera(np.vstack(stage.tracks)) / unit, tints)
 
 
 def marks(figure: Figure, stages: list[Formation]) -> None:

@@ -18,6 +18,7 @@ from closeform.plots.letters import plain
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 LEFT, ABOVE, GAP = 1.0, 0.92, 0.14  # inches: left of axes, above them for words, between two
 LETTERS = 7.6  # of a headline to an inch
+BANNER = 0.3  # inches of the line above a picture
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 
 BEFORE, AFTER, ALTERNATIVE = "#5f6368", "#0072B2", "#009E73"
@@ -150,6 +151,24 @@ def headline(figure: Figure, text: str) -> Text:
     words = figure.suptitle(text, x=0.01, y=1.0 - 0.1 / figure.get_figheight(), ha="left", va="top")
     words.set(fontsize=size, color=INK, fontweight="bold")
     return plain(words)
+
+
+def banner(figure: Figure, text: str, bad: bool = False) -> Text:
+    """What a picture belongs to, in a line above it, by which the page grows; `bad` news are red."""
+    wide, high = (float(side) for side in figure.get_size_inches())
+    kept = high / (high + BANNER)  # of the new page
+    figure.set_size_inches(wide, high + BANNER)
+    for axes in figure.axes:
+        left, low, across, up = axes.get_position(original=True).bounds
+        axes.set_position((left, low * kept, across, up * kept))
+    for words in figure.texts:
+        words.set_y(words.get_position()[1] * kept)
+    for made in figure.legends:
+        anchor = made.get_bbox_to_anchor().transformed(figure.transFigure.inverted())
+        made.set_bbox_to_anchor((anchor.x0, anchor.y0 * kept, anchor.width, anchor.height * kept))
+    size = min(TEXT, TEXT * LETTERS * 1.08 * wide / max(1, len(text)))
+    look: dict[str, Any] = {"ha": "left", "va": "top", "fontsize": size, "color": CONFLICT if bad else INK}
+    return plain(figure.text(0.01, 1.0 - 0.1 / (high + BANNER), text, **look))
 
 
 def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:

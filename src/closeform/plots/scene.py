@@ -1,10 +1,14 @@
 """Zones and tracks as they are drawn in the planes and in space."""
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import IdentityTransform
 
 from closeform.arrays import Floats
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
@@ -15,6 +19,9 @@ PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upward
 AROUND = np.linspace(0, 2 * np.pi, 145)
 OPEN = 3.0  # farthest offsets, at which a zone without an end is cut off
 CIRCLE: Floats = np.stack([np.cos(AROUND), np.sin(AROUND)], axis=-1)
+HEAD = np.array([[1.0, 0.0], [-0.8, 0.75], [-0.35, 0.0], [-0.8, -0.75], [1.0, 0.0]])  # of an arrow
+ALONG = 0.35  # of the length of a track: the middles of craft that change places lie on each other
+SHORT = 0.04  # of the width of the axes: tracks below that have no arrow
 
 
 def drawn(zone: Zone) -> Zone:
@@ -93,3 +100,41 @@ def square(axes: Axes, middle: Any, reach: float) -> None:
 def place(axes: Axes, outline: Floats, centre: Any, **look: Any) -> None:
     """Draw an outline around a centre (2,)."""
     axes.fill(*(outline + centre).T, **look)
+
+
+def heading(track: Floats) -> Floats:
+    """A place before the middle of a track (M, 3), and its direction there (2, 3)."""
+    steps = np.diff(track, axis=0)
+    far = np.cumsum(np.linalg.norm(steps, axis=1))
+    k = int(np.searchsorted(far, far[-1] * ALONG))
+    return np.array([(track[k] + track[k + 1]) / 2, steps[k]])
+
+
+def headings(
+    axes: Axes, project: Callable[[Floats], Floats], tracks: Sequence[Floats], tints: Any, size: float = 5.5
+) -> Floats:
+    """A small arrow head on each track (M, 3), the way it is flown; returns their places (K, 2).
+
+    `project` takes positions to the picture, which has one scale in both directions; `size` is in
+    printer's points.
+    """
+    long = SHORT * float(np.ptp(axes.get_xlim()))
+    seen = [k for k, track in enumerate(tracks) if np.ptp(project(track), axis=0).max() > long]
+    places = np.empty((len(seen), 2))
+    heads = []
+    for row, k in enumerate(seen):
+        point, way = heading(tracks[k])
+        places[row] = project(point)
+        right, up = project(way) / max(float(np.linalg.norm(project(way))), np.finfo(float).tiny)
+        heads.append(Outline(HEAD @ np.array([[right, up], [-up, right]])))
+    if seen:
+        look: dict[str, Any] = {
+            "facecolors": np.asarray(tints)[seen],
+            "edgecolors": "white",
+            "linewidths": 0.6,
+        }
+        look |= {"offsets": places, "offset_transform": axes.transData, "zorder": 3.6}
+        marks = PathCollection(heads, [size**2], **look)
+        marks.set_transform(IdentityTransform())
+        axes.add_collection(marks, autolim=False)
+    return places

@@ -38,7 +38,7 @@ from closeform.plots.look import (
     signed_percent,
     speed,
 )
-from closeform.plots.scene import PLANES, drawn, place, section, shadow, spot, square
+from closeform.plots.scene import PLANES, drawn, headings, place, section, shadow, spot, square
 from closeform.zones.zone import Zone
 
 SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))
@@ -174,6 +174,9 @@ def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) 
         axes.annotate(word, point, (7, 7), textcoords="offset points", fontsize=SMALL, color=INK)
     low, high = shown.min(axis=0), shown.max(axis=0)
     square(axes, (low + high) / 2, 0.58 * float((high - low).max()))
+    flown = [obstacle, path, *(way.path for way in ways)]
+    tracks = [one.position(instants(one.start, one.end, one)) for one in flown]
+    headings(axes, lambda points: points @ show.T, tracks, [OTHER, BEFORE, *(side[0] for side in SIDES)])
     axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit.name}]", fontsize=TEXT, color=INK)
     axes.set_title("in the orbit's frame", fontsize=TEXT, color=INK)

@@ -34,7 +34,7 @@ from closeform.plots.look import (
 )
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
-from closeform.plots.scene import PLANES, drawn, place, shadow
+from closeform.plots.scene import PLANES, drawn, headings, place, shadow
 from closeform.plots.views import AXES, ORBITAL, window
 from closeform.zones.zone import Zone
 
@@ -68,6 +68,12 @@ class Scene:
         reach = drawn(self.zone).extents * np.array([[-1.0], [1.0]])
         guarded = [guard.centre + reach for guard in self.guards]
         return [self.before, *self.obstacles, *([] if self.after is None else [self.after]), *guarded]
+
+    @property
+    def headed(self) -> tuple[list[Floats], list[str]]:
+        """The tracks whose direction is shown, and their colours."""
+        flown = [self.before] if self.after is None else [self.before, self.after]
+        return [*self.obstacles, *flown], [OTHER] * len(self.obstacles) + [BEFORE, AFTER][: len(flown)]
 
     @property
     def centre_and_reach(self) -> tuple[Floats, Floats]:
@@ -229,8 +235,11 @@ def plane_panel(
     said += [(guard.name, guard.centre) for guard in scene.guards if guard.name]
     shown = [track for track in (scene.before, scene.after, *scene.stays) if track is not None]
     where = np.array([point for _, point in said]) @ basis.T
+    flown = headings(axes, lambda points: points @ basis.T, *scene.headed)
     craft = np.array([guard.craft for guard in scene.guards]).reshape(-1, 3) @ basis.T
-    Names(figure, [word for word, _ in said]).beside(axes, where, craft, np.vstack(shown) @ basis.T)
+    Names(figure, [word for word, _ in said]).beside(
+        axes, where, np.vstack([craft, flown]), np.vstack(shown) @ basis.T
+    )
 
 
 def space_panel(axes: Axes, scene: Scene) -> None:
@@ -255,6 +264,7 @@ def space_panel(axes: Axes, scene: Scene) -> None:
         axes.plot(*camera(stay).T, color=CONFLICT, linewidth=4, solid_capstyle="butt")
     for point, face in ((scene.before[0], "white"), (scene.before[-1], INK)):
         axes.plot(*camera(point), "o", color=INK, markerfacecolor=face, markersize=5)
+    headings(axes, camera, *scene.headed)
 
 
 def title(before: Path, after: Path, others: list[Path], zone: Zone) -> str:

@@ -40,6 +40,7 @@ from closeform.plots.tracks import colours
 
 FEW = 12  # craft up to which each stands in the legend
 FAR = 3.0  # times the greatest value: a limit beyond that would flatten all curves
+LOW = 0.12  # of the greatest value: words of a limit below that stand above it
 ROUNDING = 1e-9  # of a limit
 LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # of the last path, the one before ...
 
@@ -221,12 +222,14 @@ def scaled(axes: Axes, words: str, top: float) -> None:
 def limited(axes: Axes, limit: float, words: str) -> None:
     """A dashed line at a limit; one that is far above all curves, which would lie flat, is told only."""
     look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": SMALL, "color": INK}
-    at, place = (0.995, 1.0), "axes fraction"
+    at, place, shift = (0.995, 1.0), "axes fraction", -4
     top = axes.get_ylim()[1] / 1.08
     if limit <= FAR * top:
         axes.set_ylim(0.0, 1.08 * max(top, limit))
         axes.axhline(limit, color=INK, linewidth=1.2, linestyle=DASHED)
-        plain(axes.annotate(words, (0.995, limit), (0, -4), (place, "data"), "offset points", **look))
+        if limit < LOW * top:
+            look["va"], shift = "bottom", 4
+        plain(axes.annotate(words, (0.995, limit), (0, shift), (place, "data"), "offset points", **look))
     else:
         plain(axes.annotate(f"{words}, far above", at, (0, -4), place, "offset points", **look))
 

@@ -13,7 +13,7 @@ import numpy as np
 from closeform.mission_result import Mission, StageResult
 from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure
 from closeform.report.drawing import drawn
-from closeform.report.section import Progress, Section
+from closeform.report.section import Progress, Section, fate
 from closeform.report.table import counted
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable
@@ -117,7 +117,13 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         lines=conflicts.zones(result.before) + told.lines,
         closing=told.closing + closing,
         pictures=tuple(
-            replace(picture, name=f"stage-{result.number}-{picture.name}") for picture in told.pictures
+            replace(
+                picture,
+                name=f"stage-{result.number}-{picture.name}",
+                stage=fate(result),
+                failed=result.failure is not None,
+            )
+            for picture in told.pictures
         ),
         figures={
             "number": result.number,

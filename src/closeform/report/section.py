@@ -21,13 +21,19 @@ class Picture:
     plot: str
     arguments: tuple[Any, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
+    stage: str = ""  # written above it, in red where that has
+    failed: bool = False
     moves: ClassVar[bool] = False
 
     def leave(self, folder: Folder, progress: Progress) -> Path:
         """Draw it into a folder."""
         from closeform import plots
+        from closeform.plots.look import banner
 
-        return folder.picture(self.name, getattr(plots, self.plot)(*self.arguments, **self.options))
+        figure = getattr(plots, self.plot)(*self.arguments, **self.options)
+        if self.stage:
+            banner(figure, self.stage, self.failed)
+        return folder.picture(self.name, figure)
 
 
 @dataclass(frozen=True)
@@ -64,11 +70,21 @@ class Section:
     files: Mapping[str, Table] = field(default_factory=dict)
 
 
+def called(result: StageResult[Any, Any]) -> str:
+    """Which stage that is, and what is done in it."""
+    named = f' "{result.stage.name}"' if result.stage.name else ""
+    return f"Stage {result.number}{named}: {result.stage.verb}"
+
+
 def heading(result: StageResult[Any, Any], who: str = "") -> str:
     """The title of a stage; `who` moves."""
-    named = f' "{result.stage.name}"' if result.stage.name else ""
     moving = f", {who}" if who else ""
-    return (
-        f"Stage {result.number}{named}: {result.stage.verb}{moving}, "
-        f"{result.start:.1f} s to {result.end:.1f} s"
-    )
+    return f"{called(result)}{moving}, {result.start:.1f} s to {result.end:.1f} s"
+
+
+def fate(result: StageResult[Any, Any]) -> str:
+    """Which stage a picture is of, and what has become of it where it failed."""
+    if result.failure is None:
+        return called(result)
+    shown = "" if result.flown else "; these are the direct paths, which are not flown"
+    return f"{called(result)} failed: {result.failure.split(':')[0]}{shown}"
