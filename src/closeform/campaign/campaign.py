@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from closeform.arrays import Floats, shown
+from closeform.arrays import Floats, instance, shown
 from closeform.campaign.draws import drawn
 from closeform.campaign.shares import Share, shares
 from closeform.conflicts.two_paths import closest_approach
@@ -179,7 +179,7 @@ def study(file: str | Path, cases: int | None = None, seed: int | None = None) -
     ValueError
         If `file` is no path, or a number of cases or a seed makes no sense.
     """
-    return flown(load(file), cases, seed)
+    return flown(load(instance("file", file, str, Path)), cases, seed)
 
 
 def flown(

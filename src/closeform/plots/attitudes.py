@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance, whole
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -64,7 +64,7 @@ def in_plane_search(search: Search) -> Figure:
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 3; H03 (Hadaegh, Scharf and Ploen 2003) figure 4.
     """
-    leg = search.legs[0]
+    leg = instance("search", search, Search).legs[0]
     if leg.phase != "IPS":
         raise ValueError(f"search: it begins with {leg.phase}, not with an in-plane search")
     figure = sheet(5.5)
@@ -157,6 +157,8 @@ def manoeuvres(search: Search, number: int = 1) -> Figure:
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 4.
     """
+    instance("search", search, Search)
+    whole("number", number)
     legs = [leg for leg in search.legs if leg.round == number and leg.angle]
     if not legs:
         raise ValueError(f"number: this search has rounds 1 to {search.legs[-1].round}, got {number!r}")

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, whole
 from closeform.plots.look import (
     AFTER,
     ALONG,
@@ -69,8 +69,7 @@ def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, co
         and share a time, or an argument is of another kind.
     """
     pairs, called = asked(paths, zones, names)
-    if count < 1:
-        raise ValueError(f"count: must be at least 1, got {count}")
+    whole("count", count, 1)
     shown = pairs.order[:count]
     curves = [curve(pairs, k) for k in shown]
     start = min((float(times[0]) for times, _ in curves), default=0.0)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -66,6 +66,7 @@ def complementary_cones(search: Search, mops: int = 1) -> Figure:
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 5.
     """
+    instance("search", search, Search)
     if search.sensor.cosine <= 0.0:
         raise ValueError(
             f"search: a half-angle of {degrees(search.sensor.half_angle):g} deg leaves no complementary cones"

@@ -6,9 +6,11 @@ from typing import IO
 
 import numpy as np
 
+from closeform.arrays import instance
 from closeform.plots.camera import GROUP_COLOURS, SUN_COLOUR
 from closeform.plots.formation import ThreeViews
 from closeform.plots.gif import write
+from closeform.plots.given import filmed
 from closeform.plots.look import FAINT, INK, OTHER
 from closeform.plots.panels import FEW, STYLES
 from closeform.search.gather_result import EventKind, Gathering
@@ -57,8 +59,8 @@ def animation(
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
-    if frames < 2:
-        raise ValueError(f"frames: must be at least 2, got {frames!r}")
+    filmed(file, frames, progress)
+    instance("gathering", gathering, Gathering)
     views = ThreeViews(gathering, craft, names)
     pixels = WIDE if len(gathering.groups) <= FEW else NARROW
     moments = schedule(gathering, frames)

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.camera import Camera
+from closeform.plots.given import crafts, one_path
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     CONFLICT,
@@ -26,7 +27,6 @@ from closeform.plots.look import (
     ZONE,
     Unit,
     area,
-    crafts,
     dress,
     headline,
     legend,
@@ -91,15 +91,15 @@ def formation_paths(
         If paths are not of one shape (N,) and one orbit, names are not as many as the craft, the zones make
         none for a pair, or an argument is of another kind.
     """
-    if not isinstance(after, Path):
-        raise ValueError(f"after: expected a Path, got {after!r:.60}; a plan that is not ok has none")
+    one_path("before", before)
+    one_path("after", after)
     alike = before.shape == after.shape and before.orbit.mean_motion == after.orbit.mean_motion
     if not alike or len(before.shape) != 1 or not len(before):
         raise ValueError(
             f"before, after: must be of one orbit and one shape (N,), got {before.shape} and {after.shape}"
         )
-    others = crafts(obstacles)
-    called = short_names(names, len(crafts(before)))
+    others = crafts("obstacles", obstacles)
+    called = short_names(names, len(crafts("before", before)))
     sides = [("Before", before), ("After", after)] if after is not before else [("Paths", before)]
     every = [*called, *(f"obstacle {k}" for k in range(len(others)))]
     stages = [Formation.of(title, paths, others, zone, every) for title, paths in sides]

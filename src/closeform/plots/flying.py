@@ -15,6 +15,7 @@ from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import NAMED, PLANES, beside, owned, scaled
 from closeform.plots.gif import write
+from closeform.plots.given import crafts, filmed
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     CONFLICT,
@@ -27,7 +28,6 @@ from closeform.plots.look import (
     ZONE,
     area,
     clock,
-    crafts,
     dress,
     instants,
     length_unit,
@@ -139,10 +139,10 @@ class Flying:
     """The figure, its views and its strip of time."""
 
     def __init__(self, paths: Any, names: Sequence[str] | None, zone: Any, frames: int) -> None:
-        flown = crafts(paths)
+        flown = crafts("paths", paths)
         self.called = short_names(names, len(flown))
         self.tints = colours(len(flown))
-        self.pairs = Pairs.of(flown, zone)
+        self.pairs = Pairs.of(flown, zone, name="zone")
         start, end = min(path.start for path in flown), max(path.end for path in flown)
         self.closest = float(self.pairs.time[self.pairs.order[0]]) if self.pairs.order else start
         self.times = np.union1d(np.linspace(start, end, frames), [self.closest])
@@ -313,8 +313,7 @@ def formation_animation(
         If `frames` is below 2, names are not as many as the craft, the zones make none for a pair, or an
         argument is of another kind.
     """
-    if frames < 2:
-        raise ValueError(f"frames: must be at least 2, got {frames!r}")
+    filmed(file, frames, progress)
     scene = Flying(paths, names, zone, frames)
     waits = np.where((scene.times == scene.closest) & (len(scene.pairs) > 0), HOLD, PLAY)
     waits[-1] = LAST

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from closeform.arrays import instance, number
 from closeform.plots.camera import GROUP_COLOURS, triad
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import INK, OTHER, SMALL, TEXT, sheet
@@ -35,7 +36,8 @@ class ThreeViews:
 
     def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
         count = len(gathering.groups)
-        if not 0 <= craft < count:
+        instance("craft", craft, int, np.integer)
+        if isinstance(craft, bool) or not 0 <= craft < count:
             raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft!r}")
         self.gathering = gathering
         self.names = short_names(names, count)
@@ -179,7 +181,8 @@ def three_views(
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
-    if not 0.0 <= time <= gathering.duration:
+    instance("gathering", gathering, Gathering)
+    if not 0.0 <= number("time", time) <= gathering.duration:
         raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
     views = ThreeViews(gathering, craft, names)
     views.show(time)

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, instance, number, numbers
 from closeform.plots.camera import (
     GROUP_COLOURS,
     Camera,
@@ -136,6 +136,7 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 6, lemma 2.
     """
+    instance("search", search, Search)
     if search.sensor.offset > 0.0 or search.sensor.cosine <= 0.0:
         raise ValueError("search: lemma 2 wants sensors at the centres of mass and half-angles below 90 deg")
     r, v = numbers("position", position), numbers("velocity", velocity)
@@ -143,7 +144,7 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
         if vector.shape != (3,):
             raise ValueError(f"{name}: expected shape (3,), got {vector.shape}")
     leg = search.legs[0]
-    when = float(lock_times(search, r, v).time[0]) if time is None else float(time)
+    when = float(lock_times(search, r, v).time[0]) if time is None else number("time", time)
     if leg.phase != "IPS" or not 0.0 <= when <= leg.end:
         raise ValueError(f"time: {when:g} s is not in the first in-plane search, which ends at {leg.end:g} s")
     meeting = Meeting(r + v * when, -search.boresight(when), search.sensor.half_angle)

@@ -7,6 +7,8 @@ from unicodedata import bidirectional
 from matplotlib.font_manager import FontProperties, findfont, fontManager, get_font
 from matplotlib.text import Text
 
+from closeform.plots.given import texts
+
 LONG = 13  # characters of a name
 LEFT_TO_RIGHT = "\u200e"  # a mark without width
 WIDE, CJK = "MW@%…", 0x2E80  # letters about as wide as high, and those from which on they are
@@ -19,8 +21,7 @@ def short_names(names: Sequence[str] | None, count: int, what: str = "craft") ->
     """
     if names is None:
         return [str(k) for k in range(count)]
-    if len(names) != count:
-        raise ValueError(f"names: {len(names)} names for {count} {what}")
+    names = texts("names", names, count, what)
     half = LONG // 2
     short = [name if len(name) <= LONG else f"{name[:half]}…{name[-half:]}" for name in names]
     return [upright(name) if None not in fonts(name) else f"#{k}" for k, name in enumerate(short, 1)]

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, instance, number, numbers
 from closeform.plots.look import (
     AFTER,
     ALTERNATIVE,
@@ -65,10 +65,12 @@ def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
     """
+    instance("search", search, Search)
+    instance("what", what, str)
     given = numbers("times", times)
     if given.ndim != 1:
         raise ValueError(f"times: expected shape (M,), got {given.shape}")
-    if not (np.isfinite(bin) and bin > 0.0):
+    if not 0.0 < number("bin", bin) < np.inf:
         raise ValueError(f"bin: must be positive and finite, got {bin!r} s")
     found = given[~np.isnan(given)]
     if found.size and not (found.min() >= 0.0 and found.max() <= search.duration):
@@ -111,7 +113,7 @@ def phases(axes: Axes, search: Search, unit: Unit, later: Floats, until: float) 
         colour = PHASE_COLOURS.get(name, OTHER)
         axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
         axes.axvline(end / unit.size, color=OTHER, linewidth=1.2)
-        inside = number(int(np.count_nonzero((later > start) & (later <= end))))
+        inside = spaced(int(np.count_nonzero((later > start) & (later <= end))))
         middle, half = (start + end) / 2 * inch, LETTER * max(len(f"{name} {turn}"), len(inside)) / 2
         row = next((row for row in (0, 1) if middle - half >= free[row]), None)
         if start >= until or row is None or middle + half > until * inch + 0.1:
@@ -143,13 +145,13 @@ def by_then(axes: Axes, found: Floats, everything: int, unit: Unit, end: float) 
 def counted(everything: int, found: int, later: int, what: str) -> str:
     """How many there are, at once, later and never, in one line."""
     noun, _, verb = what.partition(" ")
-    parts = [f"{number(found - later)} of {number(everything)} {noun} {verb} at once (not shown)"]
-    parts.append(f"{number(later)} later")
+    parts = [f"{spaced(found - later)} of {spaced(everything)} {noun} {verb} at once (not shown)"]
+    parts.append(f"{spaced(later)} later")
     if found < everything:
-        parts.append(f"{number(everything - found)} never")
+        parts.append(f"{spaced(everything - found)} never")
     return ", ".join(parts)
 
 
-def number(count: int) -> str:
+def spaced(count: int) -> str:
     """A count with its thousands set apart."""
     return f"{count:,}".replace(",", " ")

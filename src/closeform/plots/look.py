@@ -13,6 +13,7 @@ from matplotlib.text import Text
 from closeform.arrays import Floats
 from closeform.motion.arc import START
 from closeform.motion.path import Path
+from closeform.plots.given import one_craft
 from closeform.plots.letters import plain
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
@@ -215,9 +216,8 @@ def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> Non
 
 def common_time(path: Path, other: Path) -> tuple[float, float]:
     """The time that two craft share. Raises ValueError where there is none, or for batches."""
-    for name, one in (("path", path), ("other", other)):
-        if one.shape:
-            raise ValueError(f"{name}: pictures show one craft at a time, got shape {one.shape}; index it")
+    one_craft("path", path)
+    one_craft("other", other)
     start, end = max(path.start, other.start), min(path.end, other.end)
     if not start < end:
         raise ValueError(
@@ -225,13 +225,6 @@ def common_time(path: Path, other: Path) -> tuple[float, float]:
             f"{other.start:g} to {other.end:g} s)"
         )
     return start, end
-
-
-def crafts(paths: Any) -> list[Path]:
-    """Single craft out of one Path of any shape or a sequence of such."""
-    if not isinstance(paths, Path):
-        return [craft for path in paths for craft in crafts(path)]
-    return [paths] if not paths.shape else [paths[k] for k in np.ndindex(paths.shape)]
 
 
 def signed_percent(share: float) -> str:

@@ -10,9 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.path import Path
+from closeform.plots.given import crafts, one_craft
 from closeform.plots.letters import short_names
 from closeform.plots.look import (
     AFTER,
@@ -27,7 +28,6 @@ from closeform.plots.look import (
     clock,
     column,
     common_time,
-    crafts,
     dress,
     headline,
     instants,
@@ -92,7 +92,10 @@ def ratios(
         If a path is a batch, there is no obstacle, one shares no time with a path, names are not as many as
         the obstacles, or an argument is of another kind.
     """
-    others = crafts(obstacles)
+    one_craft("before", before)
+    one_craft("after", after)
+    instance("zone", zone, Zone)
+    others = crafts("obstacles", obstacles)
     if not others:
         raise ValueError("obstacles: give at least one path")
     called = short_names(names, len(others), "obstacles") if names is not None else []

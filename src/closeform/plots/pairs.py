@@ -11,8 +11,8 @@ from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
+from closeform.plots.given import crafts
 from closeform.plots.letters import short_names
-from closeform.plots.look import crafts
 from closeform.zones.pair_zones import NONE, pair_zones
 from closeform.zones.zone import Zone
 
@@ -35,15 +35,17 @@ class Pairs:
     time: Floats
 
     @classmethod
-    def of(cls, paths: Any, zones: Any, flown: int | None = None) -> Self:
+    def of(cls, paths: Any, zones: Any, flown: int | None = None, name: str = "zones") -> Self:
         """Pairs of N `paths`, with one zone for all, one for each, or `PairZones`; or none.
 
         The first two hold for pairs of which one at least is among the first `flown` craft.
         Raises ValueError for another number of zones, or where two do not hold each other.
         """
-        batch = stack(crafts(paths))
+        batch = stack(crafts("paths", paths))
         flying = len(batch) if flown is None else flown
-        kept = pair_zones("zones", zones or [None] * len(batch), flying, len(batch) - flying)
+        none = zones is None or (isinstance(zones, Sequence) and not zones)
+        own = [None] * len(batch) if none else zones
+        kept = pair_zones(name, own, flying, len(batch) - flying)
         craft = np.stack(np.triu_indices(len(batch), 1), axis=1)
         which = kept.which(*craft.T)
         craft = craft[which != NONE]
@@ -80,9 +82,7 @@ class Pairs:
 
 def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
     """The pairs to show and what their craft are called."""
-    if paths is None:
-        raise ValueError("paths: expected a Path, got None; a plan that is not ok has none")
-    flown = crafts(paths)
+    flown = crafts("paths", paths)
     if len(flown) < 2:
         raise ValueError(f"paths: give at least two craft, got {len(flown)}")
     called = short_names(names, len(flown))

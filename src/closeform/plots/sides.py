@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance, sequence
 from closeform.conflicts.two_paths import closest_approach, find_conflicts
 from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
+from closeform.plots.given import one_craft
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     AFTER,
@@ -120,13 +121,16 @@ def two_ways(
     ----------
     SP11 (Sauter and Palmer 2011) figure 2.
     """
+    one_craft("path", path)
+    one_craft("obstacle", obstacle)
+    instance("zone", zone, Zone)
     planned = Passage.of(path, obstacle, zone)
-    chosen = ways_around(path, obstacle, zone) if ways is None else ways
+    chosen = ways_around(path, obstacle, zone) if ways is None else sequence("ways", ways, Path)
     if len(chosen) > len(SIDES):
         raise ValueError(f"ways: at most {len(SIDES)}, got {len(chosen)}")
     around = [Passage.of(way, obstacle, zone) for way in chosen]
 
-    (called,) = short_names([name], 1) if name is not None else ("obstacle",)
+    (called,) = short_names([instance("name", name, str)], 1) if name is not None else ("obstacle",)
 
     figure = sheet(6.5)
     left, right = (area(figure, 0.95 + 5.25 * k, 1.35, 4.25, 4.25) for k in range(2))

@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
 from closeform.plots.fleet import beside, owned, scaled
+from closeform.plots.given import crafts, one_craft
 from closeform.plots.letters import short_names
 from closeform.plots.look import (
     AFTER,
@@ -24,7 +25,6 @@ from closeform.plots.look import (
     Unit,
     area,
     common_time,
-    crafts,
     dress,
     headline,
     instants,
@@ -118,7 +118,10 @@ def before_after(
     ----------
     SP11 (Sauter and Palmer 2011) figure 3.
     """
-    others = crafts(obstacles)
+    one_craft("before", before)
+    one_craft("after", after)
+    instance("zone", zone, Zone)
+    others = crafts("obstacles", obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
     scene = compose(before, after, others, zone, called)
     centre, reach = scene.centre_and_reach

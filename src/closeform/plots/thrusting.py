@@ -8,8 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, number, numbers
 from closeform.motion.path import Path
+from closeform.plots.given import crafts, texts
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     AFTER,
@@ -26,7 +27,6 @@ from closeform.plots.look import (
     Unit,
     clock,
     column,
-    crafts,
     dress,
     headline,
     instants,
@@ -70,13 +70,12 @@ def thrust(paths: Any, labels: Sequence[str], mass: float | None = None) -> Figu
         If there are more than three paths or none, labels are not as many, `mass` is not positive and finite,
         or an argument is of another kind.
     """
-    if mass is not None and not 0.0 < mass < np.inf:
+    if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
-    flown = crafts(paths)
+    flown = crafts("paths", paths)
     if not 1 <= len(flown) <= len(LINES):
         raise ValueError(f"paths: from one to {len(LINES)}, got {len(flown)}")
-    if len(labels) != len(flown):
-        raise ValueError(f"labels: {len(labels)} labels for {len(flown)} paths")
+    labels = texts("labels", labels, len(flown), "paths")
     start, end = min(path.start for path in flown), max(path.end for path in flown)
     ticks = clock(flown[0], start, end)
     force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
@@ -148,7 +147,7 @@ def formation_thrust(
         If names, limits or masses are not as many as the craft, masses are not positive, or an argument is of
         another kind.
     """
-    flown = crafts(paths)
+    flown = crafts("paths", paths)
     called, count = short_names(names, len(flown)), len(flown)
     kilograms = np.ones(count) if masses is None else vector("masses", masses, count)
     if not (kilograms > 0.0).all():
@@ -206,7 +205,7 @@ def most_of_all(called: list[str], peaks: Floats, limits: Floats, unit: Unit) ->
 
 def vector(name: str, given: ArrayLike, count: int) -> Floats:
     """One number for each craft."""
-    values = np.asarray(given, dtype=float)
+    values = numbers(name, given)
     if values.shape != (count,):
         raise ValueError(f"{name}: expected shape ({count},), got {values.shape}")
     return values

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
 from closeform.motion.path import Path
 from closeform.plots.letters import short_names
@@ -80,6 +80,7 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     ----------
     SP11 (Sauter and Palmer 2011) figure 1.
     """
+    instance("zone", zone, Zone)
     start, end = common_time(path, other)
     one, two = short_names(names, 2)
     conflicts = find_conflicts(path, other, zone)

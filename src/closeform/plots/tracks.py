@@ -7,7 +7,16 @@ from matplotlib.colors import to_rgba_array
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.plots.look import AFTER, ALONG, ALTERNATIVE, BEFORE, CROSS, RADIAL, crafts, instants
+from closeform.plots.given import crafts
+from closeform.plots.look import (
+    AFTER,
+    ALONG,
+    ALTERNATIVE,
+    BEFORE,
+    CROSS,
+    RADIAL,
+    instants,
+)
 from closeform.plots.pairs import Pairs, ratio_text
 from closeform.plots.scene import drawn
 from closeform.zones.zone import Zone
@@ -43,11 +52,11 @@ class Formation:
     @classmethod
     def of(cls, title: str, paths: Path, others: list[Path], zone: object, called: list[str]) -> "Formation":
         """Sample the tracks and find what is in conflict."""
-        flown = crafts(paths)
+        flown = crafts("paths", paths)
         tracks, passed = (
             [path.position(instants(path.start, path.end, path)) for path in some] for some in (flown, others)
         )
-        pairs = Pairs.of([*flown, *others], zone, len(flown))
+        pairs = Pairs.of([*flown, *others], zone, len(flown), "zone")
         stays: list[Floats] = []
         for path, spans in zip(flown, together(pairs, len(flown)), strict=True):
             stays += [path.position(np.linspace(start, end, 60)) for start, end in spans]

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from closeform.arrays import Floats, instance, numbers
+from closeform.arrays import Floats, instance, numbers, whole
 from closeform.search.leg import Group
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
@@ -300,7 +300,7 @@ def _assumptions(search: Search) -> None:
 
 
 def _start(search: Search, mops: int) -> float:
-    instance("mops", mops, int, np.integer)
+    whole("mops", mops)
     for name, number, start, _ in search.phases:
         if (name, number) == ("mOPS", mops):
             return start

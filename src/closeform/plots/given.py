@@ -1,0 +1,50 @@
+"""Given: what pictures are given, checked; what does not fit is named."""
+
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import instance, sequence, shown, whole
+from closeform.motion.path import Path
+
+
+def one_path(name: str, given: Any) -> Path:
+    """An argument as a Path of any shape; of a plan without one the message tells so."""
+    if given is None:
+        raise ValueError(f"{name}: expected a Path, got None; a plan that is not ok has none")
+    path: Path = instance(name, given, Path)
+    return path
+
+
+def one_craft(name: str, given: Any) -> Path:
+    """An argument as a Path of one craft."""
+    path = one_path(name, given)
+    if path.shape:
+        raise ValueError(f"{name}: pictures show one craft at a time, got shape {path.shape}; index it")
+    return path
+
+
+def crafts(name: str, given: Any) -> list[Path]:
+    """An argument as single craft, out of one Path of any shape or a sequence of such."""
+    if given is None or isinstance(given, Path):
+        path = one_path(name, given)
+        return [path] if not path.shape else [path[k] for k in np.ndindex(path.shape)]
+    return [craft for path in sequence(name, given, Path) for craft in crafts(name, path)]
+
+
+def texts(name: str, given: Any, count: int, what: str) -> list[str]:
+    """An argument as one text for each of some craft, paths or obstacles."""
+    words = sequence(name, given, str)
+    if len(words) != count:
+        raise ValueError(f"{name}: {len(words)} {name} for {count} {what}")
+    return words
+
+
+def filmed(file: Any, frames: Any, progress: Any) -> None:
+    """Refuse what no animation can be written to, or what it cannot be written with."""
+    if not isinstance(file, str | PathLike) and not hasattr(file, "write"):
+        raise ValueError(f"file: expected a path or an open file, got {shown(file)}")
+    whole("frames", frames, 2)
+    if progress is not None and not callable(progress):
+        raise ValueError(f"progress: expected a function, got {shown(progress)}")

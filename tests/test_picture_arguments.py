@@ -1,0 +1,101 @@
+"""Arguments of pictures and studies: what does not fit is named in one line, before anything is drawn."""
+
+import inspect
+import io
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.scenario import ScenarioError
+from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, is_named
+from test_docstrings import entries, sections
+from test_surface import CALLABLES
+
+mpl.use("agg")
+CALLS = {
+    "plots.animation": {
+        "gathering": GATHERED, "file": io.BytesIO(), "craft": 0, "names": ["a", "b", "c"],
+        "frames": 3, "progress": lambda done, total: None,
+    },
+    "plots.before_after": {
+        "before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]
+    },
+    "plots.closest_pairs": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"], "count": 2},
+    "plots.complementary_cones": {"search": SEARCH, "mops": 1},
+    "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},
+    "plots.formation_animation": {
+        "paths": COAST, "file": io.BytesIO(), "names": ["a", "b", "c"], "zone": BALL, "frames": 3,
+        "progress": lambda done, total: None,
+    },
+    "plots.formation_paths": {
+        "before": COAST, "after": COAST, "names": ["a", "b", "c"], "zone": BALL, "obstacles": [REST]
+    },
+    "plots.formation_thrust": {
+        "paths": COAST, "names": ["a", "b", "c"], "limits": np.ones(3), "masses": np.ones(3)
+    },
+    "plots.histogram": {"times": np.array([1.0, 2.0]), "search": SEARCH, "bin": 60.0, "what": "pairs lock"},
+    "plots.in_plane_search": {"search": SEARCH},
+    "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
+    "plots.manoeuvres": {"search": SEARCH, "number": 1},
+    "plots.ratio_matrix": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"]},
+    "plots.ratios": {"before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]},
+    "plots.three_views": {"gathering": GATHERED, "time": 1.0, "craft": 0, "names": ["a", "b", "c"]},
+    "plots.thrust": {"paths": [MOVE], "labels": ["a"], "mass": 1.0},
+    "plots.two_ways": {"path": MOVE, "obstacle": REST, "zone": BALL, "ways": [MOVE], "name": "a"},
+    "study": {"file": "examples/s04.toml", "cases": 10, "seed": 1},
+}  # fmt: skip
+BAD = {
+    "None": None, "words": "three", "an object": object(), "a dictionary": {1.0: "a"}, "a half": 0.5,
+    "words in a list": ["one"], "a number in a list": [3], "not a number": np.nan, "minus one": -1,
+    "a truth value": True, "an array": np.ones((2, 1, 5)),
+}  # fmt: skip
+
+
+def fits(name, argument, bad):
+    """Whether a value may be what an argument is."""
+    good = CALLS[name][argument]
+    default = inspect.signature(CALLABLES[name]).parameters[argument].default
+    if bad is None:
+        return default in (None, ())
+    if isinstance(bad, bool):
+        return isinstance(good, float)
+    if argument == "times":
+        return isinstance(bad, list) and bad == [3]
+    if isinstance(good, str) or argument == "file":
+        return isinstance(bad, str)
+    if argument in ("names", "labels"):
+        return isinstance(bad, list) and bad == ["one"] and len(good) == 1
+    if isinstance(good, float):
+        return isinstance(bad, float) and bad > 0.0
+    return False
+
+
+def spoilt():
+    for name, arguments in CALLS.items():
+        for argument in arguments:
+            for kind, bad in BAD.items():
+                if not fits(name, argument, bad):
+                    yield pytest.param(name, argument, bad, id=f"{name}-{argument}-{kind}")
+
+
+def call(name, /, **arguments):
+    owner, _, function = name.rpartition(".")
+    return getattr(cf.plots if owner else cf, function)(**arguments)
+
+
+@pytest.mark.parametrize(("name", "argument", "bad"), list(spoilt()))
+def test_what_does_not_fit_is_named(name, argument, bad):
+    with pytest.raises(ValueError) as caught:  # noqa: PT011, whose words are looked at
+        call(name, **{**CALLS[name], argument: bad})
+    assert is_named(argument, caught.value)
+    assert type(caught.value) in (ValueError, ScenarioError)
+    assert type(caught.value).__name__ in entries(sections(CALLABLES[name].__doc__)["Raises"])
+
+
+def test_all_pictures_are_called():
+    named = {name for name in CALLABLES if name.startswith("plots.")} | {"study"}
+    assert named == CALLS.keys()
+    for name, arguments in CALLS.items():
+        assert list(arguments) == list(inspect.signature(CALLABLES[name]).parameters)
