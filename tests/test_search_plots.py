@@ -445,7 +445,7 @@ def test_animation_to_a_buffer():
         (lambda: plots.three_views(FIVE, 1e5), "time: must lie in the gathering, from 0 to 1509.47 s"),
         (lambda: plots.three_views(FIVE, 0.0, 5), "craft: must be from 0 to 4, got 5"),
         (lambda: plots.three_views(FIVE, 0.0, names=["a"]), "names: 1 names for 5 craft"),
-        (lambda: plots.animation(FIVE, io.BytesIO(), frames=1), "frames: expected a whole number from 2 on, got 1"),
+        (lambda: plots.animation(FIVE, io.BytesIO(), frames=1), "frames: expected a whole number from 2 on"),
     ],
 )
 def test_bad_input_is_named(call, message):
