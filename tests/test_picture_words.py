@@ -224,3 +224,27 @@ within = "0.3 orbits"
     told += "; these are the direct paths, which are not flown"
     assert {(picture.stage, picture.failed) for picture in swap.pictures} == {(told, True)}
     assert "paths" in {picture.plot.split("_")[-1] for picture in swap.pictures}
+
+
+@pytest.mark.parametrize(("count", "filmed"), [(400, True), (401, False)])
+def test_there_is_no_film_of_too_many_craft_and_that_is_said(count, filmed):
+    names = ", ".join(f'"C{k}"' for k in range(count))
+    starts = ", ".join(f'{{ palmer = "0 {1e3 * k} 0 0 0 0 m" }}' for k in range(count))
+    file = f"""
+closeform = 1
+title = "Many"
+[orbit]
+altitude = "500 km"
+[craft]
+name = [{names}]
+start = [{starts}]
+keep_out = {{ sphere = "20 m" }}
+[[stage]]
+do = "coast"
+for = "1 min"
+animation = true
+"""
+    (told,) = RunReport(fly(parse(file))).sections
+    assert any(picture.moves for picture in told.pictures) == filmed
+    said = f"Animation left out: {count} craft, and more than 400 are not shown"
+    assert (said in told.closing) != filmed

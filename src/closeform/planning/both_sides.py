@@ -15,7 +15,8 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     """Clear paths between the ends of `path` on either side of the obstacle, the cheaper first.
 
     The cheapest path found, and the cheapest of those that pass on the other side.  A side on which none is
-    found is left out; there is none where the unconstrained path is clear.
+    found is left out, such as one from which paths slide around the zone to the cheaper side; there is none
+    where the unconstrained path is clear.
     """
     optimum = path.orbit.transfer(
         path.state(path.start), path.state(path.end), path.end - path.start, path.start

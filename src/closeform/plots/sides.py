@@ -263,4 +263,5 @@ def summary(planned: Passage, count: int) -> str:
     if planned.ratio > 1:
         return f"No way around is needed: closest {planned.ratio:.2f} × zone at {time}"
     found = ("No way", "One way", "Two ways")[count]
-    return f"{found} around the conflict at {time} ({planned.ratio:.2f} × zone)"
+    alone = ", none found on the other side" if count == 1 else ""
+    return f"{found} around the conflict at {time} ({planned.ratio:.2f} × zone){alone}"

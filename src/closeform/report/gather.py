@@ -299,10 +299,10 @@ def moments(gathering: Gathering) -> list[float]:
 def pictures(gathering: Gathering, names: Sequence[str], moving: bool) -> tuple[Picture, ...]:
     """The animation of a gathering, if it is wanted, and three views at its key moments."""
     found: list[Picture] = []
-    if moving and len(names) <= FILMED:
+    if moving:
         caption = "The gathering from the start of its search to its end"
         options = {"names": names, "frames": FRAMES}
-        found.append(Film("gathering", caption, "animation", (gathering,), options))
+        found.append(Film("gathering", caption, "animation", (gathering,), options, most=FILMED))
     for k, time in enumerate(moments(gathering), 1):
         caption = f"{time:.2f} s ({minutes(time)} min:s) after the start of the search"
         found.append(Picture(f"view-{k}", caption, "three_views", (gathering, time), {"names": names}))

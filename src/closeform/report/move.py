@@ -132,7 +132,7 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     caption = f"{craft} relative to {other}, before"
     found = [Picture("distances", caption, "distances", (path, obstacle, zone), {"names": (craft, other)})]
     if before.conflicts:
-        caption = f"Two ways of {craft} around {other}"
+        caption = f"Ways of {craft} around {other}: the cheapest found on each side"
         found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone), {"name": other}))
     if around is not None and around is not path:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]

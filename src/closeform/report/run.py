@@ -13,7 +13,7 @@ import numpy as np
 from closeform.mission_result import Mission, StageResult
 from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure
 from closeform.report.drawing import drawn
-from closeform.report.section import Progress, Section, fate
+from closeform.report.section import Film, Progress, Section, fate, not_filmed
 from closeform.report.table import counted
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable
@@ -112,10 +112,11 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     told = SUBJECTS[type(result.stage)](mission, result)
     used = limits.figures(mission, result) if result.result is not None else {}
     closing = limits.lines(mission, result) if result.result is not None else ()
+    count = len(result.after.names)
     return replace(
         told,
         lines=conflicts.zones(result.before) + told.lines,
-        closing=told.closing + closing,
+        closing=told.closing + closing + not_filmed(told.pictures, count),
         pictures=tuple(
             replace(
                 picture,
@@ -124,6 +125,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 failed=result.failure is not None,
             )
             for picture in told.pictures
+            if not (isinstance(picture, Film) and picture.most < count)
         ),
         figures={
             "number": result.number,

@@ -1,6 +1,6 @@
 """Section: all that a report has to say of one stage, for the terminal, the page and the files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -38,8 +38,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Film(Picture):
-    """A picture that moves; its function writes the file itself."""
+    """A picture that moves; its function writes the file itself, of up to `most` craft."""
 
+    most: int = 400  # drawn in a quarter of a minute
     moves: ClassVar[bool] = True
 
     def leave(self, folder: Folder, progress: Progress) -> Path:
@@ -68,6 +69,14 @@ class Section:
     pictures: tuple[Picture, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
     files: Mapping[str, Table] = field(default_factory=dict)
+
+
+def not_filmed(pictures: Sequence[Picture], count: int) -> tuple[str, ...]:
+    """That there is no film, since there are too many craft."""
+    films = [picture for picture in pictures if isinstance(picture, Film) and picture.most < count]
+    return tuple(
+        f"Animation left out: {count} craft, of more than {film.most} there is none" for film in films
+    )
 
 
 def called(result: StageResult[Any, Any]) -> str:
