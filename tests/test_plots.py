@@ -285,11 +285,11 @@ def test_pyplot_stays_out(tmp_path):
 
 def test_the_only_way_is_said_to_be_the_only_one_found():
     """Off the middle of a ball in deep space all paths slide round it to the side where they are."""
-    orbit = cf.Orbit(0.0)
-    path = orbit.transfer([-500.0, 10.0, 0, 1.0, 0, 0], [500.0, 10.0, 0, 1.0, 0, 0], 1000.0)
-    obstacle, zone = orbit.coast(np.zeros(6), 1000.0), cf.Sphere(20.0)
-    (way,) = ways_around(path, obstacle, zone)
-    assert way.position(500.0)[1] == pytest.approx(20.0, abs=0.01)
-    assert plots.two_ways(path, obstacle, zone).get_suptitle() == (
+    orbit, aside = cf.Orbit(0.0), np.array([0.0, 8.0, 6.0])
+    ends = [np.concatenate([[x, *aside[1:]], [1.0, 0.0, 0.0]]) for x in (-500.0, 500.0)]
+    path, obstacle = orbit.transfer(*ends, 1000.0), orbit.coast(np.zeros(6), 1000.0)
+    (way,) = ways_around(path, obstacle, cf.Sphere(20.0))
+    assert way.position(500.0) == pytest.approx(2.0 * aside, abs=0.01)
+    assert plots.two_ways(path, obstacle, cf.Sphere(20.0)).get_suptitle() == (
         "One way around the conflict at 8.33 min (0.50 × zone), none found on the other side"
     )

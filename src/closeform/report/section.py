@@ -75,7 +75,7 @@ def not_filmed(pictures: Sequence[Picture], count: int) -> tuple[str, ...]:
     """That there is no film, since there are too many craft."""
     films = [picture for picture in pictures if isinstance(picture, Film) and picture.most < count]
     return tuple(
-        f"Animation left out: {count} craft, of more than {film.most} there is none" for film in films
+        f"Animation left out: {count} craft, and more than {film.most} are not shown" for film in films
     )
 
 
