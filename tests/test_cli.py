@@ -154,6 +154,8 @@ def test_summary_holds_every_printed_figure(flown: tuple[Path, str]) -> None:
     for key in ("energy_m2_s3", "delta_v_m_s", "peak_thrust_m_s2"):
         kept.append(100 * (stage["around"][key] / stage["direct"][key] - 1))  # the line "change"
     kept.append(100 * stage["gap"])  # printed in percent
+    for row in summary["used"]:
+        kept += [100 * row[f"share_of_{limit}"] for limit in ("delta_v_budget", "max_thrust")]
     kept += [1e3 * value for value in kept] + [2 * np.pi / summary["mean_motion_rad_s"] / 60]
     kept += [c["end_s"] - c["start_s"] for c in summary["stages"][1]["before"]["conflicts"]]
     body = printed.split("\n", 2)[2]

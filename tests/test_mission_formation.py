@@ -255,7 +255,7 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
     mission = fly(parse(text))
     run = run_text(text, tmp_path, monkeypatch, capsys)
     thrust = r"^At most: thrust (\S+) of 1 N \((\S+)\)$"
-    spent = r"^So far at most: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1 kg \((\S+)\)$"
+    spent = r"^So far at most: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
     peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
     delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
     for row, (flown, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):
@@ -264,7 +264,7 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
         assert float(peak) == pytest.approx(force[who], rel=5e-4)  # four digits
         assert delta_v[row].argmax() != 1  # F2 has the tightest budget, and spends less than others
         assert float(total[0]) == pytest.approx(delta_v[row, 1], rel=5e-4)
-        assert float(total[1]) == pytest.approx(burnt[row].max(), rel=5e-4)
+        assert float(total[1]) == pytest.approx(1e3 * burnt[row].max(), rel=5e-4)
         told = run.summary["stages"][row]["limits"]
         assert told["thrust_N"] == {"craft": who, "used": pytest.approx(force[who]), "limit": 1.0}
         assert told["delta_v_m_s"] == {"craft": "F2", "used": pytest.approx(delta_v[row, 1]), "limit": 0.9}
@@ -473,7 +473,7 @@ def test_propellant_and_its_warnings(pictureless, tmp_path, monkeypatch, capsys)
     assert run.summary["warnings"] == list(mission.warnings)
     over, empty = mission.warnings
     assert re.fullmatch(r"F1 needs [0-9.]+ m/s, its delta_v_budget is 0.01 m/s", over)
-    assert re.fullmatch(r"F2 needs [0-9.]+ kg of propellant, it has 0.001 kg", empty)
+    assert re.fullmatch(r"F2 needs [0-9.]+ g of propellant, it has 1 g", empty)
     assert over in run.printed
     check_sheets(run, 1, "spread")
     assert "propellant [g]" in run.printed

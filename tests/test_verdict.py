@@ -371,7 +371,7 @@ def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -
     text = passing(ENGINE, FELLOW.replace("500 m", "-50 m") + MOVE.format("0 -100 3 m"))
     status, printed, summary, _ = run(text, tmp_path, monkeypatch, capsys)
     assert status == 0
-    assert printed.count("propellant [g]") == 3  # change made, meanwhile, paths of the plan
+    assert printed.count("propellant [g]") == 4  # change made, meanwhile, paths of the plan, in all
     mass = 100.0
     for cost in (
         summary["stages"][0]["change"]["around"],

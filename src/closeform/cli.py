@@ -10,6 +10,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from closeform.console import (
+    WIDTH,
     OutputError,
     complain,
     discard_output,
@@ -77,6 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def make_haste(tokens: list[str]) -> None:
     """What shortens a command that has its process for itself."""
+    if not sys.stdout.isatty():
+        os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
     if tokens[:1] == ["run"] and (os.cpu_count() or 1) > 1:
         from closeform.report import drawing

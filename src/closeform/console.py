@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from closeform.report.study import StudyReport
     from closeform.report.table import Table
 
-WIDTH = 100  # columns of the output, on a terminal or not
+WIDTH = 100  # columns of a terminal's output
+UNBROKEN = 100_000  # what is read by other programs, or kept in a file, has its lines as they are
 
 
 class OutputError(Exception):
@@ -80,7 +81,8 @@ def stdout() -> "Console":
     """Where results are printed."""
     from rich.console import Console
 
-    return Console(width=WIDTH, highlight=False, markup=False, emoji=False)
+    width = WIDTH if sys.stdout.isatty() else UNBROKEN
+    return Console(width=width, highlight=False, markup=False, emoji=False)
 
 
 def stderr() -> "Console":
@@ -105,7 +107,7 @@ def progress(console: "Console") -> "Progress":
 
 
 def say(console: "Console", *lines: str) -> None:
-    """Print lines as they are, wrapped at the width."""
+    """Print lines as they are, on a terminal wrapped at its width."""
     for line in lines:
         console.print(line)
 
@@ -114,7 +116,8 @@ def show(console: "Console", shown: "Table") -> None:
     """Print a small table: words to the left, numbers to the right."""
     from rich.table import Table
 
-    table = Table(title=f"\n{shown.title}", title_justify="left", title_style="", box=None, pad_edge=False)
+    say(console, "", shown.title)
+    table = Table(box=None, pad_edge=False)
     for column in shown.shown:
         table.add_column(column.heading or "", justify="left" if column.words else "right", overflow="fold")
     for row in shown.texts:
@@ -134,6 +137,9 @@ def tell_run(report: "RunReport", place: Path) -> None:
                 show(console, table)
         if section.closing:
             say(console, "", *section.closing)
+    for table in report.closing:
+        if not table.folded:
+            show(console, table)
     say(console, "", *(f"Warning: {line}" for line in mission.warnings))
     end = f"{mission.verdict}; "
     if len(end) > console.width:

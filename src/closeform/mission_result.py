@@ -152,6 +152,18 @@ class Mission:
                 burnt[:, k] = np.diff(so_far, prepend=0.0)
         return burnt
 
+    @cached_property
+    def spent_of_each(self) -> Floats:
+        """What each craft spent in all stages flown: delta-v (N,) [m/s] and propellant (N,) [kg]."""
+        flown = [result.flown for result in self.results]
+        return np.array([self.delta_v[flown].sum(axis=0), self.propellant[flown].sum(axis=0)])
+
+    @cached_property
+    def grams(self) -> bool:
+        """Whether propellant is printed in grams: no tank holds, or nobody burns, more than a kilogram."""
+        tanks = [craft.propellant for craft in self.scenario.craft if craft.propellant is not None]
+        return max(tanks, default=float(np.nansum(self.propellant, axis=0).max(initial=0.0))) <= 1.0
+
     def burnt(self, number: int, k: int, delta_v: float) -> float:
         """What craft k burns for a delta-v [m/s] in stage `number` [kg]; nan where not known."""
         from closeform.planning.limits import propellant
@@ -191,4 +203,4 @@ class Mission:
     def warnings(self) -> tuple[str, ...]:
         """Stages that take longer than asked, and craft that need more than they have, one line each."""
         late = (one.warning for one in self.verdict.late)
-        return (*late, *(use.warning for use in self.uses if use.exceeded))
+        return (*late, *(use.warning(self.grams) for use in self.uses if use.exceeded))

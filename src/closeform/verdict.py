@@ -36,11 +36,17 @@ class Use:
         """Whether that is more than there is."""
         return self.share > 1.0 + ROUNDING
 
-    @property
-    def warning(self) -> str:
+    def shown(self, grams: bool) -> tuple[float, float, str]:
+        """What is used, the limit, and the unit of both as they are printed: of masses perhaps grams."""
+        if grams and self.unit == "kg":
+            return 1e3 * self.used, 1e3 * self.limit, "g"
+        return self.used, self.limit, self.unit
+
+    def warning(self, grams: bool) -> str:
         """The same in words, for a limit that is exceeded."""
         of, has = WARNINGS[self.what]
-        return f"{self.craft} needs {self.used:.4g} {self.unit}{of}, {has} {self.limit:g} {self.unit}"
+        used, limit, unit = self.shown(grams)
+        return f"{self.craft} needs {used:.4g} {unit}{of}, {has} {limit:g} {unit}"
 
 
 @dataclass(frozen=True)

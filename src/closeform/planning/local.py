@@ -38,7 +38,7 @@ HUGGING = 16  # contacts for each craft, beyond which paths hug zones and have n
 BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # how it ended; optimal: the conditions of optimality hold to rounding
 
 
-class Samples(NamedTuple):
+class Bodies(NamedTuple):
     """All bodies at a problem's sample times: states (B, T, 6), positions (B, 3, T), greatest speeds (B,)."""
 
     states: Floats
@@ -191,7 +191,7 @@ def solve_local(scene, sides, count, bar, room):
     Given up where it costs well above `bar` when nearly clear.
     """
     scene, sides, best, contacts = lent(scene), lent(sides), lent(room.best), lent(room.hand)
-    samples = lent(Samples(room.states, room.places, room.speeds))
+    samples = lent(Bodies(room.states, room.places, room.speeds))
     slid, following, trial = lent(room.slid), lent(room.following), lent(room.trial)
     factors, gram, work = borrowed(room.factors), borrowed(room.gram), borrowed(room.work)
     gaps, found = borrowed(room.gaps), borrowed(room.found)

@@ -15,9 +15,16 @@ ENERGY = Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format)
 SPEED = Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format)
 PUSH = Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3)
 FORCE = Column("peak thrust [N]", "peak_thrust_N", "{:#.6g}".format)
-FUEL = Column("propellant [g]", "propellant_kg", "{:.2f}".format, 1e3)
+FUEL = Column("propellant [kg]", "propellant_kg", "{:.4f}".format)
 COST = ENERGY, SPEED, PUSH, FORCE, FUEL
 CRAFT = Column("craft", "craft"), Column("slot", "slot"), *COST
+
+
+def in_grams(mission: Mission, column: Column) -> Column:
+    """A column of propellant in the one unit that the whole mission is told in."""
+    if not mission.grams or column.heading is None:
+        return column
+    return replace(column, heading=column.heading.replace("[kg]", "[g]"), form="{:.2f}".format, scale=1e3)
 
 
 def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> tuple[Any, ...]:
@@ -32,7 +39,8 @@ def shown(mission: Mission) -> tuple[Column, ...]:
     """COST as it is shown: thrust in newtons where the file speaks of them, propellant where it is known."""
     hide = {PUSH if mission.scenario.newtons else FORCE}
     hide |= set() if np.isfinite(mission.propellant).any() else {FUEL}
-    return tuple(replace(column, heading=None) if column in hide else column for column in COST)
+    columns = (replace(column, heading=None) if column in hide else column for column in COST)
+    return tuple(in_grams(mission, column) if column.key == FUEL.key else column for column in columns)
 
 
 def figures(

@@ -1,9 +1,15 @@
-"""How near craft come to what they have: thrust, delta-v, propellant."""
+"""How near craft come to what they have: thrust, delta-v, propellant, in a stage and in all."""
 
 from collections.abc import Iterable
+from dataclasses import replace
+from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from closeform.mission_result import Mission, StageResult
+from closeform.report import effort
+from closeform.report.table import MOST_ROWS, Column, Table
 from closeform.verdict import Use
 
 
@@ -28,12 +34,41 @@ def first_of_each(uses: Iterable[Use]) -> tuple[Use, ...]:
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
     """The same in words."""
-    return tuple(
-        f"{title}: "
-        + ", ".join(f"{use.what} {use.used:.4g} of {use.limit:g} {use.unit} ({use.craft})" for use in uses)
-        for title, uses in greatest(mission, result).items()
-        if uses
+
+    def told(use: Use) -> str:
+        used, limit, unit = use.shown(mission.grams)
+        return f"{use.what} {used:.4g} of {limit:g} {unit} ({use.craft})"
+
+    most = greatest(mission, result).items()
+    return tuple(f"{title}: {', '.join(map(told, uses))}" for title, uses in most if uses)
+
+
+def used_up(mission: Mission) -> tuple[Table, ...]:
+    """What each craft used in the whole mission, where there is more to say than in one stage."""
+    scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
+    burns = np.any(mission.delta_v > 0.0, axis=1).sum()
+    told = scenario.limited or burns > 1 or bool(np.isfinite(propellant).any())
+    if not burns or not told:
+        return ()
+    shares = {(use.what, use.craft): use.share for use in mission.uses}
+    rows = []
+    for craft, spent, burnt in zip(scenario.craft, delta_v.tolist(), propellant.tolist(), strict=True):
+        left = None if craft.propellant is None else craft.propellant - burnt
+        budget, thrust = (shares.get((what, craft.name)) for what in ("delta-v", "thrust"))
+        rows.append((craft.name, spent, budget, burnt if isfinite(burnt) else None, left, thrust))
+    columns = [
+        Column("craft", "craft", words=True),
+        Column("delta-v [m/s]", "delta_v_m_s", "{:.6f}".format),
+        Column("of its budget [%]", "share_of_delta_v_budget", "{:.1f}".format, 100.0),
+        effort.in_grams(mission, effort.FUEL),
+        effort.in_grams(mission, replace(effort.FUEL, heading="left [kg]", key="propellant_left_kg")),
+        Column("of max_thrust [%]", "share_of_max_thrust", "{:.1f}".format, 100.0),
+    ]
+    known = [any(row[k] is not None for row in rows) for k in range(len(columns))]
+    shown = tuple(
+        one if there else replace(one, heading=None) for one, there in zip(columns, known, strict=True)
     )
+    return (Table("What each craft used in all", shown, rows, folded=len(rows) > MOST_ROWS),)
 
 
 def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:

@@ -91,7 +91,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     else:
         columns[replace(effort.PUSH, heading="peak [mm/s²]")] = [*push, max(push)]
     if None not in fuel:
-        columns[effort.FUEL] = [*fuel, sum(fuel)]
+        columns[effort.in_grams(mission, effort.FUEL)] = [*fuel, sum(fuel)]
     rows = list(zip(*columns.values(), strict=True))
     title = "Paths of the plan" if plan.ok else "Direct paths"
     if len(who) == 1:

@@ -14,7 +14,7 @@ from closeform.mission_result import Mission, StageResult
 from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure
 from closeform.report.drawing import drawn
 from closeform.report.section import Film, Progress, Section, fate, not_filmed
-from closeform.report.table import counted
+from closeform.report.table import Table, counted
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable
 from closeform.verdict import Verdict
@@ -52,10 +52,16 @@ class RunReport:
         """One for each stage flown."""
         return tuple(section(self.mission, result) for result in self.mission.results)
 
+    @cached_property
+    def closing(self) -> tuple[Table, ...]:
+        """What each craft used in the whole mission."""
+        return limits.used_up(self.mission)
+
     @property
     def summary(self) -> dict[str, Any]:
         """Every figure printed, in full and in SI units."""
         mission, scenario = self.mission, self.mission.scenario
+        delta_v, propellant = mission.spent_of_each
         return {
             "title": scenario.title,
             "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
@@ -65,8 +71,9 @@ class RunReport:
             "warnings": list(mission.warnings),
             "mean_motion_rad_s": mission.orbit.mean_motion,
             "craft": list(scenario.names),
-            "delta_v_m_s": dict(zip(scenario.names, mission.delta_v.sum(axis=0).tolist(), strict=True)),
-            "propellant_kg": dict(zip(scenario.names, mission.propellant.sum(axis=0).tolist(), strict=True)),
+            "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
+            "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),
+            "used": [record for table in self.closing for record in table.records],
             "stages": [section.figures for section in self.sections],
         }
 
@@ -175,5 +182,6 @@ def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: N
     parts += [page.paragraph(line, "bad") for line in mission.warnings]
     for told in report.sections:
         parts += page.section(told, islice(shown, len(told.pictures)))
+    parts += map(page.titled, report.closing)
     folder.text(REPORT, page.document(mission.scenario.title, parts))
     folder.summary(report.summary)

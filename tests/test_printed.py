@@ -1,0 +1,138 @@
+"""What is printed and summed up of a whole mission: what each craft used, in one unit, lines unbroken."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from closeform.cli import main
+from closeform.console import WIDTH, stdout
+from closeform.mission import fly
+from closeform.report.run import RunReport
+from closeform.scenario import parse
+
+G0 = 9.80665
+TWO_STAGES = """\
+closeform = 1
+title = "There and back"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["A", "B"]
+position = ["0 -100 0 m", "0 0 500 m"]
+velocity = "0 0 0 m/s"
+mass = "12 kg"
+max_thrust = ["20 mN", "50 mN"]
+delta_v_budget = ["2 m/s", "1 m/s"]
+specific_impulse = "60 s"
+propellant = "300 g"
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+do = "avoid"
+craft = "A"
+to = { position = "0 100 0 m", velocity = "0 0 0 m/s" }
+within = "1000 s"
+
+[[stage]]
+do = "reconfigure"
+to = [{ position = "0 -100 0 m", velocity = "0 0 0 m/s" }, { position = "0 0 400 m", velocity = "0 0 0 m/s" }]
+within = "2000 s"
+"""
+# m/s, from rest to rest over L: thrust falls from 6 L / T^2 to its opposite, by which 3 L / T is spent
+SPENT = np.array([3 * 200 / 1000 + 3 * 200 / 2000, 3 * 100 / 2000])
+
+
+@pytest.fixture
+def pictureless(monkeypatch) -> None:
+    for stage in ("move", "reconfigure"):
+        monkeypatch.setattr(f"closeform.report.{stage}.pictures", lambda *_: ())
+
+
+def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys) -> None:
+    """By hand: 3 L / T of delta-v from rest to rest, the rocket equation, 6 L / T^2 of thrust."""
+    monkeypatch.chdir(tmp_path)
+    Path("file.toml").write_text(TWO_STAGES)
+    assert main(["run", "file.toml"]) == 0
+    printed = capsys.readouterr().out
+    summary = json.loads(Path("file-results/summary.json").read_text())
+    burnt = 12.0 * -np.expm1(-SPENT / (60.0 * G0))
+    thrust = 12.0 * 6.0 * np.array([200.0 / 1000.0**2, 100.0 / 2000.0**2])
+    assert [row["craft"] for row in summary["used"]] == ["A", "B"]
+    for key, truth in {
+        "delta_v_m_s": SPENT,
+        "share_of_delta_v_budget": SPENT / [2.0, 1.0],
+        "propellant_kg": burnt,
+        "propellant_left_kg": 0.3 - burnt,
+        "share_of_max_thrust": thrust / [0.02, 0.05],
+    }.items():
+        np.testing.assert_allclose([row[key] for row in summary["used"]], truth, rtol=1e-9)
+    table = printed.split("What each craft used in all\n")[1].split("\n\n")[0].splitlines()
+    assert re.split(r"\s{2,}", table[0]) == [
+        *("craft", "delta-v [m/s]", "of its budget [%]"),
+        *("propellant [g]", "left [g]", "of max_thrust [%]"),
+    ]
+    for k, line in enumerate(table[1:]):
+        name, *cells = line.split()
+        assert name == "AB"[k]
+        budget, limit, fuel = (2.0, 1.0)[k], (0.02, 0.05)[k], 1e3 * burnt[k]
+        truth = SPENT[k], 100 * SPENT[k] / budget, fuel, 300 - fuel, 100 * thrust[k] / limit
+        for cell, figure, digits in zip(cells, truth, (6, 1, 2, 2, 1), strict=True):
+            assert float(cell) == pytest.approx(figure, abs=0.51 * 10.0**-digits)
+    page = Path("file-results/report.html").read_text()
+    assert "What each craft used in all" in page
+
+
+@pytest.mark.parametrize(("tank", "unit"), [("300 g", "g"), ("2 kg", "kg")])
+def test_propellant_has_one_unit(tank: str, unit: str, pictureless, tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file.toml").write_text(TWO_STAGES.replace('"300 g"', f'["{tank}", "1 g"]'))
+    assert main(["run", "file.toml"]) == 1
+    printed = capsys.readouterr().out
+    assert set(re.findall(r"propellant \[(k?g)\]|left \[(k?g)\]", printed)) == {(unit, ""), ("", unit)}
+    assert set(re.findall(r"propellant \S+ of \S+ (\w+)", printed)) == {unit}
+    assert re.findall(r"Warning: B needs \S+ (\w+) of propellant, it has \S+ (\w+)", printed) == [
+        (unit, unit)
+    ]
+
+
+def test_only_what_was_flown_is_used() -> None:
+    """The plan of the last stage, into B's zone, is flown by nobody."""
+    text = TWO_STAGES + TWO_STAGES[TWO_STAGES.index("\n[[stage]]") : TWO_STAGES.index('within = "1000 s"')]
+    before, after = text.rsplit("0 100 0 m", 1)
+    mission = fly(parse(f'{before}0 5 395 m{after}within = "1 h"\n'))
+    assert mission.stopped is not None
+    assert len(mission.results) == 3
+    np.testing.assert_allclose(list(RunReport(mission).summary["delta_v_m_s"].values()), SPENT, rtol=1e-9)
+
+
+def test_nothing_to_sum_up() -> None:
+    """Of a coast, and of one stage without limits, which says it all."""
+    for text in (
+        TWO_STAGES[: TWO_STAGES.index("\n[[stage]]")] + '\n[[stage]]\ndo = "coast"\nfor = "1 h"\n',
+        re.sub(r"(max_|delta_v_|specific_|propellant).*\n", "", TWO_STAGES).rsplit("\n[[", 1)[0],
+    ):
+        assert RunReport(fly(parse(text))).closing == ()
+
+
+def test_lines_are_broken_on_a_terminal_only(monkeypatch, capsys) -> None:
+    words = "word " * 60
+    stdout().print(words)
+    assert capsys.readouterr().out == words + "\n"
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    assert stdout().width == WIDTH == 100
+
+
+def test_help_has_the_same_width_in_a_pipe() -> None:
+    bare = {key: value for key, value in os.environ.items() if key != "COLUMNS"}
+    shown = subprocess.run(
+        [sys.executable, "-m", "closeform", "run", "--help"], capture_output=True, text=True, env=bare
+    ).stdout
+    assert max(map(len, shown.splitlines())) == WIDTH
