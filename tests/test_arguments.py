@@ -61,6 +61,12 @@ CALLS = {
     "Orbit.two_impulse": turned(
         self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
     ),
+    "Orbit.impulsive": turned(
+        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
+    ),
+    "least_delta_v": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
+    "delta_v_bound": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
+    "arrivals": turned(orbit=ORBIT, initial=START[0], slots=START, duration=np.array([900.0, 1800.0])),
     "Orbit.burn": turned(
         self=ORBIT, state=START, acceleration=1e-4 * START[:, :3], duration=TIMES, start=TIMES,
         frame="inertial",

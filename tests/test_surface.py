@@ -22,12 +22,20 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
+RESULTS |= {"Arrivals", "Bound"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 
 
+def members(owner: type) -> Iterator[tuple[str, Any]]:
+    """What a class defines itself, or takes from a base of the package that has no public name."""
+    for base in owner.__mro__:
+        if base is owner or (base.__module__.startswith("closeform") and base.__name__ not in cf._HOMES):
+            yield from vars(base).items()
+
+
 def methods(owner: type) -> Iterator[tuple[str, Any]]:
-    """Public methods that a class defines itself."""
-    for name, member in vars(owner).items():
+    """Its public methods."""
+    for name, member in members(owner):
         function = getattr(member, "__func__", member)  # of a class method
         if not name.startswith("_") and inspect.isfunction(function):
             yield name, function
@@ -71,8 +79,8 @@ def test_enumerations_say_what_each_member_means(enumeration: type[Enum]) -> Non
 
 def properties() -> list[tuple[str, Any]]:
     owners = [name for name in cf._HOMES if inspect.isclass(getattr(cf, name))]
-    members = [(owner, name, m) for owner in owners for name, m in vars(getattr(cf, owner)).items()]
-    public = [one for one in members if not one[1].startswith("_")]
+    found = [(owner, name, m) for owner in owners for name, m in members(getattr(cf, owner))]
+    public = [one for one in found if not one[1].startswith("_")]
     return [(f"{owner}.{name}", m) for owner, name, m in public if isinstance(m, property | cached_property)]
 
 

@@ -21,6 +21,8 @@ _NAMES = {
     "planning.plan": "Avoidance Contact Plan Status TooWeak",
     "planning.sauter_palmer": "end_gradients",
     "planning.limits": "shortest_transfer propellant",
+    "fuel.arrivals": "Arrivals arrivals",
+    "fuel.bound": "Bound delta_v_bound least_delta_v",
     "fuel.thrusters": "Thrusters",
     "motion.frames": "relative_from_inertial inertial_from_relative",
     "motion.mean_motion": (

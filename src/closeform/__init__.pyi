@@ -24,6 +24,12 @@ from closeform.conflicts.two_paths import (
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
 )
+from closeform.fuel.arrivals import Arrivals as Arrivals, arrivals as arrivals
+from closeform.fuel.bound import (
+    Bound as Bound,
+    delta_v_bound as delta_v_bound,
+    least_delta_v as least_delta_v,
+)
 from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.motion.elements import (
     elements_from_inertial as elements_from_inertial,

@@ -1,1 +1,1 @@
-"""Fuel: what thrusters a craft has, and how they fire."""
+"""Fuel: what a transfer costs at least, what thrusters a craft has, and how they fire."""

@@ -49,6 +49,28 @@ def solve(matrix, rhs, size):
 
 
 @kernel()
+def factorise(matrix, size):
+    """L D L^T of the leading block, symmetric and positive definite, in place: rows of L^T D above D."""
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = matrix[k, i] / matrix[k, k]
+            for j in range(i, size):  # along a row: vector instructions
+                matrix[i, j] -= share * matrix[k, j]
+
+
+@kernel()
+def back_substitute(matrix, rhs, size):
+    """Solve with the factors of `factorise`, in place."""
+    for k in range(size):
+        for i in range(k + 1, size):
+            rhs[i] -= matrix[k, i] / matrix[k, k] * rhs[k]
+    for k in range(size - 1, -1, -1):
+        for j in range(k + 1, size):
+            rhs[k] -= matrix[k, j] * rhs[j]
+        rhs[k] /= matrix[k, k]
+
+
+@kernel()
 def copy(source, target):
     """Copy a vector; a slice assignment would make numba compile its error message."""
     for k in range(len(source)):

@@ -1,29 +1,23 @@
 """Orbit: the frame in which craft move, and the paths that they can take in it."""
 
 from dataclasses import dataclass
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, numbers, shown
+from closeform.arrays import shown
 from closeform.motion.arc import PUSH, WIDTH
+from closeform.motion.circular import CircularOrbit
 from closeform.motion.ends import arcs_between, arcs_from, checked_below
 from closeform.motion.lambert import drifts
-from closeform.motion.mean_motion import (
-    EARTH_MU,
-    EARTH_RADIUS,
-    mean_motion_from_altitude,
-    mean_motion_from_period,
-    mean_motion_from_semi_major_axis,
-)
 from closeform.motion.path import Path, path_of
 from closeform.motion.sampling import arcs_through
-from closeform.motion.steering import fix_inertially, steer, transitions
+from closeform.motion.steering import fix_inertially, steer
 
 
 @dataclass(frozen=True)
-class Orbit:
+class Orbit(CircularOrbit):
     """A circular reference orbit, in whose rotating frame craft move.
 
     States are positions and their rates: x radial outward, y along the velocity, z along the orbit
@@ -44,119 +38,6 @@ class Orbit:
     ----------
     Hill's equations: docs/theory.md section 1.
     """
-
-    mean_motion: float
-
-    def __post_init__(self) -> None:
-        value = numbers("mean_motion", self.mean_motion)
-        if value.shape or not (np.isfinite(value) and value >= 0):
-            raise ValueError(
-                f"mean_motion: must be one finite number, at least 0 rad/s, got {shown(self.mean_motion)}"
-            )
-        object.__setattr__(self, "mean_motion", float(value))
-
-    @classmethod
-    def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
-        """The orbit at some altitude, by Kepler's third law.
-
-        Parameters
-        ----------
-        altitude : float [m]
-            Above the body's surface.
-        mu : float [m^3/s^2], default that of the Earth
-            Gravitational parameter of the body.
-        radius : float [m], default the Earth's equatorial
-            Of the body.
-
-        Returns
-        -------
-        Orbit
-            With the mean motion there.
-
-        Raises
-        ------
-        ValueError
-            If `mu`, `radius` or its sum with the altitude is not positive and finite.
-        """
-        given = number("altitude", altitude), number("mu", mu), number("radius", radius)
-        return cls(float(mean_motion_from_altitude(*given)))
-
-    @classmethod
-    def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
-        """The orbit of some semi-major axis, by Kepler's third law.
-
-        Parameters
-        ----------
-        semi_major_axis : float [m]
-            Its radius.
-        mu : float [m^3/s^2], default that of the Earth
-            Gravitational parameter of the body.
-
-        Returns
-        -------
-        Orbit
-            With the mean motion there.
-
-        Raises
-        ------
-        ValueError
-            If a number is not positive and finite.
-        """
-        given = number("semi_major_axis", semi_major_axis), number("mu", mu)
-        return cls(float(mean_motion_from_semi_major_axis(*given)))
-
-    @classmethod
-    def from_period(cls, period: float) -> Self:
-        """The orbit of some period.
-
-        Parameters
-        ----------
-        period : float [s]
-            Of one turn.
-
-        Returns
-        -------
-        Orbit
-            With the mean motion 2 pi over it.
-
-        Raises
-        ------
-        ValueError
-            If `period` is not positive and finite.
-        """
-        return cls(float(mean_motion_from_period(number("period", period))))
-
-    @property
-    def period(self) -> float:
-        """One turn [s]; inf in deep space."""
-        return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
-
-    def transition(self, duration: ArrayLike) -> Floats:
-        """State transition matrices of natural motion.
-
-        Parameters
-        ----------
-        duration : array_like of shape (...) [s]
-            Of any sign.
-
-        Returns
-        -------
-        array of shape (..., 6, 6) [no unit, s, 1/s]
-            They take states in the rotating frame to those so much later.
-
-        Raises
-        ------
-        ValueError
-            If a number is not finite.
-
-        References
-        ----------
-        docs/theory.md section 1.
-        """
-        times = checked_below("duration", duration)
-        out = np.empty((times.size, 6, 6))
-        transitions(self.mean_motion, np.ravel(times), out)
-        return out.reshape(times.shape + (6, 6))
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
         """Natural motion from a state.
@@ -258,6 +139,47 @@ class Orbit:
         Clohessy and Wiltshire, J. Aerospace Sciences 27(9), 653-658, 1960; docs/motion.md.
         """
         return drifts(self, *arcs_between(self.mean_motion, initial, final, duration, start))
+
+    def impulsive(
+        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
+    ) -> Path:
+        """The impulses of least delta-v between two states in a given time: at most six.
+
+        Parameters
+        ----------
+        initial : array_like of shape (..., 6) [m, m/s]
+            Before the first impulse, in the rotating frame.
+        final : array_like of shape (..., 6) [m, m/s]
+            After the last one, in the rotating frame.
+        duration : array_like of shape (...) [s]
+            Above 0, at most 100 orbits.
+        start : array_like of shape (...) [s], default 0
+            Time at which the craft leaves; all arguments broadcast, and all cores work on a batch.
+
+        Returns
+        -------
+        Path
+            Of the broadcast shape; `impulses` lists times and velocities of one craft's.
+
+        Raises
+        ------
+        ValueError
+            If a duration is not positive or too long, shapes do not fit, or a number is not finite.
+
+        Notes
+        -----
+        `least_delta_v` tells what is proven of it. Where a whole face of plans costs the same, it is one of
+        them. In deep space it is `two_impulse`; between states of one natural motion there is no impulse.
+
+        References
+        ----------
+        Lawden's primer, by its dual in six unknowns: docs/theory.md (29, 30).
+        """
+        from closeform.motion.impulses import impulsive_arcs  # who needs no impulses compiles none
+
+        arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
+        rows, offsets = impulsive_arcs(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
+        return Path(self, rows, offsets, arcs.shape[:-1])
 
     def burn(
         self,

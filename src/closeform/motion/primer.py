@@ -24,7 +24,8 @@ from closeform.motion.hill import coast, oscillation
 WIDEST = 0.5  # half of a piece in n t: more, and most are cut; less, and there are more
 FLAT = 1e-13  # of |p|^2: by less it changes over a piece that is not cut any further
 DEGREE = 8  # of the series of |p|^2
-NARROWEST = 1e-9  # piece, as a share of the duration: maxima no further apart are one
+NARROWEST = 1e-6  # of the widest piece: by then |p|^2 is flat where its slope and its bend vanish
+APART = 1e-9  # of their time: maxima no further apart are one
 
 
 @kernel()
@@ -63,6 +64,15 @@ def functional(n, x, y, z, vx, vy, vz, g):
     """
     g[0], g[1], g[2] = vx - 2.0 * n * y, vy + 2.0 * n * x, vz
     g[3], g[4], g[5] = -x, -y, -z
+
+
+@kernel()
+def gained(n, arc, final, g):
+    """Fill `g` (6,): what it is worth to go from an arc's state to a final one in its time."""
+    x, y, z, vx, vy, vz = coast(
+        n, arc[START] - arc[END], final[0], final[1], final[2], final[3], final[4], final[5]
+    )
+    functional(n, x - arc[6], y - arc[7], z - arc[8], vx - arc[9], vy - arc[10], vz - arc[11], g)
 
 
 @kernel()
@@ -141,7 +151,7 @@ def kind_of(f, rest, floor):
         change += size
         slope += k * size
         bend += k * (k - 1.0) * size
-    if high < floor:
+    if not high >= floor:
         return BELOW, high
     if 2.0 * f[2] + bend < 0.0:
         return CONCAVE, high
@@ -172,7 +182,7 @@ def top(n, c, start, end):
 @kernel()
 def keep(times, squares, count, t, square):
     """Add a maximum behind the others, or in place of the lowest where there is no room."""
-    if count and abs(times[count - 1] - t) <= NARROWEST * t:
+    if count and abs(times[count - 1] - t) <= APART * t:
         squares[count - 1] = max(squares[count - 1], square)
         return count
     k = count

@@ -10,6 +10,7 @@ import numpy as np
 from numba import boolean
 
 from closeform.compiled import kernel
+from closeform.motion.linear import back_substitute, factorise
 from closeform.planning.scene import ROWS
 
 STIFF = 1e-12  # of a contact's own compliance, added so that two like contacts share their force
@@ -17,28 +18,6 @@ SLACK = 1e-10  # of the zone, by which an idle contact may fall short
 STALLED = 5  # exchanges of all wrong contacts without progress, before one at a time
 SWEEPS = 200  # of coordinate descent, where exchanges go round in circles
 SOLVED, APPROXIMATE = 0, 1  # status: to rounding, or by coordinate descent
-
-
-@kernel()
-def factorise(matrix, size):
-    """L D L^T of the leading block, symmetric and positive definite, in place: rows of L^T D above D."""
-    for k in range(size):
-        for i in range(k + 1, size):
-            share = matrix[k, i] / matrix[k, k]
-            for j in range(i, size):  # along a row: vector instructions
-                matrix[i, j] -= share * matrix[k, j]
-
-
-@kernel()
-def back_substitute(matrix, rhs, size):
-    """Solve with the factors of `factorise`, in place."""
-    for k in range(size):
-        for i in range(k + 1, size):
-            rhs[i] -= matrix[k, i] / matrix[k, k] * rhs[k]
-    for k in range(size - 1, -1, -1):
-        for j in range(k + 1, size):
-            rhs[k] -= matrix[k, j] * rhs[j]
-        rhs[k] /= matrix[k, k]
 
 
 @kernel(boolean(ROWS))

@@ -1,0 +1,108 @@
+"""When to leave and where to arrive: the cheapest of many slots, for each of many durations."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance
+from closeform.fuel.bound import delta_v_bound, least_delta_v
+from closeform.motion.ends import checked_below
+from closeform.motion.orbit import Orbit
+
+
+@dataclass(frozen=True, eq=False)
+class Arrivals:
+    """The cheapest slot for each of D durations.
+
+    Attributes
+    ----------
+    final : array of shape (D, 6) [m, m/s]
+        State on arrival in the cheapest slot, in the rotating frame.
+    duration : array of shape (D,) [s]
+        As it was given.
+    slot : array of int of shape (D,)
+        Index of the cheapest slot.
+    delta_v : array of shape (D,) [m/s]
+        What getting there costs.
+    lower : array of shape (D,) [m/s]
+        What any plan to any of the slots costs at least.
+    examined : int
+        How many transfers were optimised; bounds excluded the others.
+    """
+
+    final: Floats
+    duration: Floats
+    slot: Any
+    delta_v: Floats
+    lower: Floats
+    examined: int
+
+
+def arrivals(orbit: Orbit, initial: ArrayLike, slots: ArrayLike, duration: ArrayLike) -> Arrivals:
+    """The cheapest of many slots to be in after each of many durations, by least delta-v.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        The frame.
+    initial : array_like of shape (6,) [m, m/s]
+        State at time 0, in the rotating frame.
+    slots : array_like of shape (S, 6) [m, m/s]
+        Natural motions on which the craft may arrive, by their states at time 0 in the rotating frame: the
+        phases of a relative orbit, say.
+    duration : array_like of shape (D,) [s]
+        Until when the craft is to be there, at most 100 orbits.
+
+    Returns
+    -------
+    Arrivals
+        One slot for each duration.
+
+    Raises
+    ------
+    ValueError
+        If there is no slot, a duration is not positive or too long, shapes do not fit, or a number is not
+        finite.
+
+    Notes
+    -----
+    The slot of the least bound is optimised, and the primer that proves what it costs bounds what every other
+    slot costs (theory 27: what is to be gained is the slot less the initial state, in any duration), until
+    the least bound is a cost.  The first bounds are those of `delta_v_bound`.  A later first impulse is a
+    coast before it, so that more time never costs more.
+
+    References
+    ----------
+    docs/theory.md (27, 28).
+    """
+    motion, begin = instance("orbit", orbit, Orbit), checked_below("initial", initial, 6)
+    places, times = checked_below("slots", slots, 6), checked_below("duration", duration)
+    if places.ndim != 2 or not len(places):
+        raise ValueError(f"slots: expected shape (S, 6) for one slot at least, got {places.shape}")
+    if begin.ndim != 1 or times.ndim != 1:
+        raise ValueError(
+            f"initial, duration: expected shapes (6,) and (D,), got {begin.shape} and {times.shape}"
+        )
+    finals = np.einsum("dij,sj->dsi", motion.transition(times), places)
+    x, y, z, vx, vy, vz = (places - begin).T
+    twice = 2.0 * motion.mean_motion
+    gains = np.stack([vx - twice * y, vy + twice * x, vz, -x, -y, -z])  # theory (27)
+    bounds = np.asarray(delta_v_bound(motion, begin, finals, times[:, None]))
+    costs, lowers, examined = np.full(bounds.shape, np.inf), bounds.copy(), 0
+    each = np.arange(len(times))
+    while True:
+        slot = bounds.argmin(axis=1)
+        rows = np.flatnonzero(np.isinf(costs[each, slot]))
+        if not len(rows):
+            break
+        columns = slot[rows]
+        found = least_delta_v(motion, begin, finals[rows, columns], times[rows])
+        proofs = found.primer.state(0.0) @ gains  # a primer bounds what every slot costs
+        lowers[rows] = np.maximum(lowers[rows], proofs)
+        lowers[rows, columns] = found.lower
+        costs[rows, columns] = found.upper
+        bounds[rows] = np.where(np.isinf(costs[rows]), lowers[rows], costs[rows])
+        examined += len(rows)
+    return Arrivals(finals[each, slot], times, slot, costs[each, slot], lowers.min(axis=1), examined)

@@ -1,0 +1,136 @@
+"""What any plan costs at least in delta-v, by a proof that a primer carries."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance
+from closeform.motion.arc import END, WIDTH
+from closeform.motion.constant_primers import constant_bounds
+from closeform.motion.ends import arcs_between
+from closeform.motion.impulses import answers
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
+from closeform.motion.reduced import LOWER, PRIMER, UNIQUE, UPPER
+
+PROVEN = 1e-9  # gap between the bounds, relative
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """The least delta-v of transfers in a given time, between two bounds.
+
+    Attributes
+    ----------
+    lower : float or array of shape (...) [m/s]
+        No plan of any kind, impulses or thrust, costs less.
+    upper : float or array of shape (...) [m/s]
+        What the impulses of `Orbit.impulsive` cost.
+    primer : Path
+        The primer that proves `lower`: `primer.position(t)` is p(t), without unit and nowhere longer
+        than 1, from time 0 on.  An impulse of a least plan is along p where |p| is 1.
+    proven : bool or array of bool of shape (...)
+        Whether the bounds agree to 1e-9 of themselves.
+    unique : bool or array of bool of shape (...)
+        Whether no other plan costs as little.  Where it is False, the primer's length is constant,
+        and infinitely many plans cost the same.
+    """
+
+    lower: Any
+    upper: Any
+    primer: Path
+    proven: Any
+    unique: Any
+
+    @property
+    def gap(self) -> Any:
+        """How far the upper bound is above the lower one, a share of it (no unit), of the batch's shape."""
+        lower = np.asarray(self.lower)
+        return np.where(lower > 0.0, self.upper / np.where(lower > 0.0, lower, 1.0) - 1.0, 0.0)[()]
+
+
+def least_delta_v(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Bound:
+    """The least delta-v from `initial` to `final` in `duration`, and its proof.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        The frame.
+    initial : array_like of shape (..., 6) [m, m/s]
+        States at the beginning, in the rotating frame.
+    final : array_like of shape (..., 6) [m, m/s]
+        States at the end, in the rotating frame.
+    duration : array_like of shape (...) [s]
+        Above 0, at most 100 orbits; all broadcast.
+
+    Returns
+    -------
+    Bound
+        Of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        If a duration is not positive or too long, shapes do not fit, or a number is not finite.
+
+    Notes
+    -----
+    The lower bound holds for thrust of any kind, with any limit.
+
+    References
+    ----------
+    Lawden's primer, by its dual in six unknowns: docs/theory.md (26, 27, 29).
+    """
+    arcs, finals = arcs_between(instance("orbit", orbit, Orbit).mean_motion, initial, final, duration, 0.0)
+    shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
+    found = answers(orbit.mean_motion, rows, finals)
+    lower, upper = found[:, LOWER], found[:, UPPER]
+    primer = orbit.coast(found[:, PRIMER : PRIMER + 6], rows[:, END])
+    columns = lower, upper, upper - lower <= PROVEN * upper, found[:, UNIQUE] > 0.5
+    low, high, proven, unique = (column.reshape(shape) if shape else column[0] for column in columns)
+    return Bound(low, high, Path(orbit, primer.arcs, primer.offsets, shape), proven, unique)
+
+
+def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Any:
+    """A lower bound of delta-v in closed form [m/s], within a microsecond for each transfer.
+
+    Exact for a third of transfers of an orbit and more, where a primer of constant length is the best; the
+    arguments broadcast, so that `delta_v_bound(orbit, a[:, None], b, T)` bounds the matrix of costs.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        The frame.
+    initial : array_like of shape (..., 6) [m, m/s]
+        States at the beginning, in the rotating frame.
+    final : array_like of shape (..., 6) [m, m/s]
+        States at the end, in the rotating frame.
+    duration : array_like of shape (...) [s]
+        Above 0; all broadcast.
+
+    Returns
+    -------
+    float or array of shape (...) [m/s]
+        No plan of any kind costs less.
+
+    Raises
+    ------
+    ValueError
+        If a duration is not positive, shapes do not fit, or a number is not finite.
+
+    Notes
+    -----
+    It is the mean motion times the greatest of the changes of drift, of inclination, and of half the
+    eccentricity vector with sqrt(3) times the inclination vector beside it, in either sense.
+
+    References
+    ----------
+    Primers of constant length: docs/theory.md (28).
+    """
+    arcs, finals = arcs_between(instance("orbit", orbit, Orbit).mean_motion, initial, final, duration, 0.0)
+    shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
+    out: Floats = np.empty(len(rows))
+    constant_bounds(orbit.mean_motion, rows, finals, out)
+    return out.reshape(shape) if shape else float(out[0])

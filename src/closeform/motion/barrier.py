@@ -1,0 +1,176 @@
+"""The primer's program on a grid of times, by a logarithmic barrier: near the optimum from anywhere.
+
+    maximise   g . y   subject to   |rows_j y|^2 <= 1   at times t_j
+
+y are six numbers in which the mean of |p|^2 over the grid is |y|^2: no digit is lost for the shortest
+transfers.  The start y = 0 is the analytic centre.  At weight w, J / w bounds how far g . y is below its
+maximum, and the impulses 2 p_j / (w (1 - |p_j|^2)) make the transfer.
+"""
+
+from math import log, sqrt
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.linear import back_substitute, factorise
+from closeform.motion.primer import position_rows
+
+# A time of the grid is a row: the time, `rows` (3, 6), the upper half of rows' rows (21), and room
+# for p, its step and 1 - |p|^2.
+TIME, ROWS, SQUARES, PLACE, STEP, SLACK, WIDTH = 0, 1, 19, 40, 43, 46, 47
+FASTER = 30.0  # times the weight, once the centre is near
+CENTRED = 0.1  # Newton's decrement at which it is
+CLIMBING = 0.1  # of the rise that Newton's step promises
+STEPS = 500  # more than ever seen by ten times
+
+
+@kernel()
+def orthonormal(n, duration, count, metric):
+    """Fill `metric` (6, 6), upper triangular: c = metric y with |y|^2 the mean of |p|^2 at equal times."""
+    psi, mean = stack_matrix(3, 6), stack_matrix(6, 6)
+    for i in range(6):
+        for j in range(6):
+            mean[i, j] = metric[i, j] = 0.0
+    for k in range(count):
+        position_rows(n, duration * k / (count - 1.0), psi)
+        for i in range(6):
+            for j in range(i, 6):
+                mean[i, j] += (psi[0, i] * psi[0, j] + psi[1, i] * psi[1, j] + psi[2, i] * psi[2, j]) / count
+    factorise(mean, 6)  # mean = R' R with rows of R those of `mean` over the roots of the diagonal
+    for j in range(6):
+        metric[j, j] = 1.0 / sqrt(mean[j, j])
+        for i in range(j - 1, -1, -1):
+            for k in range(i + 1, j + 1):
+                metric[i, j] -= mean[i, k] / mean[i, i] * metric[k, j]
+
+
+@kernel()
+def rows_of(n, t, metric, psi, rows):
+    """Fill `rows` (18,), three of six: p at time t by y."""
+    position_rows(n, t, psi)
+    for i in range(3):
+        for j in range(6):
+            total = 0.0
+            for k in range(j + 1):
+                total += psi[i, k] * metric[k, j]
+            rows[6 * i + j] = total
+
+
+@kernel()
+def overlap(rows, i, j):
+    """Scalar product of two columns of `rows` (18,)."""
+    return rows[i] * rows[j] + rows[6 + i] * rows[6 + j] + rows[12 + i] * rows[12 + j]
+
+
+@kernel()
+def lay(n, t, metric, table, k):
+    """Make time t the row k of the grid."""
+    psi, rows = stack_matrix(3, 6), stack_vector(18)
+    rows_of(n, t, metric, psi, rows)
+    table[k, TIME] = t
+    for i in range(18):
+        table[k, ROWS + i] = rows[i]
+    q = SQUARES
+    for i in range(6):
+        for j in range(i, 6):
+            table[k, q] = overlap(rows, i, j)
+            q += 1
+
+
+@kernel()
+def curve(table, count, y, weight, rise, half):
+    """Add up the slope and the bend of the barrier at y: `rise` (6,), `half` (21,), upper."""
+    pull = stack_vector(6)
+    for j in range(count):
+        row = table[j]
+        x, u, v = 0.0, 0.0, 0.0
+        for k in range(6):
+            x += row[ROWS + k] * y[k]
+            u += row[ROWS + 6 + k] * y[k]
+            v += row[ROWS + 12 + k] * y[k]
+        row[PLACE], row[PLACE + 1], row[PLACE + 2] = x, u, v
+        slack = 1.0 - x * x - u * u - v * v
+        row[SLACK] = slack
+        twice = 2.0 / slack
+        for k in range(6):
+            pull[k] = twice * (row[ROWS + k] * x + row[ROWS + 6 + k] * u + row[ROWS + 12 + k] * v)
+            rise[k] -= pull[k]
+        q = 0
+        for k in range(6):
+            for i in range(k, 6):
+                half[q] += twice * row[SQUARES + q] + pull[k] * pull[i]
+                q += 1
+
+
+@kernel()
+def longest_step(table, count, d):
+    """How far along d the grid lets y go; fills what each time's p changes by."""
+    longest = 1e30
+    for j in range(count):
+        row = table[j]
+        along, square = 0.0, 0.0
+        for i in range(3):
+            step = 0.0
+            for k in range(6):
+                step += row[ROWS + 6 * i + k] * d[k]
+            row[STEP + i] = step
+            along += step * row[PLACE + i]
+            square += step * step
+        if square > 0.0:
+            root = sqrt(along * along + square * row[SLACK])
+            reach = row[SLACK] / (along + root) if along > 0.0 else (root - along) / square
+            longest = min(longest, reach)
+    return longest
+
+
+@kernel()
+def shrinkage(table, count, a):
+    """Product over the grid of (1 - |p|^2) after a step over what it was; 0 outside."""
+    product = 1.0
+    for j in range(count):
+        row = table[j]
+        x, u, v = (
+            row[PLACE] + a * row[STEP],
+            row[PLACE + 1] + a * row[STEP + 1],
+            row[PLACE + 2] + a * row[STEP + 2],
+        )
+        slack = 1.0 - x * x - u * u - v * v
+        product *= max(slack, 0.0) / row[SLACK]
+    return product
+
+
+@kernel()
+def climb(table, count, g, y, gap, weight):
+    """Move y up until it is within `gap` of the maximum, relative; returns the weight of g then."""
+    rise, half, d, bend = stack_vector(6), stack_vector(21), stack_vector(6), stack_matrix(6, 6)
+    for _ in range(STEPS):
+        for k in range(6):
+            rise[k] = weight * g[k]
+        for q in range(21):
+            half[q] = 0.0
+        curve(table, count, y, weight, rise, half)
+        q = 0
+        for k in range(6):
+            d[k] = rise[k]
+            for i in range(k, 6):
+                bend[k, i] = half[q]
+                q += 1
+            bend[k, k] *= 1.0 + 1e-15
+        factorise(bend, 6)
+        back_substitute(bend, d, 6)
+        decrement, gain, value = 0.0, 0.0, 0.0
+        for k in range(6):
+            decrement += rise[k] * d[k]
+            gain += weight * g[k] * d[k]
+        a = min(1.0, 0.99 * longest_step(table, count, d))
+        for _ in range(30):
+            if a * gain + log(shrinkage(table, count, a)) >= CLIMBING * a * decrement:
+                break
+            a *= 0.5
+        for k in range(6):
+            y[k] += a * d[k]
+            value += g[k] * y[k]
+        if not decrement >= CENTRED:
+            if not count > weight * gap * value:
+                break
+            weight *= FASTER
+    return weight

@@ -1,0 +1,136 @@
+"""A circular reference orbit: its mean motion, period and transition matrix."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, number, numbers, shown
+from closeform.motion.ends import checked_below
+from closeform.motion.mean_motion import (
+    EARTH_MU,
+    EARTH_RADIUS,
+    mean_motion_from_altitude,
+    mean_motion_from_period,
+    mean_motion_from_semi_major_axis,
+)
+from closeform.motion.steering import transitions
+
+
+@dataclass(frozen=True)
+class CircularOrbit:
+    """What an `Orbit` is without the paths in it."""
+
+    mean_motion: float
+
+    def __post_init__(self) -> None:
+        value = numbers("mean_motion", self.mean_motion)
+        if value.shape or not (np.isfinite(value) and value >= 0):
+            raise ValueError(
+                f"mean_motion: must be one finite number, at least 0 rad/s, got {shown(self.mean_motion)}"
+            )
+        object.__setattr__(self, "mean_motion", float(value))
+
+    @classmethod
+    def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
+        """The orbit at some altitude, by Kepler's third law.
+
+        Parameters
+        ----------
+        altitude : float [m]
+            Above the body's surface.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+        radius : float [m], default the Earth's equatorial
+            Of the body.
+
+        Returns
+        -------
+        Orbit
+            With the mean motion there.
+
+        Raises
+        ------
+        ValueError
+            If `mu`, `radius` or its sum with the altitude is not positive and finite.
+        """
+        given = number("altitude", altitude), number("mu", mu), number("radius", radius)
+        return cls(float(mean_motion_from_altitude(*given)))
+
+    @classmethod
+    def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
+        """The orbit of some semi-major axis, by Kepler's third law.
+
+        Parameters
+        ----------
+        semi_major_axis : float [m]
+            Its radius.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+
+        Returns
+        -------
+        Orbit
+            With the mean motion there.
+
+        Raises
+        ------
+        ValueError
+            If a number is not positive and finite.
+        """
+        given = number("semi_major_axis", semi_major_axis), number("mu", mu)
+        return cls(float(mean_motion_from_semi_major_axis(*given)))
+
+    @classmethod
+    def from_period(cls, period: float) -> Self:
+        """The orbit of some period.
+
+        Parameters
+        ----------
+        period : float [s]
+            Of one turn.
+
+        Returns
+        -------
+        Orbit
+            With the mean motion 2 pi over it.
+
+        Raises
+        ------
+        ValueError
+            If `period` is not positive and finite.
+        """
+        return cls(float(mean_motion_from_period(number("period", period))))
+
+    @property
+    def period(self) -> float:
+        """One turn [s]; inf in deep space."""
+        return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
+
+    def transition(self, duration: ArrayLike) -> Floats:
+        """State transition matrices of natural motion.
+
+        Parameters
+        ----------
+        duration : array_like of shape (...) [s]
+            Of any sign.
+
+        Returns
+        -------
+        array of shape (..., 6, 6) [no unit, s, 1/s]
+            They take states in the rotating frame to those so much later.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite.
+
+        References
+        ----------
+        docs/theory.md section 1.
+        """
+        times = checked_below("duration", duration)
+        out = np.empty((times.size, 6, 6))
+        transitions(self.mean_motion, np.ravel(times), out)
+        return out.reshape(times.shape + (6, 6))

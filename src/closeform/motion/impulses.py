@@ -1,0 +1,310 @@
+"""Impulses of least delta-v: at most six, and the proof that nothing else costs less.
+
+The most that (27) proves, max g . c over primers with |p| <= 1, is the least sum of |v_k|: the problem is
+convex, with six unknowns for any number of times.                                               # theory (29)
+
+A primer of constant length is tried first (28): where it is the best, every instant is, infinitely many
+plans cost the same, and nonnegative weights choose one.  Elsewhere a barrier on a grid of times comes
+near, and Newton's method ends on the local maxima (`reduced`).  Where that stalls the maxima join the
+grid, and the barrier goes on.  Every answer has a certain lower bound, g . c over the greatest |p|, and
+the cost of a plan that ends in its final state: its gap is what it says, however it was found.
+
+Time runs from 0 to 1 here, lengths are divided by the duration, and n is the angle in a duration.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from math import inf, sqrt
+from typing import Any
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
+from closeform.motion.arc import WIDTH as ARC
+from closeform.motion.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
+from closeform.motion.constant_primers import constant_primer
+from closeform.motion.hill import coast
+from closeform.motion.nonnegative import MOST, nonnegative
+from closeform.motion.primer import gained, peaks
+from closeform.motion.reduced import (
+    ANSWER,
+    COUNT,
+    FIRST,
+    GAP,
+    LOWER,
+    PRIMER,
+    TOUCHING,
+    UNIQUE,
+    UPPER,
+    along,
+    fly,
+    newton,
+    settle,
+)
+
+GRID, GRID_PER_TURN = 13, 12.0  # times of the barrier's grid
+FINER = 4  # grids of times, each a quarter of the last around those used
+NEAR = 3e-3  # gap at which the barrier hands over at first
+CLOSER = 0.05  # of its gap, each time it goes on
+ROUNDS = 12
+ENOUGH = 1e-10  # gap at which nothing else is tried
+SPARING = 0.1  # what a weight costs where |p| is below 1
+EXACT = 1e-15  # of the states: less than that is no gain but rounding, for each radian
+LONGEST = 100.0  # orbits: maxima of |p| grow with them, and so does the work
+CHUNK = 64  # transfers that one thread takes at a time
+
+
+@kernel()
+def try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer):
+    """A primer of constant length: its bound, and a plan along it if there is one."""
+    c, y, psi, rows = stack_vector(6), stack_vector(6), stack_matrix(3, 6), stack_vector(18)
+    worth, constant = constant_primer(n, start, c)
+    settle(answer, c, worth)
+    if not constant:
+        return
+    for i in range(5, -1, -1):
+        y[i] = c[i]
+        for j in range(i + 1, 6):
+            y[i] -= metric[i, j] * y[j]
+        y[i] /= metric[i, i]
+    size, apart = grid, 1.0 / (grid - 1.0)
+    for k in range(grid):
+        times[k] = table[k, TIME]
+    for _ in range(FINER):
+        for k in range(size):
+            costs[k] = 0.0
+            along(n, times[k], metric, y, psi, rows, columns[k])
+        count = nonnegative(columns, size, g, costs, weights, active)
+        fly(n, metric, y, g, times, weights, active, count, answer)
+        if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
+            return
+        size = 0
+        for a in range(count):
+            for k in range(9):
+                weights[size] = times[int(active[a])] + 0.25 * (k - 4) * apart
+                size += 0.0 <= weights[size] <= 1.0
+        for k in range(size):
+            times[k] = weights[k]
+        apart *= 0.25
+
+
+@kernel()
+def optimise(n, start, table, times, squares, columns, bent, costs, weights, active, answer):
+    """Fill the answer for what is to be gained, whose functional (6,) at the start is of length one."""
+    metric, g, y, c = stack_matrix(6, 6), stack_vector(6), stack_vector(6), stack_vector(6)
+    psi, rows, near = stack_matrix(3, 6), stack_vector(18), stack_vector(6)
+    grid = int(GRID + GRID_PER_TURN * n / 6.283185307179586)
+    orthonormal(n, 1.0, grid, metric)
+    size = 0.0
+    for i in range(6):
+        g[i], y[i] = 0.0, 0.0
+        for j in range(i + 1):
+            g[i] += metric[j, i] * start[j]
+        size += g[i] * g[i]
+    for k in range(grid):
+        lay(n, k / (grid - 1.0), metric, table, k)
+    try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer)
+    answer[UNIQUE] = 0.0
+    if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
+        return
+    answer[UNIQUE] = 1.0
+    gap, weight = NEAR, sqrt(2.0 * grid / size)
+    for turn in range(ROUNDS):
+        weight = climb(table, grid, g, y, gap, weight)
+        if turn:
+            for k in range(grid):
+                times[k], costs[k] = table[k, TIME], SPARING * table[k, SLACK]
+                along(n, times[k], metric, y, psi, rows, columns[k])
+            count = nonnegative(columns, grid, g, costs, weights, active)
+            fly(n, metric, y, g, times, weights, active, count, answer)
+        for i in range(6):
+            near[i] = y[i]
+            c[i] = 0.0
+            for j in range(i, 6):
+                c[i] += metric[i, j] * y[j]
+        size, highest = peaks(n, 1.0, c, TOUCHING, times, squares)
+        for i in range(6):
+            y[i] *= 0.999 / sqrt(highest)
+        grid = widen(n, metric, times, size, table, grid)
+        size = newton(n, metric, g, near, times, squares, columns, bent, costs, weights, active, answer)
+        if answer[UPPER] - answer[LOWER] <= ENOUGH * answer[LOWER]:
+            return
+        grid = widen(n, metric, times, size, table, grid)
+        gap *= CLOSER
+
+
+@kernel()
+def at_both_ends(start, answer):
+    """In deep space p is linear, and |p| greatest at an end: two impulses are the least."""
+    lengths = stack_vector(2)
+    for k in range(2):  # v_0 + v_1 is the velocity gained, -v_1 the place
+        square = 0.0
+        for axis in range(3):
+            push = start[axis] - start[3 + axis] if k == 0 else start[3 + axis]
+            answer[FIRST + 4 * k + 1 + axis] = push
+            square += push * push
+        answer[FIRST + 4 * k] = 1.0 * k
+        lengths[k] = sqrt(square)
+    along = 0.0
+    for axis in range(3):
+        first, last = answer[FIRST + 1 + axis], answer[FIRST + 5 + axis]
+        u = first / lengths[0] if lengths[0] > 0.0 else last / lengths[1]
+        v = last / lengths[1] if lengths[1] > 0.0 else u
+        answer[PRIMER + axis], answer[PRIMER + 3 + axis] = u, v - u
+        along += u * v
+    answer[LOWER] = answer[UPPER] = lengths[0] + lengths[1]
+    answer[COUNT] = 2.0
+    answer[UNIQUE] = 0.0 if along > 1.0 - 1e-15 and lengths[0] * lengths[1] > 0.0 else 1.0
+
+
+@kernel()
+def widen(n, metric, times, size, table, grid):
+    """Add times to the grid that are not yet on it; returns how many it has."""
+    for k in range(size):
+        on = grid == len(table)
+        for j in range(grid):
+            on = on or abs(table[j, TIME] - times[k]) < 1e-9
+        if not on:
+            lay(n, times[k], metric, table, grid)
+            grid += 1
+    return grid
+
+
+@kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1]))
+def least_impulses(n: float, arcs: Floats, finals: Floats, answers: Floats) -> None:
+    """The answers (P, 34) to as many transfers, each from its arc's state and in its time."""
+    longest = 0.0
+    for p in range(len(arcs)):
+        longest = max(longest, arcs[p, END] - arcs[p, START])
+    room = int(GRID + 2.0 * GRID_PER_TURN * n * longest / 6.0) + 200
+    table, columns, bent = np.empty((room, WIDTH)), np.empty((room, 6)), np.empty((room, 6))
+    times, squares, costs, weights = np.empty(room), np.empty(room), np.empty(room), np.empty(room)
+    active, start = np.empty(MOST), np.empty(6)
+    for p in range(len(arcs)):
+        arc, answer = arcs[p], answers[p]
+        t = arc[END] - arc[START]
+        for k in range(ANSWER):
+            answer[k] = 0.0
+        gained(n, arc, finals[p], start)
+        size, scale = 0.0, 0.0
+        for k in range(6):
+            unit = t if k < 3 else 1.0
+            start[k] /= t if k >= 3 else 1.0  # positions over the duration, as are the primer's rates
+            size += start[k] * start[k]
+            scale += (abs(arc[STATE + k]) + abs(finals[p, k])) / unit
+        size = sqrt(size)
+        if size <= EXACT * (1.0 + 6.0 * n * t) * scale:
+            answer[UNIQUE] = 1.0
+            continue
+        for k in range(6):
+            start[k] /= size
+        answer[UPPER] = inf
+        if n == 0.0:
+            at_both_ends(start, answer)
+        else:
+            optimise(n * t, start, table, times, squares, columns, bent, costs, weights, active, answer)
+        answer[UPPER] *= size
+        answer[LOWER] = min(size * answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of it
+        for k in range(int(answer[COUNT])):
+            answer[FIRST + 4 * k] *= t
+            for axis in range(3):
+                answer[FIRST + 4 * k + 1 + axis] *= size
+        for axis in range(3):
+            answer[PRIMER + 3 + axis] /= t
+        in_order(answer)
+
+
+@kernel()
+def in_order(answer):
+    """Put the impulses in order of time, and leave out those of no size."""
+    count = 0
+    for k in range(int(answer[COUNT])):
+        source = FIRST + 4 * k
+        t, x, y, z = answer[source], answer[source + 1], answer[source + 2], answer[source + 3]
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        place = FIRST + 4 * count
+        while place > FIRST and answer[place - 4] > t:
+            for i in range(4):
+                answer[place + i] = answer[place - 4 + i]
+            place -= 4
+        answer[place], answer[place + 1], answer[place + 2], answer[place + 3] = t, x, y, z
+        count += 1
+    answer[COUNT] = count
+
+
+@kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1]))
+def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: Floats, counts: Any) -> None:
+    """Arcs (P, 8, 21) of the answers' impulses from the states of `rows` (P, 21), and how many each has."""
+    for p in range(len(rows)):
+        row, answer = rows[p], answers[p]
+        x, y, z, vx, vy, vz = row[STATE], row[7], row[8], row[9], row[10], row[11]
+        duration, now, count = row[END] - row[START], 0.0, 0
+        for k in range(int(answer[COUNT]) + 1):
+            last = k == int(answer[COUNT])
+            then = duration if last else answer[FIRST + 4 * k]
+            arc = arcs[p, count]
+            if then > now or (last and count == 0):
+                arc[START], arc[END] = row[START] + now, row[START] + then
+                if then == duration:
+                    arc[END] = row[END]
+                arc[MEAN_MOTION] = n
+                arc[STATE], arc[7], arc[8], arc[9], arc[10], arc[11] = x, y, z, vx, vy, vz
+                x, y, z, vx, vy, vz = coast(n, then - now, x, y, z, vx, vy, vz)
+                now = then
+                count += 1
+                arc = arcs[p, count]
+            if last:
+                break
+            push = answer[FIRST + 4 * k + 1 : FIRST + 4 * k + 4]
+            for axis in range(3):
+                arc[IMPULSE + axis] += push[axis]
+            vx, vy, vz = vx + push[0], vy + push[1], vz + push[2]
+        if now > 0.0 and (
+            arcs[p, count, IMPULSE] != 0.0 or arcs[p, count, 4] != 0.0 or arcs[p, count, 5] != 0.0
+        ):
+            arc = arcs[p, count]  # the last impulse is at the end
+            arc[START] = arc[END] = row[END]
+            arc[MEAN_MOTION] = n
+            for i in range(6):
+                arc[STATE + i] = finals[p, i]
+            count += 1
+        counts[p] = count
+
+
+def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
+    """Answers (P, 34) to as many transfers, on all cores; see `reduced` for their columns.
+
+    Raises ValueError for one that takes too long.
+    """
+    longest = float((arcs[:, END] - arcs[:, START]).max(initial=0.0)) * mean_motion / (2 * np.pi)
+    if longest > LONGEST:
+        raise ValueError(
+            f"duration: the least delta-v is found over at most {LONGEST:g} orbits, got {longest:g}; "
+            "coast for the rest"
+        )
+    found = np.empty((len(arcs), ANSWER))
+
+    def solve(first: int) -> None:
+        some = slice(first, first + CHUNK)
+        least_impulses(mean_motion, arcs[some], finals[some], found[some])
+
+    if len(arcs) <= CHUNK:
+        solve(0)
+        return found
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(solve, range(0, len(arcs), CHUNK)))
+    return found
+
+
+def impulsive_arcs(mean_motion: float, arcs: Floats, finals: Floats) -> tuple[Floats, Any]:
+    """The arcs of plans of least delta-v, and where those of each begin."""
+    found = answers(mean_motion, arcs, finals)
+    flown, counts = np.zeros((len(arcs), MOST + 2, ARC)), np.empty(len(arcs), dtype=np.int64)
+    fly_answers(mean_motion, arcs, finals, found, flown, counts)
+    used = np.arange(MOST + 2) < counts[:, None]
+    return flown[used], np.concatenate([[0], np.cumsum(counts)])
