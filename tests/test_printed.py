@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from closeform.campaign import case_of, flown
 from closeform.cli import main
 from closeform.console import WIDTH, stdout
 from closeform.mission import fly
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from test_verdict import LOST
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 G0 = 9.80665
 TWO_STAGES = """\
 closeform = 1
@@ -136,3 +139,49 @@ def test_help_has_the_same_width_in_a_pipe() -> None:
         [sys.executable, "-m", "closeform", "run", "--help"], capture_output=True, text=True, env=bare
     ).stdout
     assert max(map(len, shown.splitlines())) == WIDTH
+
+
+def test_impulses_are_not_judged_by_thrust() -> None:
+    """A gathering says so where the file has max_thrust, and somebody burns."""
+    text = (EXAMPLES / "tpf.toml").read_text()
+    limited = text.replace('mass = "700 kg"', 'mass = "700 kg"\nmax_thrust = "1 mN"')
+    said = "Burns are impulses, which take no time: max_thrust is not looked at in this stage"
+    for scenario, lines in ((text, ()), (limited, (said,))):
+        assert RunReport(fly(parse(scenario))).sections[0].closing == lines
+
+
+@pytest.mark.parametrize(("craft", "caption"), [(3, "The pairs"), (4, "The 4 of 6 pairs")])
+def test_the_picture_of_the_closest_pairs_says_how_many_there_are(craft: int, caption: str) -> None:
+    rest = 'velocity = "0 0 0 m/s"\nkeep_out = { sphere = "20 m" }\n'
+    names = ", ".join(f'"F{k}"' for k in range(craft))
+    places = ", ".join(f'"0 {50 * k} 0 m"' for k in range(craft))
+    text = (
+        TWO_STAGES[: TWO_STAGES.index("[craft]")]
+        + f"[craft]\nname = [{names}]\nposition = [{places}]\n{rest}"
+    )
+    coast = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
+    spread = '\n[[stage]]\ndo = "scatter"\nfactor = 2.0\nwithin = "10 min"\n'
+    for section in RunReport(fly(parse(text + coast + spread))).sections:
+        (picture,) = [one for one in section.pictures if one.plot == "closest_pairs"]
+        assert picture.caption == f"{caption} that come closest, against time"
+        assert picture.options["count"] == 4
+
+
+@pytest.mark.parametrize("stage", ["gather", "lock"])
+@pytest.mark.parametrize(
+    "zones",
+    [
+        '[{ sphere = "5 m" }, { sphere = "40 m" }, { sphere = "12 m" }]',
+        '[{ covariance = "25 0 100 0 0 25 m^2", sigmas = 3 }, { sphere = "3 m", kind = "body" },'
+        ' { sphere = "9 m" }]',
+    ],
+    ids=["regions", "unlike"],
+)
+def test_a_study_keeps_the_zones_that_a_run_keeps(zones: str, stage: str) -> None:
+    """Of each pair, where craft have zones of their own."""
+    text = LOST.replace('do = "gather"', f'do = "{stage}"').replace('{ sphere = "20 m" }', zones)
+    scenario = parse(text)
+    clear = flown(scenario, 60, 3, lambda done: None).kept["clear"]
+    alone = [not fly(case_of(scenario, case)).verdict.conflicts for case in range(60)]
+    np.testing.assert_array_equal(clear, alone)
+    assert 0.1 < clear.mean() < 0.95

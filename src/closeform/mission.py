@@ -11,7 +11,7 @@ finds whom.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import nan
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,7 @@ from closeform.conflicts.flight import Flight, watch
 from closeform.mission_result import AvoidResult, FirstLocks, Mission, ReconfigureResult, StageResult
 from closeform.motion.arc import END, START
 from closeform.motion.duration import far_beyond
-from closeform.motion.joining import join, stack
-from closeform.motion.orbit import Orbit
+from closeform.motion.joining import join
 from closeform.motion.path import Path
 from closeform.scenario import (
     Avoid,
@@ -38,10 +37,9 @@ from closeform.scenario import (
     Scenario,
     ScenarioError,
     StageTable,
-    Target,
 )
 from closeform.search.gather_result import Gathering, who_is_left
-from closeform.verdict import Late, Use
+from closeform.stage_start import StageStart, too_late
 
 if TYPE_CHECKING:
     from closeform.planning.plan import Plan
@@ -50,7 +48,6 @@ if TYPE_CHECKING:
 
 AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
 ROUNDING = 1e-9
-LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked
 SLACK = 1.01  # by which later such times are stretched, so that they settle
 NAMED = 10  # pairs that are named where more never lock
 
@@ -85,46 +82,6 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             return Mission(scenario, orbit, tuple(results), f"stage {number} ({verb}): {result.failure}")
         states = result.after.paths.state(result.end)
     return Mission(scenario, orbit, tuple(results))
-
-
-@dataclass(frozen=True, eq=False)
-class StageStart:
-    """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages."""
-
-    scenario: Scenario
-    orbit: Orbit
-    number: int
-    states: Floats
-    time: float
-    past: dict[str, tuple[float, Floats]]
-
-    def flight(self, paths: list[Path]) -> Flight:
-        """The paths, watched over their common time."""
-        return watch(stack(paths), self.scenario.names, self.scenario.zones)
-
-    def coast(self, k: int, duration: float) -> Path:
-        """Craft k does not burn for a `duration` [s]."""
-        return self.orbit.coast(self.states[k], duration, self.time)
-
-    def coasts(self, duration: float) -> Flight:
-        """Nobody burns for a `duration` [s]."""
-        return self.flight([self.coast(k, duration) for k in range(len(self.states))])
-
-    def latitude(self, duration: float) -> float:
-        """The origin's argument of latitude [rad] after a `duration` [s]."""
-        return self.scenario.orbit.latitude + self.orbit.mean_motion * (self.time + duration)
-
-    def transfer(self, target: Target, k: int, duration: float) -> Path:
-        """Craft k's own way to a target, at least energy."""
-        final = target.state(self.orbit, self.latitude(duration))
-        return self.orbit.transfer(self.states[k], final, duration, self.time)
-
-    def mixed(self, who: list[int], paths: Path) -> Flight:
-        """The `paths` of the craft `who`; the others coast meanwhile."""
-        duration = float(np.max(paths.end)) - self.time
-        flying = {k: paths[place] for place, k in enumerate(who)}
-        flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
-        return self.flight([flying[k] for k in sorted(flying)])
 
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
@@ -178,26 +135,6 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked)
     failure = None if avoidance.ok else avoidance.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
-
-
-def too_late(
-    start: StageStart, stage: Avoid | Joint, after: Flight, punctual: dict[str, float | None]
-) -> Late | None:
-    """That a stage takes longer than it was asked to, where it does.
-
-    `punctual`: with which thrust [m/s^2] each craft would not, None where that is not known.
-    """
-    took, asked = after.end - start.time, stage.within.on(start.orbit.mean_motion)
-    if took <= asked * LATE:
-        return None
-    short = [
-        Use("thrust", "N", craft.name, needed * craft.mass, craft.max_thrust)
-        for craft in start.scenario.craft
-        if (needed := punctual.get(craft.name)) is not None
-        and craft.mass is not None
-        and craft.max_thrust is not None
-    ]
-    return Late(start.number, stage.verb, asked, took, tuple(use for use in short if use.exceeded))
 
 
 def scatter(start: StageStart, stage: Scatter) -> StageResult[Joint, ReconfigureResult]:

@@ -152,13 +152,19 @@ def coasting(flight: Flight, zones: PairZones) -> tuple[Picture, ...]:
     if not flight.approaches:
         return (paths,)
     hit = len({(met.first, met.second) for met in flight.conflicts})
-    count = {"count": min(max(hit, FEWEST), MOST_CURVES)}
-    near = "The pairs that come closest, against time"
-    found = [paths, Picture("closest-pairs", near, "closest_pairs", (flight.paths, zones), names | count)]
+    found = [paths, nearest(flight, zones, min(max(hit, FEWEST), MOST_CURVES))]
     if hit > 1:
         every = "How near each two craft come"
         found.insert(1, Picture("ratios", every, "ratio_matrix", (flight.paths, zones), names))
     return (*found, *deepest(flight))
+
+
+def nearest(flight: Flight, zones: PairZones, count: int = FEWEST) -> Picture:
+    """How near the pairs come that come closest, so many at most."""
+    some = f"The {count} of {flight.pairs} pairs" if flight.pairs > count else "The pairs"
+    caption = f"{some} that come closest, against time"
+    options = {"names": flight.names, "count": count}
+    return Picture("closest-pairs", caption, "closest_pairs", (flight.paths, zones), options)
 
 
 def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:

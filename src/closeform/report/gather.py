@@ -48,10 +48,18 @@ def section(mission: Mission, result: Gathered) -> Section:
             search.turns(once),
             *conflicts.approaches("Closest approaches", result.after),
         ),
+        closing=unjudged(mission, gathering),
         pictures=pictures(gathering, names, result.stage.animation),
         figures={"search": search.figures(once), "gathering": figures(result, knew)},
         files={"events": history, "sets": spent},
     )
+
+
+def unjudged(mission: Mission, gathering: Gathering) -> tuple[str, ...]:
+    """That burns are impulses, where somebody's thrust is limited."""
+    if not mission.scenario.newtons or not np.any(gathering.delta_v):
+        return ()
+    return ("Burns are impulses, which take no time: max_thrust is not looked at in this stage",)
 
 
 @dataclass(frozen=True)

@@ -187,8 +187,7 @@ def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
             found.append(
                 Picture("ratios", "How near each two craft come", "ratio_matrix", (flown, zones), names)
             )
-        closest = "The pairs that come closest, against time"
-        found.append(Picture("closest-pairs", closest, "closest_pairs", (flown, zones), names))
+        found.append(conflicts.nearest(result.after, zones))
     return (*found, thrust(mission, result))
 
 
