@@ -60,6 +60,14 @@ def named(body: str) -> dict[str, str]:
     return found
 
 
+def evaluated(annotation: Any, owner: Any) -> Any:
+    """An annotation that stands as text, as help shows it, in the module of what it belongs to."""
+    try:
+        return eval(annotation, vars(inspect.getmodule(owner)))
+    except NameError:  # imported for type checkers only
+        return annotation
+
+
 def parts(annotation: Any) -> set[str]:
     """The names of all types in an annotation."""
     if isinstance(annotation, str):
@@ -124,16 +132,22 @@ def test_sections(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", PUBLIC)
+def test_signature_reads_well(name: str) -> None:
+    """As `help` shows it: ArrayLike, not the fifty words that it stands for."""
+    assert "_typing" not in str(inspect.signature(PUBLIC[name]))
+
+
+@pytest.mark.parametrize("name", PUBLIC)
 def test_parameters_are_those_of_the_signature(name: str) -> None:
     """Those of a result are its fields, under Attributes: nobody but the package makes it."""
     value, found = PUBLIC[name], sections(PUBLIC[name].__doc__)
     if inspect.isclass(value) and name in RESULTS:
         fields = [field for field in dataclasses.fields(value) if not field.name.startswith("_")]
         assert "Parameters" not in found
-        check_all(found["Attributes"], {field.name: field.type for field in fields})
+        check_all(found["Attributes"], {field.name: evaluated(field.type, value) for field in fields})
         return
     given = inspect.signature(value).parameters
-    expected = {one: given[one].annotation for one in arguments(value)}
+    expected = {one: evaluated(given[one].annotation, value) for one in arguments(value)}
     assert ("Parameters" in found) == bool(expected)
     if expected:
         check_all(found["Parameters"], expected)
@@ -148,7 +162,7 @@ def test_returns(name: str) -> None:
     if inspect.isclass(value):
         assert "Returns" not in found
         return
-    annotation = inspect.signature(value).return_annotation
+    annotation = evaluated(inspect.signature(value).return_annotation, value)
     assert ("Returns" in found) == (annotation is not None)
     if annotation is not None:
         heads = entries(found["Returns"])
@@ -192,7 +206,8 @@ def getter(value: Any) -> Any:
 @pytest.mark.parametrize(("name", "value"), properties())
 def test_property(name: str, value: Any) -> None:
     """One line will do, if it names unit and shape."""
-    text, annotation = value.__doc__ or "", inspect.signature(getter(value)).return_annotation
+    text = value.__doc__ or ""
+    annotation = evaluated(inspect.signature(getter(value)).return_annotation, getter(value))
     if {"float", "ndarray"} & parts(annotation) or annotation is Any:
         assert UNIT.search(text)
     if "ndarray" in parts(annotation) or annotation is Any:

@@ -5,6 +5,8 @@
 No mathematics: what a case is stands in `draws`, what becomes of it in `search`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum

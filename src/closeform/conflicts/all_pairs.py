@@ -1,5 +1,7 @@
 """Screening: the conflicts among all pairs of many paths."""
 
+from __future__ import annotations
+
 import os
 from collections import deque
 from collections.abc import Iterator, Sequence

@@ -1,5 +1,7 @@
 """Conflicts and closest approaches of two paths, certified between any two instants."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import inf
 from typing import Any

@@ -1,5 +1,7 @@
 """The Hill frame that several ephemerides have in common: that of the first."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

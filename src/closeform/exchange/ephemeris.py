@@ -1,5 +1,7 @@
 """Ephemeris: states of one object over time, as a message holds them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 
 import numpy as np

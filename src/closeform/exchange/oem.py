@@ -4,6 +4,8 @@ Files hold km and km/s; here all is in m and m/s.  Reading and writing need the 
 (the packages oem and astropy), which is imported when it is first used.
 """
 
+from __future__ import annotations
+
 import io
 import re
 from collections.abc import Iterator, Sequence

@@ -1,5 +1,7 @@
 """Thrusters: where they push, how strongly, and how little at a time."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 

@@ -3,6 +3,8 @@
 Pure NumPy; both broadcast over leading shapes.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

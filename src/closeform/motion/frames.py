@@ -8,6 +8,8 @@ force, so this rate is left out.  Earth's flattening makes it up to 2e-6 rad/s i
 on a nearly polar one): at 1 km along-track the velocity along z is then off by 2 mm/s.
 """
 
+from __future__ import annotations
+
 from typing import Any, Literal
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Joining: paths one after another in time, and side by side as a batch."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -3,6 +3,8 @@
 Pure NumPy; every function broadcasts.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Orbit: the frame in which craft move, and the paths that they can take in it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -3,6 +3,8 @@
 Pure NumPy; both broadcast over leading shapes.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,5 +1,7 @@
 """Path: motion as arcs in closed form, for one craft or a whole batch."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -59,7 +61,7 @@ class Path:
         If arcs, offsets and shape do not fit each other.
     """
 
-    orbit: "Orbit"
+    orbit: Orbit
     arcs: Floats
     offsets: Any
     shape: tuple[int, ...]
@@ -247,7 +249,7 @@ class Path:
             raise TypeError("a path of one craft has no length")
         return self.shape[0]
 
-    def __getitem__(self, index: Any) -> "Path":
+    def __getitem__(self, index: Any) -> Path:
         if not self.shape:
             raise IndexError("a path of one craft cannot be indexed")
         chosen = np.arange(len(self.offsets) - 1).reshape(self.shape)[index]
@@ -258,7 +260,7 @@ class Path:
         span = f", {np.min(self.start):g} to {np.max(self.end):g} s" if arcs else ""
         return f"<Path shape={self.shape}, {arcs} arc{'s' * (arcs != 1)}{span}>"
 
-    def _gathered(self, index: Any, shape: tuple[int, ...]) -> "Path":
+    def _gathered(self, index: Any, shape: tuple[int, ...]) -> Path:
         if not shape:
             first, last = self.offsets[index[0]], self.offsets[index[0] + 1]
             return path_of(self.orbit, self.arcs[first:last], np.array([0, last - first]), ())
@@ -295,7 +297,7 @@ class Path:
         return out
 
 
-def path_of(orbit: "Orbit", arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:
+def path_of(orbit: Orbit, arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:
     """Of contiguous arcs and offsets (int64) that fit, which nobody needs to look at again."""
     path = object.__new__(Path)
     path.__dict__.update(orbit=orbit, arcs=arcs, offsets=offsets, shape=shape)

@@ -5,6 +5,8 @@ invertible.  Pure NumPy; every function broadcasts over leading shapes.  ROE are
 (Autonomous Formation Flying in Low Earth Orbit, TU Delft 2010).
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

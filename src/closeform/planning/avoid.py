@@ -1,5 +1,7 @@
 """`avoid`: the cheapest path of one craft around obstacles that do not give way."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan

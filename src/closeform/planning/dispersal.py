@@ -1,5 +1,7 @@
 """Where a formation can go from where it is: apart, back, without a drift, with one more member."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

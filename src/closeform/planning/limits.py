@@ -1,5 +1,7 @@
 """What engines and tanks allow: shortest transfers and longer plans under a thrust limit, propellant."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from math import inf, isfinite, nan, sqrt
 from typing import Any, Generic, NamedTuple, TypeVar

@@ -1,5 +1,7 @@
 """What a plan answers: certified paths, where they touch, what they cost, or why there are none."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import nan

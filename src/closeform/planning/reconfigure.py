@@ -1,5 +1,7 @@
 """Reconfiguration: many craft move at once, every pair certified clear, at the least energy found."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from math import nan

@@ -9,6 +9,8 @@ In Palmer's coordinates natural motion with d = 0 is, with w = n t + phase (theo
     x = -E cos w    y = l + 2 E sin w    z = H cos(n t - phase of h)
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

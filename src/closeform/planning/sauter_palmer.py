@@ -1,5 +1,7 @@
 """SP11's own method: one deviation point for each conflict, across the cost's gradients."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from math import nan
 from typing import Any

@@ -1,5 +1,7 @@
 """The turns of a search: the in-plane search in space, and every turn of a round from the side."""
 
+from __future__ import annotations
+
 from math import cos, degrees, pi, sin
 from typing import Any
 

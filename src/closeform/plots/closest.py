@@ -1,5 +1,7 @@
 """The closest pairs of a formation, against time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The complementary cones that an in-plane search leaves out."""
 
+from __future__ import annotations
+
 from math import degrees, pi
 from typing import Any
 

@@ -1,5 +1,7 @@
 """A gathering as an animation."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import IO

@@ -1,5 +1,7 @@
 """The paths of a whole formation, before and after, side by side."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

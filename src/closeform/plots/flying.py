@@ -1,5 +1,7 @@
 """A formation in flight as an animation: all craft with their trails, and who is closest to whom."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from os import PathLike
 from typing import IO, Any
@@ -86,7 +88,7 @@ def held(path: Any, times: Floats) -> Floats:
 class View:
     """All craft from one direction; `show` moves them."""
 
-    def __init__(self, axes: Axes, camera: Camera, unit: float, scene: "Flying", named: bool) -> None:
+    def __init__(self, axes: Axes, camera: Camera, unit: float, scene: Flying, named: bool) -> None:
         self.axes, self.camera, self.unit, self.scene = axes, camera, unit, scene
         thin = len(scene.tints) > NAMED
         faint = scene.tints.copy()

@@ -1,5 +1,7 @@
 """A gathering in three views: from the sun, obliquely, and one craft from near by (H03 figures 9 to 11)."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

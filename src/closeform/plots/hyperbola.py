@@ -1,5 +1,7 @@
 """How a sensor's cone meets the plane of an in-plane search: in a hyperbola."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, pi

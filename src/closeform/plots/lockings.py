@@ -1,5 +1,7 @@
 """When pairs lock: how many in each minute of a search."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """How near each craft of a formation comes to each other: a matrix of least ratios."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any
 

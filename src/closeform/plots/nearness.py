@@ -1,5 +1,7 @@
 """How near craft come to each other's zones, against time."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -49,7 +51,7 @@ class Nearness:
     nearest: int
 
     @classmethod
-    def of(cls, path: Path, obstacles: list[Path], zone: Zone) -> "Nearness":
+    def of(cls, path: Path, obstacles: list[Path], zone: Zone) -> Nearness:
         """Raises ValueError where an obstacle shares no time with the path."""
         times = instants(path.start, path.end, path, *obstacles)
         norms = np.full((len(obstacles), len(times)), np.nan)

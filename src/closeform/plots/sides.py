@@ -1,5 +1,7 @@
 """The two ways around one obstacle."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -57,7 +59,7 @@ class Passage:
     gap: Floats
 
     @classmethod
-    def of(cls, path: Path, obstacle: Path, zone: Zone) -> "Passage":
+    def of(cls, path: Path, obstacle: Path, zone: Zone) -> Passage:
         common_time(path, obstacle)
         near = closest_approach(path, obstacle, zone)
         state = path.state(near.time)

@@ -1,5 +1,7 @@
 """A path before and after, in space and in three planes."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,5 +1,7 @@
 """Distances of two craft against time, with the timelines of their stays in a zone."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Gather: lost craft search, lock and join until one formation set holds them all (H03)."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

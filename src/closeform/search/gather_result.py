@@ -1,5 +1,7 @@
 """Gathering: what became of lost craft that searched, locked and joined."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum

@@ -3,6 +3,8 @@
 Columns of an attitude are the body axes x, y, z; z is the boresight.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import acos
 from typing import Literal

@@ -10,6 +10,8 @@ b.(r + v t) bends by at most w^2 of its swinging part and 2 w of the velocity's,
 steps as far as g certainly stays positive: it never steps over a lock however short.
 """
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -7,6 +7,8 @@ arc sine of that over its length |q(t)|.  What misses by m at a length of at lea
 while |dr| + t |dv| <= L sin m, and one instant of depth is enough to go on locking.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import acos, atan2, cos, inf, nan, pi, sin, sqrt
 from typing import Any

@@ -5,6 +5,8 @@ body y along +y; group B looks the opposite way.  Both make the same turns in sp
 boresights stay opposite.  Columns of an attitude are the body axes x, y, z; z is the boresight.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, degrees, pi

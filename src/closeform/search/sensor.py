@@ -1,5 +1,7 @@
 """Sensor: what a lost craft sees with."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import cos, inf, isfinite, pi
 

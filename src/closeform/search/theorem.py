@@ -6,6 +6,8 @@ and -z, of half-angle 90 deg less the sensor's, are what an in-plane search leav
 to the complementary-cone volume with their surface, and the rest is the in-plane volume.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import copysign, hypot, inf, sin, sqrt
 from typing import Literal

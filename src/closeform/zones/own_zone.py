@@ -1,5 +1,7 @@
 """What a craft's own zone is, a region, an uncertainty or a body, and what two of them make of a pair."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

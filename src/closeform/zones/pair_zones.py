@@ -1,5 +1,7 @@
 """Zones of pairs: who keeps which zone with whom, made of the two bodies' own zones."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self

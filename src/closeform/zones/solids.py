@@ -1,5 +1,7 @@
 """The zones that users make: boxes, ellipsoids, spheres, cylinders, half-spaces."""
 
+from __future__ import annotations
+
 from math import sqrt
 from typing import Self
 

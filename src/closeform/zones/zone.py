@@ -3,6 +3,8 @@
 What a shape is to kernels stands in `shapes`; the zones that users make are in `solids`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations, product
@@ -106,7 +108,7 @@ class Zone:
         """
         return scaled_norm(self, _directions("position", position) @ self.matrix.T)
 
-    def enlarged(self, factor: float) -> "Zone":
+    def enlarged(self, factor: float) -> Zone:
         """The same shape, larger or smaller about the origin.
 
         Parameters
@@ -138,7 +140,7 @@ class Zone:
         return float(CORNER[self.shape] / np.linalg.svd(self.matrix, compute_uv=False)[-1])
 
     @property
-    def mirrored(self) -> "Zone":
+    def mirrored(self) -> Zone:
         """The zone of -r: as the other craft of a pair sees it.  Itself where it is symmetric."""
         return self if self.symmetric else Zone(self.shape, self.matrix, -self.faces)
 
