@@ -63,7 +63,7 @@ def named(body: str) -> dict[str, str]:
 def evaluated(annotation: Any, owner: Any) -> Any:
     """An annotation that stands as text, as help shows it, in the module of what it belongs to."""
     try:
-        return eval(annotation, vars(inspect.getmodule(owner)))
+        return eval(annotation, vars(inspect.getmodule(owner))) if isinstance(annotation, str) else annotation
     except NameError:  # imported for type checkers only
         return annotation
 

@@ -1,5 +1,7 @@
 """When to leave and where to arrive: the cheapest of many slots, for each of many durations."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

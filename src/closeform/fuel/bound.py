@@ -1,5 +1,7 @@
 """What any plan costs at least in delta-v, by a proof that a primer carries."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,5 +1,7 @@
 """A circular reference orbit: its mean motion, period and transition matrix."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Self
 
