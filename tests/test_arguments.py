@@ -41,6 +41,7 @@ TABLE = cf.Ephemeris(
 )
 ZONES = cf.PairZones.of([BALL, None, BALL])
 LEG = SEARCH.legs[0]
+SIX = cf.Thrusters.rtn(acceleration=1.0, period=90.0)
 GATHERED = cf.gather(SEARCH, PLACES, SPEEDS)
 
 
@@ -104,6 +105,10 @@ CALLS = {
         obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
     ),
     "end_gradients": turned(path=MOVE),
+    "fire": turned(
+        plan=MOVE, thrusters=SIX, mass=12.0, specific_impulse=60.0, zone=BALL, obstacles=[REST]
+    ),
+    "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),
     "Thrusters": turned(
         directions=np.eye(3), frame="inertial", acceleration=PLACE**2, minimum_bit=1e-3, period=9.0
     ),

@@ -24,6 +24,8 @@ _NAMES = {
     "fuel.arrivals": "Arrivals arrivals",
     "fuel.bound": "Bound delta_v_bound least_delta_v",
     "fuel.thrusters": "Thrusters",
+    "fuel.pulses": "Pulses",
+    "fuel.firing": "Firing fire",
     "motion.frames": "relative_from_inertial inertial_from_relative",
     "motion.mean_motion": (
         "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "

@@ -30,6 +30,8 @@ from closeform.fuel.bound import (
     delta_v_bound as delta_v_bound,
     least_delta_v as least_delta_v,
 )
+from closeform.fuel.firing import Firing as Firing, fire as fire
+from closeform.fuel.pulses import Pulses as Pulses
 from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.motion.elements import (
     elements_from_inertial as elements_from_inertial,

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, instance, numbers
+from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.motion.duration import SHORTEST
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-
-STANDARD_GRAVITY = 9.80665
-"""Standard acceleration of free fall [m/s^2], by which specific impulse is a time (CGPM 1901)."""
 
 REACH = 10.0  # orbits: no longer transfer is looked for
 FAR = 100.0  # times the duration, which is what is looked for in deep space

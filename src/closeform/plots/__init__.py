@@ -20,6 +20,7 @@ _HOMES = {
     "in_plane_search": "attitudes",
     "lemma_2": "hyperbola",
     "manoeuvres": "attitudes",
+    "pulses": "firings",
     "ratio_matrix": "matrix",
     "ratios": "nearness",
     "three_views": "formation",

@@ -1,0 +1,66 @@
+"""Falling mass: when pulses of constant force begin and end that give what is planned, about its centroid.
+
+All thrusters draw on one tank, so how long one fires goes by what others fire meanwhile.  The mass is
+linear in time between all beginnings and ends, and the integrals of 1/m and t/m are closed forms.
+"""
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.chunks import Chunks
+
+STANDARD_GRAVITY = 9.80665
+"""Standard acceleration of free fall [m/s^2], by which specific impulse is a time (CGPM 1901)."""
+
+ROUNDS, FINE = 60, 1e-12
+SERIES = 1e-3  # of the share of mass burned from one event to the next
+
+
+def fired_within(chunks: Chunks, force: Floats, mass: float, exhaust: float) -> tuple[Floats, Floats, Floats]:
+    """Beginnings and ends (K,) [s] of pulses of `force` (K,) [N], and the mass [kg] at both (2, K).
+
+    Each gives its chunk's delta-v about its chunk's centroid, to a craft of `mass` [kg] at the start with an
+    `exhaust` speed [m/s], inf where no mass is lost.
+    """
+    width = chunks.impulse * mass / force
+    begin, end = chunks.centroid - 0.5 * width, chunks.centroid + 0.5 * width
+    if not (np.isfinite(exhaust) and len(width)):
+        return begin, end, np.full((2, len(width)), mass)
+    for _ in range(ROUNDS):
+        events = np.unique(np.concatenate([begin, end]))
+        first, last = np.searchsorted(events, begin), np.searchsorted(events, end)
+        flow = np.zeros(len(events))
+        np.add.at(flow, first, force / exhaust)
+        np.add.at(flow, last, -force / exhaust)
+        steps = np.diff(events)
+        burned = np.maximum(np.cumsum(flow)[:-1], 0.0) * steps
+        masses = mass - np.concatenate([[0.0], np.cumsum(burned)])
+        if masses[-1] <= 0.0:  # the first guess burns without getting lighter
+            masses = mass * np.exp(-(mass - masses) / mass)
+        share = burned / masses[:-1]
+        zeroth, moment = _integrals(share)
+        zeroth, moment = zeroth * steps / masses[:-1], moment * steps**2 / masses[:-1]
+        middle = 0.5 * (begin + end)
+        whole = np.concatenate([[0.0], np.cumsum(zeroth)])
+        gained = force * (whole[last] - whole[first])
+        about = np.concatenate([[0.0], np.cumsum(moment + zeroth * (events[:-1] - events[0]))])
+        centre = events[0] + force * (about[last] - about[first]) / gained
+        width = (end - begin) * chunks.impulse / gained
+        off = chunks.centroid - centre
+        begin, end = middle + off - 0.5 * width, middle + off + 0.5 * width
+        if (
+            np.abs(gained / chunks.impulse - 1.0).max() < FINE
+            and (np.abs(off) <= FINE * np.abs(events).max()).all()
+        ):
+            break
+    return begin, end, np.stack([masses[first], masses[last]])
+
+
+def _integrals(share: Floats) -> tuple[Floats, Floats]:
+    """Integrals over s in [0, 1] of 1 / (1 - share s) and of s / (1 - share s)."""
+    near = share < SERIES
+    x = np.where(near, 0.5, share)
+    log = -np.log1p(-x)
+    zeroth = 1.0 + share / 2.0 + share**2 / 3.0 + share**3 / 4.0 + share**4 / 5.0
+    moment = 0.5 + share / 3.0 + share**2 / 4.0 + share**3 / 5.0 + share**4 / 6.0
+    return np.where(near, zeroth, log / x), np.where(near, moment, (log - x) / x**2)

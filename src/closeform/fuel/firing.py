@@ -1,0 +1,250 @@
+"""Firing: a plan flown by on-off thrusters, how far from it they lead, and into which conflicts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import sequence, shown
+from closeform.conflicts.all_pairs import screen
+from closeform.conflicts.two_paths import PairConflict
+from closeform.fuel.falling_mass import STANDARD_GRAVITY
+from closeform.fuel.order import order_of
+from closeform.fuel.pulses import Pulses, extended, one_table
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import START
+from closeform.motion.joining import stack
+from closeform.motion.mean_motion import checked
+from closeform.motion.path import Path
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones
+
+LOOKS = 8  # instants of each arc at which the pulsed path is compared with the plan
+
+
+@dataclass(frozen=True, eq=False)
+class Firing:
+    """A plan as its craft's thrusters fly it.
+
+    Numbers of each craft are floats for one craft's path, else arrays of shape (N,).
+
+    Attributes
+    ----------
+    path : Path
+        What the pulses fly, of the plan's shape.
+    planned : Path
+        The plan over the same time, with coasts where `path` begins before it or ends after it.
+    thrusters : tuple of Thrusters
+        Of each craft.
+    pulses : Pulses
+        What is fired.
+    dropped : Pulses
+        What is not fired as it is below the minimum bit: over which time the plan asks for it.
+    deviation : float or array of shape (N,) [m]
+        How far `path` is from `planned` at most, at 8 instants of each of its arcs.
+    deviation_bound : float or array of shape (N,) [m]
+        What bounds the deviation without flying, the falling mass and what is dropped included.
+    dropped_deviation : float or array of shape (N,) [m]
+        What bounds the deviation by what is dropped alone.
+    delta_v : float or array of shape (N,) [m/s]
+        Sum over the thrusters of what they give.
+    propellant : float or array of shape (N,) [kg]
+        What they burn; nan without a mass.
+    conflicts : tuple of PairConflict or None
+        Of `path` with the zones that were given, by index, N + k for obstacle k; None without zones.
+    """
+
+    path: Path
+    planned: Path
+    thrusters: tuple[Thrusters, ...]
+    pulses: Pulses
+    dropped: Pulses
+    deviation: Any
+    deviation_bound: Any
+    dropped_deviation: Any
+    delta_v: Any
+    propellant: Any
+    conflicts: tuple[PairConflict, ...] | None
+
+    @property
+    def clear(self) -> bool:
+        """Whether zones were given, and the pulsed path is certified clear of them."""
+        return self.conflicts == ()
+
+    @property
+    def burns(self) -> dict[str, Any]:
+        """The burn list as columns (K,): craft, thruster, start and duration [s], R, T and N [m/s], kg."""
+        given = self.pulses.direction * self.pulses.impulse[:, None]
+        return {
+            "craft": self.pulses.craft,
+            "thruster": self.pulses.thruster,
+            "start_s": self.pulses.start,
+            "duration_s": self.pulses.duration,
+            "radial_m_s": given[:, 0],
+            "along_track_m_s": given[:, 1],
+            "cross_track_m_s": given[:, 2],
+            "propellant_kg": self.pulses.propellant,
+        }
+
+
+def fire(
+    plan: Any,
+    thrusters: Thrusters | Sequence[Thrusters],
+    mass: ArrayLike | None = None,
+    specific_impulse: ArrayLike | None = None,
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    obstacles: Path | Sequence[Path] = (),
+) -> Firing:
+    """The pulses by which thrusters fly a plan, and the path on which they do.
+
+    Thrust that lasts is cut into chunks, for each thruster one in each of its periods, or in as many as
+    its minimum bit asks for; each chunk is fired at once about its centroid.  An impulse becomes a burn
+    about its time: one at an end of the plan begins before it, or ends after it.
+
+    Parameters
+    ----------
+    plan : Path, Plan or Avoidance
+        What is to be flown: one craft's path or a batch of shape (N,), or a plan that has paths.
+    thrusters : Thrusters or sequence of Thrusters
+        With acceleration, and for thrust that lasts a period; one for all craft, or one for each.
+    mass : array_like of shape () or (N,) [kg], optional
+        Of the craft at the start, for which the acceleration holds; it falls as propellant burns.
+    specific_impulse : array_like of shape () or (N,) [s], optional
+        Times 9.80665 m/s^2 the exhaust speed; with `mass`.
+    zone : Zone, Uncertainty, Body, sequence of those or None, or PairZones, optional
+        What the pulsed path is to be clear of: as given to `reconfigure`, or for one craft's path to
+        `avoid`, with one for each obstacle.
+    obstacles : Path or sequence of Path, optional
+        Those that do not give way.
+
+    Returns
+    -------
+    Firing
+        Pulses, the path that they fly, and how far from the plan it can be.
+
+    Raises
+    ------
+    ValueError
+        If the plan has no path, asks for more than thrusters give or for where they do not push, or for less
+        than their minimum bit in all; a period is longer than the plan; acceleration, period, mass or
+        specific impulse are missing or not positive; or zones do not fit.
+
+    References
+    ----------
+    docs/theory.md section 7.
+    """
+    path = planned_path(plan)
+    count = len(path.offsets) - 1
+    crafts = [path[k] for k in range(count)] if path.shape else [path]
+    orders = []
+    for k, (one, own, tank) in enumerate(
+        zip(crafts, _each_set(thrusters, count), _tanks(mass, specific_impulse, count), strict=True)
+    ):
+        try:
+            orders.append(order_of(k, one, own, *tank))
+        except ValueError as error:
+            name, _, words = str(error).partition(": ")
+            raise ValueError(f"{name}: craft {k}: {words}" if path.shape else str(error)) from None
+    begun, over = min(order.span[0] for order in orders), max(order.span[1] for order in orders)
+    planned = [extended(one, begun, over) for one in crafts]
+    real = [order.path(one) for order, one in zip(orders, planned, strict=True)]
+    values = [
+        (
+            _apart(one, plan_path),
+            *order.bounds(plan_path),
+            order.pulses.impulse.sum(),
+            order.pulses.propellant.sum() if len(order.pulses) else 0.0 if mass is not None else np.nan,
+        )
+        for order, one, plan_path in zip(orders, real, planned, strict=True)
+    ]
+    columns: Any = np.array(values).T
+    deviation, limit, lost, spent, burned = columns if path.shape else columns[:, 0].tolist()
+    flies = stack(real) if path.shape else real[0]
+    return Firing(
+        flies,
+        stack(planned) if path.shape else planned[0],
+        tuple(order.thrusters for order in orders),
+        one_table([order.pulses for order in orders]),
+        one_table([order.dropped for order in orders]),
+        deviation,
+        limit,
+        lost,
+        spent,
+        burned,
+        _conflicts(flies, zone, obstacles),
+    )
+
+
+def planned_path(plan: Any) -> Path:
+    """The path of a plan: of one craft, or a batch of shape (N,).  Raises ValueError where there is none."""
+    path = plan if isinstance(plan, Path) else getattr(plan, "paths", getattr(plan, "path", plan))
+    if path is None and plan is not None:
+        raise ValueError(f"plan: has no path to fly: {plan.reason}")
+    if not isinstance(path, Path):
+        raise ValueError(f"plan: expected a Path, a Plan or an Avoidance, got {shown(plan)}")
+    if len(path.shape) > 1 or path.shape == (0,):
+        raise ValueError(f"plan: expected one craft's path or a batch of shape (N,), got shape {path.shape}")
+    return path
+
+
+def _each_set(thrusters: Thrusters | Sequence[Thrusters], count: int) -> list[Thrusters]:
+    """The thrusters of each craft."""
+    if isinstance(thrusters, Thrusters):
+        return [thrusters] * count
+    own = sequence("thrusters", thrusters, Thrusters)
+    if len(own) != count:
+        raise ValueError(f"thrusters: {len(own)} sets for {count} craft; give one, or one for each")
+    return own
+
+
+def _tanks(
+    mass: ArrayLike | None, specific_impulse: ArrayLike | None, count: int
+) -> list[tuple[float, float]]:
+    """Mass [kg] and exhaust speed [m/s] of each craft; nan where none are given."""
+    given = {"mass": mass, "specific_impulse": specific_impulse}
+    have = {name: value for name, value in given.items() if value is not None}
+    if not have:
+        return [(np.nan, np.nan)] * count
+    if missing := given.keys() - have.keys():
+        raise ValueError(f"{missing.pop()}: give it with {next(iter(have))}, or neither")
+    columns = []
+    for name, value in have.items():
+        values = np.asarray(checked(name, value, positive=True))
+        if values.shape not in ((), (count,)):
+            raise ValueError(
+                f"{name}: expected one number or {count}, one for each, got shape {values.shape}"
+            )
+        columns.append(np.broadcast_to(values, count).tolist())
+    return [(kilograms, STANDARD_GRAVITY * seconds) for kilograms, seconds in zip(*columns, strict=True)]
+
+
+def _apart(path: Path, other: Path) -> float:
+    """How far two paths of one time are apart at most, at some instants of each arc."""
+    edges = np.unique(np.concatenate([path.arcs[:, START], other.arcs[:, START], [path.end]]))
+    times = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, LOOKS)).ravel()
+    times = np.clip(times, edges[0], edges[-1])
+    return float(np.linalg.norm(path.position(times) - other.position(times), axis=1).max())
+
+
+def _conflicts(
+    path: Path, zone: OwnZone | Sequence[OwnZone | None] | PairZones | None, obstacles: Path | Sequence[Path]
+) -> tuple[PairConflict, ...] | None:
+    """Conflicts of the craft with each other and with obstacles; None without a zone."""
+    given = [obstacles] if isinstance(obstacles, Path) else sequence("obstacles", obstacles, Path)
+    own, others = crafts_of([path]), crafts_of(given)
+    if zone is None:
+        if others:
+            raise ValueError("zone: give what is to be kept clear of the obstacles")
+        return None
+    if not path.shape and isinstance(zone, Sequence) and len(zone) == len(others):
+        zone = [None, *zone]
+    zones = pair_zones("zone", zone, len(own), len(others))
+    return screen(stack([*own, *others]), zones).conflicts
+
+
+def crafts_of(paths: Sequence[Path]) -> list[Path]:
+    """Single craft out of paths and batches."""
+    every = [[path[k] for k in np.ndindex(path.shape)] if path.shape else [path] for path in paths]
+    return [craft for batch in every for craft in batch]

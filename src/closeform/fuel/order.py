@@ -1,0 +1,168 @@
+"""An order: what one craft's thrusters are told to fire, when, and what they leave out."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.chunks import Chunks, cells_of, gathered
+from closeform.fuel.deviation import bound, misfit_of
+from closeform.fuel.falling_mass import fired_within
+from closeform.fuel.pulses import Pulses, ends_of, flown
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.path import Path
+
+FULL = 1.0 + 1e-6  # of a thruster's acceleration, that a plan may ask for
+CLOCK = 1e-12  # of all times: no pulse is briefer
+JOINED = 1e-9  # of a pulse: the next one follows at once
+# Of q w x: F of two pulses of one delta-v q, centroid and length w, of which one is constant and the other
+# grows by the share x on the way.  It is 1/64 where all growth is in the middle, 1/125 where it is steady.
+RAMP = 1.0 / 32.0
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """Chunks of a plan, of which those that are `fired` (K,) begin and end at `times` (2, M) [s].
+
+    `span` [s] is the time of the plan and of all pulses, and `extra` (K,) [m] what the falling mass adds
+    to F.  `pulses` are what is commanded.
+    """
+
+    thrusters: Thrusters
+    chunks: Chunks
+    fired: Any
+    times: Floats
+    span: tuple[float, float]
+    extra: Floats
+    pulses: Pulses
+    dropped: Pulses
+
+    def path(self, plan: Path) -> Path:
+        """What the pulses fly, over the time of the `plan`, which begins before and ends after them."""
+        chunks = self.chunks[self.fired]
+        strength = chunks.impulse / np.diff(self.times, axis=0)[0]
+        ends = np.array([plan.start, plan.end])
+        return flown(
+            plan.orbit, self.thrusters, chunks.thruster, self.times, strength, ends_of(plan)[0], ends
+        )
+
+    def bounds(self, plan: Path) -> tuple[float, float]:
+        """Of the deviation [m] from the `plan`, and of that by what is dropped alone."""
+        widths = np.full(len(self.chunks), np.nan)
+        widths[self.fired] = np.diff(self.times, axis=0)[0]
+        every = np.ones(len(widths), dtype=bool)
+        whole, left = (
+            bound(
+                plan,
+                self.thrusters,
+                self.chunks[some],
+                misfit_of(plan, self.thrusters, self.chunks[some], widths[some], self.extra[some]),
+            )
+            for some in (every, ~self.fired)
+        )
+        return whole, left
+
+
+def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust: float) -> Order:
+    """For one craft's path, of `mass` [kg] at its start, nan if unknown, and `exhaust` speed [m/s].
+
+    Raises ValueError naming what is missing or does not fit.
+    """
+    if thrusters.acceleration is None:
+        raise ValueError("thrusters: have no acceleration to fire with; give it, or use with_force")
+    cells = cells_of(path, thrusters)
+    known = np.isfinite(mass)
+    kilograms, speed = (mass, exhaust) if known else (1.0, np.inf)
+    lighter = np.exp(-cells.impulse.sum() / speed)  # a bit is larger for a craft that has burned
+    bits = np.broadcast_to(thrusters.minimum_bit / lighter, len(thrusters))
+    _check_period(cells, path, thrusters)
+    chunks = _without_gaps(gathered(cells, path.start, thrusters.period, bits), thrusters)
+    _check_strength(chunks, thrusters)
+    briefest = CLOCK * (np.abs([path.start, path.end]).max() + path.end - path.start)
+    least = np.maximum(bits, thrusters.acceleration * briefest)
+    fired = chunks.impulse >= least[chunks.thruster]
+    if len(chunks) and not fired.any():
+        raise ValueError(
+            f"minimum_bit: {bits.min():g} m/s is above the {chunks.impulse.max():.3g} m/s that the plan asks "
+            "of a thruster at a time, so nothing would be fired; plan with impulses, or take finer thrusters"
+        )
+    shot, force = chunks[fired], kilograms * thrusters.acceleration
+    begin, over, masses = fired_within(shot, force[shot.thruster], kilograms, speed)
+    half = 0.5 * (over - begin)
+    extra = np.zeros(len(chunks))
+    extra[fired] = RAMP * shot.impulse * 2.0 * half * (masses[0] / masses[1] - 1.0)
+    burned = force[shot.thruster] * 2.0 * half / speed if known else np.full(len(shot), np.nan)
+    _check_overlap(shot.thruster, begin, over)
+    times = np.stack([shot.centroid - half, shot.centroid + half])
+    left, none = chunks[~fired], np.full(len(chunks) - len(shot), 0.0 if known else np.nan)
+    return Order(
+        thrusters,
+        chunks,
+        fired,
+        times,
+        (min([path.start, *begin, *times[0]]), max([path.end, *over, *times[1]])),
+        extra,
+        _pulses(craft, path, thrusters, shot, begin, over, burned),
+        _pulses(craft, path, thrusters, left, left.start, left.end, none),
+    )
+
+
+def _pulses(
+    craft: int, path: Path, thrusters: Thrusters, chunks: Chunks, begin: Floats, over: Floats, burned: Floats
+) -> Pulses:
+    """Chunks as pulses, in order of time."""
+    turned = thrusters.directions_at(path.orbit, chunks.centroid)
+    units = turned[np.arange(len(chunks)), chunks.thruster]
+    whose = np.full(len(chunks), craft)
+    columns = Pulses(whose, chunks.thruster, begin, over - begin, units, chunks.impulse, burned)
+    return columns[np.lexsort((chunks.thruster, begin))]
+
+
+def _without_gaps(chunks: Chunks, thrusters: Thrusters) -> Chunks:
+    """Chunks in which a thruster is on all the time, joined with those before in which it is, too."""
+    if not len(chunks):
+        return chunks
+    length = chunks.end - chunks.start
+    full = chunks.impulse >= thrusters.acceleration[chunks.thruster] * length * (1.0 - JOINED)
+    goes_on = (
+        full & np.roll(full, 1) & (chunks.thruster == np.roll(chunks.thruster, 1)) & np.isfinite(chunks.peak)
+    )
+    goes_on &= np.abs(chunks.start - np.roll(chunks.end, 1)) <= JOINED * length
+    goes_on[0] = False
+    return chunks.joined(np.flatnonzero(~goes_on))
+
+
+def _check_period(cells: Chunks, path: Path, thrusters: Thrusters) -> None:
+    if not np.isfinite(cells.peak).any():
+        return
+    if thrusters.period is None:
+        raise ValueError("thrusters: have no period, in which thrust that lasts is fired once; give one")
+    if thrusters.period > path.end - path.start:
+        raise ValueError(
+            f"period: {thrusters.period:g} s is longer than the plan, which takes "
+            f"{path.end - path.start:.6g} s; give a shorter one"
+        )
+
+
+def _check_strength(chunks: Chunks, thrusters: Thrusters) -> None:
+    has = thrusters.acceleration[chunks.thruster]
+    over = np.where(np.isinf(chunks.peak), 0.0, chunks.peak / has)
+    if len(over) and over.max() > FULL:
+        k = int(over.argmax())
+        raise ValueError(
+            f"acceleration: at about {chunks.centroid[k]:.6g} s the plan asks thruster {chunks.thruster[k]} "
+            f"for {chunks.peak[k]:.4g} m/s², it gives {has[k]:.4g}; plan with a max_acceleration or more time"
+        )
+
+
+def _check_overlap(thruster: Any, begin: Floats, over: Floats) -> None:
+    order = np.lexsort((begin, thruster))
+    one, begin, over = thruster[order], begin[order], over[order]
+    both = (one[1:] == one[:-1]) & (begin[1:] < over[:-1] - JOINED * (over - begin)[:-1])
+    if both.any():
+        k = int(both.argmax())
+        raise ValueError(
+            f"acceleration: thruster {one[k]} fires from {begin[k]:.6g} to {over[k]:.6g} s, and must begin "
+            f"again at {begin[k + 1]:.6g} s; give it more, or plan with more time between"
+        )

@@ -1,0 +1,113 @@
+"""Pulses: what each thruster fires and when, and the path that flies them."""
+
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import FORGIVEN, Path
+from closeform.motion.steering import fix_inertially
+
+
+@dataclass(frozen=True, eq=False)
+class Pulses:
+    """Pulses of thrusters, craft by craft in order of time: columns of K rows.
+
+    Attributes
+    ----------
+    craft : array of int of shape (K,)
+        Whose they are; 0 where there is one.
+    thruster : array of int of shape (K,)
+        By index among the craft's directions.
+    start : array of shape (K,) [s]
+        When the thruster goes on.
+    duration : array of shape (K,) [s]
+        How long it is on.
+    direction : array of shape (K, 3), no unit
+        Of the push in the orbit's frame (radial, along-track, cross-track) at the pulse's centroid.
+    impulse : array of shape (K,) [m/s]
+        The delta-v that it gives.
+    propellant : array of shape (K,) [kg]
+        What it burns; nan without a mass.
+    """
+
+    craft: Any
+    thruster: Any
+    start: Floats
+    duration: Floats
+    direction: Floats
+    impulse: Floats
+    propellant: Floats
+
+    def __len__(self) -> int:
+        return len(self.impulse)
+
+    def __getitem__(self, index: Any) -> Self:
+        return type(self)(*(getattr(self, one.name)[index] for one in fields(self)))
+
+
+def one_table(some: list[Pulses]) -> Pulses:
+    """The pulses of several craft, one after another."""
+    return Pulses(*(np.concatenate([getattr(one, field.name) for one in some]) for field in fields(Pulses)))
+
+
+def ends_of(path: Path) -> tuple[Floats, Floats]:
+    """States (6,) of one craft's path before an impulse at its start, and at its end."""
+    first = path.arcs[0, STATE : STATE + 6].copy()
+    first[3:] -= path.arcs[0, IMPULSE : IMPULSE + 3]
+    return first, path.state(path.end)
+
+
+def extended(path: Path, start: float, end: float) -> Path:
+    """One craft's path with coasts before and after it, from `start` to `end` [s]."""
+    before, after = ends_of(path)
+    pieces, rounding = [], FORGIVEN * (path.end - path.start)
+    if start < path.start - rounding:
+        state = path.orbit.transition(start - path.start) @ before
+        pieces.append(path.orbit.coast(state, path.start - start, start).arcs)
+    pieces.append(path.arcs)
+    if end > path.end + rounding:
+        pieces.append(path.orbit.coast(after, end - path.end, path.end).arcs)
+    rows = np.concatenate(pieces)
+    return Path(path.orbit, rows, np.array([0, len(rows)]), ())
+
+
+def flown(
+    orbit: Orbit,
+    thrusters: Thrusters,
+    thruster: Any,
+    times: Floats,
+    strength: Floats,
+    state: Floats,
+    ends: Any,
+) -> Path:
+    """The path between two `ends` [s], from a `state` (6,), of pulses that begin and end at `times` (2, K).
+
+    Each with its `thruster` (K,) and `strength` (K,) [m/s^2].
+    """
+    edges = np.unique(np.concatenate([ends, times.ravel()]))
+    begin, over = np.searchsorted(edges, times)
+    push = np.zeros((len(edges), 3))
+    pushes = thrusters.directions[thruster] * strength[:, None]
+    changes = np.zeros((len(edges), len(thrusters)))
+    np.add.at(changes, (begin, thruster), 1.0)
+    np.add.at(changes, (over, thruster), -1.0)
+    np.add.at(push, begin, pushes)
+    np.add.at(push, over, -pushes)
+    on: Any = np.cumsum(changes, axis=0).any(axis=1)
+    arcs = np.zeros((len(edges) - 1, WIDTH))
+    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], orbit.mean_motion
+    arcs[:, PUSH : PUSH + 3] = np.where(on[:, None], np.cumsum(push, axis=0), 0.0)[:-1]
+    if thrusters.frame == "inertial":
+        fix_inertially(orbit.mean_motion, arcs)
+    alone = Path(orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
+    gained = alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]
+    moved = orbit.transition(arcs[:, END] - arcs[:, START])
+    for k in range(len(arcs)):
+        arcs[k, STATE : STATE + 6] = state
+        state = moved[k] @ state + gained[k]
+    return Path(orbit, arcs, np.array([0, len(arcs)]), ())

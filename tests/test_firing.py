@@ -1,0 +1,306 @@
+"""Firing: bounds held by what is flown, pulses by another integrator, zones, and what is refused."""
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import linprog
+
+import closeform as cf
+from closeform.fuel.allocation import Allocation
+from firings import CUBE, deviation, modulated, reflown
+
+ORBIT = cf.Orbit.circular(500e3)
+N = ORBIT.mean_motion
+A = np.array([0.0, 200, 0, 0, 0, 0])
+B = np.array([40.0, -150, 60, 0, -2 * N * 40, 0.02])
+MOVE = ORBIT.transfer(A, B, 3000.0)
+SIX = cf.Thrusters.rtn(acceleration=2e-3, period=30.0)
+
+
+def test_the_bound_holds_in_random_plans():
+    """400 of the 10 000 that tools/fire_plans.py fires: energy-optimal, constant thrust, impulses, mixed."""
+    ratios = []
+    for seed in range(400):
+        firing = cf.fire(*modulated(np.random.default_rng(seed)))
+        off = deviation(firing, looks=12)
+        assert off <= firing.deviation_bound, seed
+        assert off >= firing.deviation * (1 - 1e-9) or off >= 0.98 * firing.deviation
+        ratios.append(firing.deviation_bound / off)
+    assert np.median(ratios) < 2.0
+
+
+@pytest.mark.parametrize("frame", ["orbit", "inertial"])
+@pytest.mark.parametrize("kind", ["transfer", "impulses", "burn"])
+def test_another_integrator_flies_the_pulses(kind, frame):
+    """With a mass that falls by some per cent: as far from plan and path as the bound says."""
+    path = {
+        "transfer": ORBIT.transfer(A, B, 1500.0),
+        "impulses": ORBIT.two_impulse(A, B, 1500.0),
+        "burn": ORBIT.burn(A, [1e-3, 2e-4, -3e-4], 600.0, frame=frame),
+    }[kind]
+    thrusters = cf.Thrusters.rtn(frame, acceleration=0.01, period=40.0)
+    mass, impulse = 12.0, 20.0
+    firing = cf.fire(path, thrusters, mass, impulse)
+    edges, states = reflown(firing, mass, impulse)
+    off = np.linalg.norm(states[:, :3] - firing.planned.position(edges), axis=1).max()
+    assert off <= firing.deviation_bound
+    constant = cf.fire(path, thrusters)
+    beside = np.linalg.norm(states[:, :3] - firing.path.position(edges), axis=1).max()
+    assert beside <= firing.deviation_bound - 0.9 * constant.deviation_bound
+    assert states[-1, 6] == pytest.approx(mass - firing.propellant, rel=1e-12)
+
+
+def test_propellant_is_the_rocket_equations():
+    """Summed over thrusters that fire at once, against 40 digits; each pulse burns at one rate."""
+    firing = cf.fire(MOVE, SIX, mass=12.0, specific_impulse=60.0)
+    mpmath.mp.dps = 40
+    spent = mpmath.fsum(map(float, firing.pulses.impulse))
+    burned = 12 * (1 - mpmath.exp(-spent / (mpmath.mpf(60) * mpmath.mpf("9.80665"))))
+    assert firing.propellant == pytest.approx(float(burned), rel=1e-12)
+    assert firing.delta_v == pytest.approx(float(spent), rel=1e-14)
+    flow = 12.0 * 2e-3 / (60.0 * 9.80665)
+    assert np.allclose(firing.pulses.propellant, flow * firing.pulses.duration, rtol=1e-14)
+    assert np.isnan(cf.fire(MOVE, SIX).propellant)
+
+
+def test_a_chunk_has_its_plans_delta_v_and_centroid():
+    """Each pulse against quadrature of the planned thrust between ticks of its period."""
+    firing = cf.fire(MOVE, SIX)
+    pulses = firing.pulses
+    for k in range(0, len(pulses), 17):
+        axis, sign = int(pulses.thruster[k]) // 2, 1.0 - 2.0 * (pulses.thruster[k] % 2)
+        middle = pulses.start[k] + 0.5 * pulses.duration[k]
+        low = 30.0 * np.floor(middle / 30.0)
+
+        def push(t, axis=axis, sign=sign):
+            return max(sign * MOVE.thrust(t)[axis], 0.0)
+
+        whole = quad(push, low, low + 30.0, epsabs=1e-14, limit=200)[0]
+        moment = quad(lambda t, push=push: t * push(t), low, low + 30.0, epsabs=1e-11, limit=200)[0]
+        assert pulses.impulse[k] == pytest.approx(whole, rel=1e-9, abs=1e-12)
+        assert middle == pytest.approx(moment / whole, abs=1e-4)
+        assert pulses.duration[k] * 2e-3 == pytest.approx(pulses.impulse[k], rel=1e-12)
+
+
+@pytest.mark.parametrize("directions", [cf.Thrusters.rtn().directions, CUBE, CUBE[[0, 3, 5, 6]], CUBE[:4]])
+def test_thrusters_share_a_thrust_at_the_least_sum(directions):
+    """Against a linear program; where it has no answer a push is asked for that no thruster makes."""
+    allocation, rng = Allocation.of(directions), np.random.default_rng(8)
+    for wanted in np.concatenate([rng.normal(size=(60, 3)), np.eye(3), -np.eye(3)]):
+        facet = allocation.facets(wanted[None], 1e-9)
+        sizes, corners = allocation.amounts(facet, wanted[None])[0], allocation.corners[facet[0]]
+        done = linprog(np.ones(len(directions)), A_eq=directions.T, b_eq=wanted, bounds=(0, None))
+        made = sizes[corners < len(directions)]
+        if done.status == 0:
+            assert sizes.min() > -1e-8
+            assert made.sum() == pytest.approx(
+                done.fun, rel=1e-5
+            )  # of equal sums one is chosen by 1e-6 of it
+            assert sizes[corners >= len(directions)].sum() < 1e-8
+        else:
+            assert sizes[corners >= len(directions)].max() > 1e-3
+
+
+def test_an_impulse_is_a_burn_about_its_time():
+    """It leads q w / 8 off while it lasts, and hardly farther after; so at both ends of the plan."""
+    path = ORBIT.two_impulse(A, B, 1500.0)
+    firing = cf.fire(path, cf.Thrusters.rtn(acceleration=5e-3))
+    assert firing.path.start < path.start
+    assert firing.path.end > path.end
+    for time, jump in path.impulses:
+        own = np.abs(firing.pulses.start + firing.pulses.duration / 2 - time) < 1e-9
+        given = firing.pulses.direction[own] * firing.pulses.impulse[own, None]
+        assert np.allclose(given.sum(axis=0), jump, atol=1e-12)
+    width, impulse = firing.pulses.duration, firing.pulses.impulse
+    axes = [max((width * impulse / 8)[firing.pulses.thruster // 2 == axis]) for axis in range(3)]
+    assert 0.9 * max(axes) < firing.deviation <= firing.deviation_bound < 1.2 * np.linalg.norm(axes)
+
+
+def test_thrust_at_full_strength_is_one_burn():
+    push = ORBIT.burn(A, [0.0, 1e-3, 0.0], 600.0)
+    firing = cf.fire(push, cf.Thrusters.rtn(acceleration=1e-3, period=30.0))
+    assert len(firing.pulses) == 1
+    assert (firing.pulses.start[0], firing.pulses.duration[0]) == pytest.approx((0.0, 600.0))
+    assert firing.deviation < 1e-9
+    assert firing.deviation_bound < 1e-3
+
+
+def test_bits_are_gathered_or_dropped():
+    """No pulse is below the bit; what is dropped is told, and its cost is part of the bound."""
+    fine, coarse = (
+        cf.fire(MOVE, SIX),
+        cf.fire(MOVE, cf.Thrusters.rtn(acceleration=2e-3, period=30.0, minimum_bit=0.02)),
+    )
+    assert len(coarse.pulses) < len(fine.pulses)
+    assert coarse.pulses.impulse.min() >= 0.02
+    assert len(coarse.dropped) > 0
+    assert coarse.dropped.impulse.max() < 0.02
+    assert coarse.delta_v + coarse.dropped.impulse.sum() == pytest.approx(fine.delta_v, rel=1e-9)
+    assert 0 < coarse.dropped_deviation <= coarse.deviation_bound
+    assert coarse.deviation <= coarse.deviation_bound
+    assert len(fine.dropped) == 0 == fine.dropped_deviation
+
+
+def test_a_bit_is_larger_for_a_lighter_craft():
+    """The mass at the end, not that at the start, says how little a thruster can give."""
+    thrusters = cf.Thrusters.rtn(acceleration=2e-3, period=30.0, minimum_bit=4e-3)
+    light = cf.fire(MOVE, thrusters, mass=10.0, specific_impulse=1.0)
+    left = 10.0 - light.propellant
+    assert left < 0.97 * 10.0
+    assert light.pulses.impulse.min() >= 4e-3 * 10.0 / left * (1 - 1e-12)
+
+
+def test_a_millimetre_a_second_in_a_cluster_of_a_hundred_metres():
+    """Reconfigurations among relative orbits of 100 m, bits of 1 mm/s: within a metre, every bound held."""
+    rng, found = np.random.default_rng(4), []
+    for _ in range(20):
+        sizes = rng.normal(size=(2, 4)) * 50
+        ends = [[x, y, z, v * N / 2, -2 * N * x, -z * N] for x, y, z, v in sizes]
+        path = ORBIT.transfer(*ends, ORBIT.period * rng.uniform(0.3, 1.0))
+        firing = cf.fire(path, cf.Thrusters.rtn(acceleration=1e-3, minimum_bit=1e-3, period=10.0))
+        assert deviation(firing, 12) <= firing.deviation_bound
+        found.append((firing.deviation, firing.deviation_bound))
+    assert np.median(found, axis=0)[0] < 1.0
+    assert np.median(found, axis=0)[1] < 2.0
+
+
+def ring():
+    """Six craft on a ring that change places through its middle."""
+    angle = np.arange(6) * np.pi / 3 + 0.1
+    initial = np.zeros((6, 6))
+    initial[:, 1], initial[:, 2] = 100 * np.cos(angle), 100 * np.sin(angle)
+    return initial, np.roll(initial, 3, axis=0)
+
+
+def test_a_formation_is_fired_and_certified():
+    """A plan with room for the bounds of two is clear when fired, which dense sampling confirms."""
+    thrusters = cf.Thrusters.rtn(acceleration=5e-3, period=120.0)
+    touching = cf.reconfigure(ORBIT, *ring(), 1400.0, cf.Sphere(20.0))
+    assert touching.contacts
+    near = cf.fire(touching, thrusters, zone=cf.Sphere(20.5))
+    assert near.path.shape == near.deviation.shape == near.propellant.shape == (6,)
+    assert (near.deviation <= near.deviation_bound).all()
+    assert set(near.pulses.craft) == set(range(6))
+    assert not near.clear
+    assert {(one.first, one.second) for one in near.conflicts} <= {(i, j) for j in range(6) for i in range(j)}
+
+    plan = cf.reconfigure(ORBIT, *ring(), 1400.0, cf.Sphere(20.0 + 2.2 * near.deviation_bound.max()))
+    fired = cf.fire(plan, thrusters, zone=cf.Sphere(20.0))
+    assert fired.clear
+    places = fired.path.position(np.linspace(fired.path.start.max(), fired.path.end.min(), 20001))
+    for one in range(6):
+        for other in range(one):
+            assert np.linalg.norm(places[one] - places[other], axis=1).min() > 20.0
+    alone = [cf.fire(plan.paths[k], thrusters) for k in range(6)]
+    assert np.allclose([one.delta_v for one in alone], fired.delta_v, rtol=1e-12)
+
+
+def test_an_avoidance_is_fired_past_its_obstacle():
+    path = ORBIT.transfer([0, -200, 10, 0, 0, 0], [40, 200, 60, 0, -0.09, 0], 3000.0)
+    other = ORBIT.coast(ORBIT.transition(-1350.0) @ (path.state(1350.0) + [3, 4, -5, 0.02, 0, 0.01]), 3000.0)
+    found = cf.avoid(path, other, cf.Sphere(25.0))
+    fired = cf.fire(found, SIX, zone=[cf.Sphere(24.0)], obstacles=other)
+    assert fired.clear
+    assert cf.find_conflicts(fired.path, other, cf.Sphere(24.0)) == ()
+    (near,) = cf.fire(found, SIX, zone=cf.Sphere(25.0 + 0.5), obstacles=[other]).conflicts
+    assert (near.first, near.second) == (0, 1)
+    assert fired.conflicts == ()
+    assert cf.fire(found, SIX).conflicts is None
+
+
+def test_burns_are_a_table():
+    firing = cf.fire(MOVE, SIX, 12.0, 60.0)
+    burns = firing.burns
+    assert list(burns)[:4] == ["craft", "thruster", "start_s", "duration_s"]
+    assert {len(column) for column in burns.values()} == {len(firing.pulses)}
+    vectors = np.stack([burns[f"{axis}_m_s"] for axis in ("radial", "along_track", "cross_track")], axis=1)
+    assert np.allclose(np.linalg.norm(vectors, axis=1), firing.pulses.impulse)
+    assert np.allclose(burns["propellant_kg"].sum(), firing.propellant)
+
+
+def test_who_coasts_fires_nothing():
+    firing = cf.fire(ORBIT.coast(A, 900.0), SIX, 12.0, 60.0)
+    assert len(firing.pulses) == 0
+    assert (firing.delta_v, firing.propellant, firing.deviation, firing.deviation_bound) == (0, 0, 0, 0)
+
+
+BLOCKED = cf.avoid(MOVE, ORBIT.coast(A, 3000.0), cf.Sphere(1000.0))
+REFUSED = {
+    "no acceleration": (
+        {"thrusters": cf.Thrusters.rtn(period=30.0)},
+        "thrusters: have no acceleration to fire with; give it, or use with_force",
+    ),
+    "no period": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1.0)},
+        "thrusters: have no period, in which thrust that lasts is fired once; give one",
+    ),
+    "period above the duration": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=4000.0)},
+        "period: 4000 s is longer than the plan, which takes 3000 s; give a shorter one",
+    ),
+    "too short a period": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=1e-4)},
+        "period: 3000 s of thrust are more than 1000000 cycles or pieces of an orbit; give a longer one, or "
+        "fire the plan piece by piece",
+    ),
+    "too weak": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1e-5, period=30.0)},
+        "acceleration: at about 2612.75 s the plan asks thruster 0 for 0.000175 m/s², it gives 1e-05; plan "
+        "with a max_acceleration or more time",
+    ),
+    "bit above the whole": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=30.0, minimum_bit=5.0)},
+        "minimum_bit: 5 m/s is above the 0.192 m/s that the plan asks of a thruster at a time, so nothing "
+        "would be fired; plan with impulses, or take finer thrusters",
+    ),
+    "out of reach": (
+        {"thrusters": cf.Thrusters(SIX.directions[:5], acceleration=1.0, period=30.0)},
+        "thrusters: at 7.45443 s the plan pushes where they cannot, along -z of their frame; plan with these "
+        "thrusters, or add one",
+    ),
+    "impulses too close": (
+        {"plan": ORBIT.two_impulse(A, A + [0, 9, 0, 0, 2, 0], 20.0), "thrusters": SIX},
+        "acceleration: thruster 2 fires",
+    ),
+    "sets for others": (
+        {"thrusters": [SIX, SIX]},
+        "thrusters: 2 sets for 1 craft; give one, or one for each",
+    ),
+    "no mass": ({"specific_impulse": 60.0}, "mass: give it with specific_impulse, or neither"),
+    "no specific impulse": ({"mass": 60.0}, "specific_impulse: give it with mass, or neither"),
+    "mass below 0": ({"mass": -1.0, "specific_impulse": 60.0}, "mass: must be positive, got -1"),
+    "specific impulse 0": (
+        {"mass": 9.0, "specific_impulse": 0.0},
+        "specific_impulse: must be positive, got 0",
+    ),
+    "masses of others": (
+        {"mass": [1.0, 2.0], "specific_impulse": 60.0},
+        "mass: expected one number or 1, one for each, got shape (2,)",
+    ),
+    "no plan": ({"plan": "plan"}, "plan: expected a Path, a Plan or an Avoidance, got 'plan'"),
+    "blocked": ({"plan": BLOCKED}, f"plan: has no path to fly: {BLOCKED.reason}"),
+    "batch of batches": (
+        {"plan": ORBIT.coast(np.zeros((2, 3, 6)), 9.0)},
+        "plan: expected one craft's path or a batch of shape (N,), got shape (2, 3)",
+    ),
+    "obstacles without a zone": (
+        {"obstacles": MOVE},
+        "zone: give what is to be kept clear of the obstacles",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_refused(what):
+    arguments, message = REFUSED[what]
+    with pytest.raises(ValueError, match=r": ") as error:
+        cf.fire(**{"plan": MOVE, "thrusters": SIX} | arguments)
+    assert str(error.value).startswith(message)
+
+
+def test_of_a_batch_the_craft_is_named():
+    both = cf.stack([ORBIT.coast(A, 3000.0), MOVE])
+    weak = cf.Thrusters.rtn(acceleration=1e-5, period=30.0)
+    with pytest.raises(ValueError, match=r"^acceleration: craft 1: at about "):
+        cf.fire(both, weak)
