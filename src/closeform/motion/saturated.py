@@ -1,0 +1,320 @@
+"""Paths within a thrust limit: optimal arcs below it, pieces of saturated thrust at it.
+
+Saturated thrust U p/|p| is in no span of ours.  It is flown in pieces whose thrust has its value and
+rate at both ends of each: turned by an angle d, it is off by d^4/384 of U at most, and inside the
+ball that it bounds.  Newton's last steps are with what the pieces gain, so a path ends where it should,
+keeps the limit, and is certified like any other; by what it costs more than theory (31, 32)'s bound
+it is judged.
+"""
+
+from math import inf, sqrt
+from typing import Any
+
+import numpy as np
+from numba import boolean, float64, int64, void
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, broadcast
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, state_at
+from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, dot, downhill, least_limit, sharpen
+from closeform.motion.costates import COASTING, RISING, piece_end, side, sum_up
+from closeform.motion.hill import coast, oscillation
+from closeform.motion.mean_motion import checked
+from closeform.motion.primer import NARROWEST, functional
+
+# By how much a piece may be off, as a share of the limit.  Ten times as much: half as many pieces,
+# and a limit exceeded by more than the 1e-9 that is promised.
+OFF = 3e-9
+ROUNDING = 1e-14  # of |p|, in thrust of size (|p| - 1) / e
+FREE = 1e200  # a limit that nothing reaches
+CLOSE = 1e-6  # of the least limit: so well it is told
+WORST = 1e-6  # a path's cost over its lower bound
+
+
+@kernel()
+def thrust_and_rate(n, c, t, region, low, e, limit, out):
+    """Fill `out` (6,) with the thrust in a region of the primer of start `c` at time t, and its rate."""
+    x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
+    r = sqrt(x * x + y * y + z * z)
+    thrust, rate = limit, 0.0
+    if region == RISING:
+        thrust, rate = min(max((r - low) / e, 0.0), limit), 1.0 / e
+    swell = (x * vx + y * vy + z * vz) / (r * r)  # of r, over r
+    grow = rate * swell - thrust * swell / r
+    out[0], out[1], out[2] = thrust / r * x, thrust / r * y, thrust / r * z
+    out[3], out[4], out[5] = (
+        thrust / r * vx + grow * x,
+        thrust / r * vy + grow * y,
+        thrust / r * vz + grow * z,
+    )
+
+
+@kernel()
+def push_along(n, h, first, middle, last, limit, arc):
+    """Make an arc's push the one that has the thrust and rate `first` at its start and `last` after h.
+
+    Returns by how much it is off the thrust `middle`, in shares of the limit, which it keeps.
+    """
+    p0, p1, p2 = oscillation(n, h)
+    q0, q1, q2 = oscillation(n, 0.5 * h)
+    s0, s1, s2 = oscillation(n, 0.25 * h)
+    r0, r1, r2 = oscillation(n, 0.75 * h)
+    gap = p1 * p1 - p0 * p2
+    off, most = 0.0, 0.0
+    before, between, after = 0.0, 0.0, 0.0
+    for i in range(3):
+        value, rate = first[i], first[3 + i]
+        rise, turn = last[i] - value - rate * h, last[3 + i] - rate
+        bend, twist = (rise * p1 - turn * p2) / gap, (turn * p1 - rise * p0) / gap
+        arc[PUSH + i], arc[PUSH + 3 + i], arc[PUSH + 6 + i], arc[PUSH + 9 + i] = value, rate, bend, twist
+        half = value + 0.5 * rate * h + bend * q1 + twist * q2
+        off += (half - middle[i]) ** 2
+        between += half * half
+        before += (value + 0.25 * rate * h + bend * s1 + twist * s2) ** 2
+        after += (value + 0.75 * rate * h + bend * r1 + twist * r2) ** 2
+    most = sqrt(max(before, between, after))
+    if most > limit:
+        for k in range(12):
+            arc[PUSH + k] *= limit / most
+    return sqrt(off) / limit
+
+
+@kernel()
+def begin_arc(n, row, start, end, before, after):
+    """Fill the row of an arc that goes on from arc `before`, which is `after` itself where there is none."""
+    for k in range(WIDTH):
+        row[k] = 0.0
+    row[START], row[END], row[MEAN_MOTION] = start, end, n
+    x, y, z, vx, vy, vz = state_at(before, start)
+    row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
+    row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
+
+
+@kernel()
+def fly(n, duration, origin, c, low, e, limit, rows, first):
+    """Fill `rows` from row `first` on with the arcs of the thrust of start `c`, from the state of `origin`.
+
+    Returns the row after the last, or -1 where there is no room.
+    """
+    values = stack_matrix(3, 6)
+    start, high = origin[START], low + e * limit
+    t, region, k = 0.0, side(n, c, 0.0, low, high), first
+    before = origin
+    while t < duration:
+        end, after = piece_end(n, duration, c, t, region, low, high)
+        while after == region and end < duration:
+            end, after = piece_end(n, duration, c, end, region, low, high)
+        natural = region == COASTING or (region == RISING and low == 0.0)
+        h = end - t
+        while t < end:
+            if k == len(rows):
+                return -1
+            if end - t < 1.5 * h:
+                h = end - t if end - t <= h else 0.5 * (end - t)
+            row = rows[k]
+            begins = before[END] if k > first else start
+            ends = origin[END] if t + h >= duration else start + t + h
+            if not ends > begins:  # shorter than time resolves
+                t = end
+                break
+            begin_arc(n, row, begins, ends, before, before)
+            if natural:
+                if region == RISING:
+                    x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
+                    row[THRUST], row[THRUST + 1], row[THRUST + 2] = x, y, z
+                    row[THRUST + 3], row[THRUST + 4], row[THRUST + 5] = vx, vy, vz
+            else:
+                for q in range(3):
+                    thrust_and_rate(n, c, t + 0.5 * q * h, region, low, e, limit, values[q])
+                off = push_along(n, h, values[0], values[1], values[2], limit, row)
+                allowed = OFF + ROUNDING / (e * limit) if region == RISING else OFF
+                factor = 0.9 * sqrt(sqrt(allowed / max(off, 1e-4 * allowed)))
+                if off > allowed and h > NARROWEST * duration:
+                    h *= max(0.1, min(factor, 0.9))
+                    continue
+                t = end if h == end - t else t + h
+                h *= factor
+            if natural:
+                t = end
+            before = row
+            k += 1
+        t, region = end, after
+    rows[k - 1, END] = origin[END]
+    return k
+
+
+@kernel()
+def add_thrust(n, c, rows, first, last):
+    """Add the optimal thrust of start `c` to the arcs of rows [first, last)."""
+    start = rows[first, START]
+    for k in range(first, last):
+        row = rows[k]
+        if k > first:
+            x, y, z, vx, vy, vz = state_at(rows[k - 1], row[START])
+            row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
+            row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
+        x, y, z, vx, vy, vz = coast(n, row[START] - start, c[0], c[1], c[2], c[3], c[4], c[5])
+        row[THRUST], row[THRUST + 1], row[THRUST + 2] = (
+            row[THRUST] + x,
+            row[THRUST + 1] + y,
+            row[THRUST + 2] + z,
+        )
+        row[THRUST + 3], row[THRUST + 4] = row[THRUST + 3] + vx, row[THRUST + 4] + vy
+        row[THRUST + 5] += vz
+
+
+@kernel()
+def meet(n, duration, origin, final, scale, c, hessian, free, low, e, limit, rows, first):
+    """`fly`, with `c` changed until the path ends in the state `final` (6,).
+
+    Where thrust of size (|p| - 1) / e rounds, an optimal one of some 1e-9 of it closes the rest;
+    `free` (6, 6) is what such thrust gains.
+    """
+    missing, nothing, step, work = stack_vector(6), stack_vector(6), stack_vector(6), stack_matrix(6, 6)
+    for k in range(6):
+        nothing[k] = 0.0
+    last, before = -1, inf
+    for _ in range(8):
+        last = fly(n, duration, origin, c, low, e, limit, rows, first)
+        if last < 0:
+            return last
+        x, y, z, vx, vy, vz = state_at(rows[last - 1], rows[last - 1, END])
+        x, y, z = final[0] - x, final[1] - y, final[2] - z
+        x, y, z, vx, vy, vz = coast(n, -duration, x, y, z, final[3] - vx, final[4] - vy, final[5] - vz)
+        functional(n, x, y, z, vx, vy, vz, missing)
+        off = distance(missing, nothing, scale)
+        if not off < 0.5 * before:
+            if low > 0.0 and e > 0.0:
+                downhill(missing, nothing, free, scale, work, step)
+                add_thrust(n, step, rows, first, last)
+            break
+        before = off
+        downhill(missing, nothing, hessian, scale, work, step)
+        for k in range(6):
+            c[k] += step[k]
+    return last
+
+
+@kernel()
+def worth(n, arc, final, g):
+    """Fill `g` (6,): what is to be gained along an arc to end in the state `final` (6,).   # theory (27)"""
+    x, y, z, vx, vy, vz = coast(
+        n, arc[START] - arc[END], final[0], final[1], final[2], final[3], final[4], final[5]
+    )
+    x, y, z = x - arc[STATE], y - arc[STATE + 1], z - arc[STATE + 2]
+    vx, vy, vz = vx - arc[STATE + 3], vy - arc[STATE + 4], vz - arc[STATE + 5]
+    functional(n, x, y, z, vx, vy, vz, g)
+
+
+NEEDED, ENOUGH, BOUND, COST = 0, 1, 2, 3  # what is told of each transfer
+POSSIBLE, UNDECIDED = 0.0, -1.0
+
+
+@kernel(
+    void(
+        float64,
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[::1],
+        boolean,
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+    )
+)
+def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
+    """Fill `rows` with the arcs of optimal transfers within thrust limits, as far as there is room.
+
+    `arcs` (P, 30) are the optima without a limit, to `finals` (P, 6); `sparing` asks for the least
+    delta-v, not energy.  `offsets` (P + 1,) tells where each path's arcs begin; after a path that is not
+    POSSIBLE, or finds no room, they stay below 0.  `facts` (P, 4) of each: a bound of the least limit
+    that makes it, where that is above its own (else POSSIBLE or UNDECIDED), a limit that is enough, a
+    lower bound of the cost and the cost.
+    """
+    arcs, finals, rows = borrowed(arcs), borrowed(finals), borrowed(rows)
+    g, scale, c = stack_vector(6), stack_vector(6), stack_vector(6)
+    gained, hessian, free = stack_vector(6), stack_matrix(6, 6), stack_matrix(6, 6)
+    for p in range(len(arcs)):
+        arc, limit = arcs[p], limits[p]
+        duration = arc[END] - arc[START]
+        worth(n, arc, finals[p], g)
+        for k in range(6):
+            c[k] = arc[THRUST + k]
+        sum_up(n, duration, c, 0.0, 1.0, FREE, gained, free)
+        for k in range(6):
+            scale[k] = free[k, k]
+        facts[p, NEEDED] = POSSIBLE
+        low, e = 0.0, 1.0
+        status, _, spent, length = climb(n, duration, g, scale, c, low, e, limit, gained, hessian)
+        if status == IMPOSSIBLE:
+            facts[p, NEEDED], facts[p, ENOUGH] = least_limit(
+                n, duration, g, scale, c, dot(g, c) / length, CLOSE
+            )
+            break
+        bound = 0.0
+        if status == DONE and sparing and spent > 0.0:
+            low = 1.0
+            status, e, bound, spent = sharpen(n, duration, g, scale, c, limit, spent, gained, hessian)
+        if status != DONE:
+            facts[p, NEEDED] = UNDECIDED
+            break
+        last = meet(n, duration, arc, finals[p], scale, c, hessian, free, low, e, limit, rows, offsets[p])
+        offsets[p + 1] = last
+        if last < 0:
+            break
+        total, _, spent, energy = sum_up(n, duration, c, low, e, limit, gained, hessian)
+        facts[p, BOUND] = bound if low > 0.0 else dot(g, c) - total
+        facts[p, COST] = spent if low > 0.0 else 0.5 * energy
+        if facts[p, COST] > facts[p, BOUND] * (1.0 + WORST):
+            facts[p, NEEDED], offsets[p + 1] = UNDECIDED, -1
+            break
+
+
+ROOM = 40  # arcs a path, of which a batch is given room at first
+
+
+def limited(
+    n: float, arcs: Floats, finals: Floats, max_acceleration: ArrayLike, sparing: bool
+) -> tuple[Floats, Any, tuple[int, ...]]:
+    """Arcs, offsets and shape of transfers within limits: of the least delta-v if `sparing`, else energy.
+
+    `arcs` (..., 30) are the optima without a limit, to `finals` (..., 6).
+    """
+    limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
+    shape = broadcast(arguments=arcs.shape[:-1], max_acceleration=limits.shape)
+    rows, ends = (np.broadcast_to(a, shape + a.shape[-1:]).reshape(-1, a.shape[-1]) for a in (arcs, finals))
+    limits = np.broadcast_to(limits, shape).ravel()
+    pieces, counts = [np.empty((0, WIDTH))], [np.zeros(1, dtype=np.int64)]
+    first, room = 0, ROOM * len(rows) + 500
+    while first < len(rows):
+        made, facts = np.empty((room, WIDTH)), np.zeros((len(rows) - first, 4))
+        offsets = np.full(len(facts) + 1, -1)
+        offsets[0] = 0
+        task = (np.ascontiguousarray(a[first:]) for a in (rows, ends, limits))
+        limit_thrust(n, *task, sparing, made, offsets, facts)
+        done = int((offsets[1:] >= 0).sum())
+        if done < len(facts) and facts[done, NEEDED] != POSSIBLE:
+            k = first + done
+            name = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
+            raise ValueError(f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[done])}")
+        pieces.append(made[: offsets[done]])
+        counts.append(np.diff(offsets[: done + 1]))
+        first += done
+        room = room if done else 4 * room
+    return np.concatenate(pieces), np.cumsum(np.concatenate(counts)), shape
+
+
+def refusal(arc: Floats, limit: float, facts: Floats) -> str:
+    """Why a transfer is refused."""
+    duration = arc[END] - arc[START]
+    if facts[NEEDED] == UNDECIDED:
+        return (
+            f"{limit:.10g} m/s^2 is within a millionth of the least with which {duration:g} s are enough; "
+            "give a little more of it, or of time"
+        )
+    return (
+        f"no thrust within {limit:g} m/s^2 makes the transfer in {duration:g} s; "
+        f"{facts[ENOUGH] * (1.0 + CLOSE):.7g} m/s^2 is enough"
+    )
