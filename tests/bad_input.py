@@ -976,12 +976,12 @@ MISUSES = (
     Misuse(
         "no zone",
         "screen a.oem b.oem",
-        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance, --zones; for example --sphere "20 m"',
     ),
     Misuse(
         "two zones",
         'screen a.oem b.oem --sphere "20 m" --box "1 1 1 m"',
-        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance, --zones; for example --sphere "20 m"',
     ),
     Misuse(
         "a zone in the wrong unit",

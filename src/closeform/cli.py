@@ -24,7 +24,7 @@ from closeform.console import (
     tell_screen,
     tell_study,
 )
-from closeform.given import UsageError, one_case, read
+from closeform.given import UsageError, ephemerides, one_case, read
 
 CLEAR, BAD_INPUT = 0, 2
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
@@ -184,6 +184,7 @@ def screen(
     covariance: str | None = None,
     sigmas: float | None = None,
     body: Annotated[bool, Parameter(negative="")] = False,
+    zones: Path | None = None,
 ) -> int:
     """Find every conflict among real ephemerides, in the orbital frame of the first.
 
@@ -207,31 +208,28 @@ def screen(
         How many standard deviations of --covariance are kept clear.
     body
         The zone is what each craft fills: those of two add.
+    zones
+        TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
     """
-    from closeform.scenario.options import own_zone
+    from closeform.scenario import ScenarioError
+    from closeform.scenario.options import AskedZones
 
     shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
     try:
-        zone = own_zone(shapes | {"covariance": covariance}, axis, sigmas, body)
+        asked = AskedZones.of(shapes | {"covariance": covariance}, axis, sigmas, body, zones)
+        frame = ephemerides(files)
+        kept = asked.of_pairs(frame.names)
+    except ScenarioError as error:
+        complain(*error.lines)
+        return BAD_INPUT
     except ValueError as error:
         raise UsageError(str(error)) from None
-    if len(files) < 2:
-        raise UsageError("screen: needs two ephemerides or more; name another file")
-    if missing := next((file for file in files if not os.path.exists(file)), None):
-        raise UsageError(f"{missing}: no such file; check the path")
     from closeform.conflicts.flight import watch
-    from closeform.exchange.common_frame import common_frame
-    from closeform.exchange.oem import read_oem
     from closeform.motion.orbit import Orbit
     from closeform.report.screening import ScreenReport
-    from closeform.zones.pair_zones import PairZones
 
-    try:
-        frame = common_frame([read_oem(file) for file in files])
-    except (ValueError, ImportError) as error:
-        raise UsageError(str(error)) from None
     paths = Orbit(frame.mean_motion).sampled(frame.times, frame.states)
-    report = ScreenReport(frame, watch(paths, frame.names, PairZones.of([zone] * len(files))))
+    report = ScreenReport(frame, watch(paths, frame.names, kept))
     tell_screen(report)
     return report.verdict.status
 

@@ -1,11 +1,14 @@
-"""What a command is given: scenario files, one case of a study; and what is said where it does not fit."""
+"""What a command is given: scenarios, a case of a study, ephemerides; what is said where it does not fit."""
 
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from closeform.console import complain
 
 if TYPE_CHECKING:
+    from closeform.exchange.common_frame import CommonFrame
     from closeform.scenario import Scenario
 
 
@@ -25,6 +28,21 @@ def read(file: Path, command: str) -> "Scenario | None":
     except ScenarioError as error:
         complain(*error.lines)
         return None
+
+
+def ephemerides(files: Sequence[Path]) -> "CommonFrame":
+    """What ephemeris files say, in a common frame."""
+    if len(files) < 2:
+        raise UsageError("screen: needs two ephemerides or more; name another file")
+    if missing := next((file for file in files if not os.path.exists(file)), None):
+        raise UsageError(f"{missing}: no such file; check the path")
+    from closeform.exchange.common_frame import common_frame
+    from closeform.exchange.oem import read_oem
+
+    try:
+        return common_frame([read_oem(file) for file in files])
+    except (ValueError, ImportError) as error:
+        raise UsageError(str(error)) from None
 
 
 def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":

@@ -49,11 +49,20 @@ def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
     Raises ScenarioError, with one line for each thing that is wrong, and then also for what is not built yet
     of that which a `command` needs.
     """
+    reading = Reading(toml(text, file))
+    scenario = Scenario(file, text, **reading.sections())
+    if lines := reading.lines + check(scenario, reading.lines, command):
+        raise ScenarioError(file, lines)
+    return scenario
+
+
+def toml(text: str, file: str) -> dict[str, Any]:
+    """What a TOML text says. Raises ScenarioError where it is none."""
     if deep := DEEP.search(text):
         place = f"line {text.count(chr(10), 0, deep.start()) + 1}"
         raise ScenarioError(file, [f"{place}: a key of {DEEPEST} parts or more; no key here has so many"])
     try:
-        raw = tomllib.loads(text.removeprefix("\ufeff"))
+        return tomllib.loads(text.removeprefix("\ufeff"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ScenarioError(file, [not_toml(text, error)]) from None
     except ValueError:  # Python converts no more digits than these
@@ -62,11 +71,6 @@ def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
         raise ScenarioError(
             file, [f"line {before + 1}: a number of more than {most} digits; write a shorter one"]
         ) from None
-    reading = Reading(raw)
-    scenario = Scenario(file, text, **reading.sections())
-    if lines := reading.lines + check(scenario, reading.lines, command):
-        raise ScenarioError(file, lines)
-    return scenario
 
 
 def not_toml(text: str, error: Exception) -> str:
@@ -82,6 +86,11 @@ def not_toml(text: str, error: Exception) -> str:
         inline = re.search("key '(.*)'", what)
         return f"{place}: {inline[1] if inline else key}: stands twice; keep one"
     return f"{place}: {key}: not TOML: {what}; correct it there"
+
+
+def in_places(craft: tuple[Craft, ...]) -> tuple[Craft, ...]:
+    """Craft k of N takes place k of N where `start` names a formation."""
+    return tuple(one.placed(k, len(craft)) for k, one in enumerate(craft))
 
 
 class Reading:
@@ -109,7 +118,7 @@ class Reading:
             "title": title,
             "orbit": self.table("orbit", OrbitTable, '[orbit] with altitude = "500 km"')
             or OrbitTable.model_validate({"deep_space": True}),
-            "craft": self.craft(),
+            "craft": in_places(self.craft(Craft)),
             "sensor": self.table("sensor", SensorTable),
             "search": self.table("search", SearchTable),
             "stages": self.stages(),
@@ -160,7 +169,7 @@ class Reading:
                     self.complain(place, text)
         return mended
 
-    def craft(self) -> tuple[Craft, ...]:
+    def craft(self, model: type[Model]) -> tuple[Model, ...]:
         """[craft] as one table for each craft: a list gives one each, anything else is for all."""
         table = self.raw.get("craft")
         if not isinstance(table, dict):
@@ -178,16 +187,9 @@ class Reading:
                 text = f"has {len(value)} values for {len(names)} craft; give one value for all or one each"
                 self.complain(("craft", key), text)
                 columns[key] = value[:1] * len(names)  # stands in, to find more errors
-        return self.each_craft({key: column for key, column in columns.items() if column}, len(names))
-
-    def each_craft(self, columns: dict[str, list[Any]], count: int) -> tuple[Craft, ...]:
-        """The craft one by one; what is wrong with all of them is said once."""
-        found = []
-        for number in range(count):
-            values = {key: column[number] for key, column in columns.items()}
-            if (craft := self.validated(Craft, values, ("craft", number))) is not None:
-                found.append(craft.placed(number, count))
-        return tuple(found)
+        rows = [{key: column[k] for key, column in columns.items() if column} for k in range(len(names))]
+        each = (self.validated(model, row, ("craft", number)) for number, row in enumerate(rows))
+        return tuple(craft for craft in each if craft is not None)
 
     def stages(self) -> tuple[StageTable, ...]:
         """[[stage]], each by the model of its verb."""

@@ -1,14 +1,20 @@
-"""The zone that every craft keeps, as options of a command describe it."""
+"""The zone that every craft keeps, as options of a command describe it, or those of a file."""
 
+from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
-from closeform.scenario.errors import complaints
+from closeform.scenario.errors import ScenarioError, complaints, did_you_mean
 from closeform.scenario.keep_out import KeepOut
+from closeform.scenario.load import Reading, text_of, toml
+from closeform.scenario.table import Name, Table
 from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 
 
 def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | None, body: bool) -> OwnZone:
@@ -18,7 +24,7 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
     """
     given: dict[str, Any] = {shape: text for shape, text in shapes.items() if text is not None}
     if len(given) != 1:
-        names = ", ".join(f"--{shape}" for shape in shapes)
+        names = ", ".join(f"--{shape}" for shape in (*shapes, "zones"))
         raise ValueError(f'screen: give one of {names}; for example --sphere "20 m"')
     (shape,) = given
     if (shape == "cylinder") != (axis is not None):
@@ -35,6 +41,83 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
     except ValidationError as error:
         place, text = next(complaints(error, KeepOut))
     raise ValueError(f"--{place[0] if place else shape}: {text}")
+
+
+@dataclass(frozen=True, eq=False)
+class AskedZones:
+    """What the craft of a screening keep: one zone for all, or those of a file."""
+
+    zone: OwnZone | None
+    file: Path | None
+
+    @classmethod
+    def of(
+        cls,
+        shapes: dict[str, str | None],
+        axis: str | None,
+        sigmas: float | None,
+        body: bool,
+        file: Path | None,
+    ) -> Self:
+        """Raises ValueError, one line that names the option, for what does not fit."""
+        if file is None:
+            return cls(own_zone(shapes, axis, sigmas, body), None)
+        if (
+            body
+            or axis is not None
+            or sigmas is not None
+            or any(text is not None for text in shapes.values())
+        ):
+            raise ValueError(
+                "screen: --zones says what each craft keeps; leave the other options of zones out"
+            )
+        return cls(None, file)
+
+    def of_pairs(self, names: Sequence[str]) -> PairZones:
+        """Who keeps which zone with whom.
+
+        Raises ValueError, ScenarioError for a file, with one line for each thing that is wrong.
+        """
+        if self.file is None:
+            return PairZones.of([self.zone] * len(names))
+        try:
+            return PairZones.of(own_zones(self.file, names), names)
+        except ScenarioError:
+            raise
+        except ValueError as error:
+            raise ScenarioError(str(self.file), [f"craft.keep_out: {error}"]) from None
+
+
+class Kept(Table):
+    """One craft of a file of zones."""
+
+    name: Name = Field(examples=['["F1", "F2"]'])
+    keep_out: KeepOut = Field(examples=['{ sphere = "20 m" }'])
+
+
+def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:
+    """What each of the craft `names` keeps, by the [craft] of a file with `name` and `keep_out`.
+
+    Raises ScenarioError, one line for each thing that is wrong.
+    """
+    reading = Reading(toml(text_of(file), str(file)))
+    for key in reading.raw.keys() - {"craft"}:
+        reading.complain((key,), "unknown key; a file of zones has [craft] with name and keep_out only")
+    kept = reading.craft(Kept)
+    found = {craft.name: craft.keep_out.own() for craft in kept} if not reading.lines else {}
+    if found:
+        given = [craft.name for craft in kept]
+        for name in found:
+            if given.count(name) > 1:
+                reading.complain(("craft", "name"), f"{name} is given {given.count(name)} times; keep one")
+            if name not in names:
+                reading.complain(("craft", "name"), f"no ephemeris of {name}; {did_you_mean(name, names)}")
+        for name in dict.fromkeys(names):
+            if name not in found:
+                reading.complain(("craft", "name"), f"{name} is missing, which has an ephemeris; add it")
+    if reading.lines:
+        raise ScenarioError(str(file), reading.lines)
+    return [found[name] for name in names]
 
 
 def direction(axis: str) -> list[float]:
