@@ -34,3 +34,9 @@ def test_every_module_has_one_line_in_the_map() -> None:
 def test_no_two_lines_of_the_map_say_the_same() -> None:
     said = [what for what, _ in mapped()]
     assert len(said) == len(set(said))
+
+
+def test_every_module_can_be_read_in_one_sitting() -> None:
+    """Style 1 of CONTRIBUTING: a module that outgrows it is two nouns."""
+    lengths = {file: (PACKAGE / file).read_text(encoding="utf-8").count("\n") for file in modules()}
+    assert {file: lines for file, lines in lengths.items() if lines >= 350} == {}

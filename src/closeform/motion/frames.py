@@ -61,7 +61,7 @@ def relative_from_inertial(
 
     References
     ----------
-    docs/validity.md; Alfriend et al., Spacecraft Formation Flying, 2010, chapter 2.
+    docs/validity.md and docs/ephemerides.md.
     """
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
     inertial = checked("deputy", deputy, last=6)

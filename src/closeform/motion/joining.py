@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ def _single(paths: Any, verb: str) -> list[Path]:
     return chosen
 
 
-def join(paths: Any) -> Path:
+def join(paths: Sequence[Path]) -> Path:
     """One path out of some that follow each other in time.
 
     A velocity jump between two becomes an impulse.  Jumps below 1e-9 of the larger of |r| and |v| T
@@ -83,7 +84,7 @@ def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
     return path_of(paths[0].orbit, arcs, offsets, paths[0].shape)
 
 
-def stack(paths: Any) -> Path:
+def stack(paths: Sequence[Path]) -> Path:
     """One batch out of single craft; they may have different times.
 
     Parameters

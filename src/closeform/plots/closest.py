@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from closeform.arrays import Floats, whole
+from closeform.motion.path import Path
 from closeform.plots.look import (
     AFTER,
     ALONG,
@@ -35,13 +36,20 @@ from closeform.plots.look import (
     time_axes,
 )
 from closeform.plots.pairs import SURE, Pairs, asked, ratio_text, title
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
 LINEAR = 6.0  # ratio up to which the whole axis is linear
 
 
-def closest_pairs(paths: Any, zones: Any, names: Sequence[str] | None = None, count: int = 4) -> Figure:
+def closest_pairs(
+    paths: Path | Sequence[Path],
+    zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
+    names: Sequence[str] | None = None,
+    count: int = 4,
+) -> Figure:
     """The ratio of the pairs that come closest, against time; below 1 is a conflict.
 
     Each line is the norm of one craft's position relative to the other, over their common time, with a

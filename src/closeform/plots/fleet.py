@@ -40,6 +40,8 @@ from closeform.plots.panels import framed
 from closeform.plots.scene import headings, place, shadow
 from closeform.plots.tracks import Formation, colours
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 
 NAMED = 20  # craft up to which names are tried
 HEAD = 0.75  # inches of a view in space for its words
@@ -59,8 +61,8 @@ def formation_paths(
     before: Path,
     after: Path,
     names: Sequence[str] | None = None,
-    zone: Any = None,
-    obstacles: Any = (),
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    obstacles: Path | Sequence[Path] = (),
 ) -> Figure:
     """The paths of a whole formation before and after, side by side, at one scale.
 

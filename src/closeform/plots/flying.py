@@ -13,6 +13,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex
 
 from closeform.arrays import Floats
+from closeform.motion.path import Path
 from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import NAMED, PLANES, beside, owned, scaled
@@ -41,6 +42,8 @@ from closeform.plots.panels import framed
 from closeform.plots.scene import drawn, shadow
 from closeform.plots.tracks import colours, stays
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 WIDE, NARROW = 900, 720  # pixels across, for few and for many craft: many moving lines fill a file
@@ -278,10 +281,10 @@ class Flying:
 
 
 def formation_animation(
-    paths: Any,
+    paths: Path | Sequence[Path],
     file: str | PathLike[str] | IO[bytes],
     names: Sequence[str] | None = None,
-    zone: Any = None,
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
     *,
     frames: int = 100,
     progress: Callable[[int, int], object] | None = None,

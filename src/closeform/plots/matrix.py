@@ -13,9 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from closeform.arrays import Floats
+from closeform.motion.path import Path
 from closeform.plots.letters import inches, plain
 from closeform.plots.look import CONFLICT, FAINT, INK, LETTERS, OTHER, SMALL, TEXT, area, headline, sheet
 from closeform.plots.pairs import Pairs, asked, ratio_text, title
+from closeform.zones.own_zone import OwnZone
+from closeform.zones.pair_zones import PairZones
 
 NUMBERED = 14  # craft up to which each pair has its number
 NAMED = 36  # craft up to which each has its name at the axes
@@ -24,7 +27,11 @@ BLANK: dict[str, Any] = {"facecolor": "white", "edgecolor": OTHER, "hatch": "///
 ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from there to the farthest pair
 
 
-def ratio_matrix(paths: Any, zones: Any, names: Sequence[str] | None = None) -> Figure:
+def ratio_matrix(
+    paths: Path | Sequence[Path],
+    zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
+    names: Sequence[str] | None = None,
+) -> Figure:
     """How near each two craft come, as a matrix of least ratios; at 1 their zone begins.
 
     Both halves say the same.  Pairs in conflict are framed, or crossed among many craft; pairs without a

@@ -65,7 +65,11 @@ class Nearness:
 
 
 def ratios(
-    before: Path, after: Path, obstacles: Any, zone: Zone, names: Sequence[str] | None = None
+    before: Path,
+    after: Path,
+    obstacles: Path | Sequence[Path],
+    zone: Zone,
+    names: Sequence[str] | None = None,
 ) -> Figure:
     """The norm of a craft's position relative to its obstacles, before and after; below 1 is a conflict.
 

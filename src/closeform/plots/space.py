@@ -86,7 +86,11 @@ class Scene:
 
 
 def before_after(
-    before: Path, after: Path, obstacles: Any, zone: Zone, names: Sequence[str] | None = None
+    before: Path,
+    after: Path,
+    obstacles: Path | Sequence[Path],
+    zone: Zone,
+    names: Sequence[str] | None = None,
 ) -> Figure:
     """A path before and after among obstacles, in three planes and in space: SP11 figure 3.
 

@@ -47,7 +47,7 @@ ROUNDING = 1e-9  # of a limit
 LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # of the last path, the one before ...
 
 
-def thrust(paths: Any, labels: Sequence[str], mass: float | None = None) -> Figure:
+def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | None = None) -> Figure:
     """Magnitude and components of the thrust of up to three paths, against time.
 
     Impulses are stems with their own axis on the right.
@@ -117,7 +117,7 @@ def thrust(paths: Any, labels: Sequence[str], mass: float | None = None) -> Figu
 
 
 def formation_thrust(
-    paths: Any,
+    paths: Path | Sequence[Path],
     names: Sequence[str] | None = None,
     limits: ArrayLike | None = None,
     masses: ArrayLike | None = None,

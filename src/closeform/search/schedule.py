@@ -129,7 +129,7 @@ class Search:
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003) section III.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
         """
         rate, limit = _limits(slew_rate, sun_limit)
         turn = positive("in_plane_turn", in_plane_turn)
@@ -183,7 +183,7 @@ class Search:
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
         """
         _known(group)
         times = numbers("t", t)
@@ -218,7 +218,7 @@ class Search:
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
         """
         return self.attitude(t, group)[..., 2]
 
@@ -267,7 +267,7 @@ class Search:
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
         """
         from scipy.spatial.transform import Rotation
 

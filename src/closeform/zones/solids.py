@@ -64,7 +64,7 @@ class Ellipsoid(Zone):
 
     References
     ----------
-    docs/theory.md section 3; SP11 (Sauter and Palmer 2011) section 3.
+    docs/theory.md section 3.
     """
 
     def __init__(self, semi_axes: ArrayLike, axes: ArrayLike | None = None) -> None:
