@@ -10,6 +10,7 @@ import pytest
 import closeform as cf
 from closeform.scenario import ScenarioError
 from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, is_named
+from test_arguments import CALLS as OTHERS
 from test_docstrings import entries, sections
 from test_surface import CALLABLES
 
@@ -39,6 +40,7 @@ CALLS = {
     "plots.in_plane_search": {"search": SEARCH},
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
+    "plots.pulses": OTHERS["plots.pulses"],
     "plots.ratio_matrix": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"]},
     "plots.ratios": {"before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]},
     "plots.three_views": {"gathering": GATHERED, "time": 1.0, "craft": 0, "names": ["a", "b", "c"]},

@@ -1,5 +1,7 @@
 """Firing: a plan flown by on-off thrusters, how far from it they lead, and into which conflicts."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,5 +1,7 @@
 """Pulses: what each thruster fires and when, and the path that flies them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 from typing import Any, Self
 

@@ -5,6 +5,7 @@ from closeform.plots.attitudes import manoeuvres as manoeuvres
 from closeform.plots.closest import closest_pairs as closest_pairs
 from closeform.plots.cones import complementary_cones as complementary_cones
 from closeform.plots.film import animation as animation
+from closeform.plots.firings import pulses as pulses
 from closeform.plots.fleet import formation_paths as formation_paths
 from closeform.plots.flying import formation_animation as formation_animation
 from closeform.plots.formation import three_views as three_views

@@ -1,5 +1,7 @@
 """Pulses of thrusters against time."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
