@@ -1,10 +1,17 @@
 """Pictures drawn in two processes are those that one draws, whatever becomes of the second."""
 
+import subprocess
+import sys
+from io import BytesIO
+
+import numpy as np
 import pytest
+from PIL import Image
 
 import closeform as cf
+from closeform.plots.png import png
 from closeform.report import drawing
-from closeform.report.section import Picture
+from closeform.report.picture import Picture
 from closeform.result_folder import Folder
 
 ORBIT = cf.Orbit(1.1e-3)
@@ -55,3 +62,16 @@ def test_what_cannot_be_drawn_is_heard(tmp_path, second):
     wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
     with pytest.raises(ValueError, match="zone"):
         draw(tmp_path, [*PICTURES[:1], wrong])
+
+
+def test_a_png_holds_the_pixels():
+    pixels = np.random.default_rng(4).integers(0, 256, (37, 53, 4), dtype=np.uint8)
+    with Image.open(BytesIO(png(pixels))) as read:
+        assert read.mode == "RGB"
+        assert (np.asarray(read) == pixels[..., :3]).all()
+
+
+def test_the_second_process_loads_no_scenarios_and_no_tables():
+    code = "import sys; from closeform.report import drawing; list(map(__import__, drawing.AHEAD))"
+    code += "; print([name for name in ('pydantic', 'pyarrow', 'closeform.scenario') if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

@@ -248,3 +248,27 @@ animation = true
     assert any(picture.moves for picture in told.pictures) == filmed
     said = f"Animation left out: {count} craft, and more than 400 are not shown"
     assert (said in told.closing) != filmed
+
+
+def test_a_move_that_needs_no_way_around_has_its_pictures():
+    file = """
+closeform = 1
+title = "Free"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["Target", "Inspector"]
+start = [{ palmer = "0 0 0 0 0 0 m" }, { palmer = "0 -60 0 300 0 120 m" }]
+keep_out = { sphere = "10 m" }
+[[stage]]
+do = "avoid"
+craft = "Inspector"
+to = { palmer = "0 -50 0 0 0 100 m" }
+within = "0.4 orbits"
+"""
+    mission = fly(parse(file))
+    (told,) = RunReport(mission).sections
+    assert not mission.results[0].before.conflicts
+    shown = {picture.plot: picture for picture in told.pictures}
+    assert {"distances", "formation_paths", "thrust"} == set(shown)
+    assert shown["thrust"].arguments[0][0].delta_v > 0.0

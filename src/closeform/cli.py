@@ -25,6 +25,7 @@ from closeform.console import (
     tell_study,
 )
 from closeform.given import UsageError, ephemerides, one_case, read
+from closeform.numba_import import collect_rarely, import_numba
 
 CLEAR, BAD_INPUT = 0, 2
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
@@ -78,6 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def make_haste(tokens: list[str]) -> None:
     """What shortens a command that has its process for itself."""
+    collect_rarely()
     if not sys.stdout.isatty():
         os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
@@ -86,8 +88,6 @@ def make_haste(tokens: list[str]) -> None:
 
         drawing.begin()
     if tokens[:1] in (["run"], ["check"], ["screen"], ["study"]):
-        from closeform.numba_import import import_numba
-
         import_numba()
 
 

@@ -58,13 +58,13 @@ class Folder:
     def picture(self, name: str, figure: Any) -> Path:
         """Write a matplotlib figure as `name`.png."""
         from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from PIL import Image
+
+        from closeform.plots.png import png
 
         file = self.path / f"{name}.png"
         canvas = FigureCanvasAgg(figure)
         canvas.draw()  # unlike savefig once
-        pixels = Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")
-        pixels.save(file, compress_level=1)  # about as small as at the usual 6, in half the time
+        file.write_bytes(png(canvas.buffer_rgba()))
         return file
 
     def text(self, name: str, text: str) -> None:

@@ -92,7 +92,7 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     rows = bars(path, other, zone, conflicts)
 
     figure = sheet(8.6)
-    panels = column(figure, [1, 1, 1, 0.19 * len(rows) + 0.1], beside=0.55)
+    panels = column(figure, [1, 1, 1, 0.19 * len(rows) + 0.1], beside=0.65)
     for axis, axes in enumerate(panels[:3]):
         distance_panel(axes, axis, ticks(times), gaps[:, axis], ends(zone, axis))
         for conflict in conflicts:

@@ -11,7 +11,7 @@ from closeform.conflicts.flight import ALL_PAIRS, Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
 from closeform.motion.arc import END, START
-from closeform.report.section import Film, Picture
+from closeform.report.picture import Film, Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.verdict import conflicts_in
 from closeform.zones.own_zone import REGION

@@ -12,12 +12,21 @@ from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
 
-from closeform.numba_import import import_numba
+from closeform.numba_import import collect_rarely, import_numba
 
 if TYPE_CHECKING:
-    from closeform.report.section import Picture, Progress
+    from closeform.report.picture import Picture, Progress
     from closeform.result_folder import Folder
 
+AHEAD = (  # what pictures of most stages need; no scenario, no tables
+    "matplotlib.backends.backend_agg",
+    "closeform.conflicts.two_paths",
+    "closeform.plots.fleet",
+    "closeform.plots.closest",
+    "closeform.plots.png",
+    "closeform.report.picture",
+    "closeform.result_folder",
+)
 _seconds: list["Second"] = []  # at most one
 
 
@@ -53,8 +62,9 @@ def begin() -> None:
 def serve() -> None:
     """Draw what standard input asks for, as long as it does: the second process."""
     answers, sys.stdout = sys.stdout.buffer, sys.stderr
+    collect_rarely()
     import_numba()
-    for ahead in ("matplotlib.backends.backend_agg", "closeform.plots.look", "closeform.report.run"):
+    for ahead in AHEAD:
         import_module(ahead)
     while True:
         picture, folder = pickle.load(sys.stdin.buffer)

@@ -8,7 +8,8 @@ import numpy as np
 
 from closeform.mission_result import Mission, StageResult
 from closeform.report import conflicts, effort, search
-from closeform.report.section import Film, Picture, Section, heading
+from closeform.report.picture import Film, Picture
+from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PHASE, Column, Table, minutes
 from closeform.scenario import Gather
 from closeform.search.gather_result import Event, EventKind, Gathering, listed

@@ -7,7 +7,8 @@ import numpy as np
 
 from closeform.mission_result import FirstLocks, Mission, StageResult
 from closeform.report import conflicts, search
-from closeform.report.section import Picture, Section, heading
+from closeform.report.picture import Picture
+from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, PHASE, Column, Table, counted, minutes
 from closeform.scenario import Lock
 from closeform.search.phases import labels, tally

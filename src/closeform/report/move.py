@@ -8,7 +8,8 @@ from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
 from closeform.report import conflicts, effort, optimum
-from closeform.report.section import Picture, Section, heading
+from closeform.report.picture import Picture
+from closeform.report.section import Section, heading
 from closeform.report.table import Column, Table
 from closeform.scenario import Avoid
 
@@ -146,5 +147,12 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
             Picture(
                 "thrust", f"Thrust of {craft}", "thrust", flown, {"mass": mission.scenario.force_mass(craft)}
             ),
+        ]
+    else:
+        every, options = (before.paths, before.paths), {"names": before.names, "zone": mission.scenario.zones}
+        mass = {"mass": mission.scenario.force_mass(craft)}
+        found += [
+            Picture("paths", "The direct paths of all", "formation_paths", every, options),
+            Picture("thrust", f"Thrust of {craft}", "thrust", ([path], [craft]), mass),
         ]
     return tuple(found)

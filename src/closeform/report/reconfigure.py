@@ -9,7 +9,8 @@ import numpy as np
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path
 from closeform.report import conflicts, effort, optimum
-from closeform.report.section import Picture, Section, heading
+from closeform.report.picture import Picture
+from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table
 from closeform.scenario import Regather, Scatter
 

@@ -13,7 +13,8 @@ import numpy as np
 from closeform.mission_result import Mission, StageResult
 from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure
 from closeform.report.drawing import drawn
-from closeform.report.section import Film, Progress, Section, fate, not_filmed
+from closeform.report.picture import Film, Progress
+from closeform.report.section import Section, fate, not_filmed
 from closeform.report.table import Table, counted
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable

@@ -1,57 +1,15 @@
 """Section: all that a report has to say of one stage, for the terminal, the page and the files."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, ClassVar
+from textwrap import shorten
+from typing import Any
 
 from closeform.mission_result import StageResult
+from closeform.report.picture import Film, Picture
 from closeform.report.table import Table
-from closeform.result_folder import Folder
 
-Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture to be drawn: `plot` names the function of `closeform.plots` that gets the `arguments`."""
-
-    name: str
-    caption: str
-    plot: str
-    arguments: tuple[Any, ...]
-    options: Mapping[str, Any] = field(default_factory=dict)
-    stage: str = ""  # written above it, in red where that has
-    failed: bool = False
-    moves: ClassVar[bool] = False
-
-    def leave(self, folder: Folder, progress: Progress) -> Path:
-        """Draw it into a folder."""
-        from closeform import plots
-        from closeform.plots.look import banner
-
-        figure = getattr(plots, self.plot)(*self.arguments, **self.options)
-        if self.stage:
-            banner(figure, self.stage, self.failed)
-        return folder.picture(self.name, figure)
-
-
-@dataclass(frozen=True)
-class Film(Picture):
-    """A picture that moves; its function writes the file itself, of up to `most` craft."""
-
-    most: int = 400  # drawn in a quarter of a minute
-    moves: ClassVar[bool] = True
-
-    def leave(self, folder: Folder, progress: Progress) -> Path:
-        from closeform import plots
-
-        def told(done: int, frames: int) -> None:
-            progress(f"animation: picture {done} of {frames}")
-
-        file = folder.path / f"{self.name}.gif"
-        getattr(plots, self.plot)(*self.arguments, file, progress=told, **self.options)
-        return file
+REASON = 60  # letters in a picture, of why a stage failed
 
 
 @dataclass(frozen=True)
@@ -96,4 +54,5 @@ def fate(result: StageResult[Any, Any]) -> str:
     if result.failure is None:
         return called(result)
     shown = "" if result.flown else "; these are the direct paths, which are not flown"
-    return f"{called(result)} failed: {result.failure.split(':')[0]}{shown}"
+    why = shorten(result.failure.split(":")[0], REASON, placeholder=" …")
+    return f"{called(result)} failed: {why}{shown}"

@@ -14,7 +14,7 @@ from closeform.campaign import Campaign, Estimate
 from closeform.campaign.shares import estimate
 from closeform.report import page, search
 from closeform.report.cases import SUBJECTS, Subject, percent, published, shown
-from closeform.report.section import Picture
+from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
 from closeform.result_folder import REPORT, Folder
 from closeform.search.gather_result import listed

@@ -1,0 +1,53 @@
+"""Picture: what is to be drawn, and how it gets into a folder; loads little, for the process that draws."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from closeform.result_folder import Folder
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture to be drawn: `plot` names the function of `closeform.plots` that gets the `arguments`."""
+
+    name: str
+    caption: str
+    plot: str
+    arguments: tuple[Any, ...]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    stage: str = ""  # written above it, in red where that has
+    failed: bool = False
+    moves: ClassVar[bool] = False
+
+    def leave(self, folder: "Folder", progress: Progress) -> Path:
+        """Draw it into a folder."""
+        from closeform import plots
+        from closeform.plots.look import banner
+
+        figure = getattr(plots, self.plot)(*self.arguments, **self.options)
+        if self.stage:
+            banner(figure, self.stage, self.failed)
+        return folder.picture(self.name, figure)
+
+
+@dataclass(frozen=True)
+class Film(Picture):
+    """A picture that moves; its function writes the file itself, of up to `most` craft."""
+
+    most: int = 400  # drawn in a quarter of a minute
+    moves: ClassVar[bool] = True
+
+    def leave(self, folder: "Folder", progress: Progress) -> Path:
+        from closeform import plots
+
+        def told(done: int, frames: int) -> None:
+            progress(f"animation: picture {done} of {frames}")
+
+        file = folder.path / f"{self.name}.gif"
+        getattr(plots, self.plot)(*self.arguments, file, progress=told, **self.options)
+        return file
