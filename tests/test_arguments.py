@@ -63,7 +63,8 @@ CALLS = {
         self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
     ),
     "Orbit.impulsive": turned(
-        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
+        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES,
+        thrusters=cf.Thrusters.rtn(),
     ),
     "least_delta_v": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
     "delta_v_bound": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),

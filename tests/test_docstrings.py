@@ -71,7 +71,7 @@ def evaluated(annotation: Any, owner: Any) -> Any:
 def parts(annotation: Any) -> set[str]:
     """The names of all types in an annotation."""
     if isinstance(annotation, str):
-        return {annotation}
+        return {"NoneType" if name == "None" else name for name in annotation.split(" | ")}
     if annotation in (Any, ...) or getattr(annotation, "__name__", "") == "Self":
         return set()
     if get_origin(annotation) is Literal:

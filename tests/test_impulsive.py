@@ -67,10 +67,6 @@ def convex(n, initial, final, duration, times):
     return float(solution.obj_val * size)
 
 
-def spent(path):
-    return sum(np.linalg.norm(push) for _, push in path.impulses)
-
-
 def test_curtis():
     """Two impulses as published; four need 28 % less."""
     two, least = (plan(CURTIS, np.zeros(6), 28800.0) for plan in (ORBIT.two_impulse, ORBIT.impulsive))

@@ -248,7 +248,8 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
             last = k == int(answer[COUNT])
             then = duration if last else answer[FIRST + 4 * k]
             arc = arcs[p, count]
-            if then > now or (last and count == 0):
+            waits = arc[IMPULSE] != 0.0 or arc[IMPULSE + 1] != 0.0 or arc[IMPULSE + 2] != 0.0
+            if then > now or (last and count == 0) or (waits and not last):  # thrusters that fire at once
                 arc[START], arc[END] = row[START] + now, row[START] + then
                 if then == duration:
                     arc[END] = row[END]
@@ -276,17 +277,19 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
         counts[p] = count
 
 
-def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
-    """Answers (P, 34) to as many transfers, on all cores; see `reduced` for their columns.
-
-    Raises ValueError for one that takes too long.
-    """
+def check_lengths(mean_motion: float, arcs: Floats) -> None:
+    """ValueError for transfers that take too long."""
     longest = float((arcs[:, END] - arcs[:, START]).max(initial=0.0)) * mean_motion / (2 * np.pi)
     if longest > LONGEST:
         raise ValueError(
             f"duration: the least delta-v is found over at most {LONGEST:g} orbits, got {longest:g}; "
             "coast for the rest"
         )
+
+
+def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
+    """Answers (P, 34) to as many transfers, on all cores; see `reduced` for their columns."""
+    check_lengths(mean_motion, arcs)
     found = np.empty((len(arcs), ANSWER))
 
     def solve(first: int) -> None:
@@ -301,9 +304,8 @@ def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
     return found
 
 
-def impulsive_arcs(mean_motion: float, arcs: Floats, finals: Floats) -> tuple[Floats, Any]:
-    """The arcs of plans of least delta-v, and where those of each begin."""
-    found = answers(mean_motion, arcs, finals)
+def flown_arcs(mean_motion: float, arcs: Floats, finals: Floats, found: Floats) -> tuple[Floats, Any]:
+    """The arcs of plans by their answers, and where those of each begin."""
     flown, counts = np.zeros((len(arcs), MOST + 2, ARC)), np.empty(len(arcs), dtype=np.int64)
     fly_answers(mean_motion, arcs, finals, found, flown, counts)
     used = np.arange(MOST + 2) < counts[:, None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from closeform.motion.path import Path, path_of
 from closeform.motion.sampling import arcs_through
 from closeform.motion.saturated import limited
 from closeform.motion.steering import fix_inertially, steer
+
+if TYPE_CHECKING:
+    from closeform.fuel.thrusters import Thrusters
 
 
 @dataclass(frozen=True)
@@ -166,7 +169,12 @@ class Orbit(CircularOrbit):
         return drifts(self, *arcs_between(self.mean_motion, initial, final, duration, start))
 
     def impulsive(
-        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
+        self,
+        initial: ArrayLike,
+        final: ArrayLike,
+        duration: ArrayLike,
+        start: ArrayLike = 0.0,
+        thrusters: Thrusters | None = None,
     ) -> Path:
         """The impulses of least delta-v between two states in a given time: at most six.
 
@@ -180,6 +188,8 @@ class Orbit(CircularOrbit):
             Above 0, at most 100 orbits.
         start : array_like of shape (...) [s], default 0
             Time at which the craft leaves; all arguments broadcast, and all cores work on a batch.
+        thrusters : Thrusters, optional
+            Only these push, and delta-v is summed over them: several that fire at once are as many impulses.
 
         Returns
         -------
@@ -189,7 +199,8 @@ class Orbit(CircularOrbit):
         Raises
         ------
         ValueError
-            If a duration is not positive or too long, shapes do not fit, or a number is not finite.
+            If a duration is not positive or too long, shapes do not fit, a number is not finite, or the
+            thrusters cannot make a transfer (it says why).
 
         Notes
         -----
@@ -198,12 +209,20 @@ class Orbit(CircularOrbit):
 
         References
         ----------
-        Lawden's primer, by its dual in six unknowns: docs/theory.md (29, 30).
+        Lawden's primer, by its dual in six unknowns: docs/theory.md (29, 30, 36).
         """
-        from closeform.motion.impulses import impulsive_arcs  # who needs no impulses compiles none
+        # Here: who needs no impulses compiles none, and loads no linear programs.
+        from closeform.motion.impulses import answers, flown_arcs
 
         arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
-        rows, offsets = impulsive_arcs(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
+        given = self.mean_motion, arcs.reshape(-1, WIDTH), finals
+        if thrusters is None:
+            found = answers(*given)
+        else:
+            from closeform.motion.directed import answers_of
+
+            found = answers_of(thrusters, *given)
+        rows, offsets = flown_arcs(*given, found)
         return Path(self, rows, offsets, arcs.shape[:-1])
 
     def burn(
