@@ -142,7 +142,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
             show(console, table)
     say(console, "", *(f"Warning: {line}" for line in mission.warnings))
     end = f"{mission.verdict}; "
-    if len(end) > console.width:
+    if len(end) > WIDTH:
         say(console, str(mission.verdict))
         end = ""
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken

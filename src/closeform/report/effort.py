@@ -15,7 +15,7 @@ ENERGY = Column("energy [m²/s³]", "energy_m2_s3", "{:#.6g}".format)
 SPEED = Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format)
 PUSH = Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3)
 FORCE = Column("peak thrust [N]", "peak_thrust_N", "{:#.6g}".format)
-FUEL = Column("propellant [kg]", "propellant_kg", "{:.4f}".format)
+FUEL = Column("propellant [kg]", "propellant_kg", "{:.5f}".format)
 COST = ENERGY, SPEED, PUSH, FORCE, FUEL
 CRAFT = Column("craft", "craft"), Column("slot", "slot"), *COST
 
