@@ -246,7 +246,7 @@ def test_swarm_names_who_is_left(fly_file, monkeypatch, capsys) -> None:
     assert "in 4 rounds" in verdict
     assert "stopped in stage 1 (gather)" in run.summary["verdict"]
     # the rows of the summary by phase add up to the table of events
-    progress = run.printed.split("Progress")[1].split("\n", 2)[2].split("\n ")[0].splitlines()
+    progress = run.printed.split("Progress")[1].split("\n", 2)[2].split("\n\n")[0].splitlines()
     rows = [row.replace(" in ", " ").split()[-8:] for row in progress if row.strip()]
     columns = np.array([[float(word) for word in row] for row in rows])
     locks = sum(event["kind"] == "lock" for event in run.table("events"))
