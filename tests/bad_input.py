@@ -1,7 +1,7 @@
 # ruff: noqa: E501 (messages stand as they are printed)
-"""The table of bad inputs: what stands in the file or on the command line, the message, the status.
+"""The table of bad inputs: what stands in the file, on the command line or in a call, the message, the status.
 
-`tests/test_errors.py` runs every row through the command line; `tools/errors_page.py` makes
+`tests/test_errors.py` runs every row through the command line, or in Python; `tools/errors_page.py` makes
 docs/errors.md of the same rows.
 """
 
@@ -1052,5 +1052,89 @@ MISUSES = (
         "ephemerides of different times",
         'screen a.oem later.oem --sphere "20 m"',
         "A, B: fewer than two common epochs; sample them at the same times",
+    ),
+)
+
+
+PYTHON = """\
+import closeform as cf
+
+orbit = cf.Orbit.circular(500e3)
+start, end = [0, 200, 0, 0, 0, 0], [40, -150, 60, 0, -0.09, 0.02]
+plan = orbit.transfer(start, end, 3000.0)
+thrusters = cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=1e-4, period=30.0)
+fired = cf.fire(plan, thrusters, mass=12.0, specific_impulse=60.0)
+"""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call in Python, after the lines of `PYTHON`, that raises ValueError."""
+
+    what: str
+    code: str
+    message: str
+
+
+CALLS = (
+    Call(
+        "thrusters whose directions are not unit vectors",
+        "cf.Thrusters([[1, 0, 0], [1, 1, 0]])",
+        "directions[1]: must be of length 1, got 1.41421; give unit vectors, and how strong thrusters are as acceleration",
+    ),
+    Call(
+        "the same thruster twice",
+        "cf.Thrusters([[1, 0, 0], [1, 0, 0]])",
+        "directions[1]: the same as directions[0]; give one with the sum of both accelerations",
+    ),
+    Call(
+        "thrusters that cannot push where the plan does",
+        "cf.fire(plan, cf.Thrusters(thrusters.directions[:5], acceleration=2e-3, period=30.0))",
+        "thrusters: at 7.45443 s the plan pushes where they cannot, along -z of their frame; plan with these thrusters, or add one",
+    ),
+    Call(
+        "thrusters that say only where they push",
+        "cf.fire(plan, cf.Thrusters.rtn())",
+        "thrusters: have no acceleration to fire with; give it, or use with_force",
+    ),
+    Call(
+        "thrust that lasts, without a period",
+        "cf.fire(plan, cf.Thrusters.rtn(acceleration=2e-3))",
+        "thrusters: have no period, in which thrust that lasts is fired once; give one",
+    ),
+    Call(
+        "a period above the duration",
+        "cf.fire(plan, cf.Thrusters.rtn(acceleration=2e-3, period=4000.0))",
+        "period: 4000 s is longer than the plan, which takes 3000 s; give a shorter one",
+    ),
+    Call(
+        "thrusters weaker than the plan",
+        "cf.fire(plan, cf.Thrusters.rtn(acceleration=1e-5, period=30.0))",
+        "acceleration: at about 2985.08 s the plan asks thruster 0 for 0.0001764 m/s², it gives 1e-05; plan with a max_acceleration or more time",
+    ),
+    Call(
+        "a minimum bit above the whole delta-v",
+        "cf.fire(plan, cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=5.0, period=30.0))",
+        "minimum_bit: 5 m/s is above the 0.193 m/s that the plan asks of a thruster at a time, so nothing would be fired; plan with impulses, or take finer thrusters",
+    ),
+    Call(
+        "impulses closer than their burns are long",
+        "cf.fire(orbit.two_impulse(start, [0, 190, 0, 0, -0.34, 0], 60.0), thrusters)",
+        "acceleration: thruster 3 fires from -41.6055 to 41.6055 s, and must begin again at 16.6055 s; give it more, or plan with more time between",
+    ),
+    Call(
+        "a mass without a specific impulse",
+        "cf.fire(plan, thrusters, mass=12.0)",
+        "specific_impulse: give it with mass, or neither",
+    ),
+    Call(
+        "a mass that is not positive",
+        "cf.fire(plan, thrusters, mass=0.0, specific_impulse=60.0)",
+        "mass: must be positive, got 0",
+    ),
+    Call(
+        "a plan that found no path",
+        "cf.fire(cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(250.0)), thrusters)",
+        "plan: has no path to fly: the path's start is 0.00 x zone from obstacle 0; move it or the time",
     ),
 )

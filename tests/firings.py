@@ -38,8 +38,9 @@ def modulated(rng):
         path = orbit.two_impulse(initial, final, duration * rng.uniform(0.3, 0.45), start)
     else:
         first = orbit.transfer(initial, final, duration / 2, start)
-        kicked = final + np.append(np.zeros(3), rng.normal(size=3) * size / duration)
-        path = cf.join([first, orbit.coast(kicked, duration / 2, start + duration / 2)])
+        idle = orbit.coast(final, duration / 4, start + duration / 2)
+        kicked = idle.state(idle.end) + np.append(np.zeros(3), rng.normal(size=3) * size / duration)
+        path = cf.join([first, idle, orbit.coast(kicked, duration / 4, idle.end)])
     directions = [cf.Thrusters.rtn().directions, CUBE, TETRAHEDRON][rng.integers(3)]
     turned = np.linalg.qr(rng.normal(size=(3, 3)))[0] if rng.random() < 0.5 else np.eye(3)
     strength = max(path.peak_thrust, path.delta_v / duration * 20) * rng.uniform(3.5, 30)

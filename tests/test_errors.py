@@ -5,13 +5,14 @@ import runpy
 import shlex
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bad_input import GOOD, LOST, MISUSES, SCENARIOS, SEARCHES, Bad, Misuse
+from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, Bad, Call, Misuse
 from closeform.cli import main
 from closeform.result_folder import Folder
 from closeform.scenario import Craft, Scenario, ScenarioError, parse
@@ -101,6 +102,21 @@ def test_bad_command(misuse: Misuse, desk: Path, capsys: pytest.CaptureFixture[s
     assert printed.err.splitlines() == [misuse.message]
     assert printed.out == ""
     assert contents(desk) == before
+
+
+@pytest.fixture(scope="module")
+def names() -> dict[str, Any]:
+    """What the good lines of Python define."""
+    found: dict[str, Any] = {}
+    exec(PYTHON, found)
+    return found
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call.what)
+def test_bad_call(call: Call, names: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r": ") as error:
+        eval(call.code, names)
+    assert str(error.value) == call.message
 
 
 def test_messages_name_a_remedy() -> None:

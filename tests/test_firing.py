@@ -246,7 +246,7 @@ REFUSED = {
     ),
     "too weak": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e-5, period=30.0)},
-        "acceleration: at about 2612.75 s the plan asks thruster 0 for 0.000175 m/s², it gives 1e-05; plan "
+        "acceleration: at about 2985.08 s the plan asks thruster 0 for 0.000175 m/s², it gives 1e-05; plan "
         "with a max_acceleration or more time",
     ),
     "bit above the whole": (

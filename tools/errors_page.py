@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from bad_input import GOOD, LOST, MISUSES, SCENARIOS, SEARCHES, Bad  # noqa: E402
+from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, Bad  # noqa: E402
 
 HEAD = """\
 # Errors
@@ -29,6 +29,14 @@ LOST_HEAD = """\
 Every row changes one piece of this file, `lost.toml`, which is good:
 """
 
+PYTHON_HEAD = """\
+## Calls from Python
+
+A call that cannot be obeyed raises `ValueError` with one line: the argument, what is wrong; the remedy. Each
+stands after these lines:
+
+"""
+
 
 def page() -> str:
     """The whole page."""
@@ -40,6 +48,9 @@ def page() -> str:
             f"### {title(misuse.what)}\n\n```console\n$ closeform {misuse.arguments}\n"
             f"{misuse.message}\n```\n\nStatus {misuse.status}.\n"
         )
+    parts.append(PYTHON_HEAD + "```python\n" + PYTHON + "```\n")
+    for call in CALLS:
+        parts.append(f"### {title(call.what)}\n\n```text\n>>> {call.code}\nValueError: {call.message}\n```\n")
     return "\n".join(parts)
 
 

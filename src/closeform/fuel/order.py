@@ -77,8 +77,9 @@ def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust:
     lighter = np.exp(-cells.impulse.sum() / speed)  # a bit is larger for a craft that has burned
     bits = np.broadcast_to(thrusters.minimum_bit / lighter, len(thrusters))
     _check_period(cells, path, thrusters)
-    chunks = _without_gaps(gathered(cells, path.start, thrusters.period, bits), thrusters)
+    chunks = gathered(cells, path.start, thrusters.period, bits)
     _check_strength(chunks, thrusters)
+    chunks = _without_gaps(chunks, thrusters)
     briefest = CLOCK * (np.abs([path.start, path.end]).max() + path.end - path.start)
     least = np.maximum(bits, thrusters.acceleration * briefest)
     fired = chunks.impulse >= least[chunks.thruster]

@@ -1,0 +1,73 @@
+"""`plots.pulses`: what is drawn is what is fired, and what is asked."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PolyCollection
+
+import closeform as cf
+from firings import CUBE
+
+mpl.use("agg")
+ORBIT = cf.Orbit.circular(500e3)
+MOVE = ORBIT.transfer([0, 200, 0, 0, 0, 0], [40, -150, 60, 0, -0.09, 0.02], 3000.0)
+SIX = cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=3e-3, period=60.0)
+
+
+def test_a_panel_for_each_axis_with_its_bars_and_what_is_asked():
+    firing = cf.fire(MOVE, SIX)
+    figure = cf.plots.pulses(firing)
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "radial [mm/s]",
+        "along-track [mm/s]",
+        "cross-track [mm/s]",
+    ]
+    times = np.linspace(0.0, 3000.0, 301)
+    for axis, axes in enumerate(figure.axes):
+        own = firing.pulses[firing.pulses.thruster // 2 == axis]
+        signs = 1.0 - 2.0 * (own.thruster % 2)
+        bars = [(bar.get_x() * 60.0, bar.get_width() * 60.0, bar.get_height()) for bar in axes.patches]
+        fired = np.stack([own.start, own.duration, 1e3 * signs * own.impulse], axis=1)
+        assert np.allclose(sorted(bars), sorted(fired.tolist()), atol=1e-9)
+        assert any(isinstance(one, LineCollection) for one in axes.collections)
+        areas = [one for one in axes.collections if isinstance(one, PolyCollection)]
+        corners = np.concatenate([path.vertices for area in areas for path in area.get_paths()])
+        asked = 60e3 * MOVE.thrust(times)[:, axis]
+        assert corners[:, 1].max() == pytest.approx(max(asked.max(), 0.0), rel=1e-2, abs=0.1)
+        assert corners[:, 1].min() == pytest.approx(min(asked.min(), 0.0), rel=1e-2, abs=0.1)
+        low, high = axes.get_ylim()
+        assert low <= fired[:, 2].min()
+        assert high >= fired[:, 2].max()
+
+
+def test_the_headline_tells_what_it_takes():
+    firing = cf.fire(MOVE, SIX, mass=12.0, specific_impulse=60.0)
+    words = cf.plots.pulses(firing).get_suptitle()
+    assert words.startswith(f"{len(firing.pulses)} pulses, Δv {firing.delta_v:.4g} m/s")
+    assert f"{1e3 * firing.propellant:.3g} g" in words
+    assert f"{firing.deviation:.3g} m from the plan, at most {firing.deviation_bound:.3g} m" in words
+    assert ("dropped" in words) == (len(firing.dropped) > 0)
+    assert cf.plots.pulses(cf.fire(ORBIT.coast(np.zeros(6), 900.0), SIX)).get_suptitle() == (
+        "There is nothing to fire"
+    )
+
+
+def test_planned_impulses_are_rings_on_their_bars():
+    path = ORBIT.two_impulse([0, 200, 0, 0, 0, 0], [40, -150, 60, 0, -0.09, 0.02], 3000.0)
+    figure = cf.plots.pulses(cf.fire(path, cf.Thrusters.rtn(acceleration=0.01)))
+    for axis, axes in enumerate(figure.axes):
+        rings = sorted(line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "o")
+        assert rings == pytest.approx(sorted(jump[axis] for _, jump in path.impulses))
+
+
+def test_of_a_formation_one_craft_is_shown_and_others_are_refused():
+    both = cf.stack([ORBIT.coast(np.zeros(6), 3000.0), MOVE])
+    firing = cf.fire(both, cf.Thrusters(CUBE, acceleration=2e-3, period=60.0))
+    figure = cf.plots.pulses(firing, craft=1)
+    assert figure.get_suptitle().startswith(f"Craft 1: {len(firing.pulses)} pulses")
+    assert [axes.get_ylabel().split(" [")[0] for axes in figure.axes] == [
+        f"{k} up, {7 - k} down" for k in range(4)
+    ]
+    assert cf.plots.pulses(firing).get_suptitle() == "Craft 0 has nothing to fire"
+    with pytest.raises(ValueError, match=r"^craft: from 0 to 1, got 2$"):
+        cf.plots.pulses(firing, craft=2)
