@@ -131,7 +131,7 @@ def headings(
         look: dict[str, Any] = {
             "facecolors": np.asarray(tints)[seen],
             "edgecolors": "white",
-            "linewidths": 0.6,
+            "linewidths": 0.1 * size,
         }
         look |= {"offsets": places, "offset_transform": axes.transData, "zorder": 3.6}
         marks = PathCollection(heads, [size**2], **look)
