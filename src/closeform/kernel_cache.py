@@ -175,9 +175,13 @@ def described(part: Any) -> str:
 
 
 def type_text(kind: types.Type) -> str:
-    """A type with the names of its fields: of a named tuple numba's own text has the values' types only."""
+    """A type with the names of its fields, and the module where a file that is read looks for it.
+
+    Of a named tuple numba's own text has the values' types only.
+    """
     inner = "".join(map(type_text, getattr(kind, "types", ())))
-    return f"{kind!r} {getattr(kind, 'fields', '')} {inner}"
+    place = getattr(getattr(kind, "instance_class", None), "__module__", "")
+    return f"{kind!r} {place} {getattr(kind, 'fields', '')} {inner}"
 
 
 def code_text(code: CodeType, doc: str | None) -> str:

@@ -13,11 +13,12 @@ from closeform.arrays import Floats, instance, numbers, shown
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.planning.impulse_search import solve_impulses
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.passing import MARGINS, Found
-from closeform.planning.plan import Avoidance, Status, TooWeak, too_weak
-from closeform.planning.planner import check_effort, outcome, solve
+from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
+from closeform.planning.planner import check_cost, check_effort, outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
@@ -30,6 +31,7 @@ Zones = tuple[tuple[Zone, Any], ...]  # each with the pairs (M, 2) that it holds
 
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
 ROUNDING = 1e-9  # of a duration
+CHEAPER = 1e-6  # of its delta-v: by less, a clear path is left as it is
 
 
 def avoid(
@@ -43,6 +45,7 @@ def avoid(
     budget: int | None = None,
     prove: float = 0.0,
     names: Sequence[str] | None = None,
+    cost: Cost = "energy",
 ) -> Avoidance:
     """The cheapest path found between the same states and times that stays out of every zone.
 
@@ -77,6 +80,9 @@ def avoid(
         and takes a cheaper path where it finds one (not with `max_acceleration`).
     names : sequence of str, optional
         The obstacles', for reasons; "obstacle 0" and so on unless given.
+    cost : "energy" or "delta-v", default "energy"
+        What is least.  With "delta-v" the path has impulses, as few as its ends and contacts need; `budget`
+        counts starts, and `max_acceleration`, `prove` and "sauter-palmer" are not for it.
 
     Returns
     -------
@@ -101,8 +107,10 @@ def avoid(
         return path if factor == 1.0 else transfer(path, factor)
 
     check_effort(budget, prove)
+    limited = max_acceleration is not None
+    check_cost(cost, max_acceleration=limited, prove=prove > 0.0, method=method != "exact")
     instance("longer", longer, bool, np.bool_)
-    task = Around.of(path.orbit, obstacles, zone, method, budget, names)
+    task = Around.of(path.orbit, obstacles, zone, method, budget, names, cost)
     return (
         task.plan(path, prove)
         if max_acceleration is None
@@ -119,6 +127,7 @@ class Around:
     names: tuple[str, ...]
     method: str
     budget: int | None
+    cost: Cost = "energy"
 
     @classmethod
     def of(
@@ -129,6 +138,7 @@ class Around:
         method: str,
         budget: int | None,
         names: Sequence[str] | None,
+        cost: Cost = "energy",
     ) -> Self:
         """Raises ValueError naming the argument of `avoid` that does not fit."""
         if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
@@ -136,7 +146,8 @@ class Around:
         batch = obstacle_batch(orbit, obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
-        return cls(batch, zones_around(zone, len(batch)), obstacle_names(names, len(batch)), method, budget)
+        zones, called = zones_around(zone, len(batch)), obstacle_names(names, len(batch))
+        return cls(batch, zones, called, method, budget, cost)
 
     def plan(self, path: Path, prove: float = 0.0, fixed: bool = False) -> Avoidance:
         """The way around for a path, or the path itself where it is clear.
@@ -149,7 +160,10 @@ class Around:
             end, ratio, which = inside
             reason = f"the path's {end} is {ratio:.2f} x zone from {self.names[which]}; move it or the time"
             return refused(problem, Status.END_INSIDE, reason)
-        if not problem.conflicts(problem.with_path(path)):
+        clear = not problem.conflicts(problem.with_path(path))
+        if self.cost == "delta-v":
+            return impulsive(path if clear else None, problem, self.budget)
+        if clear:
             energy, bound = path.energy, min(float(optimum.energy), path.energy)
             extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
             proven = is_proven(energy, bound)
@@ -249,6 +263,39 @@ def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) ->
         margin=found.margin,
         proven=is_proven(energy, bound),
         tried=found.tried,
+    )
+
+
+def impulsive(clear: Path | None, problem: Problem, budget: int | None) -> Avoidance:
+    """`avoid` by least delta-v; a `clear` path is left as it is where none found is cheaper."""
+    found, free = solve_impulses(problem, budget)
+    ways = f"{found.tried} starts examined"
+    if found.flown is None and clear is None:
+        none = refused(problem, Status.NOT_FOUND, f"no clear path among {ways}; raise budget for more")
+        return replace(none, lower_bound=free.least, tried=found.tried, cost="delta-v")
+    number, path = len(found.contacts), clear
+    if found.flown is not None:
+        cheapest = problem.path(found.flown)[0]
+        if clear is None or cheapest.delta_v < (1.0 - CHEAPER) * clear.delta_v:
+            path = cheapest
+    assert path is not None
+    if path is clear:
+        number = 0
+    bound = min(free.least, path.delta_v)
+    best = f"{number} contact{'s' * (number != 1)}, the best of {ways}" if number else "no conflict"
+    return Avoidance(
+        path=path,
+        energy=path.energy,
+        extra_energy=path.energy - problem.energy(problem.direct),
+        delta_v=path.delta_v,
+        lower_bound=bound,
+        contacts=found.contacts if number else (),
+        status=Status.AVOIDED if number else Status.CLEAR,
+        reason=f"{best}, {closeness(path.delta_v, bound, 'delta-v')}",
+        margin=found.margin if number else 1.0,
+        proven=is_proven(path.delta_v, bound),
+        tried=found.tried,
+        cost="delta-v",
     )
 
 

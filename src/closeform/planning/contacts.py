@@ -2,18 +2,20 @@
 
 from typing import NamedTuple
 
-from numba import float64, types
+from numba import float64, types, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.kernel_loans import lent, stack_matrix, stack_vector
 from closeform.planning.approaches import slide
 from closeform.planning.deflection import relative_motion
 from closeform.planning.rounding import gradient, rounded_norm
-from closeform.planning.scene import ROWS
+from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
+from closeform.zones.shapes import BALL, norm
 
 SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
 SLID = 1e-10  # of that time, to which a contact's instant is known between rounds
+HELD = 0.9  # of a zone: how far out along its normal a pair is where its plane counts as kept
 MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
 
 
@@ -40,6 +42,27 @@ def turn_normal(scene, which, motion, out):
     shape, power = scene.shapes[kind], scene.powers[kind]
     if abs(rounded_norm(shape, faces, power, motion[0, 0], motion[0, 1], motion[0, 2])) > MEET:
         gradient(shape, faces, power, motion, out)
+
+
+@kernel(void(SCENE, ROWS, INDICES, CONTACTS, float64, ROWS))
+def turn_normals(scene, arcs, offsets, contacts, least, normals):
+    """Turn `normals` (K, 3) of contacts to where their pairs are.
+
+    Left are those of a norm of `least` or below, and planes of flat faces that hold: another face
+    would be no nearer, and taken in turns with it.
+    """
+    scene, contacts, motion = lent(scene), lent(contacts), stack_matrix(8, 3)
+    for k in range(len(contacts.times)):
+        which = contacts.which[k]
+        relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)
+        kind = scene.kinds[which]
+        faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+        along = 0.0
+        for i in range(3):
+            along += normals[k, i] * motion[0, i]
+        holds = scene.shapes[kind] != BALL and along >= HELD
+        if not holds and norm(scene.shapes[kind], faces, motion[0, 0], motion[0, 1], motion[0, 2]) > least:
+            turn_normal(scene, which, motion, normals[k])
 
 
 @kernel()

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import nan
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
 
 Answer = TypeVar("Answer", "Avoidance", "Plan")
+Cost = Literal["energy", "delta-v"]
 
 
 class Status(StrEnum):
@@ -138,6 +139,10 @@ class Avoidance:
     punctual : float or None [m/s^2]
         Peak thrust of a clear path over the duration asked for, where that is beyond the limit: with it the
         path would take no longer.
+    cost : "energy" or "delta-v"
+        What is least: `lower_bound`, `proven` and `gap` are of it, in m/s of delta-v.  With "delta-v" the
+        path has impulses, its energy is inf, and multipliers of contacts are delta-v per metre of push
+        [1/s].
     """
 
     path: Path | None
@@ -154,6 +159,7 @@ class Avoidance:
     measures: tuple[str, ...] = ()
     weak: TooWeak | None = None
     punctual: float | None = None
+    cost: Cost = "energy"
 
     @property
     def ok(self) -> bool:
@@ -162,8 +168,8 @@ class Avoidance:
 
     @property
     def gap(self) -> float:
-        """By how much the energy exceeds the lower bound, as a share of it, no unit; nan where not ok."""
-        return gap(self.energy, self.lower_bound)
+        """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
+        return gap(self.delta_v if self.cost == "delta-v" else self.energy, self.lower_bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +216,8 @@ class Plan:
     punctual : array of shape (N,), or None [m/s^2]
         Peak thrusts of a clear plan over the durations asked for, where they are beyond a limit: with these
         none would take longer.
+    cost : "energy" or "delta-v"
+        What is least, as of an `Avoidance`.
     """
 
     paths: Path | None
@@ -230,6 +238,7 @@ class Plan:
     tried: int = 0
     weak: TooWeak | None = None
     punctual: Floats | None = None
+    cost: Cost = "energy"
 
     @property
     def ok(self) -> bool:
@@ -243,8 +252,8 @@ class Plan:
 
     @property
     def gap(self) -> float:
-        """By how much the energy exceeds the lower bound, as a share of it, no unit; nan where not ok."""
-        return gap(self.energy, self.lower_bound)
+        """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
+        return gap(self.delta_v if self.cost == "delta-v" else self.energy, self.lower_bound)
 
 
 def too_weak(plan: Answer, weak: TooWeak, name: str) -> Answer:

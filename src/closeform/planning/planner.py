@@ -5,7 +5,7 @@ from math import nan
 
 import numpy as np
 
-from closeform.arrays import number, whole
+from closeform.arrays import number, shown, whole
 from closeform.planning.certify import LocalSolver, nearer
 from closeform.planning.passing import MARGINS, Found, Search
 from closeform.planning.plan import Contact
@@ -52,6 +52,14 @@ def check_effort(budget: int | None, prove: float) -> None:
         whole("budget", budget, least=1)
     if not number("prove", prove) >= 0.0:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
+
+
+def check_cost(cost: str, **energy_only: bool) -> None:
+    """Raise ValueError for an unknown cost, or for what delta-v does without but was asked for."""
+    if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
+        raise ValueError(f"cost: 'energy' or 'delta-v', not {shown(cost)}")
+    if cost == "delta-v" and (asked := [name for name, given in energy_only.items() if given]):
+        raise ValueError(f"{asked[0]}: goes with cost 'energy'; with 'delta-v' leave it out")
 
 
 def outcome(found: Found) -> Outcome:

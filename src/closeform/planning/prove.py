@@ -23,7 +23,7 @@ import numpy as np
 from closeform.planning.certify import LocalSolver, Solution, nearer
 from closeform.planning.passing import MARGINS
 from closeform.planning.pieces import Piece, outside, pieces
-from closeform.planning.plan import Contact, gap
+from closeform.planning.plan import Contact, Cost, gap
 from closeform.planning.problem import Problem
 from closeform.planning.samples import Answer, Samples
 
@@ -116,11 +116,11 @@ def is_proven(energy: float, bound: float) -> bool:
     return energy - bound <= PROVEN * energy
 
 
-def closeness(energy: float, bound: float) -> str:
-    """How near an energy is to its lower bound, in words."""
-    if is_proven(energy, bound):
-        return "proven the least energy for these ends and times"
-    return f"at most {100.0 * gap(energy, bound):.2g} % above the least energy for these ends and times"
+def closeness(spent: float, bound: float, cost: Cost = "energy") -> str:
+    """How near what is spent is to its lower bound, in words."""
+    if is_proven(spent, bound):
+        return f"proven the least {cost} for these ends and times"
+    return f"at most {100.0 * gap(spent, bound):.2g} % above the least {cost} for these ends and times"
 
 
 class _Search:

@@ -15,9 +15,10 @@ from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
+from closeform.planning.impulse_search import solve_impulses
 from closeform.planning.passing import MARGINS, Found
-from closeform.planning.plan import Plan, Status
-from closeform.planning.planner import Outcome, check_effort, joined, outcome, solve
+from closeform.planning.plan import Cost, Plan, Status
+from closeform.planning.planner import Outcome, check_cost, check_effort, joined, outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
@@ -45,6 +46,7 @@ def reconfigure(
     names: Sequence[str] | None = None,
     budget: int | None = None,
     prove: float = 0.0,
+    cost: Cost = "energy",
 ) -> Plan:
     """Paths of N craft from initial to final states, every pair certified clear of its zone.
 
@@ -87,6 +89,9 @@ def reconfigure(
     prove : float [s], default 0
         For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
         and takes a cheaper plan where it finds one (not with `max_acceleration`).
+    cost : "energy" or "delta-v", default "energy"
+        What is least.  With "delta-v" craft fire impulses, as few as their ends and contacts need; `budget`
+        counts starts, and `max_acceleration`, `prove` and "sequential" are not for it.
 
     Returns
     -------
@@ -128,7 +133,9 @@ def reconfigure(
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):
         raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {order}")
     check_effort(budget, prove)
-    attempt = _attempts(method, range(count) if order is None else order, budget)
+    limited = max_acceleration is not None
+    check_cost(cost, max_acceleration=limited, prove=prove > 0.0, method=method != "joint")
+    attempt = _attempts(method, range(count) if order is None else order, budget, cost)
     if not assign:
         return _bounded(*_followed(request, attempt(request, False), attempt, if_blocked), prove)
     plan = revised(request, attempt(request, False), lambda other: attempt(other, False))
@@ -147,7 +154,7 @@ def _followed(
     return request, plan
 
 
-def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
+def _attempts(method: str, order: Sequence[int], budget: int | None, cost: Cost) -> Attempt:
     """How one set of times and slots is planned; with True, more candidates are examined."""
 
     def attempt(request: Request, more: bool) -> Plan:
@@ -160,13 +167,15 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
             pair, words = held
             reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
+        if cost == "delta-v":
+            return _fired(plan, problem, request.names, budget, more)
         found = (
             solve(problem, budget, more) if method == "joint" else one_by_one(problem, order, budget, more)
         )
         if method == "joint" and found.flown is None and problem.count > 1:
             found = joined(problem, one_by_one(problem, order, budget, more), found)
         if found.flown is None:
-            reason = _blocked(request, found.blocked, found.tried)
+            reason = _blocked(request.names, found.blocked, found.tried)
             return replace(plan, tried=found.tried, blocked=found.blocked, reason=reason)
         return _planned(plan, problem, found, request.names)
 
@@ -196,9 +205,34 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
     )
 
 
+def _fired(plan: Plan, problem: Problem, names: Sequence[str], budget: int | None, more: bool) -> Plan:
+    """A plan of least delta-v, if one is found."""
+    found, free = solve_impulses(problem, budget, more)
+    direct = problem.path(free.flown)
+    plan = replace(plan, direct=direct, lower_bound=free.least, tried=found.tried, cost="delta-v")
+    if found.flown is None:
+        return replace(plan, blocked=found.blocked, reason=_blocked(names, found.blocked, found.tried))
+    paths, number = problem.path(found.flown), len(found.contacts)
+    spent = float(paths.delta_v.sum())
+    bound = min(free.least, spent)
+    best = f"{number} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
+    return replace(
+        plan,
+        paths=paths,
+        energy=float(paths.energy.sum()),
+        delta_v=spent,
+        lower_bound=bound,
+        contacts=found.contacts,
+        margin=found.margin,
+        proven=is_proven(spent, bound),
+        status=Status.AVOIDED if number else Status.CLEAR,
+        reason=f"{best if number else 'no conflict'}, {closeness(spent, bound, 'delta-v')}",
+    )
+
+
 def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
     """A plan with its lower bound, or a cheaper one that was found on the way."""
-    if not plan.contacts:
+    if not plan.contacts or plan.cost == "delta-v":
         return plan
     problem = request.problem()
     limited = request.limits is not None
@@ -211,9 +245,9 @@ def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
     return replace(plan, lower_bound=bound, proven=is_proven(plan.energy, bound), reason=reason)
 
 
-def _blocked(request: Request, pair: tuple[int, int] | None, tried: int) -> str:
+def _blocked(names: Sequence[str], pair: tuple[int, int] | None, tried: int) -> str:
     """Why no plan was found."""
-    who = f"{request.names[pair[0]]} and {request.names[pair[1]]}" if pair else "craft"
+    who = f"{names[pair[0]]} and {names[pair[1]]}" if pair else "craft"
     return f"{who} are in each other's way in all of {tried} ways tried"
 
 

@@ -1,0 +1,227 @@
+"""From impulses at many times to paths with few: ends met to rounding, no more impulses than they need."""
+
+from math import inf
+
+import numpy as np
+from numba import int64, void
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import lent, stack_matrix, stack_vector
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
+from closeform.motion.linear import solve
+from closeform.motion.primer import position_rows
+from closeform.planning.impulse_scene import FLEET, PLANES, coast_state, forces, gain
+from closeform.planning.scene import BLOCKS, INDICES, ROWS
+
+REPAIRS = 3  # of the ends, which rounding leaves open
+DEPENDENT = 1e-12  # of the greatest pivot: a column is the sum of others
+
+
+@kernel()
+def repair(fleet, i, impulses):
+    """Change a craft's impulses by as little as makes them reach its end, the large ones first."""
+    n = fleet.base[i, MEAN_MOTION]
+    matrix, left, psi = stack_matrix(6, 6), stack_vector(6), stack_matrix(3, 6)
+    for _ in range(REPAIRS):
+        gain(fleet, i, left)  # less the sum of Psi^T v, by theory (27)
+        for a in range(6):
+            for b in range(6):
+                matrix[a, b] = 0.0
+        for j in range(fleet.counts[i]):
+            v = impulses[i, j]
+            weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+            if weight == 0.0:
+                continue
+            position_rows(n, fleet.times[i, j] - fleet.base[i, START], psi)
+            for a in range(6):
+                for axis in range(3):
+                    left[a] -= psi[axis, a] * v[axis]
+                    for b in range(6):
+                        matrix[a, b] += weight * psi[axis, a] * psi[axis, b]
+        for a in range(6):
+            if not matrix[a, a] > 0.0:
+                return
+        solve(matrix, left, 6)
+        for a in range(6):
+            if not abs(left[a]) < inf:  # too few impulses to change any by a little
+                return
+        for j in range(fleet.counts[i]):
+            v = impulses[i, j]
+            weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+            if weight == 0.0:
+                continue
+            position_rows(n, fleet.times[i, j] - fleet.base[i, START], psi)
+            for axis in range(3):
+                for a in range(6):
+                    impulses[i, j, axis] += weight * psi[axis, a] * left[a]
+
+
+@kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
+def fly_impulses(fleet, impulses, arcs, offsets):
+    """Fill the craft's paths, their ends repaired, over all the time flown; returns how many arcs."""
+    fleet = lent(fleet)
+    row, state = 0, stack_vector(6)
+    for i in range(len(fleet.base)):
+        offsets[i] = row
+        repair(fleet, i, impulses)
+        n, start = fleet.base[i, MEAN_MOTION], fleet.base[i, START]
+        t = fleet.span[0]
+        coast_state(n, t - start, fleet.base[i, STATE : STATE + 6], state)
+        arcs[row] = 0.0
+        for j in range(fleet.counts[i] + 1):
+            last = j == fleet.counts[i]
+            if not last and not (impulses[i, j, 0] or impulses[i, j, 1] or impulses[i, j, 2]):
+                continue
+            there = fleet.span[1] if last else fleet.times[i, j]
+            arcs[row, START], arcs[row, END], arcs[row, MEAN_MOTION] = t, there, n
+            for a in range(6):
+                arcs[row, STATE + a] = state[a]
+            coast_state(n, there - t, state, state)
+            if there > t:
+                row += 1
+                arcs[row] = 0.0
+            if last:
+                if t >= there:  # an impulse at the very end
+                    row += 1
+                break
+            for axis in range(3):
+                state[3 + axis] += impulses[i, j, axis]
+                arcs[row, IMPULSE + axis] += impulses[i, j, axis]
+            t = there
+    offsets[len(fleet.base)] = row
+    return row
+
+
+@kernel()
+def null_vector(matrix, size, columns, z, order):
+    """Fill `z` so that the matrix times it is 0, by elimination with complete pivoting; it is spoilt."""
+    for c in range(columns):
+        order[c] = c
+    rank, first = 0, 0.0
+    while rank < min(size, columns - 1):
+        row, column, largest = rank, rank, -1.0
+        for i in range(rank, size):
+            for j in range(rank, columns):
+                if abs(matrix[i, j]) > largest:
+                    row, column, largest = i, j, abs(matrix[i, j])
+        first = max(first, largest)
+        if largest <= DEPENDENT * first:
+            break
+        for j in range(columns):
+            matrix[rank, j], matrix[row, j] = matrix[row, j], matrix[rank, j]
+        for i in range(size):
+            matrix[i, rank], matrix[i, column] = matrix[i, column], matrix[i, rank]
+        order[rank], order[column] = order[column], order[rank]
+        for i in range(rank + 1, size):
+            factor = matrix[i, rank] / matrix[rank, rank]
+            for j in range(rank, columns):
+                matrix[i, j] -= factor * matrix[rank, j]
+        rank += 1
+    for c in range(columns):
+        z[order[c]] = 1.0 if c == rank else 0.0
+    for k in range(rank - 1, -1, -1):
+        total = -matrix[k, rank]
+        for j in range(k + 1, rank):
+            total -= matrix[k, j] * z[order[j]]
+        z[order[k]] = total / matrix[k, k]
+
+
+@kernel(void(FLEET, PLANES, BLOCKS))
+def keep_fewest(fleet, planes, impulses):
+    """Leave each craft no more impulses than ends and planes need, with the same effect on them, for no more.
+
+    What many impulses along fixed directions do is a sum in few dimensions, so that some of them can be
+    made up for by others (Caratheodory), in the direction in which the sum of sizes does not grow.
+    """
+    fleet, planes = lent(fleet), lent(planes)
+    number, most = len(planes.times), fleet.times.shape[1]
+    effects, work = np.empty((6 + number, most)), np.empty((6 + number, 7 + number))
+    sizes, z = np.empty(most), np.empty(7 + number)
+    used, order = np.empty(most, dtype=np.int64), np.empty(7 + number, dtype=np.int64)
+    psi, pushed = stack_matrix(3, 6), stack_vector(3)
+    for i in range(len(fleet.base)):
+        n, start = fleet.base[i, MEAN_MOTION], fleet.base[i, START]
+        height = 6
+        for k in range(number):
+            if planes.first[k] == i or planes.second[k] == i:
+                height += 1
+        count = 0
+        for j in range(fleet.counts[i]):
+            v = impulses[i, j]
+            size = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) ** 0.5
+            if size == 0.0:
+                continue
+            sizes[j] = size
+            used[count] = j
+            count += 1
+            position_rows(n, fleet.times[i, j] - start, psi)
+            for a in range(6):
+                effects[a, j] = (psi[0, a] * v[0] + psi[1, a] * v[1] + psi[2, a] * v[2]) / size
+            row = 6
+            for k in range(number):
+                if planes.first[k] == i or planes.second[k] == i:
+                    ahead = planes.times[k] - fleet.times[i, j]
+                    effects[row, j] = 0.0
+                    if ahead > 0.0:
+                        forces(n, ahead, planes.rows[k], psi, pushed)
+                        effects[row, j] = (pushed[0] * v[0] + pushed[1] * v[1] + pushed[2] * v[2]) / size
+                    row += 1
+        scale_rows(effects, height, used, count)
+        while count > 1:
+            columns = min(height + 1, count)
+            for a in range(height):
+                for c in range(columns):
+                    work[a, c] = effects[a, used[c]]
+            null_vector(work, height, columns, z, order)
+            if not is_null(effects, height, used, columns, z):
+                break
+            drop_one(impulses[i], sizes, used, columns, z)
+            left = 0
+            for c in range(count):
+                if sizes[used[c]] > 0.0:
+                    used[left] = used[c]
+                    left += 1
+            count = left
+
+
+@kernel()
+def scale_rows(matrix, size, used, count):
+    """Bring rows of different units to one size."""
+    for a in range(size):
+        largest = 0.0
+        for c in range(count):
+            largest = max(largest, abs(matrix[a, used[c]]))
+        for c in range(count):
+            matrix[a, used[c]] /= largest if largest > 0.0 else 1.0
+
+
+@kernel()
+def is_null(matrix, size, used, columns, z):
+    """Whether columns of a matrix, weighted by z, add up to rounding."""
+    for a in range(size):
+        total, terms = 0.0, 0.0
+        for c in range(columns):
+            total += matrix[a, used[c]] * z[c]
+            terms += abs(matrix[a, used[c]] * z[c])
+        if abs(total) > 1e-9 * terms:
+            return False
+    return True
+
+
+@kernel()
+def drop_one(impulses, sizes, used, columns, z):
+    """Change sizes along z, or against it, whichever makes their sum no larger, until one is zero."""
+    total = 0.0
+    for c in range(columns):
+        total += z[c]
+    sign = 1.0 if total <= 0.0 else -1.0
+    step, gone = -1.0, 0
+    for c in range(columns):
+        if sign * z[c] < 0.0 and (step < 0.0 or sizes[used[c]] < -sign * z[c] * step):
+            step, gone = sizes[used[c]] / (-sign * z[c]), c
+    for c in range(columns):
+        j = used[c]
+        size = max(sizes[j] + sign * step * z[c], 0.0) if c != gone else 0.0
+        for axis in range(3):
+            impulses[j, axis] *= size / sizes[j]
+        sizes[j] = size

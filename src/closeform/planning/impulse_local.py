@@ -1,0 +1,243 @@
+"""Impulses of least delta-v that keep all pairs clear: planes at contacts, turned and moved until they hold.
+
+A round prices the planes of the contacts (`impulse_dual`), flies the impulses, and looks for conflicts.
+Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
+clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
+maxima of their primers, and when they last did; in the end only when they must.           # theory 13
+"""
+
+from dataclasses import dataclass
+from math import ceil, inf, pi
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START, THRUST, WIDTH
+from closeform.motion.impulses import answers
+from closeform.motion.reduced import COUNT, LOWER, UPPER
+from closeform.motion.reduced import FIRST as FIRED_FROM
+from closeform.planning.certify import AHEAD
+from closeform.planning.contacts import turn_normals
+from closeform.planning.impulse_dual import price
+from closeform.planning.impulse_flight import fly_impulses, keep_fewest
+from closeform.planning.impulse_peaks import find_peaks
+from closeform.planning.impulse_scene import Dual, Fleet, Planes
+from closeform.planning.problem import Flown, PairRow, Problem
+from closeform.planning.scene import Contacts
+
+LEAST, A_TURN = 12, 12  # times at which craft may fire, and more of them for each orbit
+LEVEL, ROOM = 0.9, 32  # length of a primer from which a maximum becomes a time to fire, and how many
+FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: an impulse whose time counts, and one that is none
+WEAK, NEAR = 1e-3, 1.05  # of the mean multiplier, and norm: planes that hardly push, far away, are left
+APART = 0.02  # of a craft's duration: impulses no further apart become one
+AIM = 1.0 + 1e-6  # of a zone: planes are this far out, that what moves between rounds stays clear
+ALIKE = 0.002  # of the time in which a pair can give way: planes no further apart are one
+NEARLY = 0.99  # norm from which on planes are moved out by what is missing
+TURNED = 0.3  # norm from which on a plane is turned to where the pair is
+WIDEST, FINER, LAST = (
+    1e-2,
+    0.2,
+    1e-5,
+)  # relative gap of the first round, from one to the next, and of the last
+ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
+SETTLED = 1e-5  # of the cost, by which a clear round must be cheaper than the one before
+ROUNDING = 1e-12  # of a bound
+DEARER = 1.0002  # times the cost, that few impulses may cost
+
+
+@dataclass(frozen=True, eq=False)
+class Spent:
+    """What one round came to: paths, their delta-v [m/s], conflicts left, and what it was found with."""
+
+    flown: Flown
+    delta_v: float
+    least: float  # [m/s]: nothing that keeps these planes costs less, fired at any time; certified
+    missed: list[PairRow]
+    contacts: Contacts
+    margin: float  # of the zones, to which planes were moved out
+    fleet: Fleet
+    impulses: Floats  # (N, J, 3)
+    peaks: list[Floats]  # when each craft's primer is longest
+
+    @property
+    def pushing(self) -> Any:
+        """Which contacts (K,) push their pairs apart."""
+        pushes = self.contacts.multipliers
+        return pushes > WEAK * pushes.sum() / max(len(pushes), 1)
+
+    def fired(self, share: float) -> list[Floats]:
+        """When each craft fires more than a share of all."""
+        sizes = np.linalg.norm(self.impulses, axis=2)
+        return [row[size > share * self.delta_v] for row, size in zip(self.fleet.times, sizes, strict=True)]
+
+
+class ImpulseSolver:
+    """Solves one problem from any contacts, by impulses."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.aim = AIM
+        base = problem.base
+        turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
+        self.grid = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
+        arcs, offsets = problem.direct
+        optima = problem.path(problem.direct)
+        self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
+        drift = arcs.copy()
+        drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
+        self.drift = drift, offsets  # who coasts on until its time is over
+
+    def unconstrained(self) -> Spent:
+        """The least delta-v of each craft by itself, whatever is in the way."""
+        base = self.problem.base
+        found = answers(self.problem.orbit.mean_motion, base, self.finals)
+        tables = [row[FIRED_FROM:].reshape(-1, 4)[: int(row[COUNT])] for row in found]
+        times = [start + table[:, 0] for start, table in zip(base[:, START], tables, strict=True)]
+        fleet = self.fleet(times)
+        impulses = np.zeros((*fleet.times.shape, 3))
+        for row, table in zip(impulses, tables, strict=True):
+            row[: len(table)] = table[:, 1:]
+        flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
+        missed, spent = self.problem.conflicts(flown), float(found[:, UPPER].sum())
+        return Spent(flown, spent, least, missed, Contacts.none(), 1.0, fleet, impulses, times)
+
+    def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
+        """The cheapest clear paths that a start leads to; None where there are none below `bar`."""
+        best, self.aim, tolerance = None, AIM, WIDEST
+        times = list(self.grid)
+        for _ in range(ROUNDS):
+            found = self.priced(times, contacts, tolerance, bar)
+            if found is None:
+                break
+            if not found.missed:
+                gained = inf if best is None else best.delta_v - found.delta_v
+                best = found if gained > 0.0 else best
+                if tolerance == LAST and gained < SETTLED * found.delta_v:
+                    break
+            contacts = self.turned(found)
+            times = [
+                np.unique(np.concatenate(some))
+                for some in zip(self.grid, found.peaks, found.fired(FIRED), strict=True)
+            ]
+            tolerance = max(LAST, FINER * tolerance)
+        return best
+
+    def focused(self, best: Spent) -> Spent:
+        """The same fired at few times, those at which primers peak, if that costs hardly more."""
+        apart = APART * (self.problem.base[:, END] - self.problem.base[:, START])
+        for share in (FIRED, IDLE):
+            found, few = best, None
+            for _ in range(FOCUSING):
+                times = list(map(merged, found.fired(share), found.peaks, apart))
+                again = self.priced(times, self.turned(found), LAST, DEARER * best.delta_v)
+                if again is None:
+                    break
+                found = again
+                if not found.missed:
+                    gained = inf if few is None else few.delta_v - found.delta_v
+                    few = found if gained > 0.0 else few
+                    if gained < SETTLED * found.delta_v:
+                        break
+            if few is not None:
+                return few
+        return best
+
+    def priced(self, times: list[Floats], contacts: Contacts, tolerance: float, bar: float) -> Spent | None:
+        """The least delta-v that keeps the planes of contacts, fired at some times; None where above `bar`.
+
+        Once paths are nearly clear, planes are moved out from round to round by what is missing.
+        """
+        count, aim = self.problem.count, self.aim
+        fleet, planes = self.fleet(times), self.planes(contacts)
+        dual = Dual(np.zeros((count, 6)), np.zeros(contacts.number))
+        impulses = np.zeros((*fleet.times.shape, 3))
+        cost = price(fleet, planes, tolerance, bar, dual, impulses)
+        if cost == inf:
+            return None
+        instants, counts = np.empty((count, ROOM)), np.zeros(count, dtype=np.int64)
+        longest = find_peaks(fleet, planes, dual, LEVEL, instants, counts)
+        peaks = [row[:number].copy() for row, number in zip(instants, counts, strict=True)]
+        keep_fewest(fleet, planes, impulses)
+        flown = self.flown(fleet, impulses)
+        missed = self.problem.conflicts(flown)
+        worst = min((row[3] for _, row in missed), default=1.0)
+        if worst > NEARLY and tolerance == LAST:
+            self.aim = aim + 1.0 - worst if missed else 0.5 * (aim + AIM)
+        spent = float(np.sum(self.problem.path(flown).delta_v))
+        contacts = contacts._replace(multipliers=dual.multipliers)
+        least = (1.0 - ROUNDING) * cost / max(longest, 1.0)
+        return Spent(flown, spent, least, missed, contacts, aim, fleet, impulses, peaks)
+
+    def fleet(self, times: list[Floats]) -> Fleet:
+        """All craft, with times at which they may fire."""
+        counts = np.array([len(one) for one in times])
+        table = np.full((len(times), counts.max()), inf)
+        for row, one in zip(table, times, strict=True):
+            row[: len(one)] = one
+        span = np.array([self.problem.first, self.problem.last])
+        return Fleet(self.problem.bare.base, self.finals, table, counts, span)
+
+    def planes(self, contacts: Contacts) -> Planes:
+        """The planes of contacts, and by how much craft that coast on miss them."""
+        problem, times = self.problem, contacts.times
+        rows = np.einsum("ki,kij->kj", contacts.normals, problem.bare.matrices[problem.kinds[contacts.which]])
+        owners = problem.pairs[contacts.which]
+        craft = np.minimum(owners, problem.count - 1)
+        inside = (problem.base[craft, START] < times[:, None]) & (times[:, None] < problem.base[craft, END])
+        first, second = np.where((owners < problem.count) & inside, owners, -1).T.copy()
+        places = problem.motions(self.drift, contacts)[:, 0]
+        return Planes(times, rows, self.aim - (contacts.normals * places).sum(axis=1), first, second)
+
+    def turned(self, found: Spent) -> Contacts:
+        """The contacts, turned to where their pairs are, and where those are that came too close."""
+        problem, contacts = self.problem, found.contacts
+        contacts = contacts._replace(normals=sides(problem, found.flown, contacts, TURNED))
+        near = (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < NEAR
+        contacts = contacts.some(near | found.pushing)
+        for pair, row in found.missed:
+            one = problem.at(pair, row[2])
+            start, end = problem.windows[0][one.which[0]]
+            when = np.abs(contacts.times - row[2])
+            same = (when <= ALIKE * (end - start)) & (contacts.which == one.which[0])
+            if same.any():
+                contacts = contacts._replace(times=np.where(same, row[2], contacts.times))
+            else:
+                near = np.flatnonzero(contacts.which == one.which[0])
+                if len(near):  # begin with its other plane
+                    one.normals[0] = contacts.normals[near[np.argmin(when[near])]]
+                contacts = contacts.joined(beside(problem, found.flown, one))
+        return contacts
+
+    def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
+        """The paths of all bodies under impulses."""
+        count = self.problem.count
+        arcs = np.empty((count * (fleet.times.shape[1] + 2), WIDTH))
+        offsets = np.empty(count + 1, dtype=np.int64)
+        number = fly_impulses(fleet, impulses, arcs, offsets)
+        return self.problem.with_obstacles(arcs[:number], offsets)
+
+
+def sides(problem: Problem, flown: Flown, contacts: Contacts, least: float = -inf) -> Floats:
+    """The normals (K, 3) of contacts where their pairs are, but those of a norm of `least` or below."""
+    arcs, offsets = flown
+    normals = contacts.normals.copy()
+    turn_normals(problem.bare, arcs, offsets[: problem.count + 1], contacts, least, normals)
+    return normals
+
+
+def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
+    """New contacts, on the sides on which paths pass; ahead where two craft meet."""
+    normals = sides(problem, flown, contacts)
+    return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))
+
+
+def merged(times: Floats, peaks: Floats, apart: float) -> Floats:
+    """Times that stand for those no further apart: the peaks where there are some among them."""
+    if not len(times):
+        return peaks
+    found = []
+    for group in np.split(times, np.flatnonzero(np.diff(times) > apart) + 1):
+        near = peaks[(peaks >= group[0] - apart) & (peaks <= group[-1] + apart)]
+        found.append(near if len(near) else group[[len(group) // 2]])
+    return np.unique(np.concatenate(found))

@@ -1,0 +1,75 @@
+"""What kernels see of craft that fire impulses, and of the planes that they keep."""
+
+from typing import Any, NamedTuple
+
+from numba import types
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE
+from closeform.motion.hill import coast
+from closeform.motion.primer import functional, position_rows
+from closeform.planning.scene import INDICES, NUMBERS, ROWS
+
+
+class Fleet(NamedTuple):
+    """N craft that fire at some of their times: mean motion, base arcs, final states, what is gained.
+
+    `times` (N, J) are in order, `counts` (N,) of them valid; `span` (2,) is the time that is flown.
+    """
+
+    base: Floats  # (N, 21): a row with each craft's times and initial state
+    finals: Floats  # (N, 6)
+    times: Floats
+    counts: Any
+    span: Floats
+
+
+class Planes(NamedTuple):
+    """K planes: when, along which rows [1/m], what unforced paths miss, and whose they are.
+
+    `first` and `second` (K,) are craft that can still give way, or -1.
+    """
+
+    times: Floats
+    rows: Floats
+    misses: Floats
+    first: Any
+    second: Any
+
+
+class Dual(NamedTuple):
+    """A point of the dual, from which a climb begins and where it ends."""
+
+    starts: Floats  # (N, 6): c of each craft
+    multipliers: Floats  # (K,)
+
+
+FLEET = types.NamedTuple((ROWS, ROWS, ROWS, INDICES, NUMBERS), Fleet)
+PLANES = types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES), Planes)
+DUAL = types.NamedTuple((ROWS, NUMBERS), Dual)
+
+
+@kernel()
+def gain(fleet, i, g):
+    """Fill `g` (6,) with what the craft's end states are worth to a primer.                # theory (27)"""
+    n, t = fleet.base[i, MEAN_MOTION], fleet.base[i, END] - fleet.base[i, START]
+    f = fleet.finals[i]
+    x, y, z, vx, vy, vz = coast(n, -t, f[0], f[1], f[2], f[3], f[4], f[5])
+    b = fleet.base[i, STATE : STATE + 6]
+    functional(n, x - b[0], y - b[1], z - b[2], vx - b[3], vy - b[4], vz - b[5], g)
+
+
+@kernel()
+def forces(n, dt, row, psi, out):
+    """Fill `out` (3,): Phi_rv(dt)^T a, what a push of a plane adds to the primer dt before it."""
+    position_rows(n, dt, psi)
+    for axis in range(3):
+        out[axis] = psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]
+
+
+@kernel()
+def coast_state(n, t, s, out):
+    """Fill `out` (6,) with the state `s` after time t; they may be one."""
+    x, y, z, vx, vy, vz = coast(n, t, s[0], s[1], s[2], s[3], s[4], s[5])
+    out[0], out[1], out[2], out[3], out[4], out[5] = x, y, z, vx, vy, vz

@@ -1,0 +1,80 @@
+"""The search over passing sides by impulses: from which contacts least delta-v is looked for."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
+from closeform.planning.passing import FEW
+from closeform.planning.planner import Outcome, contacts_of, solve
+from closeform.planning.problem import Problem
+from closeform.planning.scene import Contacts
+from closeform.planning.sides import exit_normals
+
+ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
+MORE = 4  # times as many where none of those is clear
+
+
+def solve_impulses(problem: Problem, budget: int | None = None, more: bool = False) -> tuple[Outcome, Spent]:
+    """The paths of least delta-v found, and the unconstrained optima; `budget`: starts at most.
+
+    The outcome's `extra` is delta-v beyond these [m/s].
+    """
+    solver = ImpulseSolver(problem)
+    free = solver.unconstrained()
+    if not free.missed:
+        return Outcome(free.flown, (), 0.0, 1.0, True, 0), free
+    most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
+    best: Spent | None = None
+    tried = 0
+    for start in starts(problem, free):
+        if tried == most:
+            break
+        found = solver.solve(start, inf if best is None else best.delta_v)
+        best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
+        tried += 1
+    if best is None:
+        return thrusting(problem, free, budget, more, tried), free
+    best = solver.focused(best)
+    touched = contacts_of(problem, best.contacts.some(best.pushing), best.flown)
+    return Outcome(best.flown, touched, best.delta_v - free.delta_v, best.margin, False, tried), free
+
+
+def thrusting(problem: Problem, free: Spent, budget: int | None, more: bool, tried: int) -> Outcome:
+    """The paths of least energy, which cost delta-v too, where no impulses are clear."""
+    found = solve(problem, budget, more)
+    extra = inf
+    if found.flown is not None:
+        extra = float(np.sum(problem.path(found.flown).delta_v)) - free.delta_v
+    return replace(found, extra=extra, proven=False, tried=tried + found.tried)
+
+
+def starts(problem: Problem, free: Spent) -> Iterator[Contacts]:
+    """Contacts to begin with: the sides of least energy, the nearer ones, and each way out of a conflict."""
+    if problem.count > 1 and (found := solve(problem)).flown is not None:
+        pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in found.contacts]
+        touched = [problem.at(pair, one.time) for pair, one in zip(pairs, found.contacts, strict=True)]
+        if touched:
+            yield beside(problem, found.flown, joined(touched))
+    each = [problem.at(pair, row[2]) for pair, row in free.missed]
+    near = beside(problem, free.flown, joined(each))
+    yield near
+    if len(each) > FEW:
+        return
+    ways = []
+    for k, one in enumerate(each):
+        zone = problem.zones[problem.kinds[one.which[0]]]
+        motion = problem.motions(free.flown, one)[0]
+        exits = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], problem.kernel(one))
+        ways += [(cost, k, normal) for cost, normal in exits]
+    for _, k, normal in sorted(ways, key=lambda way: way[0]):
+        normals = near.normals.copy()
+        normals[k] = normal
+        yield near._replace(normals=normals)
+
+
+def joined(some: list[Contacts]) -> Contacts:
+    """All of them."""
+    return Contacts(*(np.concatenate(columns) for columns in zip(*some, strict=True)))
