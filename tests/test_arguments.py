@@ -57,7 +57,8 @@ CALLS = {
     "Orbit.transition": turned(self=ORBIT, duration=np.array([[1.0, 2.0]])),
     "Orbit.coast": turned(self=ORBIT, state=START, duration=TIMES, start=TIMES),
     "Orbit.transfer": turned(
-        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
+        self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES, max_acceleration=100.0,
+        cost="delta-v",
     ),
     "Orbit.two_impulse": turned(
         self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES
@@ -116,6 +117,9 @@ CALLS = {
     "Thrusters.rtn": turned(frame="orbit", acceleration=0.1, minimum_bit=1e-3, period=9.0),
     "Thrusters.with_force": turned(self=cf.Thrusters(np.eye(3)), force=0.1, mass=12.0, minimum_impulse=1e-3),
     "Thrusters.directions_at": turned(self=cf.Thrusters(np.eye(3), "inertial"), orbit=ORBIT, time=TIMES),
+    "least_time": turned(
+        orbit=ORBIT, initial=START[0], final=START[1], max_acceleration=1e-2, profile="least time", start=0.0
+    ),
     "shortest_transfer": turned(
         orbit=ORBIT, initial=START[0], final=START[1], max_acceleration=1e-2, start=0.0
     ),

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, linprog
 
 import closeform as cf
-from closeform.planning import limits
-from closeform.planning.limits import propellant, shortest_transfer
+from closeform.fuel import shortest as limits
+from closeform.fuel.shortest import shortest_transfer
+from closeform.planning.limits import propellant
 from truth import Reference
 
 N = 1.1e-3

@@ -31,7 +31,9 @@ from closeform.fuel.bound import (
     least_delta_v as least_delta_v,
 )
 from closeform.fuel.firing import Firing as Firing, fire as fire
+from closeform.fuel.least_time import least_time as least_time
 from closeform.fuel.pulses import Pulses as Pulses
+from closeform.fuel.shortest import shortest_transfer as shortest_transfer
 from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.motion.elements import (
     elements_from_inertial as elements_from_inertial,
@@ -63,7 +65,7 @@ from closeform.motion.frames import (
     inertial_from_relative as inertial_from_relative,
     relative_from_inertial as relative_from_inertial,
 )
-from closeform.planning.limits import propellant as propellant, shortest_transfer as shortest_transfer
+from closeform.planning.limits import propellant as propellant
 from closeform.motion.orbit import Orbit as Orbit
 from closeform.motion.joining import join as join, stack as stack
 from closeform.motion.path import Path as Path

@@ -116,9 +116,10 @@ class Orbit(CircularOrbit):
 
         References
         ----------
-        docs/theory.md section 2, from docs/theory.md (7) and docs/theory.md (8); section 7 with limits.
+        docs/theory.md section 2, from docs/theory.md (7) and docs/theory.md (8); with limits docs/theory.md
+        section 6, from docs/theory.md (31) on.
         """
-        if cost not in ("energy", "delta-v"):
+        if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
             raise ValueError(f'cost: expected "energy" or "delta-v", got {shown(cost)}')
         if cost == "delta-v" and max_acceleration is None:
             return self.impulsive(initial, final, duration, start)

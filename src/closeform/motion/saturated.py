@@ -28,6 +28,7 @@ from closeform.motion.primer import NARROWEST, functional
 # and a limit exceeded by more than the 1e-9 that is promised.
 OFF = 3e-9
 ROUNDING = 1e-14  # of |p|, in thrust of size (|p| - 1) / e
+NOISE = 1e-13  # of states, by rounding
 FREE = 1e200  # a limit that nothing reaches
 CLOSE = 1e-6  # of the least limit: so well it is told
 WORST = 1e-6  # a path's cost over its lower bound
@@ -199,13 +200,18 @@ def meet(n, duration, origin, final, scale, c, hessian, free, low, e, limit, row
 
 @kernel()
 def worth(n, arc, final, g):
-    """Fill `g` (6,): what is to be gained along an arc to end in the state `final` (6,).   # theory (27)"""
+    """Fill `g` (6,): what is to be gained along an arc to end in the state `final` (6,).   # theory (27)
+
+    Returns by how much its first three numbers and its last three are off, by rounding.
+    """
     x, y, z, vx, vy, vz = coast(
         n, arc[START] - arc[END], final[0], final[1], final[2], final[3], final[4], final[5]
     )
+    place, speed = abs(x) + abs(y) + abs(z), abs(vx) + abs(vy) + abs(vz)
     x, y, z = x - arc[STATE], y - arc[STATE + 1], z - arc[STATE + 2]
     vx, vy, vz = vx - arc[STATE + 3], vy - arc[STATE + 4], vz - arc[STATE + 5]
     functional(n, x, y, z, vx, vy, vz, g)
+    return NOISE * (speed + 2.0 * n * place), NOISE * place
 
 
 NEEDED, ENOUGH, BOUND, COST = 0, 1, 2, 3  # what is told of each transfer
@@ -239,13 +245,20 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
     for p in range(len(arcs)):
         arc, limit = arcs[p], limits[p]
         duration = arc[END] - arc[START]
-        worth(n, arc, finals[p], g)
+        fast, far = worth(n, arc, finals[p], g)
+        facts[p, NEEDED] = POSSIBLE
+        if max(abs(g[0]), abs(g[1]), abs(g[2])) <= fast and max(abs(g[3]), abs(g[4]), abs(g[5])) <= far:
+            if offsets[p] == len(rows):
+                break
+            for k in range(WIDTH):  # it coasts
+                rows[offsets[p], k] = arc[k]
+            offsets[p + 1] = offsets[p] + 1
+            continue
         for k in range(6):
             c[k] = arc[THRUST + k]
         sum_up(n, duration, c, 0.0, 1.0, FREE, gained, free)
         for k in range(6):
             scale[k] = free[k, k]
-        facts[p, NEEDED] = POSSIBLE
         low, e = 0.0, 1.0
         status, _, spent, length = climb(n, duration, g, scale, c, low, e, limit, gained, hessian)
         if status == IMPOSSIBLE:
@@ -254,7 +267,7 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
             )
             break
         bound = 0.0
-        if status == DONE and sparing and spent > 0.0:
+        if status == DONE and sparing:
             low = 1.0
             status, e, bound, spent = sharpen(n, duration, g, scale, c, limit, spent, gained, hessian)
         if status != DONE:
@@ -267,7 +280,8 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         total, _, spent, energy = sum_up(n, duration, c, low, e, limit, gained, hessian)
         facts[p, BOUND] = bound if low > 0.0 else dot(g, c) - total
         facts[p, COST] = spent if low > 0.0 else 0.5 * energy
-        if facts[p, COST] > facts[p, BOUND] * (1.0 + WORST):
+        noise = fast * (abs(c[0]) + abs(c[1]) + abs(c[2])) + far * (abs(c[3]) + abs(c[4]) + abs(c[5]))
+        if facts[p, COST] > facts[p, BOUND] + WORST * facts[p, COST] + noise:
             facts[p, NEEDED], offsets[p + 1] = UNDECIDED, -1
             break
 
