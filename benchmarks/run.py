@@ -27,6 +27,7 @@ SECTIONS = {
     "formation": 1,
     "locks": None,
     "gathering": None,
+    "fuel": None,
     "start": None,
 }  # cores; None: all
 LIMIT = 600  # seconds a section may take
