@@ -254,6 +254,11 @@ REFUSED = {
         "minimum_bit: 5 m/s is above the 0.192 m/s that the plan asks of a thruster at a time, so nothing "
         "would be fired; plan with impulses, or take finer thrusters",
     ),
+    "stronger than times can tell": (
+        {"thrusters": cf.Thrusters.rtn(acceleration=1e9, period=30.0)},
+        "acceleration: 1e+09 m/s² gives all that the plan asks for in pulses of less than 6e-09 s, which "
+        "is no time beside the plan's; give less of it",
+    ),
     "out of reach": (
         {"thrusters": cf.Thrusters(SIX.directions[:5], acceleration=1.0, period=30.0)},
         "thrusters: at 7.45443 s the plan pushes where they cannot, along -z of their frame; plan with these "

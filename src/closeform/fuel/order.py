@@ -80,14 +80,7 @@ def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust:
     chunks = gathered(cells, path.start, thrusters.period, bits)
     _check_strength(chunks, thrusters)
     chunks = _without_gaps(chunks, thrusters)
-    briefest = CLOCK * (np.abs([path.start, path.end]).max() + path.end - path.start)
-    least = np.maximum(bits, thrusters.acceleration * briefest)
-    fired = chunks.impulse >= least[chunks.thruster]
-    if len(chunks) and not fired.any():
-        raise ValueError(
-            f"minimum_bit: {bits.min():g} m/s is above the {chunks.impulse.max():.3g} m/s that the plan asks "
-            "of a thruster at a time, so nothing would be fired; plan with impulses, or take finer thrusters"
-        )
+    fired = _fired(chunks, path, thrusters, bits)
     shot, force = chunks[fired], kilograms * thrusters.acceleration
     begin, over, masses = fired_within(shot, force[shot.thruster], kilograms, speed)
     half = 0.5 * (over - begin)
@@ -107,6 +100,24 @@ def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust:
         _pulses(craft, path, thrusters, shot, begin, over, burned),
         _pulses(craft, path, thrusters, left, left.start, left.end, none),
     )
+
+
+def _fired(chunks: Chunks, path: Path, thrusters: Thrusters, bits: Floats) -> Any:
+    """Which chunks (K,) are a bit, and last long enough for times to tell."""
+    enough = chunks.impulse >= bits[chunks.thruster]
+    if len(chunks) and not enough.any():
+        raise ValueError(
+            f"minimum_bit: {bits.min():g} m/s is above the {chunks.impulse.max():.3g} m/s that the plan asks "
+            "of a thruster at a time, so nothing would be fired; plan with impulses, or take finer thrusters"
+        )
+    briefest = CLOCK * (np.abs([path.start, path.end]).max() + path.end - path.start)
+    fired = enough & (chunks.impulse >= briefest * thrusters.acceleration[chunks.thruster])
+    if len(chunks) and not fired.any():
+        raise ValueError(
+            f"acceleration: {thrusters.acceleration.max():g} m/s² gives all that the plan asks for in pulses "
+            f"of less than {briefest:.2g} s, which is no time beside the plan's; give less of it"
+        )
+    return fired
 
 
 def _pulses(
