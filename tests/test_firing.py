@@ -30,6 +30,25 @@ def test_the_bound_holds_in_random_plans():
     assert np.median(ratios) < 2.0
 
 
+def test_the_bound_holds_as_the_mass_falls():
+    """Random plans of few pulses, by another integrator: up to two fifths of the mass are burned."""
+    burned = []
+    for seed in range(5000, 5040):
+        rng = np.random.default_rng(seed)
+        path, thrusters = modulated(rng)
+        impulse = 2 * path.delta_v / 9.80665 / rng.uniform(0.01, 0.5)
+        firing = cf.fire(path, thrusters, 10.0, impulse)
+        if len(firing.pulses) > 100:
+            continue
+        edges, states = reflown(firing, 10.0, impulse)
+        planned = firing.planned.position(edges.clip(firing.planned.start, firing.planned.end))
+        assert np.linalg.norm(states[:, :3] - planned, axis=1).max() <= firing.deviation_bound, seed
+        assert states[-1, 6] == pytest.approx(10.0 - firing.propellant, rel=1e-12)
+        burned.append(firing.propellant / 10.0)
+    assert len(burned) > 15
+    assert max(burned) > 0.3
+
+
 @pytest.mark.parametrize("frame", ["orbit", "inertial"])
 @pytest.mark.parametrize("kind", ["transfer", "impulses", "burn"])
 def test_another_integrator_flies_the_pulses(kind, frame):
