@@ -20,11 +20,13 @@ _HOMES = {
     "in_plane_search": "attitudes",
     "lemma_2": "hyperbola",
     "manoeuvres": "attitudes",
+    "primer": "primers",
     "pulses": "firings",
     "ratio_matrix": "matrix",
     "ratios": "nearness",
     "three_views": "formation",
     "thrust": "thrusting",
+    "trade": "primers",
     "two_ways": "sides",
 }
 __all__ = sorted(_HOMES)

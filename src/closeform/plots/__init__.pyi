@@ -13,6 +13,8 @@ from closeform.plots.hyperbola import lemma_2 as lemma_2
 from closeform.plots.lockings import histogram as histogram
 from closeform.plots.matrix import ratio_matrix as ratio_matrix
 from closeform.plots.nearness import ratios as ratios
+from closeform.plots.primers import primer as primer
+from closeform.plots.primers import trade as trade
 from closeform.plots.sides import two_ways as two_ways
 from closeform.plots.space import before_after as before_after
 from closeform.plots.thrusting import formation_thrust as formation_thrust
