@@ -25,6 +25,7 @@ SECTIONS = {
     "many": None,
     "shaping": 1,
     "formation": 1,
+    "limits": 1,
     "locks": None,
     "gathering": None,
     "fuel": None,

@@ -61,7 +61,7 @@ def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
     """
     work, step, trial = stack_matrix(6, 6), stack_vector(6), stack_vector(6)
     new_gained, new_hessian = stack_vector(6), stack_matrix(6, 6)
-    total, length, spent, energy = sum_up(n, duration, c, low, e, limit, gained, hessian)
+    total, length, spent, _ = sum_up(n, duration, c, low, e, limit, gained, hessian)
     value = dot(g, c) - total
     aim = 0.0
     for k in range(6):
@@ -81,7 +81,7 @@ def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
         while True:
             for k in range(6):
                 trial[k] = c[k] + share * step[k]
-            total, new_length, new_spent, energy = sum_up(
+            total, new_length, new_spent, _ = sum_up(
                 n, duration, trial, low, e, limit, new_gained, new_hessian
             )
             new_value = dot(g, trial) - total
@@ -150,11 +150,11 @@ def least_limit(n, duration, g, scale, c, least, close):
     kept, gained, hessian = stack_vector(6), stack_vector(6), stack_matrix(6, 6)
     for k in range(6):
         kept[k] = c[k]
-    enough, share = inf, 0.1
+    enough, share = inf, 0.02
     for _ in range(60):
         if enough < inf and enough - least <= close * enough:
             break
-        limit = least + share * (enough - least) if enough < inf else 1.2 * least
+        limit = least + share * (enough - least) if enough < inf else 1.05 * least
         status, _, _, length = climb(n, duration, g, scale, kept, 0.0, 1.0, limit, gained, hessian)
         found = dot(g, kept) / length
         if found > least:

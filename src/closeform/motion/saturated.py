@@ -104,7 +104,7 @@ def fly(n, duration, origin, c, low, e, limit, rows, first):
     t, region, k = 0.0, side(n, c, 0.0, low, high), first
     before = origin
     while t < duration:
-        end, after = piece_end(n, duration, c, t, region, low, high)
+        end, after = t, region
         while after == region and end < duration:
             end, after = piece_end(n, duration, c, end, region, low, high)
         natural = region == COASTING or (region == RISING and low == 0.0)
