@@ -36,8 +36,8 @@ class Bound:
     proven : bool or array of bool of shape (...)
         Whether the bounds agree to 1e-9 of themselves.
     unique : bool or array of bool of shape (...)
-        Whether no other plan costs as little.  Where it is False, the primer's length is constant,
-        and infinitely many plans cost the same.
+        Whether no other plan costs as little.  Where it is False, the primer's length is constant, or it
+        is 1 so often that impulses can be shared otherwise: infinitely many plans cost the same.
     """
 
     lower: Any

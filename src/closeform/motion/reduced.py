@@ -24,6 +24,7 @@ LOWER, UPPER, COUNT, UNIQUE, PRIMER, FIRST = 0, 1, 2, 3, 4, 10
 ANSWER = FIRST + 4 * MOST
 GAP = 1e-12  # at which an answer is final
 NEWTON = 20
+TOUCHES = 1e-9  # of |p|^2, by which one that counts as 1 may be below
 TOUCHING = 0.8  # |p| from which a maximum can matter
 ENDS_THERE = 1e-11  # of what is to be gained, that a plan may leave
 REACH = 0.5  # of |y|, for one step of Newton's method
@@ -141,6 +142,35 @@ def add_curvature(n, t, metric, y, weight, curvature):
 
 
 @kernel()
+def independent(columns, squares, size, highest, basis):
+    """Whether the columns where |p| is greatest are independent: else impulses can be shared otherwise."""
+    count = 0
+    for k in range(size):
+        if squares[k] < (1.0 - TOUCHES) * highest:
+            continue
+        if count == 6:
+            return False
+        left, whole = 0.0, 0.0
+        for i in range(6):
+            basis[count, i] = columns[k, i]
+            whole += columns[k, i] ** 2
+        for j in range(count):
+            share = 0.0
+            for i in range(6):
+                share += basis[j, i] * basis[count, i]
+            for i in range(6):
+                basis[count, i] -= share * basis[j, i]
+        for i in range(6):
+            left += basis[count, i] ** 2
+        if left <= TOUCHES * whole:
+            return False
+        for i in range(6):
+            basis[count, i] /= sqrt(left)
+        count += 1
+    return True
+
+
+@kernel()
 def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, active, answer):
     """Newton's method on the local maxima of |p|; `answer` takes the best bound and plan on the way."""
     c, psi, rows = stack_vector(6), stack_matrix(3, 6), stack_vector(18)
@@ -166,6 +196,7 @@ def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, activ
         count = nonnegative(columns, size, g, costs, weights, active)
         fly(n, metric, y, g, times, weights, active, count, answer)
         if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
+            answer[UNIQUE] = 1.0 * independent(columns, squares, size, highest, bent)
             break
         trace = 0.0
         for i in range(6):

@@ -82,7 +82,7 @@ def primer(path: Path) -> Figure:
             last = time
             axes.annotate(
                 speed(size),
-                (ticks(time), height),
+                (ticks(time), 1.0),
                 (-7 if late else 7, 9 + 13 * row),
                 textcoords="offset points",
                 ha="right" if late else "left",
