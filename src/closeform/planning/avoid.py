@@ -19,7 +19,7 @@ from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_na
 from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
 from closeform.planning.planner import check_cost, check_effort, outcome, solve
-from closeform.planning.problem import Problem
+from closeform.planning.problem import Problem, transfer_of
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
@@ -104,7 +104,7 @@ def avoid(
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
 
     def way(factor: float) -> Path:
-        return path if factor == 1.0 else transfer(path, factor)
+        return path if factor == 1.0 else transfer_of(path, factor)
 
     check_effort(budget, prove)
     limited = max_acceleration is not None
@@ -154,7 +154,7 @@ class Around:
 
         `fixed`: no cheaper path is taken while proving.
         """
-        optimum = transfer(path)
+        optimum = transfer_of(path)
         problem = Problem.of(stack([optimum]), self.obstacles, self.zones)
         if inside := end_inside(problem):
             end, ratio, which = inside
@@ -184,13 +184,6 @@ class Around:
         return within_limit(self, direct, float(limit), longer, prove)
 
 
-def transfer(path: Path, factor: float = 1.0) -> Path:
-    """The unconstrained optimum between the end states of a path, in so many times its duration."""
-    start, end = path.start, path.end
-    initial, final = path.state([start, end])
-    return path.orbit.transfer(initial, final, factor * (end - start), start)
-
-
 def within_limit(
     task: Around, direct: Callable[[float], Path], limit: float, longer: bool, prove: float
 ) -> Avoidance:
@@ -204,7 +197,7 @@ def within_limit(
         return (found, excess(found.path)) if found.path is not None else None
 
     path = direct(1.0)
-    for way in (path, transfer(path)):  # which is another one, of less thrust, only where `path` is clear
+    for way in (path, transfer_of(path)):  # which is another one, of less thrust, only where `path` is clear
         plan = task.plan(way, prove, fixed=True)
         if plan.path is None or (over := excess(plan.path)) <= FULL:
             return plan

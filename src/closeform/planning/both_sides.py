@@ -7,7 +7,7 @@ from closeform.motion.path import Path
 from closeform.planning.certify import Solution, nearer
 from closeform.planning.obstacles import end_inside
 from closeform.planning.passing import MARGINS, Search
-from closeform.planning.problem import Problem, deepest
+from closeform.planning.problem import Problem, deepest, transfer_of
 from closeform.zones.zone import Zone
 
 
@@ -18,10 +18,7 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     found is left out, such as one from which paths slide around the zone to the cheaper side; there is none
     where the unconstrained path is clear.
     """
-    optimum = path.orbit.transfer(
-        path.state(path.start), path.state(path.end), path.end - path.start, path.start
-    )
-    problem = Problem.of(stack([optimum]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
+    problem = Problem.of(stack([transfer_of(path)]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
     search = Search(problem, MARGINS[0])
     conflicts = problem.conflicts(problem.direct)
     if end_inside(problem) or not conflicts:

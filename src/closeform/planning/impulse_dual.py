@@ -2,14 +2,14 @@
 
 Of N craft with times at which they may fire, and K planes a_k . (r_i - r_j)(t_k) >= s_k,
 
-    maximise   sum g_i . c_i + sum f_k m_k   over c_i and m_k >= 0, |p_i| <= 1 at each time   # theory (34)
-    p_i(t) = Psi(t) c_i + sum over t_k > t of +- m_k Phi_rv(t_k - t)^T a_k                    # theory (35)
+    maximise   sum g_i . c_i + sum f_k m_k   over c_i and m_k >= 0, |p_i| <= 1 at each time   # theory (37)
+    p_i(t) = Psi(t) c_i + sum over t_k > t of +- m_k Phi_rv(t_k - t)^T a_k                    # theory (38)
 
 f_k is what the unforced paths miss of the plane.  The primer p_i is a natural motion between its
 planes, at which its rate jumps.  Newton's method follows the centres of logarithmic barriers, whose
 own impulses
 
-    v_i(t) = 2 p_i / (1 - |p_i|^2) / sharpness                                                # theory (36)
+    v_i(t) = 2 p_i / (1 - |p_i|^2) / sharpness                                                # theory (39)
 
 reach the ends and keep the planes with room to spare; a face of equal optima is left in its middle.
 Craft meet in planes only, so a step costs a 6 x 6 system each and one of all planes.
@@ -269,7 +269,7 @@ def fill_members(planes, members, sizes):
 
 @kernel()
 def primers_to_impulses(rows, count, size, x, sharpness, impulses):
-    """Fill a craft's impulses (J, 3) from its primers at the barriers' centre.          # theory (36)"""
+    """Fill a craft's impulses (J, 3) from its primers at the barriers' centre.          # theory (39)"""
     for j in range(count):
         room = 1.0
         for axis in range(3):

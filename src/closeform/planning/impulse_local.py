@@ -3,7 +3,7 @@
 A round prices the planes of the contacts (`impulse_dual`), flies the impulses, and looks for conflicts.
 Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
 clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
-maxima of their primers, and when they last did; in the end only when they must.           # theory 13
+maxima of their primers, and when they last did; in the end only when they must.           # theory 6
 """
 
 from dataclasses import dataclass

@@ -167,9 +167,14 @@ class Avoidance:
         return self.status in (Status.CLEAR, Status.AVOIDED)
 
     @property
+    def spent(self) -> float:
+        """What is least: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
+        return self.delta_v if self.cost == "delta-v" else self.energy
+
+    @property
     def gap(self) -> float:
         """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
-        return gap(self.delta_v if self.cost == "delta-v" else self.energy, self.lower_bound)
+        return gap(self.spent, self.lower_bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,9 +256,14 @@ class Plan:
         return self.energy - float(self.direct.energy.sum())
 
     @property
+    def spent(self) -> float:
+        """What is least: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
+        return self.delta_v if self.cost == "delta-v" else self.energy
+
+    @property
     def gap(self) -> float:
         """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
-        return gap(self.delta_v if self.cost == "delta-v" else self.energy, self.lower_bound)
+        return gap(self.spent, self.lower_bound)
 
 
 def too_weak(plan: Answer, weak: TooWeak, name: str) -> Answer:

@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.all_pairs import search_pairs
-from closeform.motion.arc import END, START, WIDTH
+from closeform.motion.arc import END, IMPULSE, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
@@ -246,3 +246,11 @@ class Problem:
 def deepest(conflicts: Iterable[PairRow]) -> PairRow:
     """The conflict of least ratio."""
     return min(conflicts, key=lambda one: one[1][3])
+
+
+def transfer_of(path: Path, factor: float = 1.0) -> Path:
+    """The unconstrained optimum between the end states of a path, in so many times its duration."""
+    start, end = path.start, path.end
+    initial, final = path.state([start, end])
+    initial[3:] -= path.arcs[0, IMPULSE : IMPULSE + 3]  # an impulse at the start is part of the path
+    return path.orbit.transfer(initial, final, factor * (end - start), start)

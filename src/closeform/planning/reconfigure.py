@@ -65,7 +65,7 @@ def reconfigure(
         One for all, or one for each craft and, after them, obstacle (None: none of its own).  Of two regions
         the larger holds, covariances and bodies add; `PairZones` tell it themselves.
     assign : bool, default False
-        Whether craft go to the slots of least total energy, instead of each to its own.
+        Whether craft go to the slots of least total cost, instead of each to its own.
     start : array_like of shape (N,) [s], default 0
         Of each craft's move; one number for all.
     obstacles : Path or sequence of Path, default none
@@ -111,6 +111,9 @@ def reconfigure(
     docs/theory.md section 4, many craft; "sequential" is as in SP11 (Sauter and Palmer 2011).
     """
     instance("assign", assign, bool, np.bool_)
+    check_effort(budget, prove)
+    limited = max_acceleration is not None
+    check_cost(cost, max_acceleration=limited, prove=prove > 0.0, method=method != "joint")
     request = Request.of(
         instance("orbit", orbit, Orbit),
         initial,
@@ -122,6 +125,7 @@ def reconfigure(
         obstacles,
         max_acceleration,
         names,
+        cost,
     )
     count = len(request.initial)
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
@@ -132,10 +136,7 @@ def reconfigure(
         order = sequence("order", order, int, np.integer)
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):
         raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {order}")
-    check_effort(budget, prove)
-    limited = max_acceleration is not None
-    check_cost(cost, max_acceleration=limited, prove=prove > 0.0, method=method != "joint")
-    attempt = _attempts(method, range(count) if order is None else order, budget, cost)
+    attempt = _attempts(method, range(count) if order is None else order, budget)
     if not assign:
         return _bounded(*_followed(request, attempt(request, False), attempt, if_blocked), prove)
     plan = revised(request, attempt(request, False), lambda other: attempt(other, False))
@@ -154,7 +155,7 @@ def _followed(
     return request, plan
 
 
-def _attempts(method: str, order: Sequence[int], budget: int | None, cost: Cost) -> Attempt:
+def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
     """How one set of times and slots is planned; with True, more candidates are examined."""
 
     def attempt(request: Request, more: bool) -> Plan:
@@ -167,7 +168,7 @@ def _attempts(method: str, order: Sequence[int], budget: int | None, cost: Cost)
             pair, words = held
             reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
-        if cost == "delta-v":
+        if request.cost == "delta-v":
             return _fired(plan, problem, request.names, budget, more)
         found = (
             solve(problem, budget, more) if method == "joint" else one_by_one(problem, order, budget, more)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, numbers, sequence
+from closeform.fuel.bound import least_delta_v
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.obstacles import obstacle_batch, obstacle_names
+from closeform.planning.plan import Cost
 from closeform.planning.problem import Problem
 from closeform.zones.own_zone import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
@@ -22,7 +24,7 @@ class Request:
     """N craft with `initial` states (N, 6) at their `starts`, to be in their slots after their `durations`.
 
     `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
-    coast into them.  `zones` as from `PairZones.groups`.  With `assign` the slots are those of least energy.
+    coast into them.  `zones` as from `PairZones.groups`.  With `assign` the slots are those of least `cost`.
     """
 
     orbit: Orbit
@@ -37,6 +39,7 @@ class Request:
     limits: Floats | None
     names: tuple[str, ...]
     assign: bool
+    cost: Cost = "energy"
 
     @classmethod
     def of(
@@ -51,6 +54,7 @@ class Request:
         obstacles: Path | Sequence[Path],
         max_acceleration: ArrayLike | None,
         names: Sequence[str] | None,
+        cost: Cost = "energy",
     ) -> "Request":
         """Raises ValueError naming the argument that does not fit."""
         begins, places = _states("initial", initial), _states("final", final)
@@ -90,6 +94,7 @@ class Request:
             limits,
             called,
             assign,
+            cost,
         ).cheapest()
 
     @property
@@ -101,18 +106,22 @@ class Request:
 
     @property
     def costs(self) -> Floats:
-        """Energies (N, S) of all ways of craft to slots."""
+        """What all ways of craft to slots cost at least (N, S), whoever is in the way."""
         finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
-        times = self.durations[:, None], self.starts[:, None]
-        energies: Floats = self.orbit.transfer(self.initial[:, None], finals, *times).energy
-        return energies
+        begins, durations = self.initial[:, None], self.durations[:, None]
+        costs: Floats = (
+            least_delta_v(self.orbit, begins, finals, durations).lower
+            if self.cost == "delta-v"
+            else self.orbit.transfer(begins, finals, durations).energy
+        )
+        return costs
 
     def problem(self) -> Problem:
         """What is to be planned."""
         return Problem.of(self.direct, self.others, self.zones)
 
     def least_slots(self) -> tuple[Any, float]:
-        """Slots (N,) of least unconstrained energy, and that energy."""
+        """Slots (N,) of least unconstrained cost, and that cost."""
         from scipy.optimize import linear_sum_assignment
 
         costs = self.costs
@@ -120,7 +129,7 @@ class Request:
         return slots, float(costs[craft, slots].sum())
 
     def cheapest(self) -> "Request":
-        """The same with the slots of least unconstrained energy, where they are not given."""
+        """The same with the slots of least unconstrained cost, where they are not given."""
         return replace(self, slots=self.least_slots()[0]) if self.assign else self
 
     def assigned(self, slots: Any) -> "Request":

@@ -1,4 +1,4 @@
-"""Slots of least unconstrained energy, revised where avoidance makes others cheaper."""
+"""Slots of least unconstrained cost, revised where avoidance makes others cheaper."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -18,14 +18,14 @@ def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) ->
     seen = {tuple(plan.slots)}
     left = REVISIONS
     while left > 0:
-        bar = plan.energy if plan.ok else np.inf
+        bar = plan.spent if plan.ok else np.inf
         for slots in exchanges(plan.slots, costs, bar):
             if tuple(slots) in seen:
                 continue
             seen.add(tuple(slots))
             left -= 1
             other = attempt(request.assigned(slots))
-            if other.ok and (not plan.ok or other.energy < plan.energy):
+            if other.ok and (not plan.ok or other.spent < plan.spent):
                 plan = other
                 break
             if left == 0:
@@ -36,7 +36,7 @@ def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) ->
 
 
 def exchanges(slots: Any, costs: Floats, bar: float) -> Iterator[Any]:
-    """Assignments one exchange away whose unconstrained energy is below `bar`, cheapest first."""
+    """Assignments one exchange away whose unconstrained cost is below `bar`, cheapest first."""
     count, places = costs.shape
     craft = np.arange(count)
     total = costs[craft, slots].sum()

@@ -1,0 +1,215 @@
+"""Plans of least delta-v: against convex programs on fine grids, flown by an integrator, and their bounds."""
+
+from math import pi
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+import closeform as cf
+from formations import LOW_ORBIT, cases
+
+ORBIT = LOW_ORBIT
+GRID = 241  # times at which the convex program may fire
+NEAR = 1.3  # norm below which it keeps a plane, at each of as many instants
+BY_IMPULSES = 5e-4  # share by which it may be cheaper: its planes are those of our own path
+
+
+def rates(n):
+    """Hill's equations as a matrix."""
+    a = np.zeros((6, 6))
+    a[:3, 3:] = np.eye(3)
+    a[3, 0], a[5, 2] = 3.0 * n * n, -n * n
+    a[3, 4], a[4, 3] = 2.0 * n, -2.0 * n
+    return a
+
+
+def passage(seed):
+    """A transfer whose least delta-v leads through a sphere: (states, duration, obstacle, radius)."""
+    rng = np.random.default_rng(seed)
+    n = ORBIT.mean_motion
+    while True:
+        x, y, z, vx, vz = rng.normal(size=(5, 2)) * 150.0 * np.array([[1], [1], [1], [n], [n]])
+        a, b = np.stack([x, y, z, vx, -2.0 * n * x, vz]).T
+        duration = ORBIT.period * rng.uniform(0.3, 1.5)
+        free = ORBIT.impulsive(a, b, duration)
+        when, radius = duration * rng.uniform(0.3, 0.7), rng.uniform(15.0, 60.0)
+        hit = free.state(when) + np.concatenate(
+            [0.3 * radius * rng.normal(size=3), 0.02 * rng.normal(size=3)]
+        )
+        obstacle = ORBIT.coast(ORBIT.transition(-when) @ hit, duration)
+        apart = [np.linalg.norm(obstacle.position(t) - s[:3]) for t, s in ((0.0, a), (duration, b))]
+        if min(apart) > 1.1 * radius:
+            return a, b, duration, obstacle, radius
+
+
+def least_on_planes(path, obstacle, radius, a, b, duration):
+    """What impulses on a grid cost at least that keep the planes which a path keeps near a sphere (SOCP)."""
+    motion = rates(ORBIT.mean_motion)
+    fired = [t for t, _ in path.impulses]
+    times = np.union1d(np.linspace(0.0, duration, GRID), fired)
+    ways = np.array([expm(motion * (duration - t))[:, 3:] for t in times])
+    equal, target = np.hstack(list(ways)), b - expm(motion * duration) @ a
+    planes, floors = [], []
+    for t in times:
+        apart = path.position(t) - obstacle.position(t)
+        size = np.linalg.norm(apart)
+        if size < NEAR * radius:
+            normal = apart / size
+            row = [normal @ expm(motion * (t - s))[:3, 3:] if s < t else np.zeros(3) for s in times]
+            planes.append(np.concatenate(row))
+            drift = (expm(motion * t) @ a)[:3] - obstacle.position(t)
+            floors.append(min(radius, size) - normal @ drift)
+    count = len(times)
+    scale = np.array([1.0 / duration] * 3 + [1.0] * 3)
+    rows = np.vstack([scale[:, None] * equal, -np.array(planes) / duration])
+    right = np.concatenate([scale * target, -np.array(floors) / duration])
+    wide = np.zeros((len(rows), 4 * count))
+    cones = np.zeros((4 * count, 4 * count))
+    for j in range(count):
+        wide[:, 4 * j + 1 : 4 * j + 4] = rows[:, 3 * j : 3 * j + 3]
+        cones[4 * j : 4 * j + 4, 4 * j : 4 * j + 4] = -np.eye(4)
+    cost = np.zeros(4 * count)
+    cost[::4] = 1.0
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    kinds = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(planes))]
+    kinds += [clarabel.SecondOrderConeT(4)] * count
+    matrix = sparse.csc_matrix(np.vstack([wide, cones]))
+    offsets = np.concatenate([right, np.zeros(4 * count)])
+    nothing = sparse.csc_matrix((4 * count, 4 * count))
+    found = clarabel.DefaultSolver(nothing, cost, matrix, offsets, kinds, settings).solve()
+    assert str(found.status) == "Solved"
+    return found.obj_val
+
+
+def flown(path, times):
+    """Positions (T, 3) of a path of impulses, integrated from its first state."""
+    motion = rates(path.orbit.mean_motion)
+    fired = list(path.impulses)
+    state = path.state(path.start)
+    if fired and fired[0][0] == path.start:
+        fired.pop(0)  # the state at the start is the one after it
+    places, begin = [], float(path.start)
+    for end, jump in [*fired, (float(path.end), np.zeros(3))]:
+        inside = times[(times >= begin) & ((times < end) | (end == path.end))]
+        if end > begin:
+            way = solve_ivp(
+                lambda t, x: motion @ x, (begin, end), state, rtol=1e-11, atol=1e-12, dense_output=True
+            )
+            if len(inside):
+                places.append(way.sol(inside).T[:, :3])
+            state = way.y[:, -1].copy()
+        state[3:] += jump
+        begin = end
+    return np.concatenate(places), state
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_one_sphere(seed):
+    a, b, duration, obstacle, radius = passage(seed)
+    free = cf.least_delta_v(ORBIT, a, b, duration)
+    found = cf.avoid(ORBIT.transfer(a, b, duration), obstacle, cf.Sphere(radius), cost="delta-v")
+    assert found.status == cf.Status.AVOIDED
+    assert found.cost == "delta-v"
+    assert found.spent == found.delta_v == pytest.approx(found.path.delta_v, rel=1e-12)
+    assert found.lower_bound == pytest.approx(free.lower, rel=1e-8)
+    assert found.gap == pytest.approx(found.delta_v / found.lower_bound - 1.0)
+    assert found.delta_v < ORBIT.transfer(a, b, duration).delta_v  # though that goes through the sphere
+    times = np.linspace(0.0, duration, 4001)
+    places, end = flown(found.path, times)
+    assert np.abs(end[:3] - b[:3]).max() < 1e-6  # [m]: the integrator's
+    assert np.abs(end[3:] - b[3:]).max() < 1e-9
+    apart = np.linalg.norm(places - obstacle.position(times), axis=1)
+    assert apart.min() > radius * (1.0 - 1e-8)
+    cheapest = least_on_planes(found.path, obstacle, radius, a, b, duration)
+    assert found.delta_v <= (1.0 + BY_IMPULSES) * cheapest
+
+
+def test_swap_of_twelve():
+    """Twelve on a ring cross its middle in a quarter of an orbit, a quarter cheaper than by energy."""
+    angles = 2.0 * pi * np.arange(12) / 12
+    ring = np.zeros((12, 6))
+    ring[:, 1], ring[:, 2] = 120.0 * np.cos(angles), 120.0 * np.sin(angles)
+    task = ORBIT, ring, -ring, ORBIT.period / 4.0, cf.Sphere(15.0)
+    by_energy, plan = cf.reconfigure(*task), cf.reconfigure(*task, cost="delta-v")
+    assert plan.ok
+    assert plan.delta_v < 0.75 * by_energy.delta_v
+    assert plan.lower_bound <= plan.delta_v
+    assert len(cf.screen(plan.paths, cf.Sphere(15.0))) == 0
+    assert np.abs(plan.paths.state(ORBIT.period / 4.0) + ring)[:, :3].max() < 1e-6
+    assert plan.direct.delta_v.sum() == pytest.approx(plan.lower_bound, rel=1e-8)
+    for path in plan.paths:
+        places, end = flown(path, np.linspace(0.0, float(path.end), 50))
+        assert np.abs(places - path.position(np.linspace(0.0, float(path.end), 50))).max() < 1e-6
+        assert np.isfinite(end).all()
+
+
+@pytest.mark.parametrize("number", [7, 12, 33, 45])  # boxes, spheres, windows of time, deep space among them
+def test_random_formations(number):
+    task = list(cases())[number]
+    by_energy = cf.reconfigure(**task.arguments)
+    plan = cf.reconfigure(**task.arguments, cost="delta-v")
+    assert plan.ok
+    assert plan.lower_bound * (1.0 - 1e-12) <= plan.delta_v < by_energy.delta_v
+    assert len(cf.screen(plan.paths, task.zone)) == 0
+    for k, path in enumerate(plan.paths):
+        end = path.state(task.ends[k])
+        scale = np.abs(task.final[k, :3]).max()
+        assert np.abs(end - task.final[k])[:3].max() < 1e-9 * scale + 1e-7
+
+
+@pytest.mark.parametrize(
+    "zone",
+    [cf.Box([30.0, 20.0, 40.0]), cf.Ellipsoid([30.0, 60.0, 20.0]), cf.Cylinder(25.0, 40.0, [0.0, 1.0, 0.0])],
+    ids=["box", "ellipsoid", "cylinder"],
+)
+@pytest.mark.parametrize("orbit", [ORBIT, cf.Orbit(0.0)], ids=["orbit", "deep space"])
+def test_shapes(zone, orbit):
+    a, b = np.array([0.0, -300.0, 5.0, 0.0, 0.0, 0.0]), np.array([10.0, 300.0, -4.0, 0.0, 0.0, 0.0])
+    obstacle = orbit.coast(np.zeros(6), 2000.0)
+    found = cf.avoid(orbit.impulsive(a, b, 2000.0), obstacle, zone, cost="delta-v")
+    assert found.ok
+    assert not cf.find_conflicts(found.path, obstacle, zone)
+    assert found.delta_v >= found.lower_bound == pytest.approx(cf.least_delta_v(orbit, a, b, 2000.0).lower)
+    by_energy = cf.avoid(orbit.transfer(a, b, 2000.0), obstacle, zone)
+    assert found.delta_v < by_energy.delta_v
+
+
+def test_clear_paths():
+    """A clear path of least delta-v stays; a clear one that is dearer is exchanged."""
+    a, b = np.array([0.0, -300.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, -100.0, 50.0, 0.0, 0.0, 0.0])
+    far = ORBIT.coast([0.0, 5000.0, 0.0, 0.0, 0.0, 0.0], 3000.0)
+    least = ORBIT.impulsive(a, b, 3000.0)
+    kept = cf.avoid(least, far, cf.Sphere(50.0), cost="delta-v")
+    assert kept.path is least
+    assert kept.proven
+    assert kept.gap < 1e-8
+    changed = cf.avoid(ORBIT.transfer(a, b, 3000.0), far, cf.Sphere(50.0), cost="delta-v")
+    assert changed.status == cf.Status.CLEAR
+    assert changed.delta_v == pytest.approx(least.delta_v, rel=1e-9)
+
+
+def test_slots_by_delta_v():
+    """Craft go to the slots whose delta-v is least together: by all permutations."""
+    from itertools import permutations
+
+    rng = np.random.default_rng(2)
+    initial, final = rng.normal(size=(2, 4, 6)) * np.array([400.0] * 3 + [0.05] * 3)
+    plan = cf.reconfigure(ORBIT, initial, final, 4000.0, cf.Sphere(1.0), assign=True, cost="delta-v")
+    costs = cf.least_delta_v(ORBIT, initial[:, None], final, 4000.0).upper
+    least = min(sum(costs[i, j] for i, j in enumerate(slots)) for slots in permutations(range(4)))
+    assert plan.ok
+    assert plan.delta_v == pytest.approx(least, rel=1e-3)  # contacts cost little
+    assert plan.lower_bound <= least * (1.0 + 1e-9)
+
+
+def test_ends_inside():
+    stays = ORBIT.coast(np.zeros(6), 1000.0)
+    a, b = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0], [0.0, 500.0, 0.0, 0.0, 0.0, 0.0]
+    found = cf.avoid(ORBIT.transfer(a, b, 1000.0), stays, cf.Sphere(50.0), cost="delta-v")
+    assert found.status == cf.Status.END_INSIDE
+    assert found.path is None
