@@ -67,7 +67,9 @@ CALLS = {
         self=ORBIT, initial=START, final=START[::-1], duration=TIMES, start=TIMES,
         thrusters=cf.Thrusters.rtn(),
     ),
-    "least_delta_v": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
+    "least_delta_v": turned(
+        orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES, max_acceleration=100.0
+    ),
     "delta_v_bound": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
     "arrivals": turned(orbit=ORBIT, initial=START[0], slots=START, duration=np.array([900.0, 1800.0])),
     "Orbit.burn": turned(

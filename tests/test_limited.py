@@ -197,6 +197,24 @@ def test_a_limit_that_nothing_reaches_changes_nothing():
     np.testing.assert_allclose(path.energy, free.energy, rtol=1e-9)
 
 
+def test_the_bound_within_a_limit_is_that_of_its_primer():
+    """By weak duality from the primer alone: worth of what is gained, less U times what |p| exceeds 1 by."""
+    begins, ends, durations, free, _ = cases(37, 6, 1.0, 1.0)
+    limits = 1.5 * free.peak_thrust
+    bound = cf.least_delta_v(ORBIT, begins, ends, durations, limits)
+    path = ORBIT.transfer(begins, ends, durations, 0.0, limits, "delta-v")
+    np.testing.assert_allclose(bound.upper, path.delta_v, rtol=1e-12)
+    assert bound.proven.all()
+    assert (cf.least_delta_v(ORBIT, begins, ends, durations).lower <= bound.upper).all()
+    for k in range(6):
+        times = np.linspace(0.0, durations[k], 200_001)
+        p = bound.primer[k].position(times)
+        excess = np.maximum(np.linalg.norm(p, axis=1) - 1.0, 0.0)
+        worth = np.einsum("ij,ij->i", p, free[k].thrust(times))  # any thrust that makes the transfer
+        dual = np.trapezoid(worth - limits[k] * excess, times)
+        assert bound.lower[k] == pytest.approx(dual, rel=1e-7)
+
+
 def test_without_a_limit_the_least_delta_v_is_that_of_impulses():
     begins, ends, durations, free, _ = cases(31, 3, 1.0, 1.0)
     least = ORBIT.transfer(begins, ends, durations, cost="delta-v")

@@ -14,8 +14,10 @@ from closeform.motion.constant_primers import constant_bounds
 from closeform.motion.ends import arcs_between
 from closeform.motion.impulses import answers
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path
+from closeform.motion.path import Path, path_of
 from closeform.motion.reduced import LOWER, PRIMER, UNIQUE, UPPER
+from closeform.motion.saturated import BOUND, PROOF, WORST, limited
+from closeform.motion.steering import steer
 
 PROVEN = 1e-9  # gap between the bounds, relative
 
@@ -32,9 +34,10 @@ class Bound:
         What the impulses of `Orbit.impulsive` cost.
     primer : Path
         The primer that proves `lower`: `primer.position(t)` is p(t), without unit and nowhere longer
-        than 1, from time 0 on.  An impulse of a least plan is along p where |p| is 1.
+        than 1 (but within a limit of thrust), from time 0 on.
+         An impulse of a least plan is along p where |p| is 1.
     proven : bool or array of bool of shape (...)
-        Whether the bounds agree to 1e-9 of themselves.
+        Whether the bounds agree to 1e-9 of themselves, within a limit of thrust to 1e-6.
     unique : bool or array of bool of shape (...)
         Whether no other plan costs as little.  Where it is False, the primer's length is constant, or it
         is 1 so often that impulses can be shared otherwise: infinitely many plans cost the same.
@@ -53,7 +56,13 @@ class Bound:
         return np.where(lower > 0.0, self.upper / np.where(lower > 0.0, lower, 1.0) - 1.0, 0.0)[()]
 
 
-def least_delta_v(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Bound:
+def least_delta_v(
+    orbit: Orbit,
+    initial: ArrayLike,
+    final: ArrayLike,
+    duration: ArrayLike,
+    max_acceleration: ArrayLike | None = None,
+) -> Bound:
     """The least delta-v from `initial` to `final` in `duration`, and its proof.
 
     Parameters
@@ -66,25 +75,32 @@ def least_delta_v(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
         States at the end, in the rotating frame.
     duration : array_like of shape (...) [s]
         Above 0, at most 100 orbits; all broadcast.
+    max_acceleration : array_like of shape (...) [m/s^2], default None
+        Of the thrust; None is no limit, for impulses.
 
     Returns
     -------
     Bound
-        Of the broadcast shape.
+        Of the broadcast shape.  Within a limit `upper` is what `Orbit.transfer` with it costs, at most 1e-6
+        above `lower`, and the primer is longer than 1 where the limit holds.
 
     Raises
     ------
     ValueError
-        If a duration is not positive or too long, shapes do not fit, or a number is not finite.
+        If no thrust within the limit makes the transfer; if a limit or a duration is not positive, a duration
+        is too long, shapes do not fit, or a number is not finite.
 
     Notes
     -----
-    The lower bound holds for thrust of any kind, with any limit.
+    Without a limit the lower bound holds for thrust of any kind, with any limit.
 
     References
     ----------
-    Lawden's primer, by its dual in six unknowns: docs/theory.md (26, 27, 29).
+    Lawden's primer, by its dual in six unknowns: docs/theory.md (26, 27, 29), with a limit
+    docs/theory.md (32).
     """
+    if max_acceleration is not None:
+        return _within(orbit, initial, final, duration, max_acceleration)
     arcs, finals = arcs_between(instance("orbit", orbit, Orbit).mean_motion, initial, final, duration, 0.0)
     shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
     found = answers(orbit.mean_motion, rows, finals)
@@ -93,6 +109,26 @@ def least_delta_v(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
     columns = lower, upper, upper - lower <= PROVEN * upper, found[:, UNIQUE] > 0.5
     low, high, proven, unique = (column.reshape(shape) if shape else column[0] for column in columns)
     return Bound(low, high, Path(orbit, primer.arcs, primer.offsets, shape), proven, unique)
+
+
+def _within(
+    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, max_acceleration: ArrayLike
+) -> Bound:
+    """The least delta-v within a limit: all of it or none, unless any share of it does as well."""
+    n = instance("orbit", orbit, Orbit).mean_motion
+    arcs, finals = arcs_between(n, initial, final, duration, 0.0)
+    steer(n, arcs.reshape(-1, WIDTH), finals)
+    ends = finals.reshape(*arcs.shape[:-1], 6)
+    rows, offsets, shape, facts = limited(n, arcs, ends, max_acceleration, True)
+    path = path_of(orbit, rows, offsets, shape)
+    spent, limits = (
+        np.asarray(path.delta_v),
+        np.broadcast_to(np.asarray(max_acceleration, dtype=float), shape),
+    )
+    full = 2.0 * np.asarray(path.energy) >= limits * spent * (1.0 - 1e-6)
+    lower = facts[:, BOUND].reshape(shape)
+    primer = orbit.coast(facts[:, PROOF:].reshape(*shape, 6), np.asarray(path.end))
+    return Bound(lower[()], path.delta_v, primer, (spent - lower <= WORST * spent)[()], full[()])
 
 
 def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Any:

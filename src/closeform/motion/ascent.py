@@ -100,11 +100,11 @@ def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
 
 
 @kernel()
-def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian):
+def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian, proof):
     """From the start `c` of least energy to that of least delta-v, by smaller and smaller e.
 
     Returns DONE or STUCK, the e that it ends with (0 where thrust is full or none), a lower bound
-    of delta-v and the integral of |u|.
+    of delta-v, which `proof` (6,) is the start of a primer to prove, and the integral of |u|.
     """
     kept, slope = stack_vector(6), stack_vector(6)
     mean = spent / duration
@@ -122,7 +122,11 @@ def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian):
             factor = max(STEEPEST, factor * factor)
             for k in range(6):  # as far as it goes straight on
                 kept[k] = c[k] - e * slope[k]
-            bound = max(bound, dot(g, kept) - sum_up(n, duration, kept, 1.0, 0.0, limit, gained, hessian)[0])
+            value = dot(g, kept) - sum_up(n, duration, kept, 1.0, 0.0, limit, gained, hessian)[0]
+            if value > bound:
+                bound = value
+                for k in range(6):
+                    proof[k] = kept[k]
             if spent <= bound * (1.0 + SHARP):
                 break
         else:
@@ -135,7 +139,7 @@ def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian):
     status, value, found, _ = climb(n, duration, g, scale, kept, 1.0, 0.0, limit, gained, hessian)
     if status == DONE:
         for k in range(6):
-            c[k] = kept[k]
+            c[k] = proof[k] = kept[k]
         return DONE, 0.0, value, found
     sum_up(n, duration, c, 1.0, e, limit, gained, hessian)
     return DONE, e, bound, spent

@@ -128,7 +128,7 @@ class Orbit(CircularOrbit):
         if max_acceleration is None:
             return self._path(arcs)
         ends = finals.reshape(*arcs.shape[:-1], 6)
-        rows, offsets, shape = limited(self.mean_motion, arcs, ends, max_acceleration, cost == "delta-v")
+        rows, offsets, shape, _ = limited(self.mean_motion, arcs, ends, max_acceleration, cost == "delta-v")
         return path_of(self, rows, offsets, shape)
 
     def two_impulse(

@@ -214,7 +214,7 @@ def worth(n, arc, final, g):
     return NOISE * (speed + 2.0 * n * place), NOISE * place
 
 
-NEEDED, ENOUGH, BOUND, COST = 0, 1, 2, 3  # what is told of each transfer
+NEEDED, ENOUGH, BOUND, COST, PROOF = 0, 1, 2, 3, 4  # what is told of each transfer, in ten numbers
 POSSIBLE, UNDECIDED = 0.0, -1.0
 
 
@@ -235,9 +235,9 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
 
     `arcs` (P, 30) are the optima without a limit, to `finals` (P, 6); `sparing` asks for the least
     delta-v, not energy.  `offsets` (P + 1,) tells where each path's arcs begin; after a path that is not
-    POSSIBLE, or finds no room, they stay below 0.  `facts` (P, 4) of each: a bound of the least limit
+    POSSIBLE, or finds no room, they stay below 0.  `facts` (P, 10) of each: a bound of the least limit
     that makes it, where that is above its own (else POSSIBLE or UNDECIDED), a limit that is enough, a
-    lower bound of the cost and the cost.
+    lower bound of the cost, the cost, and the start of a primer that proves the bound.
     """
     arcs, finals, rows = borrowed(arcs), borrowed(finals), borrowed(rows)
     g, scale, c = stack_vector(6), stack_vector(6), stack_vector(6)
@@ -269,7 +269,9 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         bound = 0.0
         if status == DONE and sparing:
             low = 1.0
-            status, e, bound, spent = sharpen(n, duration, g, scale, c, limit, spent, gained, hessian)
+            status, e, bound, spent = sharpen(
+                n, duration, g, scale, c, limit, spent, gained, hessian, facts[p, PROOF:]
+            )
         if status != DONE:
             facts[p, NEEDED] = UNDECIDED
             break
@@ -291,8 +293,8 @@ ROOM = 40  # arcs a path, of which a batch is given room at first
 
 def limited(
     n: float, arcs: Floats, finals: Floats, max_acceleration: ArrayLike, sparing: bool
-) -> tuple[Floats, Any, tuple[int, ...]]:
-    """Arcs, offsets and shape of transfers within limits: of the least delta-v if `sparing`, else energy.
+) -> tuple[Floats, Any, tuple[int, ...], Floats]:
+    """Arcs, offsets, shape and facts of transfers within limits, of the least delta-v if `sparing`.
 
     `arcs` (..., 30) are the optima without a limit, to `finals` (..., 6).
     """
@@ -301,9 +303,9 @@ def limited(
     rows, ends = (np.broadcast_to(a, shape + a.shape[-1:]).reshape(-1, a.shape[-1]) for a in (arcs, finals))
     limits = np.broadcast_to(limits, shape).ravel()
     pieces, counts = [np.empty((0, WIDTH))], [np.zeros(1, dtype=np.int64)]
-    first, room = 0, ROOM * len(rows) + 500
+    told, first, room = [np.empty((0, PROOF + 6))], 0, ROOM * len(rows) + 500
     while first < len(rows):
-        made, facts = np.empty((room, WIDTH)), np.zeros((len(rows) - first, 4))
+        made, facts = np.empty((room, WIDTH)), np.zeros((len(rows) - first, PROOF + 6))
         offsets = np.full(len(facts) + 1, -1)
         offsets[0] = 0
         task = (np.ascontiguousarray(a[first:]) for a in (rows, ends, limits))
@@ -315,9 +317,10 @@ def limited(
             raise ValueError(f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[done])}")
         pieces.append(made[: offsets[done]])
         counts.append(np.diff(offsets[: done + 1]))
+        told.append(facts[:done])
         first += done
         room = room if done else 4 * room
-    return np.concatenate(pieces), np.cumsum(np.concatenate(counts)), shape
+    return np.concatenate(pieces), np.cumsum(np.concatenate(counts)), shape, np.concatenate(told)
 
 
 def refusal(arc: Floats, limit: float, facts: Floats) -> str:
