@@ -35,7 +35,7 @@ class Bound:
     primer : Path
         The primer that proves `lower`: `primer.position(t)` is p(t), without unit and nowhere longer
         than 1 (but within a limit of thrust), from time 0 on.
-         An impulse of a least plan is along p where |p| is 1.
+        An impulse of a least plan is along p where |p| is 1.
     proven : bool or array of bool of shape (...)
         Whether the bounds agree to 1e-9 of themselves, within a limit of thrust to 1e-6.
     unique : bool or array of bool of shape (...)
