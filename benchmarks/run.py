@@ -29,6 +29,7 @@ SECTIONS = {
     "locks": None,
     "gathering": None,
     "fuel": None,
+    "fuel_zones": 1,
     "start": None,
 }  # cores; None: all
 LIMIT = 600  # seconds a section may take

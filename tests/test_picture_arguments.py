@@ -40,6 +40,8 @@ CALLS = {
     "plots.in_plane_search": {"search": SEARCH},
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
+    "plots.primer": OTHERS["plots.primer"],
+    "plots.trade": OTHERS["plots.trade"],
     "plots.pulses": OTHERS["plots.pulses"],
     "plots.ratio_matrix": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"]},
     "plots.ratios": {"before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]},

@@ -87,6 +87,9 @@ class ImpulseSolver:
         drift = arcs.copy()
         drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
         self.drift = drift, offsets  # who coasts on until its time is over
+        never = np.full((len(problem.other_offsets) - 1, 2), inf)
+        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs].swapaxes(1, 2)
+        self.matrices = problem.bare.matrices[problem.kinds]
 
     def unconstrained(self) -> Spent:
         """The least delta-v of each craft by itself, whatever is in the way."""
@@ -180,13 +183,11 @@ class ImpulseSolver:
 
     def planes(self, contacts: Contacts) -> Planes:
         """The planes of contacts, and by how much craft that coast on miss them."""
-        problem, times = self.problem, contacts.times
-        rows = np.einsum("ki,kij->kj", contacts.normals, problem.bare.matrices[problem.kinds[contacts.which]])
-        owners = problem.pairs[contacts.which]
-        craft = np.minimum(owners, problem.count - 1)
-        inside = (problem.base[craft, START] < times[:, None]) & (times[:, None] < problem.base[craft, END])
-        first, second = np.where((owners < problem.count) & inside, owners, -1).T.copy()
-        places = problem.motions(self.drift, contacts)[:, 0]
+        times, which = contacts.times, contacts.which
+        rows = (contacts.normals[:, None] @ self.matrices[which])[:, 0]
+        inside = (self.free[which, 0] < times[:, None]) & (times[:, None] < self.free[which, 1])
+        first, second = np.where(inside, self.problem.pairs[which], -1).T.copy()
+        places = self.problem.motions(self.drift, contacts)[:, 0]
         return Planes(times, rows, self.aim - (contacts.normals * places).sum(axis=1), first, second)
 
     def turned(self, found: Spent) -> Contacts:

@@ -1,0 +1,143 @@
+"""Least delta-v around zones: one sphere against sequential convex programs, a swap, random formations."""
+
+from time import perf_counter
+
+import numpy as np
+
+import closeform as cf
+from formations import LOW_ORBIT, cases
+from peers import impulse_zones
+from peers.impulse_zones import Passage
+from tables import Figure, Report, Table, seconds, times
+from timing import say, side_by_side
+
+DEARER = 5e-4  # than the sequential programs, at most
+SIDES = 6  # as many as `avoid` looks at
+
+
+def measure(quick: bool) -> Report:
+    report = Report()
+    spheres(report, 3 if quick else 40)
+    swap(report, 2 if quick else 15)
+    formations(report, 3 if quick else 200)
+    return report
+
+
+def passage(seed: int) -> Passage:
+    """Between two relative orbits, with a sphere near the free path on the way."""
+    rng = np.random.default_rng(seed)
+    n = LOW_ORBIT.mean_motion
+    while True:
+        x, y, z, vx, vz = rng.normal(size=(5, 2)) * 150.0 * np.array([[1], [1], [1], [n], [n]])
+        a, b = np.stack([x, y, z, vx, -2.0 * n * x, vz]).T
+        duration = LOW_ORBIT.period * rng.uniform(0.3, 1.5)
+        when, radius = duration * rng.uniform(0.3, 0.7), rng.uniform(15.0, 60.0)
+        beside = np.concatenate([0.3 * radius * rng.normal(size=3), 0.02 * rng.normal(size=3)])
+        hit = LOW_ORBIT.impulsive(a, b, duration).state(when) + beside
+        obstacle = LOW_ORBIT.coast(LOW_ORBIT.transition(-when) @ hit, duration)
+        apart = [np.linalg.norm(obstacle.position(t) - s[:3]) for t, s in ((0.0, a), (duration, b))]
+        if min(apart) > 1.1 * radius:
+            return Passage(LOW_ORBIT, a, b, duration, obstacle, radius)
+
+
+def avoided(one: Passage, cost: str) -> cf.Avoidance:
+    make = one.orbit.impulsive if cost == "delta-v" else one.orbit.transfer
+    path = make(one.initial, one.final, one.duration)
+    return cf.avoid(path, one.obstacle, cf.Sphere(one.radius), cost=cost)
+
+
+def one_side(one: Passage) -> tuple[float, float]:
+    """Seconds of both from a single side, ours and the programs'."""
+    path, zone = one.orbit.impulsive(one.initial, one.final, one.duration), cf.Sphere(one.radius)
+    marks = [perf_counter()]
+    cf.avoid(path, one.obstacle, zone, cost="delta-v", budget=1)
+    marks.append(perf_counter())
+    impulse_zones.plan(one, 1)
+    marks.append(perf_counter())
+    return marks[1] - marks[0], marks[2] - marks[1]
+
+
+def spheres(report: Report, count: int) -> None:
+    """One sphere, each passage by both."""
+    passages = [passage(seed) for seed in range(count)]
+    avoided(passages[0], "delta-v")
+    spent, theirs, above, extra, energy = [], [], [], [], []
+    single = []
+    for k, one in enumerate(passages):
+        if k % 10 == 0:
+            say(f"  passage {k} of {count}")
+        runs = side_by_side({"ours": lambda one=one: avoided(one, "delta-v")}, 5)
+        spent.append(runs["ours"].median)
+        begin = perf_counter()
+        cost = impulse_zones.plan(one, SIDES)
+        theirs.append(perf_counter() - begin)
+        single.append(one_side(one))
+        found = avoided(one, "delta-v")
+        above.append(found.delta_v / cost - 1)
+        extra.append(found.gap)
+        energy.append(avoided(one, "energy").delta_v / found.delta_v - 1)
+    median, ratio = float(np.median(spent)), float(np.median(np.array(theirs) / spent))
+    worst = float(np.nanmax(above))
+    for figure in (
+        Figure("avoid for delta-v, one sphere, median", "<= 10 ms", seconds(median), median <= 0.01),
+        Figure("avoid for delta-v, against sequential programs", ">= 40x", times(ratio), ratio >= 40),
+        Figure("avoid for delta-v, most above theirs", "<= 0.05 %", f"{100 * worst:.3f} %", worst <= DEARER),
+    ):
+        report.figures.append(figure)
+    alone = np.median(single, axis=0)
+    rows = [
+        ["closeform, six starts, certified", seconds(median), f"{100 * np.median(extra):.2f} %"],
+        [
+            f"sequential programs at {impulse_zones.TIMES} times and more, six starts",
+            seconds(float(np.median(theirs))),
+            f"{100 * float(np.nanmedian(-np.array(above))):+.3f} % of ours",
+        ],
+        ["closeform, one start", seconds(float(alone[0])), ""],
+        ["sequential programs, one start", seconds(float(alone[1])), ""],
+        ["least energy instead", "", f"{100 * float(np.nanmedian(energy)):+.1f} % of ours"],
+    ]
+    title = f"Delta-v around one sphere, {count} passages: what zones cost beyond the free least"
+    report.tables.append(Table(title, ["method", "median", "delta-v"], rows))
+
+
+def swap(report: Report, repeats: int) -> None:
+    """Twelve craft cross the middle of a ring in a quarter of an orbit."""
+    angles = 2 * np.pi * np.arange(12) / 12
+    ring = np.zeros((12, 6))
+    ring[:, 1], ring[:, 2] = 120 * np.cos(angles), 120 * np.sin(angles)
+    task = LOW_ORBIT, ring, -ring, LOW_ORBIT.period / 4, cf.Sphere(15.0)
+    plan, smooth = cf.reconfigure(*task, cost="delta-v"), cf.reconfigure(*task)
+    taken = side_by_side({"swap": lambda: cf.reconfigure(*task, cost="delta-v")}, repeats)["swap"].median
+    less = 1 - plan.delta_v / smooth.delta_v
+    name = "swap of 12 for delta-v"
+    report.figures.append(Figure(name, "<= 150 ms", seconds(taken), plan.ok and taken <= 0.15))
+    name = "swap of 12 for delta-v, below least energy's"
+    report.figures.append(Figure(name, ">= 25 %", f"{100 * less:.1f} %", less >= 0.25))
+
+
+def formations(report: Report, count: int) -> None:
+    """The random formations of the planner's own benchmark."""
+    spent, shares, planned, taken = [], [], 0, 0
+    for k, task in enumerate(cases()):
+        if k == count:
+            break
+        if k % 20 == 0:
+            say(f"  formation {k} of {count}")
+        taken += 1
+        begin = perf_counter()
+        plan = cf.reconfigure(**task.arguments, cost="delta-v")
+        spent.append(perf_counter() - begin)
+        smooth = cf.reconfigure(**task.arguments)
+        planned += plan.ok
+        if plan.ok and smooth.ok and not plan.measures and not smooth.measures:
+            shares.append(plan.delta_v / smooth.delta_v)
+    name = f"{count} random formations for delta-v, planned and certified"
+    report.figures.append(Figure(name, f"{taken}", f"{planned}", planned == taken))
+    low, middle, high = np.percentile(shares, [5, 50, 95])
+    rows = [
+        ["time, median and longest", f"{seconds(float(np.median(spent)))}, {seconds(max(spent))}"],
+        ["delta-v of that of least energy, median", f"{middle:.3f}"],
+        ["5 to 95 %", f"{low:.3f} to {high:.3f}"],
+    ]
+    title = f"Least delta-v of {taken} random formations"
+    report.tables.append(Table(title, ["of all plans", ""], rows))
