@@ -9,10 +9,11 @@ from math import pi
 import numpy as np
 
 import closeform as cf
+from closeform.motion.arc import PUSH
 from truth import Flight, Relative
 
 MU, RADIUS = 3.986004418e14, 6.3781363e6
-KINDS = ("coast", "transfer", "burn", "two impulses", "legs", "kicks", "sampled")
+KINDS = ("coast", "transfer", "burn", "two impulses", "legs", "kicks", "sampled", "any push", "inertial burn")
 FACES = 7  # of a zone, at most
 ZONES = ("box", "tilted box", "ellipsoid", "tilted ellipsoid", "covariance", "sphere", "cylinder", "faces")
 
@@ -68,6 +69,30 @@ class Craft:
         self.flight.kick(jump)
         return self
 
+    def push(self, derivatives, duration):
+        """Thrust by its first derivatives (M, 4, 3), as pieces of saturated thrust have it."""
+        before, start = self.flight.state.astype(float), self.flight.grid[-1]
+        self.flight.state = before.astype(np.longdouble)
+        self.flight.push(derivatives, duration)
+        arcs = self.orbit.coast(before, duration, start=start).arcs.copy()
+        arcs[:, PUSH:] = derivatives.reshape(len(before), -1)
+        self.legs.append(cf.Path(self.orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),)))
+        return self
+
+    def inertial_burn(self, push, duration):
+        """Thrust fixed in the axes that the orbit has at time 0."""
+        n, start = self.orbit.mean_motion, self.flight.grid[-1]
+        before = self.flight.state.astype(float)
+        self.flight.state = before.astype(np.longdouble)
+        c, s = np.cos(n * start), np.sin(n * start)
+        turned = [np.stack([c * push[:, 0] + s * push[:, 1], c * push[:, 1] - s * push[:, 0], push[:, 2]], 1)]
+        for _ in range(3):  # in the turning axes it turns backwards
+            x, y, z = turned[-1].T
+            turned.append(np.stack([n * y, -n * x, 0.0 * z], axis=1))
+        self.flight.push(np.stack(turned, axis=1), duration)
+        self.legs.append(self.orbit.burn(before, push, duration, start=start, frame="inertial"))
+        return self
+
     def hermite(self, times, states):
         self.flight.hermite(times, states)
         self.legs.append(self.orbit.sampled(times, states))
@@ -93,6 +118,13 @@ def course(rng, kind, n, states, start, duration, size, swift):
         return craft.leg("transfer", duration, somewhere())
     if kind == "burn":
         return craft.leg("burn", duration, push)
+    if kind == "any push":
+        pace = max(n, 1.0 / duration)
+        return craft.push(
+            rng.normal(size=(count, 4, 3)) * swift / duration * pace ** np.arange(4)[:, None], duration
+        )
+    if kind == "inertial burn":
+        return craft.inertial_burn(push, duration)
     if kind == "two impulses":  # short of half an orbit, where some points are out of reach
         drift = min(duration, 2.5 / n) if n else duration
         craft.leg("two_impulse", drift, somewhere())

@@ -8,7 +8,7 @@ every minimum and maximum between the samples.
 """
 
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, factorial
 
 import mpmath as mp
 import numpy as np
@@ -99,11 +99,18 @@ class Reference:
 
 
 def series(n, state, steering, push, h):
-    """Taylor coefficients (M, DEGREE + 1, 3) in t / h of position and of the steering thrust."""
+    """Taylor coefficients (M, DEGREE + 1, 3) in t / h of position, of the steering thrust and of the push.
+
+    `push` (M, 4, 3): its first derivatives; each axis of it oscillates, about what grows evenly.
+    """
     count = len(state)
-    r, u = np.zeros((2, count, DEGREE + 1, 3), dtype=np.longdouble)
+    r, u, w = np.zeros((3, count, DEGREE + 1, 3), dtype=np.longdouble)
     r[:, 0], r[:, 1] = state[:, :3], state[:, 3:] * h
     u[:, 0], u[:, 1] = steering[:, :3], steering[:, 3:] * h
+    for k in range(4):
+        w[:, k] = push[:, k] * h**k / factorial(k)
+    for k in range(4, DEGREE + 1):
+        w[:, k] = -((n * h) ** 2) * w[:, k - 2] / (k * (k - 1))
     stiff = np.array([3.0, 0.0, -1.0]) * (n * h) ** 2
     for k in range(DEGREE - 1):
         for f in (u, r):
@@ -111,17 +118,22 @@ def series(n, state, steering, push, h):
             g[:, 0] += 2 * n * h * (k + 1) * f[:, k + 1, 1]
             g[:, 1] -= 2 * n * h * (k + 1) * f[:, k + 1, 0]
             if f is r:
-                g = g + h * h * u[:, k]
-                if k == 0:
-                    g = g + h * h * push
+                g = g + h * h * (u[:, k] + w[:, k])
             f[:, k + 2] = g / ((k + 1) * (k + 2))
-    return r, u
+    return r, u, w
 
 
 def ends(coefficients, h):
     """Value and rate (M, 6) at the end of one step of a series."""
     k = np.arange(DEGREE + 1)[:, None]
     return np.concatenate([coefficients.sum(axis=1), (k * coefficients).sum(axis=1) / h], axis=1)
+
+
+def derivatives(coefficients, h):
+    """The first derivatives (M, 4, 3) at the end of one step of a series."""
+    k = np.arange(DEGREE + 1)[:, None]
+    falling = [np.ones_like(k), k, k * (k - 1), k * (k - 1) * (k - 2)]
+    return np.stack([(f * coefficients).sum(axis=1) / h**m for m, f in enumerate(falling)], axis=1)
 
 
 class Flight:
@@ -143,10 +155,11 @@ class Flight:
 
     def _run(self, state, steering, push, duration):
         found = []
+        push = np.zeros((len(state), 4, 3)) + push
         for h in self._steps(duration, self.n):
-            r, u = series(self.n, state, steering, push, h)
+            r, u, w = series(self.n, state, steering, push, h)
             found.append(r.astype(float))
-            state, steering = ends(r, h), ends(u, h)
+            state, steering, push = ends(r, h), ends(u, h), derivatives(w, h)
         return state, found
 
     def _fly(self, steering, push, duration):
@@ -161,7 +174,13 @@ class Flight:
         return self._fly(np.zeros_like(self.state), 0.0, duration)
 
     def burn(self, push, duration):
-        return self._fly(np.zeros_like(self.state), np.asarray(push, dtype=float), duration)
+        constant = np.zeros((len(self.state), 4, 3))
+        constant[:, 0] = push
+        return self.push(constant, duration)
+
+    def push(self, derivatives, duration):
+        """Thrust by its first derivatives (M, 4, 3)."""
+        return self._fly(np.zeros_like(self.state), derivatives, duration)
 
     def kick(self, jump):
         self.state = self.state + np.concatenate([np.zeros_like(jump), jump], axis=1)

@@ -4,7 +4,7 @@
 
 Every pair is flown twice: by the package, and by an integrator that shares nothing with it
 (tests/truth.py). It is searched twice: all over, and where tracks do not exclude it, as `screen`
-does. Orbit heights 200 to 40 000 km and deep space, eight shapes of zone, seven kinds of path,
+does. Orbit heights 200 to 40 000 km and deep space, eight shapes of zone, nine kinds of path,
 durations from seconds to ten orbits. A grazing pair has its zone scaled so that one extremum of
 its norm lies within 1 % of the surface, down to 1e-10. Exit status 1 if a conflict is missed,
 false, off the surface at an end, if a least ratio is wrong, or if tracks change what is found.
