@@ -12,7 +12,7 @@ import closeform as cf
 from bad_input import LOST
 from closeform.cli import main
 from closeform.conflicts import flight
-from closeform.zones.pair_zones import PairZones, portions
+from closeform.zones.pair_zones import AT_ONCE, PairZones, portions, portions_near
 
 ORBIT = cf.Orbit.circular(500e3)
 
@@ -129,3 +129,23 @@ def test_the_table_of_many_approaches(tmp_path) -> None:
     rows = pyarrow.parquet.read_table(tmp_path / "results" / "approaches.parquet").num_rows
     assert 2 * flight.CLOSEST <= rows < 20 * flight.CLOSEST  # before and after
     assert f"closest of {600 * 599 // 2}" in Path(tmp_path / "results" / "report.html").read_text()
+
+
+def test_near_pairs_are_all_that_can_be_inside() -> None:
+    """Of 1500 craft: the pairs inside each other's zone, by the distances of all."""
+    places = np.random.default_rng(4).uniform(-300.0, 300.0, (1500, 3))
+    own = [cf.Sphere(5.0), cf.Box([4.0, 30.0, 6.0]), None]
+    zones = PairZones.of([own[k % 3] for k in range(1500)])
+    assert zones.pairs > AT_ONCE  # so many that distances are asked first
+    found = set()
+    for zone, first, second in portions_near(zones, places):
+        inside = zone.norm(places[first] - places[second]) <= 1.0
+        found |= set(zip(first[inside].tolist(), second[inside].tolist(), strict=True))
+    apart = np.linalg.norm(places[:, None] - places, axis=2)
+    truth = set()
+    for one, other in np.argwhere(np.triu(apart <= 60.0, 1)).tolist():  # beyond the corners of two boxes
+        zone = zones.between(one, other)
+        if zone is not None and zone.norm(places[one] - places[other]) <= 1.0:
+            truth.add((one, other))
+    assert found == truth
+    assert len(truth) > 10

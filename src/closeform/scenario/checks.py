@@ -17,7 +17,7 @@ from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regathe
 from closeform.scenario.study import BUILT, draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.zones.own_zone import REGION
-from closeform.zones.pair_zones import PairZones, portions
+from closeform.zones.pair_zones import PairZones, portions_near
 from closeform.zones.shapes import CYLINDER, FACES
 
 MOST_SAMPLES = 1e7
@@ -292,7 +292,7 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
     """The first pairs that are inside each other's zone, how deep in words, and how many there are."""
     found: list[tuple[int, int, str]] = []
     count = 0
-    for zone, first, second in portions(kept):
+    for zone, first, second in portions_near(kept, states[:, :3]):
         ratios = zone.norm(states[first, :3] - states[second, :3])
         deep = np.flatnonzero(ratios <= 1.0)
         count += len(deep)

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from closeform.arrays import sequence, shown
+from closeform.arrays import Floats, sequence, shown
 from closeform.zones.own_zone import Body, OwnZone, Uncertainty, key, pair_zone
 from closeform.zones.zone import Zone
 
@@ -246,6 +246,20 @@ def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, A
     for first, second in pairs_of(len(zones), at_once):
         for k, some in by_zone(zones.which(first, second)):
             yield zones.zones[k], first[some], second[some]
+
+
+def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any, Any]]:
+    """As `portions`, of pairs of places (N, 3) in metres that are no further apart than a zone reaches."""
+    reach = max((zone.radius for zone in zones.zones), default=0.0)
+    if zones.pairs <= AT_ONCE or not reach < np.inf:
+        yield from portions(zones)
+        return
+    from scipy.spatial import cKDTree  # too late to be missed where there are few pairs
+
+    pairs = cKDTree(places).query_pairs((1.0 + 1e-9) * reach, output_type="ndarray")
+    first, second = pairs[np.lexsort(pairs.T[::-1])].T
+    for k, some in by_zone(zones.which(first, second)):
+        yield zones.zones[k], first[some], second[some]
 
 
 def enlarged(zones: PairZones, factor: float) -> PairZones:
