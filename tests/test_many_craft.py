@@ -134,7 +134,7 @@ def test_the_table_of_many_approaches(tmp_path) -> None:
 def test_near_pairs_are_all_that_can_be_inside() -> None:
     """Of 1500 craft: the pairs inside each other's zone, by the distances of all."""
     places = np.random.default_rng(4).uniform(-300.0, 300.0, (1500, 3))
-    own = [cf.Sphere(5.0), cf.Box([4.0, 30.0, 6.0]), None]
+    own = [cf.Sphere(5.0), cf.Box([6.0, 30.0, 8.0]), None]
     zones = PairZones.of([own[k % 3] for k in range(1500)])
     assert zones.pairs > AT_ONCE  # so many that distances are asked first
     found = set()
