@@ -2,10 +2,20 @@
 
 from typing import Any
 
+from numba.core import ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, register_pass
 from numba.core.typed_passes import IRLegalization
+
+# What numba looks for in a function, and parts have none of: closures and functions made inside,
+# `with`, exceptions made at run time, arguments that are None, tuples of several types, array
+# expressions.  Each look goes through all of the code, and reckons anew where variables end.
+NOT_LOOKED_FOR = (
+    *("InlineClosureLikes", "MakeFunctionToJitFunction", "WithLifting", "RewriteDynamicRaises"),
+    *("RewriteSemanticConstants", "DeadBranchPrune", "FindLiterallyCalls", "LiteralUnroll"),
+    *("LiteralPropagationSubPipelinePass", "InlineOverloads", "NopythonRewrites"),
+)
 
 
 class PartLibrary(JITCodeLibrary):
@@ -33,7 +43,10 @@ class PartLibrary(JITCodeLibrary):
 
 @register_pass(mutates_CFG=False, analysis_only=True)
 class LinkOnly(AnalysisPass):
-    """Gives a part its library before it is lowered."""
+    """Gives a part its library before it is lowered, and lets go of arrays only.
+
+    numba marks where each variable ends: half of all statements, and nothing to do for a number.
+    """
 
     _name = "closeform_link_only"
 
@@ -43,6 +56,13 @@ class LinkOnly(AnalysisPass):
     def run_pass(self, state: Any) -> bool:
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
+        models, types = state.targetctx.data_model_manager, state.typemap
+        for block in state.func_ir.blocks.values():
+            block.body = [
+                statement
+                for statement in block.body
+                if not isinstance(statement, ir.Del) or models[types[statement.value]].contains_nrt_meminfo()
+            ]
         return False
 
 
@@ -51,6 +71,7 @@ class PartCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes.passes = [look for look in passes.passes if look[0].__name__ not in NOT_LOOKED_FOR]
         passes.add_pass_after(LinkOnly, IRLegalization)
         passes.finalize()
         return [passes]
