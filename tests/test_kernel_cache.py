@@ -9,10 +9,13 @@ import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+from numba.core import types
 
 import closeform
+from closeform.kernel_cache import type_text
 
 
 def evaluated(cache, code="", **environment):
@@ -185,3 +188,17 @@ def test_two_processes_compile_a_kernel_once(tmp_path):
     with ThreadPoolExecutor(2) as pool:
         both = [f.result()[0] for f in [pool.submit(evaluated, tmp_path, code) for _ in range(2)]]
     assert sorted(text.count(": 1") for text in both) == [0, 1]  # one compiled it, one loaded it
+
+
+def test_types_that_moved_are_others() -> None:
+    """A file remembers the module of a named tuple: one that has moved since is not looked for there."""
+
+    class Pair(NamedTuple):
+        first: float
+        second: float
+
+    def text(module: str) -> str:
+        Pair.__module__ = module
+        return type_text(types.NamedTuple((types.float64, types.float64), Pair))
+
+    assert text("closeform.old") != text("closeform.new")
