@@ -188,7 +188,7 @@ craft.keep_out: axis goes with cylinder only; remove axis
 craft.mas: unknown key; did you mean mass?
 craft.position[2]: "0 100 0 km/s" is a speed, not a length; use m, km, cm, mm
 stage[1].for: missing; add for example for = "0.5 orbits"
-stage[2].do: "hover" is not known here; use one of coast, avoid, scatter, regather, reconfigure, lock, gather
+stage[2].do: "hover" is not known here; use one of coast, transfer, avoid, scatter, regather, reconfigure, lock, gather
 stage[3]: order goes with plan = "sequential" only; remove order
 stage[3]: needs one of factor, from; add for example factor = 3.0
 craft.name: F2 is given 2 times; name each one differently

@@ -113,7 +113,9 @@ CALLS = {
         plan=MOVE, thrusters=SIX, mass=12.0, specific_impulse=60.0, zone=BALL, obstacles=[REST]
     ),
     "plots.primer": turned(path=MOVE),
-    "plots.trade": turned(found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0]))),
+    "plots.trade": turned(
+        found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])), plan=[MOVE]
+    ),
     "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),
     "Thrusters": turned(
         directions=np.eye(3), frame="inertial", acceleration=PLACE**2, minimum_bit=1e-3, period=9.0

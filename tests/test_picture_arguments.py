@@ -23,6 +23,7 @@ CALLS = {
     "plots.before_after": {
         "before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]
     },
+    "plots.burns": {"paths": COAST, "names": ["a", "b", "c"]},
     "plots.closest_pairs": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"], "count": 2},
     "plots.complementary_cones": {"search": SEARCH, "mops": 1},
     "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},
@@ -42,7 +43,7 @@ CALLS = {
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
     "plots.primer": OTHERS["plots.primer"],
     "plots.trade": OTHERS["plots.trade"],
-    "plots.pulses": OTHERS["plots.pulses"],
+    "plots.pulses": {**OTHERS["plots.pulses"], "name": "a"},
     "plots.ratio_matrix": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"]},
     "plots.ratios": {"before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]},
     "plots.three_views": {"gathering": GATHERED, "time": 1.0, "craft": 0, "names": ["a", "b", "c"]},

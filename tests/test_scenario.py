@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bad_input import GOOD
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
 from closeform.scenario.craft import OrbitTable, SearchTable, SensorTable
-from closeform.scenario.formation import Goal, Shape, Start
+from closeform.scenario.formation import Destination, Goal, Shape, Start
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
@@ -31,6 +31,7 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
+from closeform.scenario.thrusters import ThrusterTable
 from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone
@@ -232,7 +233,19 @@ def test_larger_does_not_depend_on_order() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["f6_scatter", "tpf", "robustness", "cluster", "swap", "swap_deep_space", "find_then_fly", "inspector"],
+    [
+        "f6_scatter",
+        "tpf",
+        "robustness",
+        "cluster",
+        "swap",
+        "swap_deep_space",
+        "find_then_fly",
+        "inspector",
+        "safety_ellipse",
+        "cubesats",
+        "swap_impulses",
+    ],
 )
 def test_samples_are_accepted(name: str) -> None:
     assert load(EXAMPLES / f"{name}.toml").title
@@ -271,7 +284,7 @@ def test_every_key_is_documented() -> None:
     page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
     tables = [OrbitTable, Craft, Start, Goal, KeepOut, SensorTable, SearchTable, Study, Draw]
-    tables += [*Shape.__subclasses__(), *STAGES.values()]
+    tables += [ThrusterTable, Destination, *Shape.__subclasses__(), *STAGES.values()]
     keys = {key for table in tables for key in table.examples()}
     assert documented == keys | {"closeform", "title"}
 

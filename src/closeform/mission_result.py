@@ -14,11 +14,12 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Late, Use, Verdict, conflicts_in
+from closeform.verdict import Late, Use, Verdict, conflicts_in, thrust_use
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.planning.plan import Avoidance, Plan
+    from closeform.pulsed import Pulsed
     from closeform.search.locks import Locks
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
@@ -31,7 +32,8 @@ class StageResult(Generic[AnyStage, AnyResult]):
 
     `result`: what was done, None of a coast; times in a Gathering or FirstLocks count from the start
     of the stage.  `failure`: why the mission cannot go on after it; `flown`: whether its paths
-    count, which those of a plan that failed do not; `late`: by how much it takes longer than asked.
+    count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
+    `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.
     """
 
     number: int
@@ -43,6 +45,21 @@ class StageResult(Generic[AnyStage, AnyResult]):
     failure: str | None = None
     flown: bool = True
     late: Late | None = None
+    pulsed: "Pulsed | None" = None
+
+    @property
+    def planned(self) -> Flight:
+        """The plan: what is flown, but for thrusters."""
+        return self.after if self.pulsed is None else self.pulsed.planned
+
+    @cached_property
+    def delta_v(self) -> Floats:
+        """What each craft spends (N,) [m/s], summed over its thrusters."""
+        spent = np.array(self.after.paths.delta_v)
+        if self.pulsed is not None:
+            who = [self.after.names.index(name) for name in self.pulsed.names]
+            spent[who] = self.pulsed.firing.delta_v
+        return spent
 
     @property
     def end(self) -> float:
@@ -65,6 +82,17 @@ class AvoidResult:
     plain: Path
     avoidance: "Avoidance"
     asked: float
+
+
+@dataclass(frozen=True, eq=False)
+class TransferResult:
+    """What one `craft` was asked: from `initial` to `final` (6,) in `asked` [s]; `free` keeps no limit."""
+
+    craft: str
+    initial: Floats
+    final: Floats
+    asked: float
+    free: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +146,9 @@ class Mission:
         """Whether all were found, all is clear, and every limit is kept."""
         flown = [result for result in self.results if result.flown]
         searched = any(result.stage.searches for result in self.results)
-        watched = any(result.after.approaches for result in self.results) or not searched
+        alone = len(self.scenario.craft) == 1
+        apart = alone or all(result.stage.keeps_out for result in self.results)
+        watched = apart or any(result.after.approaches for result in self.results)
         conflicts, pairs = conflicts_in(result.after for result in flown)
         return Verdict(
             self.stopped,
@@ -137,7 +167,7 @@ class Mission:
     @cached_property
     def delta_v(self) -> Floats:
         """What each craft spends in each stage (S, N) [m/s]."""
-        spent = [result.after.paths.delta_v for result in self.results]
+        spent = [result.delta_v for result in self.results]
         return np.array(spent).reshape(-1, len(self.scenario.craft))
 
     @cached_property
@@ -175,10 +205,11 @@ class Mission:
         return float(propellant(mass, delta_v, craft.specific_impulse))
 
     def thrusts(self, result: StageResult[Any, Any]) -> Iterator[Use]:
-        """The greatest thrust of each craft that has a limit, in one stage."""
-        for craft, peak in zip(self.scenario.craft, result.after.paths.peak_thrust.tolist(), strict=True):
-            if craft.max_thrust is not None and craft.mass is not None:
-                yield Use("thrust", "N", craft.name, peak * craft.mass, craft.max_thrust)
+        """The greatest thrust of each craft that has a limit, as planned in one stage."""
+        on = () if result.pulsed is None else result.pulsed.names  # all or nothing
+        for craft, peak in zip(self.scenario.craft, result.planned.paths.peak_thrust.tolist(), strict=True):
+            if craft.limited:
+                yield thrust_use(craft, craft.max_acceleration if craft.name in on else peak)
 
     def spent(self, stages: Any) -> Iterator[Use]:
         """What each craft that has a limit spends in some `stages`: all delta-v, then all propellant."""

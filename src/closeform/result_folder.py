@@ -5,6 +5,8 @@ pictures and `report.html`. The summary is written last and lists all files: a f
 when it holds one, and what it does not list belongs to somebody else.
 """
 
+import csv
+import io
 import json
 import os
 import platform
@@ -54,6 +56,16 @@ class Folder:
         file = self.path / f"{name}.parquet"
         file.parent.mkdir(exist_ok=True)
         pyarrow.parquet.write_table(pyarrow.table(dict(columns)), file)
+
+    def csv(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
+        """Write columns as `name`.csv, for who has no Parquet; an absent value is empty."""
+        if not columns:
+            return
+        lines = io.StringIO(newline="")
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+        self.text(f"{name}.csv", lines.getvalue())
 
     def picture(self, name: str, figure: Any) -> Path:
         """Write a matplotlib figure as `name`.png."""

@@ -1,6 +1,8 @@
 """Where everybody is when a stage begins, and what follows from that: coasts, transfers, being late."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -9,15 +11,38 @@ from closeform.conflicts.flight import Flight, watch
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.scenario import Avoid, Joint, Scenario, Target
-from closeform.verdict import Late, Use
+from closeform.scenario import Avoid, Joint, Scenario, Target, Transfer
+from closeform.scenario.stages import Cost
+from closeform.verdict import Late, thrust_use
+from closeform.zones.own_zone import OwnZone, enlarged
+from closeform.zones.pair_zones import PairZones
 
 LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked
 
 
+@dataclass(frozen=True)
+class Room:
+    """What a plan leaves for the burns of thrusters: zones so many times `larger`, coasts at both ends [s].
+
+    A burn about an impulse at an end of a plan begins before it, or ends after it.
+    """
+
+    before: float = 0.0
+    after: float = 0.0
+    larger: float = 1.0
+
+    @property
+    def time(self) -> float:
+        """By how much the plan is shorter [s]."""
+        return self.before + self.after
+
+
 @dataclass(frozen=True, eq=False)
 class StageStart:
-    """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages."""
+    """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages.
+
+    `shares` (N,) of each craft's first mass are left.  With `room` it is a later moment: when plans begin.
+    """
 
     scenario: Scenario
     orbit: Orbit
@@ -25,6 +50,41 @@ class StageStart:
     states: Floats
     time: float
     past: dict[str, tuple[float, Floats]]
+    shares: Floats
+    room: Room = Room()
+
+    def leaving(self, room: Room) -> Self:
+        """When a plan begins that leaves some room."""
+        if not room.before:
+            return replace(self, room=room)
+        states = self.states @ self.orbit.transition(room.before).T
+        return replace(self, states=states, time=self.time + room.before, room=room)
+
+    def asked(self, stage: Avoid | Joint | Transfer) -> float:
+        """For how long plans of a stage are to last [s]."""
+        asked = stage.within.on(self.orbit.mean_motion)
+        if asked <= self.room.time:
+            raise ValueError(
+                f"within: {asked:.6g} s is too short for burns at both ends, which take "
+                f"{self.room.time:.6g} s of it; give more time or thrust"
+            )
+        return asked - self.room.time
+
+    @cached_property
+    def keep_out(self) -> tuple[OwnZone | None, ...]:
+        """Each craft's own zone, as plans keep it; None for a craft without one."""
+        if self.room.larger == 1.0:
+            return self.scenario.keep_out
+        return tuple(
+            None if own is None else enlarged(own, self.room.larger) for own in self.scenario.keep_out
+        )
+
+    @cached_property
+    def zones(self) -> PairZones:
+        """Who keeps which zone with whom in plans."""
+        if self.room.larger == 1.0:
+            return self.scenario.zones
+        return PairZones.of(self.keep_out, self.scenario.names)
 
     def flight(self, paths: list[Path]) -> Flight:
         """The paths, watched over their common time."""
@@ -42,15 +102,23 @@ class StageStart:
         """The origin's argument of latitude [rad] after a `duration` [s]."""
         return self.scenario.orbit.latitude + self.orbit.mean_motion * (self.time + duration)
 
-    def transfer(self, target: Target, k: int, duration: float) -> Path:
-        """Craft k's own way to a target, at least energy."""
-        final = target.state(self.orbit, self.latitude(duration))
-        return self.orbit.transfer(self.states[k], final, duration, self.time)
+    def earlier(self, states: Floats) -> Floats:
+        """Where plans end (..., 6), to coast to the states asked for at the stage's end."""
+        return states @ self.orbit.transition(-self.room.after).T if self.room.after else states
+
+    def goal(self, target: Target, duration: float) -> Floats:
+        """The state (6,) in which a plan of this `duration` [s] ends that leads to a target."""
+        return self.earlier(target.state(self.orbit, self.latitude(duration + self.room.after)))
+
+    def transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
+        """Craft k's own way to a target, at the least cost."""
+        final = self.goal(target, duration)
+        return self.orbit.transfer(self.states[k], final, duration, self.time, cost=cost)
 
     def mixed(self, who: list[int], paths: Path) -> Flight:
         """The `paths` of the craft `who`; the others coast meanwhile."""
         duration = float(np.max(paths.end)) - self.time
-        flying = {k: paths[place] for place, k in enumerate(who)}
+        flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
         return self.flight([flying[k] for k in sorted(flying)])
 
@@ -62,14 +130,14 @@ def too_late(
 
     `punctual`: with which thrust [m/s^2] each craft would not, None where that is not known.
     """
-    took, asked = after.end - start.time, stage.within.on(start.orbit.mean_motion)
+    took, asked = after.end - start.time, start.asked(stage)
     if took <= asked * LATE:
         return None
     short = [
-        Use("thrust", "N", craft.name, needed * craft.mass, craft.max_thrust)
+        thrust_use(craft, needed)
         for craft in start.scenario.craft
-        if (needed := punctual.get(craft.name)) is not None
-        and craft.mass is not None
-        and craft.max_thrust is not None
+        if (needed := punctual.get(craft.name)) is not None and craft.limited
     ]
-    return Late(start.number, stage.verb, asked, took, tuple(use for use in short if use.exceeded))
+    room = start.room.time
+    uses = tuple(use for use in short if use.exceeded)
+    return Late(start.number, stage.verb, asked + room, took + room, uses)

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from math import ceil, floor, log10
 
 from closeform.conflicts.flight import Flight
+from closeform.scenario import Craft
 
 ROUNDING = 1e-9  # of a limit that a plan was to keep to
 MET, NOT_MET = 0, 1  # exit status: of what was asked for
 MOST_NAMES = 3  # of craft beyond a limit; more are counted
+KEYS = {"N": "max_thrust", "mm/s²": "max_acceleration"}  # of limits of thrust, by unit
 WARNINGS = {  # of a limit: of what, and what there is
-    "thrust": ("", "its max_thrust is"),
     "delta-v": ("", "its delta_v_budget is"),
     "propellant": (" of propellant", "it has"),
 }
@@ -44,9 +45,16 @@ class Use:
 
     def warning(self, grams: bool) -> str:
         """The same in words, for a limit that is exceeded."""
-        of, has = WARNINGS[self.what]
+        of, has = WARNINGS.get(self.what) or ("", f"its {KEYS[self.unit]} is")
         used, limit, unit = self.shown(grams)
         return f"{self.craft} needs {used:.4g} {unit}{of}, {has} {limit:g} {unit}"
+
+
+def thrust_use(craft: Craft, acceleration: float) -> Use:
+    """How much a craft uses of its limit: in newtons, or in mm/s² where that is no force."""
+    if craft.max_thrust is not None and craft.mass is not None:
+        return Use("thrust", "N", craft.name, acceleration * craft.mass, craft.max_thrust)
+    return Use("thrust", "mm/s²", craft.name, 1e3 * acceleration, 1e3 * craft.max_acceleration)
 
 
 @dataclass(frozen=True)
@@ -78,7 +86,9 @@ class Late:
     @property
     def warning(self) -> str:
         """The same in words."""
-        keeping = f"; max_thrust of {self.keeping} would keep it" if self.punctual else ""
+        keeping = ""
+        if self.punctual:
+            keeping = f"; {KEYS[self.punctual[0].unit]} of {self.keeping} would keep it"
         return (
             f"stage {self.number} ({self.verb}) takes {self.took:.1f} s, not {self.asked:.1f} s{keeping}; "
             'see "Tried"'

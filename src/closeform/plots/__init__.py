@@ -10,6 +10,7 @@ from typing import Any
 _HOMES = {
     "animation": "film",
     "before_after": "space",
+    "burns": "burning",
     "closest_pairs": "closest",
     "complementary_cones": "cones",
     "distances": "timelines",

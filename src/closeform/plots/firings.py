@@ -45,7 +45,7 @@ MOST = 8  # panels: those of thrusters that give most
 OPPOSITE = 1e-9  # of two directions' sum
 
 
-def pulses(firing: Firing, craft: int = 0) -> Figure:
+def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
     """What each thruster of a craft fires, against time, over what the plan asks of it.
 
     Each pulse is a bar as long as it lasts and as high as its delta-v; behind it the planned thrust, times
@@ -58,6 +58,8 @@ def pulses(firing: Firing, craft: int = 0) -> Figure:
         From `fire`.
     craft : int, default 0
         Whose, by index.
+    name : str, optional
+        What it is called; among several its index unless given.
 
     Returns
     -------
@@ -70,6 +72,8 @@ def pulses(firing: Firing, craft: int = 0) -> Figure:
         If there is no such craft, or an argument is of another kind.
     """
     instance("firing", firing, Firing)
+    if name is not None:
+        instance("name", name, str)
     count = len(firing.thrusters)
     if whole("craft", craft) >= count:
         raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
@@ -85,7 +89,7 @@ def pulses(firing: Firing, craft: int = 0) -> Figure:
     panels = column(figure, [1.0] * len(rows), 1.05)
     for axes, (one, other) in zip(panels, rows, strict=True):
         dress(axes)
-        name, colour = _name(thrusters, one, other)
+        label, colour = _name(thrusters, one, other)
         reach = [0.0, 0.0]
         for side, (thruster, sign) in enumerate(((one, 1.0), (other, -1.0))):
             if thruster < 0:
@@ -106,10 +110,10 @@ def pulses(firing: Firing, craft: int = 0) -> Figure:
         least = 0.12 * max(reach) or 1e-3 * (greatest or unit.size)
         low = max(reach[1], least) if other >= 0 else 0.0
         axes.set_ylim(-1.12 * low / unit.size, 1.12 * max(reach[0], least) / unit.size)
-        axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
+        axes.set_ylabel(f"{label} [{unit.name}]", fontsize=SMALL, color=colour)
     time_axes(panels, ticks, plan.start, plan.end)
     _explained(figure, thrusters, len(dropped) > 0, plan)
-    headline(figure, _said(firing, craft, fired, dropped))
+    headline(figure, _said(firing, craft, fired, dropped, name))
     return figure
 
 
@@ -198,15 +202,15 @@ def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path) 
     legend(figure, handles, words, ncols=2, columnspacing=2.0, handlelength=1.6)
 
 
-def _said(firing: Firing, craft: int, fired: Pulses, dropped: Pulses) -> str:
+def _said(firing: Firing, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
     """What came of it, in a line."""
-    many = len(firing.thrusters) > 1
+    many, called = len(firing.thrusters) > 1 or name is not None, f"Craft {craft}" if name is None else name
     if not len(fired):
-        return f"{f'Craft {craft} has' if many else 'There is'} nothing to fire"
+        return f"{f'{called} has' if many else 'There is'} nothing to fire"
     off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
     unit = length_unit(bound)
     number = f"{len(fired)} pulse{'s' * (len(fired) != 1)}"
-    words = f"{f'Craft {craft}: ' if many else ''}{number}, Δv {speed(fired.impulse.sum())}"
+    words = f"{f'{called}: ' if many else ''}{number}, Δv {speed(fired.impulse.sum())}"
     burned = fired.propellant.sum()
     if np.isfinite(burned):
         words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -9,7 +12,7 @@ from closeform.arrays import instance
 from closeform.fuel.arrivals import Arrivals
 from closeform.fuel.bound import least_delta_v
 from closeform.motion.path import Path
-from closeform.plots.given import one_craft
+from closeform.plots.given import crafts, one_craft
 from closeform.plots.look import (
     AFTER,
     BEFORE,
@@ -100,7 +103,7 @@ def primer(path: Path) -> Figure:
     return figure
 
 
-def trade(found: Arrivals) -> Figure:
+def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None) -> Figure:
     """Delta-v against duration, to the cheapest slot in each: what time is worth.
 
     The dashed line is the least of all; where the cheapest slot changes seldom, labels name it.
@@ -109,6 +112,8 @@ def trade(found: Arrivals) -> Figure:
     ----------
     found : Arrivals
         Of `arrivals`.
+    plan : Path or sequence of Path, optional
+        What a ring is drawn for: a plan by its duration and its delta-v, of several craft by the sum.
 
     Returns
     -------
@@ -134,7 +139,7 @@ def trade(found: Arrivals) -> Figure:
     axes.plot(durations / across.size, costs / up.size, "o-", color=AFTER, linewidth=1.6, markersize=4)
     axes.set_yscale("log" if costs.min() > 0.0 and costs.max() > 30.0 * costs.min() else "linear")
     changes = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
-    for k in changes if len(changes) <= LETTERED else ():
+    for k in changes if 1 < len(changes) <= LETTERED else ():
         axes.annotate(
             f"slot {slots[k]}",
             (durations[k] / across.size, costs[k] / up.size),
@@ -143,6 +148,12 @@ def trade(found: Arrivals) -> Figure:
             fontsize=SMALL,
             color=INK,
         )
+    if plan is not None:
+        flown = crafts("plan", plan)
+        lasts, spent = max(one.end - one.start for one in flown), sum(one.delta_v for one in flown)
+        axes.plot(lasts / across.size, spent / up.size, "o", markersize=10, markerfacecolor="none", color=INK)
+        look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK}
+        axes.annotate("this plan", (lasts / across.size, spent / up.size), (8, 6), **look)
     axes.set_xlabel(f"duration [{across.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"least delta-v [{up.name}]", fontsize=TEXT, color=INK)
     first, last = (speed(float(cost)) for cost in (costs[0], costs[-1]))

@@ -1,6 +1,6 @@
 """What paths cost: energy, delta-v, peak thrust, propellant."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -32,15 +32,28 @@ def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path
     k = mission.scenario.names.index(name)
     mass, burnt = mission.scenario.force_mass(name), mission.burnt(result.number, k, path.delta_v)
     force = None if mass is None else mass * path.peak_thrust
-    return path.energy, path.delta_v, path.peak_thrust, force, burnt if isfinite(burnt) else None
+    energy, fuel = (one if isfinite(one) else None for one in (path.energy, burnt))
+    return energy, path.delta_v, path.peak_thrust, force, fuel
 
 
-def shown(mission: Mission) -> tuple[Column, ...]:
-    """COST as it is shown: thrust in newtons where the file speaks of them, propellant where it is known."""
+def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
+    """COST as it is shown of some paths: thrust in newtons where the file speaks of them.
+
+    Propellant where it is known, and of impulses neither their energy nor their thrust, which have no bounds.
+    """
     hide = {PUSH if mission.scenario.newtons else FORCE}
     hide |= set() if np.isfinite(mission.propellant).any() else {FUEL}
-    columns = (replace(column, heading=None) if column in hide else column for column in COST)
-    return tuple(in_grams(mission, column) if column.key == FUEL.key else column for column in columns)
+    if not any(isfinite(path.energy) for path in paths):
+        hide |= {ENERGY, PUSH, FORCE}
+    shown = (replace(column, heading=None) if column in hide else column for column in COST)
+    return tuple(in_grams(mission, column) if column.key == FUEL.key else column for column in shown)
+
+
+def without_fuel(shown: tuple[Column, ...], hidden: bool) -> tuple[Column, ...]:
+    """Columns of a plan whose propellant is not told, as thrusters burn more than it asks for."""
+    return tuple(
+        replace(column, heading=None) if hidden and column.key == FUEL.key else column for column in shown
+    )
 
 
 def figures(
@@ -53,9 +66,11 @@ def figures(
 def files(
     mission: Mission, result: StageResult[Any, Any], slots: Mapping[str, int] | None = None
 ) -> dict[str, Table]:
-    """What every craft spends, and the slot that it took, counted from 1, if any."""
-    rows = [
-        (name, (slots or {}).get(name), *spent(mission, result, name, result.after.paths[k]))
-        for k, name in enumerate(result.after.names)
-    ]
+    """What every craft spends, over its thrusters, and the slot that it took, counted from 1, if any."""
+    rows = []
+    for k, (name, used) in enumerate(zip(result.after.names, result.delta_v.tolist(), strict=True)):
+        energy, _, peak, force, _ = spent(mission, result, name, result.after.paths[k])
+        burnt = mission.burnt(result.number, k, used)
+        slot, fuel = (slots or {}).get(name), burnt if isfinite(burnt) else None
+        rows.append((name, slot, energy, used, peak, force, fuel))
     return {"craft": Table("", CRAFT, rows)}

@@ -51,7 +51,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
     if not burns or not told:
         return ()
     shares = {(use.what, use.craft): use.share for use in mission.uses}
-    rows = []
+    rows, key = [], "max_acceleration" if any(one.acceleration for one in scenario.craft) else "max_thrust"
     for craft, spent, burnt in zip(scenario.craft, delta_v.tolist(), propellant.tolist(), strict=True):
         left = None if craft.propellant is None else craft.propellant - burnt
         budget, thrust = (shares.get((what, craft.name)) for what in ("delta-v", "thrust"))
@@ -62,7 +62,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
         Column("of its budget [%]", "share_of_delta_v_budget", "{:.1f}".format, 100.0),
         effort.in_grams(mission, effort.FUEL),
         effort.in_grams(mission, replace(effort.FUEL, heading="left [kg]", key="propellant_left_kg")),
-        Column("of max_thrust [%]", "share_of_max_thrust", "{:.1f}".format, 100.0),
+        Column(f"of {key} [%]", f"share_of_{key}", "{:.1f}".format, 100.0),
     ]
     known = [any(row[k] is not None for row in rows) for k in range(len(columns))]
     shown = tuple(

@@ -1,5 +1,6 @@
 """The section of one craft's move: conflicts before, the way around, conflicts after."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,8 @@ import numpy as np
 from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
-from closeform.report import conflicts, effort, optimum
+from closeform.report import burns, conflicts, effort, optimum
+from closeform.report.choices import Choices
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import Column, Table
@@ -28,6 +30,7 @@ def section(mission: Mission, result: Move) -> Section:
         *before,
         efforts(mission, result),
         *meanwhile(mission, result),
+        *asked(mission, result),
         *after,
         *conflicts.approaches("Closest approaches before", result.before),
         *conflicts.approaches("Closest approaches after", result.after),
@@ -36,10 +39,30 @@ def section(mission: Mission, result: Move) -> Section:
         heading(result, f"{moved.craft} moves"),
         (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
-        (*how(result.stage.method, moved), *closing),
-        conflicts.film(result, mission.scenario.zones) + pictures(mission, result),
+        (*how(result.stage.method, moved), *burns.lines(result), *closing),
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(mission, result),
         {"change": figures(mission, result)},
+        burns.files(mission, result),
     )
+
+
+def speaks_of_fuel(result: Move) -> bool:
+    """Whether burns and choices are told on the terminal and drawn."""
+    return result.stage.cost == "delta-v" or result.pulsed is not None
+
+
+def asked(mission: Mission, result: Move) -> Iterator[Table]:
+    """What choices there are, and every burn, of a stage that asks for least delta-v or has thrusters."""
+    if speaks_of_fuel(result):
+        yield from Choices(mission, result, [result.result.craft]).table(zones=True)
+        yield from burns.tables(mission, result)
+
+
+def fuel(mission: Mission, result: Move) -> tuple[Picture, ...]:
+    """Burns, and why they cost what they do."""
+    if not speaks_of_fuel(result):
+        return ()
+    return burns.pictures(result) + Choices(mission, result, [result.result.craft]).pictures
 
 
 def efforts(mission: Mission, result: Move) -> Table:
@@ -56,16 +79,19 @@ def efforts(mission: Mission, result: Move) -> Table:
         rows.append(row("around", path))
         pairs = zip(*(one[2:] for one in rows[-2:]), strict=True)
         rows.append(("change", "", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
+    shown = effort.columns(mission, [moved.direct] if path is None else [moved.direct, path])
+    shown = effort.without_fuel(shown, result.pulsed is not None)
     lasts = Column("lasts [s]" if moved.plain is not moved.direct else None, form="{:.1f}".format)
     title = "Change made" if len(rows) > 1 else "Path"
-    return Table(title, (Column("path", words=True), lasts, *effort.shown(mission)), rows)
+    return Table(title, (Column("path", words=True), lasts, *shown), rows)
 
 
 def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
     """What those spend who fly their own transfers."""
-    names = [fellow.craft for fellow in result.stage.meanwhile]
-    rows = [(name, *effort.spent(mission, result, name, result.after.path(name))) for name in names]
-    columns = Column("craft", words=True), *effort.shown(mission)
+    paths = {fellow.craft: result.planned.path(fellow.craft) for fellow in result.stage.meanwhile}
+    rows = [(name, *effort.spent(mission, result, name, path)) for name, path in paths.items()]
+    shown = effort.without_fuel(effort.columns(mission, paths.values()), result.pulsed is not None)
+    columns = Column("craft", words=True), *shown
     return (Table("Meanwhile", columns, rows),) if rows else ()
 
 
@@ -83,10 +109,16 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
     touched = ", ".join(f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts)
     return (
         f"Method {method}: touches the zone of {touched}",
-        f"Extra energy {avoidance.extra_energy:.6g} m²/s³ beyond the free optimum{over}; "
-        f"{optimum.best(avoidance)}",
+        f"Extra {extra(moved)} beyond the free optimum{over}; {optimum.best(avoidance)}",
         *optimum.bounds(avoidance),
     )
+
+
+def extra(moved: AvoidResult) -> str:
+    """What the way around costs more than the free optimum."""
+    if moved.avoidance.cost == "delta-v":
+        return f"delta-v {moved.avoidance.delta_v - moved.plain.delta_v:.6g} m/s"
+    return f"energy {moved.avoidance.extra_energy:.6g} m²/s³"
 
 
 def figures(mission: Mission, result: Move) -> dict[str, Any]:
@@ -110,6 +142,8 @@ def figures(mission: Mission, result: Move) -> dict[str, Any]:
         "direct": cost(moved.craft, moved.direct),
         "direct_longer": cost(moved.craft, moved.plain if moved.plain is not moved.direct else None),
         "around": cost(moved.craft, avoidance.path),
+        **(Choices(mission, result, [moved.craft]).figures if speaks_of_fuel(result) else {}),
+        **burns.figures(mission, result),
         "meanwhile": {
             fellow.craft: cost(fellow.craft, result.after.path(fellow.craft))
             for fellow in result.stage.meanwhile
@@ -132,7 +166,7 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     obstacle = before.path(other)
     caption = f"{craft} relative to {other}, before"
     found = [Picture("distances", caption, "distances", (path, obstacle, zone), {"names": (craft, other)})]
-    if before.conflicts:
+    if before.conflicts and result.stage.cost == "energy":
         caption = f"Ways of {craft} around {other}: the cheapest found on each side"
         found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone), {"name": other}))
     if around is not None and around is not path:

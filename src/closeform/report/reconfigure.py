@@ -8,7 +8,8 @@ import numpy as np
 
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path
-from closeform.report import conflicts, effort, optimum
+from closeform.report import burns, conflicts, effort, optimum
+from closeform.report.choices import Choices
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table
@@ -22,26 +23,46 @@ MOST_CONTACTS = 6  # on one line; more are counted
 def section(mission: Mission, result: Moved, reached: str | None = None) -> Section:
     """Craft that moved to new relative orbits; `reached` says what that has come to."""
     moved, plan = result.result, result.result.plan
-    direct = result.after is result.before  # all of them
+    direct = result.planned is result.before  # all of them
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
     lines, tables = conflicts.summed(title, result.before)
     near = conflicts.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
     closing: tuple[str, ...] = ()
-    if not direct:
-        closing, more = conflicts.summed("Conflicts of the plan", result.after)
+    if result.after is not result.before:
+        what = "plan" if result.pulsed is None else "pulses"
+        closing, more = conflicts.summed(f"Conflicts of the {what}", result.after)
         tables += more
-        near += conflicts.approaches("Closest approaches of the plan", result.after)
+        near += conflicts.approaches(f"Closest approaches of the {what}", result.after)
     who = f"{moved.movers[0]} moves" if len(moved.movers) == 1 else f"{len(moved.movers)} craft move"
     slots = {name: int(k) + 1 for name, k in zip(moved.movers, plan.slots, strict=True)}
     return Section(
         heading(result, who),
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
-        (*tables, *costs(mission, result), *contacts(moved), *near),
-        (*worth(result), *closing, *([reached] if reached and moved.plan.ok else [])),
-        conflicts.film(result, mission.scenario.zones) + pictures(mission, result),
+        (*tables, *costs(mission, result), *asked(mission, result), *contacts(moved), *near),
+        (*worth(result), *burns.lines(result), *closing, *([reached] if reached and moved.plan.ok else [])),
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(mission, result),
         {"plan": figures(mission, result, slots)},
-        effort.files(mission, result, slots),
+        {**effort.files(mission, result, slots), **burns.files(mission, result)},
     )
+
+
+def speaks_of_fuel(result: Moved) -> bool:
+    """Whether burns and choices are told on the terminal and drawn."""
+    return result.stage.cost == "delta-v" or result.pulsed is not None
+
+
+def asked(mission: Mission, result: Moved) -> Iterator[Table]:
+    """What choices there are, and every burn, of a stage that asks for least delta-v or has thrusters."""
+    if speaks_of_fuel(result):
+        yield from Choices(mission, result, result.result.movers).table(zones=True)
+        yield from burns.tables(mission, result)
+
+
+def fuel(mission: Mission, result: Moved) -> tuple[Picture, ...]:
+    """Burns, and why they cost what they do."""
+    if not speaks_of_fuel(result):
+        return ()
+    return burns.pictures(result) + Choices(mission, result, result.result.movers).pictures
 
 
 def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -> Section:
@@ -72,26 +93,31 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     """What every craft flies and what that costs."""
     moved, plan = result.result, result.result.plan
     who = [result.after.names.index(name) for name in moved.movers]
-    paths = result.after.paths[who]
-    energy, direct = (np.append(one.energy, one.energy.sum()) for one in (paths, plan.direct))
+    paths, by_delta_v = result.planned.paths[who], result.stage.cost == "delta-v"
+    values = (one.delta_v if by_delta_v else one.energy for one in (paths, plan.direct))
+    cost, direct = (np.append(one, one.sum()) for one in values)
     columns: dict[Column, list[Any]] = {Column("craft", words=True): [*moved.movers, "all"]}
     if result.stage.assigns:
         columns[Column("slot", absent="")] = [*(k + 1 for k in plan.slots.tolist()), None]
     for title, times in (("from [s]", plan.starts), ("to [s]", plan.starts + plan.durations)):
         if np.ptp(times) > 0.0:
             columns[Column(title, form="{:.1f}".format, absent="")] = [*times, None]
-    columns[effort.ENERGY] = [*energy]
-    if result.after is not result.before:
-        shares = [one / free - 1.0 if free else None for one, free in zip(energy, direct, strict=True)]
+    columns[effort.SPEED if by_delta_v else effort.ENERGY] = [*cost]
+    if result.planned is not result.before:
+        shares = [one / free - 1.0 if free else None for one, free in zip(cost, direct, strict=True)]
         columns[Column("extra [%]", form="{:.3f}".format, scale=100.0)] = shares
-    spent = [effort.spent(mission, result, name, result.after.path(name)) for name in moved.movers]
+    spent = [effort.spent(mission, result, name, result.planned.path(name)) for name in moved.movers]
     _, speed, push, force, fuel = zip(*spent, strict=True)
-    columns[effort.SPEED] = [*speed, sum(speed)]
-    if mission.scenario.newtons:
-        columns[replace(effort.FORCE, heading="peak [N]")] = [*force, max(force)]
+    if by_delta_v:
+        pushes = [len(paths[k].impulses) for k in range(len(who))]
+        columns[Column("impulses")] = [*pushes, sum(pushes)]
     else:
-        columns[replace(effort.PUSH, heading="peak [mm/s²]")] = [*push, max(push)]
-    if None not in fuel:
+        columns[effort.SPEED] = [*speed, sum(speed)]
+        if mission.scenario.newtons:
+            columns[replace(effort.FORCE, heading="peak [N]")] = [*force, max(force)]
+        else:
+            columns[replace(effort.PUSH, heading="peak [mm/s²]")] = [*push, max(push)]
+    if None not in fuel and result.pulsed is None:
         columns[effort.in_grams(mission, effort.FUEL)] = [*fuel, sum(fuel)]
     rows = list(zip(*columns.values(), strict=True))
     title = "Paths of the plan" if plan.ok else "Direct paths"
@@ -123,7 +149,7 @@ def worth(result: Moved) -> Iterator[str]:
     if not plan.ok:
         yield f"Planned {how}, without success: these are the direct paths"
         return
-    if result.after is result.before:
+    if result.planned is result.before:
         yield f"Planned {how}: everybody takes the direct path; {optimum.best(plan)}"
         return
     yield f"Planned {how}: {optimum.best(plan)}"
@@ -149,6 +175,8 @@ def figures(mission: Mission, result: Moved, slots: dict[str, int]) -> dict[str,
         "measures": list(moved.measures),
         "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
         "asked_s": moved.asked,
+        **(Choices(mission, result, moved.movers).figures if speaks_of_fuel(result) else {}),
+        **burns.figures(mission, result),
         "energy_m2_s3": plan.energy,
         "delta_v_m_s": plan.delta_v,
         "craft": {
@@ -166,7 +194,7 @@ def figures(mission: Mission, result: Moved, slots: dict[str, int]) -> dict[str,
                 "pair": [moved.names[at.first], moved.names[at.second]],
                 "time_s": at.time,
                 "normal": at.normal.tolist(),
-                "multiplier_m_s3": at.multiplier,
+                "multiplier_m_s3" if plan.cost == "energy" else "multiplier_1_s": at.multiplier,
             }
             for at in plan.contacts
         ],
@@ -189,15 +217,15 @@ def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
                 Picture("ratios", "How near each two craft come", "ratio_matrix", (flown, zones), names)
             )
         found.append(conflicts.nearest(result.after, zones))
-    return (*found, thrust(mission, result))
+    return (*found, thrust(mission, result)) if result.stage.cost == "energy" else tuple(found)
 
 
 def thrust(mission: Mission, result: Moved) -> Picture:
     """How strongly each craft thrusts: in newtons where their limits are."""
     scenario, options = mission.scenario, dict[str, Any](names=result.after.names)
-    if any(one.max_thrust is not None for one in scenario.craft):
+    if any(one.limited for one in scenario.craft):
         options["limits"] = [one.max_acceleration for one in scenario.craft]
     masses = [scenario.force_mass(name) for name in scenario.names]
     if None not in masses:
         options["masses"] = masses
-    return Picture("thrust", "Thrust of each craft", "formation_thrust", (result.after.paths,), options)
+    return Picture("thrust", "Thrust of each craft", "formation_thrust", (result.planned.paths,), options)

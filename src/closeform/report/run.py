@@ -11,17 +11,28 @@ from typing import Any
 import numpy as np
 
 from closeform.mission_result import Mission, StageResult
-from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure
+from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure, transfer
 from closeform.report.drawing import drawn
 from closeform.report.picture import Film, Progress
 from closeform.report.section import Section, fate, not_filmed
 from closeform.report.table import Table, counted
 from closeform.result_folder import REPORT, Folder
-from closeform.scenario import Avoid, Coast, Gather, Lock, Reconfigure, Regather, Scatter, StageTable
+from closeform.scenario import (
+    Avoid,
+    Coast,
+    Gather,
+    Lock,
+    Reconfigure,
+    Regather,
+    Scatter,
+    StageTable,
+    Transfer,
+)
 from closeform.verdict import Verdict
 
 SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Coast: coast.section,
+    Transfer: transfer.section,
     Avoid: move.section,
     Scatter: reconfigure.scatter,
     Regather: reconfigure.regather,
@@ -178,6 +189,7 @@ def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: N
         folder.table(name, columns)
     pictures = [picture for told in report.sections for picture in told.pictures]
     shown = iter(drawn(pictures, folder, progress))
+    folder.csv("burns", report.files.get("burns", {}))
     faint = f"{report.opening}; {Path(mission.scenario.file).name}"
     parts = page.head(mission.scenario.title, [faint], str(mission.verdict), mission.verdict.ok)
     parts += [page.paragraph(line, "bad") for line in mission.warnings]

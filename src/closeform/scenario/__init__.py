@@ -16,6 +16,7 @@ from closeform.scenario.stages import (
     Regather,
     Scatter,
     StageTable,
+    Transfer,
 )
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "ScenarioError",
     "StageTable",
     "Target",
+    "Transfer",
     "load",
     "parse",
     "text_of",

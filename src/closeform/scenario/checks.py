@@ -6,22 +6,18 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from closeform.arrays import Floats
 from closeform.motion.duration import flaw
 from closeform.motion.orbit import Orbit
+from closeform.scenario.clear_ends import ends, zones
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted, key_of, meant_by
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter
+from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
 from closeform.scenario.study import BUILT, draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
-from closeform.zones.own_zone import REGION
-from closeform.zones.pair_zones import PairZones, portions_near
-from closeform.zones.shapes import CYLINDER, FACES
 
 MOST_SAMPLES = 1e7
-MOST_NAMED = 100  # pairs of craft, where more are wrong
 PLACED = "position|velocity|start|keep_out"  # keys of [craft] that say where nobody else may be
 
 
@@ -119,14 +115,28 @@ def stages(scenario: Scenario) -> Iterator[str]:
         earlier += [stage.name] if stage.name else []
         if isinstance(stage, Joint):
             yield from together(scenario, number, stage)
-        if isinstance(stage, Avoid | Joint) and any(s.verb == "gather" for s in scenario.stages[number:]):
-            yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
+        if isinstance(stage, Transfer) and stage.craft is None and len(scenario.craft) > 1:
+            yield f'stage[{number}].craft: missing; name who moves, for example "{scenario.names[0]}"'
+        if isinstance(stage, Avoid | Joint | Transfer):
+            yield from firing(scenario, stage)
+            if any(later.verb == "gather" for later in scenario.stages[number:]):
+                yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
         if stage.keeps_out and any(craft.keep_out is None for craft in scenario.craft):
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
         if stage.searches:
             yield from searching(scenario)
+
+
+def firing(scenario: Scenario, stage: Avoid | Joint | Transfer) -> Iterator[str]:
+    """Thrust that lasts, from thrusters that do not know how often they fire."""
+    endless = any(craft.thrusters is not None and craft.period is None for craft in scenario.craft)
+    if endless and stage.cost == "energy":
+        yield (
+            "craft.period: missing, in which thrusters fire once while a plan of least energy thrusts; "
+            'add for example period = "30 s", or write cost = "delta-v" in the stage'
+        )
 
 
 def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
@@ -261,68 +271,6 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
                 name = "for" if key == "length" else key
                 yield f"stage[{number}].{name}: {wrong}; give another time"
-
-
-def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Pairs of which no zone can be made, and craft that start or end inside another's zone."""
-    try:
-        kept = scenario.zones
-    except ValueError as error:
-        yield f"craft.keep_out: {error}"
-        return
-    unlike = any(zone.shape in (CYLINDER, FACES) for zone in kept.zones)
-    for number, stage in enumerate(scenario.stages, 1):
-        if unlike and isinstance(stage, Gather):
-            yield (
-                f"craft.keep_out: {stage.verb} in stage[{number}] keeps clear of a sphere, box, ellipsoid or "
-                "covariance only; give one that holds the others"
-            )
-    if not scenario.scattered:  # else every case has its own positions
-        places = scenario.states(orbit)
-        remedy = "move one of them or make keep_out smaller"
-        deep, count = inside(places, kept)
-        for one, other, ratio in deep:
-            names = f"{scenario.names[one]} and {scenario.names[other]}"
-            yield f"craft.position: {names} start inside each other's zone, at {ratio}; {remedy}"
-        if count > len(deep):
-            yield f"craft.position: {count} pairs in all start inside each other's zone; {remedy}"
-
-
-def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]], int]:
-    """The first pairs that are inside each other's zone, how deep in words, and how many there are."""
-    found: list[tuple[int, int, str]] = []
-    count = 0
-    for zone, first, second in portions_near(kept, states[:, :3]):
-        ratios = zone.norm(states[first, :3] - states[second, :3])
-        deep = np.flatnonzero(ratios <= 1.0)
-        count += len(deep)
-        for k in deep[: MOST_NAMED - len(found)]:
-            one, other = int(first[k]), int(second[k])
-            made = "" if (rule := kept.rule(one, other)) == REGION else f" ({rule})"
-            found.append((one, other, f"{ratios[k]:.2f} x zone{made}"))
-    return found, count
-
-
-def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
-    """Final states inside each other's zone, where they are known before the flight."""
-    movers = stage.movers or scenario.names
-    finals = stage.known(orbit, len(movers))
-    if finals is None or len(finals) < len(movers):
-        return
-    own = [scenario.keep_out[scenario.names.index(name)] for name in movers]
-    called: Sequence[str] = movers
-    if stage.assign:
-        # who takes which slot is open: their ends are known only if all slots are taken by like craft
-        if len(finals) > len(movers) or len(set(PairZones.of(own, called).kinds.tolist())) > 1:
-            return
-        called = [f"slot {k}" for k in range(1, len(finals) + 1)]
-    deep, count = inside(finals, PairZones.of(own, called))
-    remedy = "move them apart or make keep_out smaller"
-    for one, other, ratio in deep:
-        names = f"{called[one]} and {called[other]}"
-        yield f"stage[{number}].to: {names} end inside each other's zone, at {ratio}; {remedy}"
-    if count > len(deep):
-        yield f"stage[{number}].to: {count} pairs in all end inside each other's zone; {remedy}"
 
 
 def study(scenario: Scenario) -> Iterator[str]:

@@ -1,19 +1,21 @@
 """Where the formation flies and what it is made of: [orbit], [craft], [sensor], [search]."""
 
 from collections.abc import Iterator
-from math import inf, pi
+from math import inf, nan, pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr
 
 from closeform.arrays import Floats
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.roe import state_from_scaled_roe
 from closeform.scenario.formation import Start
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.quantity import (
+    ACCELERATION,
     ANGLE,
     FORCE,
     GRAVITY,
@@ -26,6 +28,7 @@ from closeform.scenario.quantity import (
     Reader,
 )
 from closeform.scenario.table import Angle, Length, Name, Position, Table, Vector, Velocity
+from closeform.scenario.thrusters import MinimumBit, ThrusterTable
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
@@ -87,6 +90,14 @@ class Craft(Table):
     max_thrust: Annotated[float, BeforeValidator(Reader(FORCE, least="positive"))] | None = Field(
         None, examples=['"1.5 N"']
     )
+    acceleration: Annotated[float, BeforeValidator(Reader(ACCELERATION, least="positive"))] | None = Field(
+        None, alias="max_acceleration", examples=['"5 mm/s^2"']
+    )
+    thrusters: ThrusterTable | None = Field(None, examples=['"rtn"'])
+    minimum_bit: MinimumBit | None = Field(None, examples=['"1 mm/s"'])
+    period: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
+        None, examples=['"30 s"']
+    )
     delta_v_budget: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
         None, examples=['"12 m/s"']
     )
@@ -120,6 +131,14 @@ class Craft(Table):
             yield 'no velocity; add for example velocity = "0 0 0 m/s"'
         if self.max_thrust is not None and self.mass is None:
             yield 'max_thrust needs mass; add for example mass = "150 kg"'
+        if self.max_thrust is not None and self.acceleration is not None:
+            yield "max_thrust and max_acceleration exclude each other; keep one"
+        if self.thrusters is not None and self.max_thrust is None and self.acceleration is None:
+            yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
+        yield from self.only_with("minimum_bit", "thrusters")
+        yield from self.only_with("period", "thrusters")
+        if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
+            yield 'minimum_bit in N s needs mass; add for example mass = "12 kg"'
         if self.specific_impulse is not None and self.mass is None:
             yield 'specific_impulse needs mass; add for example mass = "150 kg"'
         if self.propellant is not None and self.specific_impulse is None:
@@ -140,8 +159,21 @@ class Craft(Table):
     def max_acceleration(self) -> float:
         """What its engine gives the mass that it starts with [m/s^2]; inf without a limit."""
         if self.max_thrust is None or self.mass is None:
-            return inf
+            return inf if self.acceleration is None else self.acceleration
         return self.max_thrust / self.mass
+
+    @property
+    def limited(self) -> bool:
+        """Whether its thrust has a limit."""
+        return self.max_thrust is not None or self.acceleration is not None
+
+    def fired(self, share: float) -> Thrusters | None:
+        """Its thrusters when a `share` of the mass at the start is left; None without any."""
+        if self.thrusters is None:
+            return None
+        bit = 0.0 if self.minimum_bit is None else self.minimum_bit.on(self.mass or nan)
+        table, has = self.thrusters, self.max_acceleration / share
+        return Thrusters(table.directions, table.frame, has, bit / share, self.period)
 
     @property
     def unbuilt(self) -> str | None:

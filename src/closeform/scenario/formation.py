@@ -161,6 +161,25 @@ class Target(Table):
         return np.array([*(self.position or ()), *(self.velocity or ())])
 
 
+class Destination(Target, Formation):
+    """to: the state, or the relative orbit by its name, that one craft moves to."""
+
+    def flaws(self) -> Iterator[str]:
+        yield from self.one_of("position", "palmer", "roe", *Formation.model_fields)
+        yield from self.only_with("velocity", "position")
+        if self.position is not None and self.velocity is None:
+            yield 'position needs velocity; add for example velocity = "0 0 0 m/s"'
+
+    @property
+    def orbital(self) -> bool | None:
+        return super().orbital if self.shape is None else self.line is None
+
+    def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
+        if self.shape is None:
+            return super().state(orbit, latitude)
+        return np.array(self.shape.states(orbit, 1)[0])
+
+
 class Goal(Formation):
     """to: the relative orbits that a whole formation moves to."""
 

@@ -1,7 +1,8 @@
 """A quantity as people write it, "500 km", as a number in SI units and radians.
 
 Units combine with `/` and powers: "7.5 km/s", "398600.4415 km^3/s^2", "0.25 deg/s". A vector
-is some numbers and one unit: "20 40 20 m". Every refusal is one line: what is wrong; remedy.
+is some numbers and one unit: "20 40 20 m"; two words are a product: "5 mN s". Every refusal is one line:
+what is wrong; remedy.
 """
 
 import json
@@ -60,9 +61,11 @@ ANGLE = Kind("angle", (0, 0, 0, 1), ("deg", "rad", "turn", "arcmin", "arcsec", "
 RATE = Kind("angular rate", (0, -1, 0, 1), ("deg/s", "rad/s"), "0.25")
 MASS = Kind("mass", (0, 0, 1, 0), ("kg", "g", "t"))
 FORCE = Kind("force", (1, -2, 1, 0), ("N", "mN", "uN", "kN"))
+ACCELERATION = Kind("acceleration", (1, -2, 0, 0), ("mm/s^2", "m/s^2", "cm/s^2"))
+IMPULSE = Kind("impulse", (1, -1, 1, 0), ("mN s", "N s", "uN s"))
 GRAVITY = Kind("gravitational parameter", (3, -2, 0, 0), ("km^3/s^2", "m^3/s^2"))
 SHARE = Kind("share", NONE, ("%", "ppm"))
-KINDS = (LENGTH, AREA, SPEED, TIME, ANGLE, RATE, MASS, FORCE, GRAVITY, SHARE)
+KINDS = (LENGTH, AREA, SPEED, TIME, ANGLE, RATE, MASS, FORCE, ACCELERATION, IMPULSE, GRAVITY, SHARE)
 
 
 @dataclass(frozen=True)
@@ -118,6 +121,8 @@ class Reader:
         while words and (number := as_number(words[0])) is not None:
             numbers.append(number)
             words.pop(0)
+        if len(words) > 1 and all(unit_of(word)[0] for word in words):
+            words = [" ".join(words)]
         wanted = "one number" if self.size == 1 else f"{self.size} numbers" if self.size else "some numbers"
         if len(numbers) != (self.size or max(1, len(numbers))) or len(words) > 1:
             raise ValueError(f"{shown(value)} is not {wanted} and one unit; write for example {self.example}")
@@ -163,6 +168,11 @@ def as_number(word: str) -> float | None:
 def unit_of(text: str) -> tuple[float, Dimension]:
     """Scale and dimension of a unit like "km^3/s^2"; scale 0 if there is no such unit."""
     scale, powers = 1.0, [0, 0, 0, 0]
+    first, *words = text.split(" ")
+    if words:  # a product
+        (one, of_one), (other, of_other) = unit_of(first), unit_of(" ".join(words))
+        a, b, c, d = (x + y for x, y in zip(of_one, of_other, strict=True))
+        return one * other, (a, b, c, d)
     for place, factor in enumerate(text.split("/")):
         match = re.fullmatch(r"([^\W\d_]+|%)(?:\^([1-9]))?", factor)
         if match is None or match[1] not in UNITS:

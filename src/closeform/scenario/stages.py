@@ -8,12 +8,13 @@ from pydantic import Discriminator, Field, Tag
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
-from closeform.scenario.formation import Goal, Target
+from closeform.scenario.formation import Destination, Goal, Target
 from closeform.scenario.table import ALL, EACH, Length, Name, Names, Position, Span, Table, Vector
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]
 ALL_FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
+Cost = Literal["energy", "delta-v"]
 FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 
 
@@ -67,12 +68,13 @@ class Fellow(Table):
 
 
 class Avoid(StageTable):
-    """One craft moves among the others, around their zones, at least energy."""
+    """One craft moves among the others, around their zones, at the least cost."""
 
     do: Literal["avoid"] = Field(examples=['"avoid"'])
     craft: Name = Field(examples=['"F3"'])
     to: Target | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
+    cost: Cost = Field("energy", examples=['"delta-v"'])
     method: Literal["exact", "sauter-palmer"] = Field("exact", examples=['"exact"'])
     animation: bool = Field(False, examples=["true"])
     meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = Field(
@@ -81,6 +83,8 @@ class Avoid(StageTable):
     longer: bool = Field(True, examples=["false"])
 
     def flaws(self) -> Iterator[str]:
+        if self.cost == "delta-v" and self.method != "exact":
+            yield f'method = "{self.method}" goes with cost = "energy" only; remove one of them'
         names = [self.craft, *(fellow.craft for fellow in self.meanwhile)]
         for name in names:
             if names.count(name) > 1:
@@ -97,10 +101,31 @@ class Avoid(StageTable):
         return own | {f"meanwhile[{k}].to": fellow.to for k, fellow in enumerate(self.meanwhile, 1)}
 
 
+class Transfer(StageTable):
+    """One craft moves without regard to others, at the least cost, within its thrust in the given time."""
+
+    keeps_out = False
+    do: Literal["transfer"] = Field(examples=['"transfer"'])
+    craft: Name | None = Field(None, examples=['"F1"'])
+    to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
+    within: Span = Field(examples=['"0.5 orbits"'])
+    cost: Cost = Field("energy", examples=['"delta-v"'])
+    animation: bool = Field(False, examples=["true"])
+
+    @property
+    def craft_named(self) -> dict[str, tuple[str, ...]]:
+        return {"craft": (self.craft,)} if self.craft is not None else {}
+
+    @property
+    def targets(self) -> dict[str, Target | Goal]:
+        return {"to": self.to}
+
+
 class Joint(StageTable):
     """What the stages share in which the whole formation moves."""
 
     within: Span = Field(examples=['"0.25 orbits"'])
+    cost: Cost = Field("energy", examples=['"delta-v"'])
     plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
     order: Names | None = Field(None, examples=['["F3", "F1"]'])
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
@@ -109,6 +134,8 @@ class Joint(StageTable):
     def flaws(self) -> Iterator[str]:
         if self.order is not None and self.plan != "sequential":
             yield 'order goes with plan = "sequential" only; remove order'
+        if self.cost == "delta-v" and self.plan != "joint":
+            yield f'plan = "{self.plan}" goes with cost = "energy" only; remove one of them'
 
     @property
     def movers(self) -> Names | None:
@@ -243,6 +270,7 @@ class Unknown(StageTable):
 
 STAGES: dict[str, type[StageTable]] = {
     "coast": Coast,
+    "transfer": Transfer,
     "avoid": Avoid,
     "scatter": Scatter,
     "regather": Regather,

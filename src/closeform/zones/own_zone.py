@@ -87,6 +87,15 @@ class Body:
 OwnZone = Zone | Uncertainty | Body
 
 
+def enlarged(own: OwnZone, factor: float) -> OwnZone:
+    """The same, `factor` times as large; zones of pairs that are made of such are as much larger."""
+    if isinstance(own, Uncertainty):
+        return Uncertainty(own.covariance, factor * own.sigmas)
+    if isinstance(own, Body):
+        return Body(own.zone.enlarged(factor))
+    return own.enlarged(factor)
+
+
 def key(own: OwnZone) -> tuple[Any, ...]:
     """What equals that of every other one of the same kind and numbers."""
     if isinstance(own, Uncertainty):

@@ -1,0 +1,63 @@
+"""Burns: when a path is pushed, for how long, where to, and by how much."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, THRUST, WIDTH
+from closeform.motion.path import Path
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+PIECE = 0.5  # of n t, within which 16 points of Gauss integrate thrust to the last digits
+
+
+class Burns(NamedTuple):
+    """K burns in order of time: `start` and `duration` (K,) [s], 0 of an impulse.
+
+    `push` (K, 3) [m/s] is the integral of the thrust in the rotating frame, `size` (K,) [m/s] that of its
+    length.
+    """
+
+    start: Floats
+    duration: Floats
+    push: Floats
+    size: Floats
+
+
+def burns_of(path: Path) -> Burns:
+    """The impulses of one craft's path, and its thrust from one coast to the next."""
+    arcs = path.arcs
+    jumps = arcs[:, IMPULSE : IMPULSE + 3]
+    kicks = np.flatnonzero(jumps.any(axis=1))
+    on = arcs[:, THRUST : THRUST + 6].any(axis=1) | arcs[:, PUSH:WIDTH].any(axis=1)
+    on |= arcs[:, MEAN_MOTION] != path.orbit.mean_motion
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
+    first, last = edges[::2], edges[1::2]
+    begin, over = arcs[first, START], arcs[last - 1, END]
+    rows = arcs[on].copy()
+    rows[:, IMPULSE : IMPULSE + 3] = 0.0
+    runs = Path(path.orbit, rows, np.concatenate([[0], np.cumsum(last - first)]), (len(first),))
+    pushes = _pushes(path, arcs[on], np.repeat(np.arange(len(first)), last - first))
+    every = Burns(
+        np.concatenate([arcs[kicks, START], begin]),
+        np.concatenate([np.zeros(len(kicks)), over - begin]),
+        np.concatenate([jumps[kicks], pushes]),
+        np.concatenate([np.linalg.norm(jumps[kicks], axis=1), runs.delta_v]),
+    )
+    order = np.argsort(every.start, kind="stable")
+    return Burns(*(column[order] for column in every))
+
+
+def _pushes(path: Path, arcs: Floats, run: Floats) -> Floats:
+    """Integrals of the thrust (R, 3) [m/s] over the `arcs` (M, WIDTH) of each `run` (M,), by number."""
+    found = np.zeros((int(run.max()) + 1 if len(run) else 0, 3))
+    for arc, whose in zip(arcs, run, strict=True):
+        duration = arc[END] - arc[START]
+        pieces = int(np.ceil(path.orbit.mean_motion * duration / PIECE)) or 1
+        half = 0.5 * duration / pieces
+        middles = arc[START] + half * (2.0 * np.arange(pieces) + 1.0)
+        alone = Path(path.orbit, arc[None], np.array([0, 1]), ())
+        thrust = alone.thrust((middles[:, None] + half * NODES).ravel()).reshape(pieces, len(NODES), 3)
+        found[int(whose)] += half * np.einsum("k,pki->i", WEIGHTS, thrust)
+    return found

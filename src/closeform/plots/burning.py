@@ -1,0 +1,120 @@
+"""Who burns when, and how much: all craft of a formation against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+
+from closeform.fuel.burns import Burns, burns_of
+from closeform.fuel.firing import Firing
+from closeform.motion.path import Path
+from closeform.plots.given import crafts
+from closeform.plots.letters import short_names
+from closeform.plots.look import (
+    AFTER,
+    FAINT,
+    INK,
+    SMALL,
+    clock,
+    column,
+    dress,
+    headline,
+    sheet,
+    speed,
+    speed_unit,
+    time_axes,
+)
+from closeform.plots.tracks import colours
+
+NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
+LETTERED = 8  # burns in a row up to which each has its size beside it
+BESIDE = 0.075  # of the time: sizes nearer than that would stand on each other
+HIGH = 0.8  # of a row, the largest burn
+MOST_ROWS = 60
+
+
+def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = None) -> Figure:
+    """Who burns when and how much: a row for each craft, a bar for each burn, as high as its delta-v.
+
+    An impulse, or a pulse of a thruster, is a thin bar; thrust that lasts from one coast to the next is one
+    bar of that length.
+
+    Parameters
+    ----------
+    paths : Path, sequence of Path, or Firing
+        A Path of shape (N,), or up to 60 paths; of a `Firing` its pulses.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there are more than 60 paths, names are not as many, or an argument is of another kind.
+    """
+    flown = crafts("paths", paths.path if isinstance(paths, Firing) else paths)
+    if len(flown) > MOST_ROWS:
+        raise ValueError(f"paths: up to {MOST_ROWS}, got {len(flown)}; show some of them")
+    called, count = short_names(names, len(flown)), len(flown)
+    every = _pulses(paths, count) if isinstance(paths, Firing) else [burns_of(path) for path in flown]
+    start, end = min(path.start for path in flown), max(path.end for path in flown)
+    ticks, greatest = clock(flown[0], start, end), max(float(one.size.max(initial=0.0)) for one in every)
+    figure = sheet(2.4 + 0.55 * count if count > 1 else 3.6)
+    (axes,) = column(figure, [1.0])
+    dress(axes)
+    for row, (one, tint) in enumerate(zip(every, colours(count) if count > 1 else [AFTER], strict=True)):
+        level = count - 1.0 - row
+        axes.axhline(level, color=FAINT, linewidth=1.0)
+        if not greatest:
+            continue
+        width = np.maximum(one.duration, NARROWEST * (end - start))
+        middle, high = one.start + 0.5 * one.duration, level + HIGH * one.size / greatest
+        left, right = ticks(middle - 0.5 * width), ticks(middle + 0.5 * width)
+        bars = np.stack([left, right, right, left], axis=1)
+        tops = np.stack([np.full_like(high, level), np.full_like(high, level), high, high], axis=1)
+        corners: Any = np.stack([bars, tops], axis=-1)
+        axes.add_collection(PolyCollection(corners, facecolors=tint, linewidths=0))
+        if len(middle) <= LETTERED:
+            last = -np.inf
+            for time, size in zip(middle.tolist(), one.size.tolist(), strict=True):
+                if time - last < BESIDE * (end - start):
+                    continue
+                last = time
+                late = time > start + 0.9 * (end - start)
+                place = (float(ticks(time)), level + HIGH * size / greatest)
+                look: dict[str, Any] = {"fontsize": SMALL - 2.0, "color": INK, "va": "center"}
+                look |= {"ha": "right" if late else "left", "textcoords": "offset points"}
+                axes.annotate(speed(size), place, (-3 if late else 3, 4), **look)
+    axes.set_ylim(-0.15, count - 1.0 + 1.0)
+    axes.set_yticks(np.arange(count)[::-1], called)
+    axes.tick_params(axis="y", labelsize=SMALL if count <= 20 else SMALL - 3)
+    time_axes([axes], ticks, start, end)
+    headline(figure, _said(called, every, greatest))
+    return figure
+
+
+def _pulses(firing: Firing, count: int) -> list[Burns]:
+    """The pulses of each craft."""
+    own = [firing.pulses[firing.pulses.craft == k] for k in range(count)]
+    return [Burns(one.start, one.duration, one.direction * one.impulse[:, None], one.impulse) for one in own]
+
+
+def _said(called: list[str], every: list[Burns], greatest: float) -> str:
+    """Who burns most, and the largest burn."""
+    spent = [float(one.size.sum()) for one in every]
+    if not greatest:
+        return "Nobody burns"
+    k, number = int(np.argmax(spent)), sum(len(one.size) for one in every)
+    unit = speed_unit(sum(spent))
+    burns = f"{number} burn{'s' * (number != 1)}, {sum(spent) / unit.size:.4g} {unit.name}"
+    if len(every) == 1:
+        return f"{called[0]}: {burns}; the largest is {speed(greatest)}"
+    return f"{burns} in all; {called[k]} spends most: {speed(spent[k])}"

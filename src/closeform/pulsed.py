@@ -1,0 +1,126 @@
+"""What thrusters make of a stage: pulses that fly its plan, with the room that they need, certified."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from closeform.conflicts.flight import Flight, PairApproach
+from closeform.mission_result import StageResult
+from closeform.stage_start import Room, StageStart
+from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.fuel.firing import Firing
+
+Result = TypeVar("Result", bound=StageResult[Any, Any])
+
+TRIES = 8  # plans that are made for room that grows
+SPARE = 1.02  # times the time that burns stick out: another plan has other burns
+GROWTH = 1.5  # of what zones are larger by, where that was too little
+DIRECTIONS = 400  # in which a zone's width is looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Pulsed:
+    """A stage whose craft `names` fire pulses: the `firing` counts them in this order.
+
+    `planned` is the flight that the pulses follow, in the `room` that it leaves them.
+    """
+
+    names: tuple[str, ...]
+    firing: "Firing"
+    planned: Flight
+    room: Room
+
+
+def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
+    """The StageResult of a `plan`, flown by the thrusters of those that have some.
+
+    Burns that would begin before the stage or end after it, and pulses that lead into a zone, ask for room:
+    the plan is made anew within coasts, or for larger zones.  Where there is none, conflicts remain.
+    """
+    room = Room()
+    kept: Result | None = None
+    for _ in range(TRIES):
+        later = start.leaving(room)
+        found = plan(later)
+        if found.failure is not None:
+            return found if kept is None else kept
+        firing = fired(start, found.after)
+        if firing is None:
+            return found
+        from closeform.fuel.pulses import extended
+
+        names, shot = firing
+        end = found.after.end + room.after
+        early, late = start.time - float(np.min(shot.path.start)), float(np.max(shot.path.end)) - end
+        if max(early, late) > 0.0:
+            before, after = (SPARE * max(one, 0.0) for one in (early, late))
+            room = replace(room, before=room.before + before, after=room.after + after)
+            continue
+        flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
+        paths = [flies.get(name, found.after.path(name)) for name in found.after.names]
+        flight = start.flight([extended(path, start.time, end) for path in paths])
+        kept = replace(found, start=start.time, after=flight, pulsed=Pulsed(names, shot, found.after, room))
+        if not flight.conflicts:
+            return kept
+        needed = wider(flight, dict(zip(names, np.ravel(shot.deviation).tolist(), strict=True)))
+        room = replace(room, larger=max(needed, 1.0 + GROWTH * (room.larger - 1.0)))
+    if kept is None:
+        raise ValueError("within: burns of thrusters find no room at its ends; give more time or thrust")
+    return kept
+
+
+def fired(start: StageStart, flight: Flight) -> "tuple[tuple[str, ...], Firing] | None":
+    """Who fires pulses on a flight, and what; None where nobody has thrusters and needs them."""
+    scenario = start.scenario
+    shooting = [
+        k
+        for k, craft in enumerate(scenario.craft)
+        if craft.thrusters is not None and flight.paths[k].delta_v > 0.0
+    ]
+    if not shooting:
+        return None
+    thrusters = [scenario.craft[k].fired(float(start.shares[k])) for k in shooting]
+    masses = [scenario.craft[k].mass for k in shooting]
+    impulses = [scenario.craft[k].specific_impulse for k in shooting]
+    tanks: dict[str, Any] = {}
+    if None not in masses and None not in impulses:
+        tanks = {
+            "mass": np.array(masses, dtype=float) * start.shares[shooting],
+            "specific_impulse": np.array(impulses, dtype=float),
+        }
+    from closeform.fuel.firing import fire  # whose kernels only thrusters need
+
+    names = tuple(scenario.names[k] for k in shooting)
+    try:
+        return names, fire(flight.paths[shooting], [one for one in thrusters if one is not None], **tanks)
+    except ValueError as error:
+        what, _, words = str(error).partition(": craft ")
+        if not words:
+            raise
+        k, _, why = words.partition(": ")
+        raise ValueError(f"{what}: {names[int(k)]}: {why}") from None
+
+
+def wider(flight: Flight, deviations: dict[str, float]) -> float:
+    """How many times larger zones hold what deviations [m] lead to, for the pairs in conflict."""
+    met = {(conflict.first, conflict.second) for conflict in flight.conflicts}
+    pairs: list[PairApproach] = [near for near in flight.approaches if (near.first, near.second) in met]
+    factors = [
+        1.0 + (deviations.get(near.first, 0.0) + deviations.get(near.second, 0.0)) / narrowest(near.zone)
+        for near in pairs
+    ]
+    return max(factors, default=1.0)
+
+
+def narrowest(zone: Zone) -> float:
+    """About how far a zone's surface is from its origin where it is nearest [m]."""
+    k = np.arange(DIRECTIONS)
+    height, turn = (2.0 * k + 1.0) / DIRECTIONS - 1.0, 2.399963229728653 * k
+    wide = np.sqrt(1.0 - height**2)
+    norms = zone.norm(np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1))
+    return float(1.0 / norms.max()) if norms.max() > 0.0 else inf

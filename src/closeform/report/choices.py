@@ -1,0 +1,182 @@
+"""What each choice costs: two impulses, least energy, least delta-v, within limits, with thrusters."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.path import Path
+from closeform.report import effort
+from closeform.report.picture import Picture
+from closeform.report.table import Column, Table
+
+MOST = 24  # craft, up to which choices are looked at
+DURATIONS = np.geomspace(0.1, 3.0, 40)  # of the plan's, at which the trade is looked at
+LONGEST = 100.0  # orbits
+CHOICE = (
+    Column("choice", "choice", words=True),
+    Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
+    Column("above the least [%]", "above_least", "{:+.3f}".format, 100.0),
+    effort.FUEL,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """The craft `movers` of a stage, between the ends of its direct paths, each alone."""
+
+    mission: Mission
+    result: StageResult[Any, Any]
+    movers: Sequence[str]
+
+    @cached_property
+    def ends(self) -> tuple[Floats, Floats, float, float]:
+        """Initial and final states (N, 6), duration and start [s]."""
+        from closeform.fuel.pulses import ends_of
+
+        paths = [self.result.before.path(name) for name in self.movers]
+        initial, final = (np.array(states) for states in zip(*map(ends_of, paths), strict=True))
+        return initial, final, paths[0].end - paths[0].start, paths[0].start
+
+    @cached_property
+    def least(self) -> Any:
+        """The Bound of each; None where there is none to be had."""
+        from closeform.fuel.bound import least_delta_v
+
+        initial, final, duration, _ = self.ends
+        if len(self.movers) > MOST or duration > LONGEST * self.mission.orbit.period:
+            return None
+        return least_delta_v(self.mission.orbit, initial, final, duration)
+
+    @property
+    def lower(self) -> float:
+        """What any plan costs at least, of all craft [m/s]."""
+        return float(np.sum(self.least.lower))
+
+    @cached_property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """Rows of CHOICE, the dearest first but for the plan."""
+        orbit, (initial, final, duration, start) = self.mission.orbit, self.ends
+        task = initial, final, duration, start
+        craft = [self.mission.scenario.craft[k] for k in self.places]
+        limits = [one.max_acceleration for one in craft]
+        told: list[tuple[str, Callable[[], Any]]] = [
+            ("two impulses", lambda: orbit.two_impulse(*task).delta_v),
+            ("least energy", lambda: orbit.transfer(*task).delta_v),
+        ]
+        if np.isfinite(limits).all():
+            told += [
+                ("least energy, within the limit", lambda: orbit.transfer(*task, limits).delta_v),
+                (
+                    "burns and coasts, within the limit",
+                    lambda: orbit.transfer(*task, limits, "delta-v").delta_v,
+                ),
+            ]
+        if all(one.thrusters is not None for one in craft):
+            told.append(("impulses of these thrusters", self.by_thrusters))
+        told.append(("least delta-v, impulses", lambda: self.least.upper))
+        found = [self.row(name, tried(spent)) for name, spent in told]
+        found = sorted(found, key=lambda row: -(row[1] or np.inf))
+        planned, flown = (
+            [paths[k] for k in self.places]
+            for paths in (self.result.planned.paths.delta_v, self.result.delta_v)
+        )
+        if self.result.flown:
+            found.append(self.row("this plan", planned))
+            if self.result.pulsed is not None:
+                found.append(self.row("this plan, as fired", flown))
+        return found
+
+    @property
+    def places(self) -> list[int]:
+        """The movers among all craft."""
+        return [self.mission.scenario.names.index(name) for name in self.movers]
+
+    def row(self, name: str, spent: Any) -> tuple[Any, ...]:
+        """A row of CHOICE for what each craft spends [m/s]; None where that is impossible."""
+        if spent is None or not np.isfinite(spent).all():
+            return name, None, None, None
+        total = float(np.sum(spent))
+        burnt = sum(
+            self.mission.burnt(self.result.number, k, float(one))
+            for k, one in zip(self.places, spent, strict=True)
+        )
+        above = total / self.lower - 1.0 if self.lower > 0.0 else None
+        return name, total, above, burnt if isfinite(burnt) else None
+
+    def by_thrusters(self) -> Floats:
+        """What impulses of each craft's thrusters cost, summed over these."""
+        initial, final, duration, start = self.ends
+        return np.array(
+            [
+                self.mission.orbit.impulsive(
+                    initial[k], final[k], duration, start, self.mission.scenario.craft[place].fired(1.0)
+                ).delta_v
+                for k, place in enumerate(self.places)
+            ]
+        )
+
+    def table(self, zones: bool) -> Iterator[Table]:
+        """The choices, where there is something to choose."""
+        if self.least is None or not self.lower > 0.0:
+            return
+        fuel = np.isfinite(self.mission.propellant).any()
+        columns = (
+            effort.in_grams(self.mission, one if fuel else replace(one, heading=None))
+            if one is effort.FUEL
+            else one
+            for one in CHOICE
+        )
+        title = "What each choice costs" + ", each craft by itself, without zones" * zones
+        yield Table(title, tuple(columns), self.rows)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for `summary.json`."""
+        if self.least is None:
+            return {}
+        return {"least_m_s": self.lower, "choices": Table("", CHOICE, self.rows).records}
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """Why the plan costs what it does, and what more time would save."""
+        if self.least is None or not self.lower > 0.0:
+            return ()
+        found = []
+        if self.result.stage.cost == "delta-v" and self.result.flown:
+            dearest = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
+            caption = f"The primer of {dearest}: where a push pays"
+            found.append(Picture("primer", caption, "primer", (self.plan(dearest),)))
+        plans = [self.plan(name) for name in self.movers] if self.result.flown else None
+        caption = "Least delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
+        return (*found, Picture("trade", caption, "trade", (self.trade, plans)))
+
+    def plan(self, name: str) -> Path:
+        """The planned path of a craft."""
+        return self.result.planned.path(name)
+
+    @cached_property
+    def trade(self) -> Any:
+        """What arriving on the same natural motions costs in more time or less, summed over all craft."""
+        from closeform.fuel.arrivals import arrivals
+
+        orbit, (initial, final, duration, _) = self.mission.orbit, self.ends
+        times = duration * DURATIONS
+        times = times[times <= LONGEST * orbit.period]
+        slots = final @ orbit.transition(-duration).T
+        each = [arrivals(orbit, one, slot[None], times) for one, slot in zip(initial, slots, strict=True)]
+        spent, least = (np.sum([getattr(one, what) for one in each], axis=0) for what in ("delta_v", "lower"))
+        return replace(each[0], delta_v=spent, lower=least)
+
+
+def tried(spent: Callable[[], Any]) -> Any:
+    """What a choice costs; None where it is none."""
+    try:
+        return spent()
+    except ValueError:
+        return None

@@ -1,0 +1,70 @@
+"""The section of one craft that moves alone: what it costs, and what each choice would."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from closeform.mission_result import Mission, StageResult, TransferResult
+from closeform.report import burns, conflicts, effort
+from closeform.report.choices import Choices
+from closeform.report.picture import Picture
+from closeform.report.section import Section, heading
+from closeform.report.table import Column, Table
+from closeform.scenario import Transfer
+
+Flown = StageResult[Transfer, TransferResult]
+
+
+def section(mission: Mission, result: Flown) -> Section:
+    """One craft moves."""
+    name = result.result.craft
+    choices = Choices(mission, result, [name])
+    lines, met = conflicts.summed("Conflicts", result.after) if result.after.approaches else ((), ())
+    path = result.planned.path(name)
+    shown, hidden = effort.columns(mission, [path]), result.pulsed is not None
+    columns = (Column("path", words=True), *effort.without_fuel(shown, hidden))
+    title = "Path of the plan" if result.flown else "Path without a limit"
+    row = "plan" if result.flown else "free", *effort.spent(mission, result, name, path)
+    return Section(
+        heading(result, f"{name} moves"),
+        lines,
+        (*met, Table(title, columns, [row]), *choices.table(zones=False), *burns.tables(mission, result)),
+        (*worth(result, choices), *burns.lines(result)),
+        conflicts.film(result, mission.scenario.zones) + pictures(result, choices),
+        {
+            "transfer": {
+                "craft": name,
+                "cost": result.stage.cost,
+                "asked_s": result.result.asked,
+                "planned": effort.figures(mission, result, name, path if result.flown else None),
+                **choices.figures,
+                **burns.figures(mission, result),
+            }
+        },
+        burns.files(mission, result),
+    )
+
+
+def worth(result: Flown, choices: Choices) -> Iterator[str]:
+    """How far from the least it is."""
+    if not result.flown:
+        yield "No such transfer: this is the path without a limit, which is not flown"
+        return
+    if choices.least is None:
+        return
+    spent, lower = float(result.planned.path(result.result.craft).delta_v), choices.lower
+    if lower > 0.0:
+        yield (
+            f"Delta-v {spent:.6g} m/s, {100.0 * (spent / lower - 1.0):.3f} % above the {lower:.6g} m/s "
+            "that any plan costs at least"
+        )
+
+
+def pictures(result: Flown, choices: Choices) -> tuple[Picture, ...]:
+    """The path, its thrust and burns, and why they cost what they do."""
+    flown, names = result.after.paths, {"names": result.after.names}
+    found = [Picture("paths", "The path", "formation_paths", (flown, flown), names)]
+    path = result.planned.path(result.result.craft)
+    if result.planned.path(result.result.craft).peak_thrust > 0.0:
+        arguments: tuple[Any, ...] = ([path], ["plan"])
+        found.append(Picture("thrust", f"Thrust of {result.result.craft}", "thrust", arguments))
+    return (*found, *burns.pictures(result), *choices.pictures)

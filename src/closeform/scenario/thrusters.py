@@ -1,0 +1,58 @@
+"""The thrusters of a craft: where they push, and the least that they give."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from closeform.fuel.thrusters import Thrusters
+from closeform.scenario.quantity import IMPULSE, SPEED, Reader, shown, unit_of
+from closeform.scenario.table import Table, Vector
+
+Directions = Annotated[tuple[Annotated[Vector, Field(strict=False)], ...], Field(strict=False, min_length=1)]
+
+
+class ThrusterTable(Table):
+    """thrusters: "rtn", which are six along and against each axis, or where they push."""
+
+    directions: Directions = Field(examples=["[[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]"])
+    frame: Literal["orbit", "inertial"] = Field("orbit", examples=['"inertial"'])
+
+    @model_validator(mode="before")
+    @classmethod
+    def by_name(cls, value: Any) -> Any:
+        """The table that a name stands for."""
+        if isinstance(value, str):
+            if value != "rtn":
+                raise ValueError(f'{shown(value)} is not known here; use "rtn" or a table with directions')
+            return {"directions": Thrusters.rtn().directions.tolist()}
+        return value
+
+    def flaws(self) -> Iterator[str]:
+        try:
+            Thrusters(self.directions, self.frame)
+        except ValueError as error:
+            yield str(error)
+
+
+@dataclass(frozen=True)
+class Bit:
+    """The least that a thruster gives at a time: a `velocity` [m/s], or an `impulse` [N s]."""
+
+    velocity: float = 0.0
+    impulse: float = 0.0
+
+    def on(self, mass: float) -> float:
+        """As a velocity [m/s] of a craft of that mass [kg]."""
+        return self.velocity + (self.impulse / mass if self.impulse else 0.0)
+
+
+def as_bit(value: Any) -> Bit:
+    """A speed, or an impulse."""
+    if isinstance(value, str) and unit_of(" ".join(value.split()[1:]))[1] == IMPULSE.dimension:
+        return Bit(impulse=float(Reader(IMPULSE, least="positive")(value)))  # type: ignore[arg-type]
+    return Bit(velocity=float(Reader(SPEED, least="positive")(value)))  # type: ignore[arg-type]
+
+
+MinimumBit = Annotated[Bit, BeforeValidator(as_bit)]

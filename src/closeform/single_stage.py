@@ -1,0 +1,93 @@
+"""Stages in which one craft moves: among others that do not give way, or without regard to them."""
+
+from dataclasses import replace
+
+from closeform.conflicts.flight import Flight
+from closeform.mission_result import AvoidResult, StageResult, TransferResult
+from closeform.motion.duration import far_beyond
+from closeform.motion.joining import join
+from closeform.motion.path import Path
+from closeform.pulsed import pulsed
+from closeform.scenario import Avoid, Transfer
+from closeform.stage_start import StageStart, too_late
+
+
+def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
+    """One craft moves; the others coast or fly their own transfers and do not give way."""
+    return pulsed(start, lambda later: around(later, stage))
+
+
+def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
+    """The plan of one craft around the others."""
+    from closeform.planning.avoid import Around
+    from closeform.planning.plan import weakness
+
+    names, asked = start.scenario.names, start.asked(stage)
+    targets = {fellow.craft: fellow.to for fellow in stage.meanwhile}
+    mover = names.index(stage.craft)
+    rest = tuple(name for name in names if name != stage.craft)
+
+    def other(name: str, duration: float) -> Path:
+        k = names.index(name)
+        if name not in targets:
+            return start.coast(k, duration)
+        path = start.transfer(targets[name], k, asked, stage.cost)
+        later = start.time + duration - path.end
+        return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
+
+    def flight(path: Path) -> Flight:
+        around = [other(name, path.end - start.time) for name in rest]
+        return start.flight([*around[:mover], path, *around[mover:]])
+
+    def way(factor: float) -> Path:
+        if stage.to is None:
+            return start.coast(mover, factor * asked)
+        return start.transfer(stage.to, mover, factor * asked, stage.cost)
+
+    craft, direct = start.scenario.craft[mover], way(1.0)
+    zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
+    others = [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest]
+    task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost)
+    if not craft.limited or stage.cost == "delta-v":
+        avoidance = task.plan(direct)
+    else:
+        avoidance = task.keep(
+            craft.max_acceleration, lambda factor: way(factor) if factor != 1.0 else direct, stage.longer
+        )
+    if avoidance.weak is not None:
+        avoidance = replace(
+            avoidance, reason=weakness(avoidance.weak, craft.name, start.scenario.force_mass(craft.name))
+        )
+    before = flight(direct)
+    after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
+    late = too_late(start, stage, after, {craft.name: avoidance.punctual})
+    plain = way((after.end - start.time) / asked) if late is not None else direct
+    result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked)
+    failure = None if avoidance.ok else avoidance.reason
+    return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
+
+
+def transfer(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
+    """One craft moves within its thrust in the given time; the others coast."""
+    return pulsed(start, lambda later: moved(later, stage))
+
+
+def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
+    """The plan of one craft that moves alone."""
+    scenario, asked = start.scenario, start.asked(stage)
+    k = 0 if stage.craft is None else scenario.names.index(stage.craft)
+    craft, initial, final = scenario.craft[k], start.states[k], start.goal(stage.to, asked)
+    failure = None
+    free = path = start.transfer(stage.to, k, asked, stage.cost)
+    try:
+        if craft.thrusters is not None and stage.cost == "delta-v":
+            thrusters = craft.fired(float(start.shares[k]))
+            path = start.orbit.impulsive(initial, final, asked, start.time, thrusters)
+        elif craft.limited:
+            limit = craft.max_acceleration / float(start.shares[k])
+            path = start.orbit.transfer(initial, final, asked, start.time, limit, stage.cost)
+    except ValueError as error:
+        failure = str(error)
+    before, after = (start.mixed([k], one) for one in (free, path))
+    result = TransferResult(craft.name, initial, final, asked, free)
+    return StageResult(start.number, stage, start.time, before, after, result, failure, failure is None)
