@@ -231,22 +231,7 @@ def test_larger_does_not_depend_on_order() -> None:
     assert containing_zone(Box([1.0, 9.0, 1.0]), Box([9.0, 1.0, 1.0])) is None
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "f6_scatter",
-        "tpf",
-        "robustness",
-        "cluster",
-        "swap",
-        "swap_deep_space",
-        "find_then_fly",
-        "inspector",
-        "safety_ellipse",
-        "cubesats",
-        "swap_impulses",
-    ],
-)
+@pytest.mark.parametrize("name", sorted(file.stem for file in EXAMPLES.glob("*.toml")))
 def test_samples_are_accepted(name: str) -> None:
     assert load(EXAMPLES / f"{name}.toml").title
 
