@@ -22,10 +22,11 @@ from closeform.compiled import kernel
 from closeform.fuel.shortest import REACH, shortest_transfer, surely_too_short
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH, acceleration
-from closeform.motion.ascent import IMPOSSIBLE, climb, dot, downhill, least_limit
+from closeform.motion.ascent import IMPOSSIBLE, climb, downhill, least_limit
 from closeform.motion.costates import sum_up
 from closeform.motion.duration import SHORTEST
 from closeform.motion.hill import coast, costate
+from closeform.motion.linear import dot
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, path_of

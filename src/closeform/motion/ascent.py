@@ -5,7 +5,7 @@ from math import inf, sqrt
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.costates import sum_up
-from closeform.motion.linear import solve
+from closeform.motion.linear import dot, solve
 
 DONE, IMPOSSIBLE, STUCK = 0, 1, 2
 STEPS = 60
@@ -13,14 +13,6 @@ BEYOND = 1e-12  # of the integral of |p|: less is rounding, and no proof
 SETTLED, ROUNDING = 1e-12, 3e-15  # of what is to be gained
 SHARP = 2e-7  # by so much delta-v may be above its bound while e falls: thrust is (|p| - 1)/e, and rounds
 FIRST, STEEPEST, TRIES = 0.1, 0.03, 40  # by how much e falls at first and at most, and how often
-
-
-@kernel()
-def dot(a, b):
-    total = 0.0
-    for k in range(6):
-        total += a[k] * b[k]
-    return total
 
 
 @kernel()

@@ -32,21 +32,21 @@ def orthonormal(n, duration, count, metric):
             mean[i, j] = metric[i, j] = 0.0
     for k in range(count):
         position_rows(n, duration * k / (count - 1.0), psi)
-        for i in range(6):
-            for j in range(i, 6):
-                mean[i, j] += (psi[0, i] * psi[0, j] + psi[1, i] * psi[1, j] + psi[2, i] * psi[2, j]) / count
+        for axis in range(3):
+            for i in range(6):
+                for j in range(i, 6):
+                    mean[i, j] += psi[axis, i] * psi[axis, j]
     factorise(mean, 6)  # mean = R' R with rows of R those of `mean` over the roots of the diagonal
     for j in range(6):
-        metric[j, j] = 1.0 / sqrt(mean[j, j])
+        metric[j, j] = sqrt(count / mean[j, j])
         for i in range(j - 1, -1, -1):
             for k in range(i + 1, j + 1):
                 metric[i, j] -= mean[i, k] / mean[i, i] * metric[k, j]
 
 
 @kernel()
-def rows_of(n, t, metric, psi, rows):
-    """Fill `rows` (18,), three of six: p at time t by y."""
-    position_rows(n, t, psi)
+def through(psi, metric, rows):
+    """Fill `rows` (18,), three of six: by y what `psi` (3, 6) is by c = metric y."""
     for i in range(3):
         for j in range(6):
             total = 0.0
@@ -65,7 +65,8 @@ def overlap(rows, i, j):
 def lay(n, t, metric, table, k):
     """Make time t the row k of the grid."""
     psi, rows = stack_matrix(3, 6), stack_vector(18)
-    rows_of(n, t, metric, psi, rows)
+    position_rows(n, t, psi)
+    through(psi, metric, rows)
     table[k, TIME] = t
     for i in range(18):
         table[k, ROWS + i] = rows[i]

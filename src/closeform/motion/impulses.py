@@ -22,12 +22,13 @@ from numba import float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
 from closeform.motion.arc import WIDTH as ARC
 from closeform.motion.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
 from closeform.motion.constant_primers import constant_primer
 from closeform.motion.hill import coast
+from closeform.motion.linear import dot
 from closeform.motion.nonnegative import MOST, nonnegative
 from closeform.motion.primer import gained, peaks
 from closeform.motion.reduced import (
@@ -42,6 +43,7 @@ from closeform.motion.reduced import (
     UPPER,
     along,
     fly,
+    natural,
     newton,
     settle,
 )
@@ -61,7 +63,7 @@ CHUNK = 64  # transfers that one thread takes at a time
 @kernel()
 def try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer):
     """A primer of constant length: its bound, and a plan along it if there is one."""
-    c, y, psi, rows = stack_vector(6), stack_vector(6), stack_matrix(3, 6), stack_vector(18)
+    c, y, rows = stack_vector(6), stack_vector(6), stack_vector(18)
     worth, constant = constant_primer(n, start, c)
     settle(answer, c, worth)
     if not constant:
@@ -77,7 +79,7 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
     for _ in range(FINER):
         for k in range(size):
             costs[k] = 0.0
-            along(n, times[k], metric, y, psi, rows, columns[k])
+            along(n, times[k], metric, y, rows, columns[k])
         count = nonnegative(columns, size, g, costs, weights, active)
         fly(n, metric, y, g, times, weights, active, count, answer)
         if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
@@ -85,7 +87,7 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
         size = 0
         for a in range(count):
             for k in range(9):
-                weights[size] = times[int(active[a])] + 0.25 * (k - 4) * apart
+                weights[size] = times[active[a]] + 0.25 * (k - 4) * apart
                 size += 0.0 <= weights[size] <= 1.0
         for k in range(size):
             times[k] = weights[k]
@@ -96,15 +98,13 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
 def optimise(n, start, table, times, squares, columns, bent, costs, weights, active, answer):
     """Fill the answer for what is to be gained, whose functional (6,) at the start is of length one."""
     metric, g, y, c = stack_matrix(6, 6), stack_vector(6), stack_vector(6), stack_vector(6)
-    psi, rows, near = stack_matrix(3, 6), stack_vector(18), stack_vector(6)
+    rows, near = stack_vector(18), stack_vector(6)
     grid = int(GRID + GRID_PER_TURN * n / 6.283185307179586)
     orthonormal(n, 1.0, grid, metric)
-    size = 0.0
     for i in range(6):
         g[i], y[i] = 0.0, 0.0
         for j in range(i + 1):
             g[i] += metric[j, i] * start[j]
-        size += g[i] * g[i]
     for k in range(grid):
         lay(n, k / (grid - 1.0), metric, table, k)
     try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer)
@@ -112,20 +112,18 @@ def optimise(n, start, table, times, squares, columns, bent, costs, weights, act
     if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
         return
     answer[UNIQUE] = 1.0
-    gap, weight = NEAR, sqrt(2.0 * grid / size)
+    gap, weight = NEAR, sqrt(2.0 * grid / dot(g, g))
     for turn in range(ROUNDS):
         weight = climb(table, grid, g, y, gap, weight)
         if turn:
             for k in range(grid):
                 times[k], costs[k] = table[k, TIME], SPARING * table[k, SLACK]
-                along(n, times[k], metric, y, psi, rows, columns[k])
+                along(n, times[k], metric, y, rows, columns[k])
             count = nonnegative(columns, grid, g, costs, weights, active)
             fly(n, metric, y, g, times, weights, active, count, answer)
         for i in range(6):
             near[i] = y[i]
-            c[i] = 0.0
-            for j in range(i, 6):
-                c[i] += metric[i, j] * y[j]
+        natural(metric, y, c)
         size, highest = peaks(n, 1.0, c, TOUCHING, times, squares)
         for i in range(6):
             y[i] *= 0.999 / sqrt(highest)
@@ -135,30 +133,6 @@ def optimise(n, start, table, times, squares, columns, bent, costs, weights, act
             return
         grid = widen(n, metric, times, size, table, grid)
         gap *= CLOSER
-
-
-@kernel()
-def at_both_ends(start, answer):
-    """In deep space p is linear, and |p| greatest at an end: two impulses are the least."""
-    lengths = stack_vector(2)
-    for k in range(2):  # v_0 + v_1 is the velocity gained, -v_1 the place
-        square = 0.0
-        for axis in range(3):
-            push = start[axis] - start[3 + axis] if k == 0 else start[3 + axis]
-            answer[FIRST + 4 * k + 1 + axis] = push
-            square += push * push
-        answer[FIRST + 4 * k] = 1.0 * k
-        lengths[k] = sqrt(square)
-    along = 0.0
-    for axis in range(3):
-        first, last = answer[FIRST + 1 + axis], answer[FIRST + 5 + axis]
-        u = first / lengths[0] if lengths[0] > 0.0 else last / lengths[1]
-        v = last / lengths[1] if lengths[1] > 0.0 else u
-        answer[PRIMER + axis], answer[PRIMER + 3 + axis] = u, v - u
-        along += u * v
-    answer[LOWER] = answer[UPPER] = lengths[0] + lengths[1]
-    answer[COUNT] = 2.0
-    answer[UNIQUE] = 0.0 if along > 1.0 - 1e-15 and lengths[0] * lengths[1] > 0.0 else 1.0
 
 
 @kernel()
@@ -174,67 +148,57 @@ def widen(n, metric, times, size, table, grid):
     return grid
 
 
-@kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1]))
-def least_impulses(n: float, arcs: Floats, finals: Floats, answers: Floats) -> None:
-    """The answers (P, 34) to as many transfers, each from its arc's state and in its time."""
-    longest = 0.0
-    for p in range(len(arcs)):
-        longest = max(longest, arcs[p, END] - arcs[p, START])
-    room = int(GRID + 2.0 * GRID_PER_TURN * n * longest / 6.0) + 200
-    table, columns, bent = np.empty((room, WIDTH)), np.empty((room, 6)), np.empty((room, 6))
-    times, squares, costs, weights = np.empty(room), np.empty(room), np.empty(room), np.empty(room)
-    active, start = np.empty(MOST), np.empty(6)
+@kernel(
+    void(
+        float64,
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, :, ::1],
+        int64[::1],
+        float64[:, ::1],
+    )
+)
+def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
+    """The `answers` (P, 34), zeros so far, to as many transfers, each from its arc's state and in its time.
+
+    The other arrays are room for the grid (K, 47), lists of times (4, K), columns (2, K, 9) and indices (6,).
+    """
+    arcs, finals, answers = borrowed(arcs), borrowed(finals), borrowed(answers)
+    table, lines, columns, active = borrowed(table), borrowed(lines), borrowed(columns), borrowed(active)
+    times, squares, costs, weights = lines[0], lines[1], lines[2], lines[3]
+    start = stack_vector(6)
     for p in range(len(arcs)):
         arc, answer = arcs[p], answers[p]
         t = arc[END] - arc[START]
-        for k in range(ANSWER):
-            answer[k] = 0.0
         gained(n, arc, finals[p], start)
-        size, scale = 0.0, 0.0
+        scale = 0.0
         for k in range(6):
             unit = t if k < 3 else 1.0
-            start[k] /= t if k >= 3 else 1.0  # positions over the duration, as are the primer's rates
-            size += start[k] * start[k]
+            start[k] *= unit / t  # positions over the duration, as are the primer's rates
             scale += (abs(arc[STATE + k]) + abs(finals[p, k])) / unit
-        size = sqrt(size)
+        size = sqrt(dot(start, start))
         if size <= EXACT * (1.0 + 6.0 * n * t) * scale:
             answer[UNIQUE] = 1.0
             continue
         for k in range(6):
             start[k] /= size
         answer[UPPER] = inf
-        if n == 0.0:
-            at_both_ends(start, answer)
-        else:
-            optimise(n * t, start, table, times, squares, columns, bent, costs, weights, active, answer)
+        optimise(n * t, start, table, times, squares, columns[0], columns[1], costs, weights, active, answer)
         answer[UPPER] *= size
         answer[LOWER] = min(size * answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of it
-        for k in range(int(answer[COUNT])):
-            answer[FIRST + 4 * k] *= t
-            for axis in range(3):
-                answer[FIRST + 4 * k + 1 + axis] *= size
         for axis in range(3):
             answer[PRIMER + 3 + axis] /= t
-        in_order(answer)
-
-
-@kernel()
-def in_order(answer):
-    """Put the impulses in order of time, and leave out those of no size."""
-    count = 0
-    for k in range(int(answer[COUNT])):
-        source = FIRST + 4 * k
-        t, x, y, z = answer[source], answer[source + 1], answer[source + 2], answer[source + 3]
-        if x == 0.0 and y == 0.0 and z == 0.0:
-            continue
-        place = FIRST + 4 * count
-        while place > FIRST and answer[place - 4] > t:
-            for i in range(4):
-                answer[place + i] = answer[place - 4 + i]
-            place -= 4
-        answer[place], answer[place + 1], answer[place + 2], answer[place + 3] = t, x, y, z
-        count += 1
-    answer[COUNT] = count
+        for k in range(int(answer[COUNT])):
+            place = FIRST + 4 * k
+            answer[place] *= t
+            for axis in range(1, 4):
+                answer[place + axis] *= size
+            while place > FIRST and answer[place - 4] > answer[place]:  # in order of time
+                for i in range(place, place + 4):
+                    answer[i], answer[i - 4] = answer[i - 4], answer[i]
+                place -= 4
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1]))
@@ -287,14 +251,44 @@ def check_lengths(mean_motion: float, arcs: Floats) -> None:
         )
 
 
+def at_both_ends(arcs: Floats, finals: Floats, answers: Floats) -> None:
+    """In deep space p is linear, and |p| greatest at an end: two impulses are the least."""
+    t, states = (arcs[:, END] - arcs[:, START])[:, None], arcs[:, STATE : STATE + 6]
+    last = (states[:, :3] - finals[:, :3]) / t + finals[:, 3:]
+    pushes = np.stack([finals[:, 3:] - states[:, 3:] - last, last], axis=1)
+    scale = ((np.abs(states) + np.abs(finals)) / np.where(np.arange(6) < 3, t, 1.0)).sum(axis=1)
+    pushes[np.sqrt((pushes**2).sum(axis=(1, 2))) <= EXACT * scale] = 0.0
+    sizes = np.sqrt((pushes**2).sum(axis=2))
+    fired = sizes > 0.0
+    units = pushes / np.where(fired, sizes, 1.0)[..., None]
+    units = np.where(fired[..., None], units, units[:, ::-1])
+    answers[:, LOWER] = answers[:, UPPER] = sizes.sum(axis=1)
+    answers[:, COUNT] = fired.sum(axis=1)
+    answers[:, UNIQUE] = ~(fired.all(axis=1) & ((units[:, 0] * units[:, 1]).sum(axis=1) > 1.0 - 1e-15))
+    answers[:, PRIMER : PRIMER + 3], answers[:, PRIMER + 3 : FIRST] = (
+        units[:, 0],
+        (units[:, 1] - units[:, 0]) / t,
+    )
+    impulses = np.concatenate([t[:, None] * [[0.0], [1.0]], pushes], axis=2)
+    impulses = np.where(fired[:, :1, None], impulses, impulses[:, ::-1])  # those that are fired, first
+    answers[:, FIRST : FIRST + 8] = impulses.reshape(-1, 8)
+
+
 def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
     """Answers (P, 34) to as many transfers, on all cores; see `reduced` for their columns."""
     check_lengths(mean_motion, arcs)
-    found = np.empty((len(arcs), ANSWER))
+    found = np.zeros((len(arcs), ANSWER))
+    if mean_motion == 0.0:
+        at_both_ends(arcs, finals, found)
+        return found
+    angle = mean_motion * float((arcs[:, END] - arcs[:, START]).max(initial=0.0))
+    room = int(GRID + 2.0 * GRID_PER_TURN * angle / 6.0) + 200
 
     def solve(first: int) -> None:
         some = slice(first, first + CHUNK)
-        least_impulses(mean_motion, arcs[some], finals[some], found[some])
+        table, lines, columns = np.empty((room, WIDTH)), np.empty((4, room)), np.empty((2, room, 9))
+        active = np.empty(MOST, dtype=np.int64)
+        least_impulses(mean_motion, arcs[some], finals[some], table, lines, columns, active, found[some])
 
     if len(arcs) <= CHUNK:
         solve(0)

@@ -71,6 +71,15 @@ def back_substitute(matrix, rhs, size):
 
 
 @kernel()
+def dot(a, b):
+    """Scalar product of two vectors' first six numbers."""
+    total = 0.0
+    for k in range(6):
+        total += a[k] * b[k]
+    return total
+
+
+@kernel()
 def copy(source, target):
     """Copy a vector; a slice assignment would make numba compile its error message."""
     for k in range(len(source)):

@@ -22,7 +22,7 @@ def left_over(columns, target, weights, active, count, rest):
     for i in range(6):
         rest[i] = target[i]
     for a in range(count):
-        k = int(active[a])
+        k = active[a]
         for i in range(6):
             rest[i] -= weights[k] * columns[k, i]
 
@@ -35,20 +35,20 @@ def balance(columns, target, costs, weights, active, count, rest, gram, aims):
         for b in range(a, count):
             gram[a, b] = 0.0
             for i in range(6):
-                gram[a, b] += columns[int(active[a]), i] * columns[int(active[b]), i]
+                gram[a, b] += columns[active[a], i] * columns[active[b], i]
         longest = max(longest, gram[a, a])
     for a in range(count):
         gram[a, a] += RIDGE * longest
     factorise(gram, count)
     left_over(columns, target, weights, active, count, rest)
     for a in range(count):
-        k = int(active[a])
+        k = active[a]
         aims[a] = -costs[k]
         for i in range(6):
             aims[a] += columns[k, i] * rest[i]
     back_substitute(gram, aims, count)
     for a in range(count):
-        aims[a] += weights[int(active[a])]
+        aims[a] += weights[active[a]]
 
 
 @kernel()
@@ -78,15 +78,15 @@ def nonnegative(columns, size, target, costs, weights, active):
             balance(columns, target, costs, weights, active, count, rest, gram, aims)
             reach, leaves = 1.0, -1
             for a in range(count):
-                now = weights[int(active[a])]
+                now = weights[active[a]]
                 if aims[a] <= 0.0 and now <= reach * (now - aims[a]):
                     reach, leaves = now / (now - aims[a]) if now > 0.0 else 0.0, a
             for a in range(count):
-                k = int(active[a])
+                k = active[a]
                 weights[k] += reach * (aims[a] - weights[k])
             if leaves < 0:
                 break
-            weights[int(active[leaves])] = 0.0
+            weights[active[leaves]] = 0.0
             count -= 1
             for a in range(leaves, count):
                 active[a] = active[a + 1]

@@ -18,9 +18,10 @@ from closeform.arrays import Floats, broadcast
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, state_at
-from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, dot, downhill, least_limit, sharpen
+from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, downhill, least_limit, sharpen
 from closeform.motion.costates import COASTING, RISING, piece_end, side, sum_up
 from closeform.motion.hill import coast, oscillation
+from closeform.motion.linear import dot
 from closeform.motion.mean_motion import checked
 from closeform.motion.primer import NARROWEST, functional
 
