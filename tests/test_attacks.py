@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -216,10 +217,12 @@ def test_folders_without_permission(command, desk) -> None:
 @pytest.mark.parametrize("command", ["run", "study", "check", "screen"])
 def test_ctrl_c_at_any_moment(command, desk) -> None:
     """At eight moments of a command: it ends with 130 and one line, or it had ended before."""
-    begun = time.monotonic()
-    told(desk, shlex.split(COMMANDS[command]))
-    lasts = time.monotonic() - begun
-    shutil.rmtree(desk / "out", ignore_errors=True)
+    lasts = inf
+    for _ in range(2):  # the shorter one: other work may be going on beside
+        begun = time.monotonic()
+        told(desk, shlex.split(COMMANDS[command]))
+        lasts = min(lasts, time.monotonic() - begun)
+        shutil.rmtree(desk / "out", ignore_errors=True)
     interrupted = 0
     for moment in range(8):
         with subprocess.Popen(
