@@ -1133,6 +1133,26 @@ CALLS = (
         "mass: must be positive, got 0",
     ),
     Call(
+        "thrusters in a plan of least energy",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), thrusters=thrusters)",
+        "thrusters: go with cost 'delta-v'; ask for that, or leave them out",
+    ),
+    Call(
+        "thrusters of more craft than there are",
+        "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), cost='delta-v', thrusters=[thrusters] * 2)",
+        "thrusters: 2 sets for 1 craft; give one, or one for each",
+    ),
+    Call(
+        "a plan for thrusters that do not push across the track",
+        "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), names=['A'], cost='delta-v', thrusters=cf.Thrusters(thrusters.directions[:4]))",
+        "thrusters: A: no firing in 3000 s gets there: nothing pushes across the track",
+    ),
+    Call(
+        "a plan for thrusters that push to one side",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), cost='delta-v', thrusters=cf.Thrusters(thrusters.directions[::2]))",
+        "thrusters: no firing in 3000 s gets there: what it needs lies where none of them pushes, as along -0.577 -0.577 -0.577 of their frame; add one there",
+    ),
+    Call(
         "a plan that found no path",
         "cf.fire(cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(250.0)), thrusters)",
         "plan: has no path to fly: the path's start is 0.00 x zone from obstacle 0; move it or the time",

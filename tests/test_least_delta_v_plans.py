@@ -27,15 +27,15 @@ def rates(n):
     return a
 
 
-def passage(seed):
-    """A transfer whose least delta-v leads through a sphere: (states, duration, obstacle, radius)."""
+def passage(seed, thrusters=None):
+    """A transfer whose least delta-v leads through a sphere: states, duration, obstacle, radius."""
     rng = np.random.default_rng(seed)
     n = ORBIT.mean_motion
     while True:
         x, y, z, vx, vz = rng.normal(size=(5, 2)) * 150.0 * np.array([[1], [1], [1], [n], [n]])
         a, b = np.stack([x, y, z, vx, -2.0 * n * x, vz]).T
         duration = ORBIT.period * rng.uniform(0.3, 1.5)
-        free = ORBIT.impulsive(a, b, duration)
+        free = ORBIT.impulsive(a, b, duration, thrusters=thrusters)
         when, radius = duration * rng.uniform(0.3, 0.7), rng.uniform(15.0, 60.0)
         hit = free.state(when) + np.concatenate(
             [0.3 * radius * rng.normal(size=3), 0.02 * rng.normal(size=3)]

@@ -10,6 +10,7 @@ h^4/384 of its fourth derivative, which is bounded.  Directions fixed in inertia
 Time runs from 0 to 1 here, lengths are divided by the duration, and n is the angle in a duration.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ NEAR = 0.9  # d . p from which a time stays in the program
 INDEPENDENT = 1e-13  # of the largest eigenvalue of what thrusters can do: less is nothing
 EXACT = 1e-15  # of the states: less than that is no gain but rounding, for each radian
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+ONE_SIDED = "what it needs lies where none of them pushes"
 REACHED = 1e-9  # of what is to be gained, that must be
 
 
@@ -118,7 +120,7 @@ class Program:
                 np.ones(len(columns)), A_eq=(columns @ metric).T, b_eq=g @ metric, options=TOLERANCES
             )
             if found.x is None:
-                raise OutOfReach("what it needs lies where none of them pushes")
+                raise OutOfReach(ONE_SIDED)
             c = metric @ found.eqlin.marginals
             peak, added = self.highest(c)
             worth = float(g @ c) / max(peak, 1e-300)
@@ -142,13 +144,17 @@ class OutOfReach(Exception):
     """No firing makes a transfer; the argument says why."""
 
 
-def directed_answers(
-    mean_motion: float, arcs: Floats, finals: Floats, directions: Floats, inertial: bool
+def answers_of(
+    thrusters: Any, mean_motion: float, arcs: Floats, finals: Floats, called: Sequence[str] = ()
 ) -> Floats:
-    """Answers (P, 34) to as many transfers, as of `impulses.answers`, with impulses along the directions.
+    """Answers (P, 34) to as many transfers, as of `impulses.answers`, with impulses of a craft's thrusters.
 
-    Raises ValueError where no firing makes a transfer.
+    Raises ValueError where no firing makes a transfer, which it names as it is `called`.
     """
+    if not hasattr(thrusters, "directions"):
+        raise ValueError(f"thrusters: expected Thrusters, got {shown(thrusters)}")
+    check_lengths(mean_motion, arcs)
+    directions, inertial = thrusters.directions, thrusters.frame == "inertial"
     out = np.zeros((len(arcs), ANSWER))
     for k, (arc, final) in enumerate(zip(arcs, finals, strict=True)):
         duration = arc[END] - arc[START]
@@ -167,8 +173,15 @@ def directed_answers(
         try:
             lower, primer, times, who, sizes = program.solve(g / size)
         except OutOfReach as reason:
-            craft = f"transfer {k} of {len(arcs)}: " if len(arcs) > 1 else ""
-            raise ValueError(f"thrusters: {craft}no firing in {duration:g} s gets there: {reason}") from None
+            named = called[k] if called else f"transfer {k} of {len(arcs)}" if len(arcs) > 1 else ""
+            craft = f"{named}: " if named else ""
+            where = thrusters.unreachable if reason.args[0] == ONE_SIDED else None
+            lack = ""
+            if where is not None:
+                lack = f", as along {' '.join(f'{x:.3g}' for x in where)} of their frame; add one there"
+            raise ValueError(
+                f"thrusters: {craft}no firing in {duration:g} s gets there: {reason}{lack}"
+            ) from None
         pushes = (
             sizes[:, None]
             * turned(directions, inertial, program.phase + program.n * times)[np.arange(len(times)), who]
@@ -181,11 +194,3 @@ def directed_answers(
             first = FIRST + 4 * place
             out[k, first], out[k, first + 1 : first + 4] = times[j] * duration, pushes[j] * size
     return out
-
-
-def answers_of(thrusters: Any, mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
-    """Answers (P, 34) for a craft's thrusters."""
-    if not hasattr(thrusters, "directions"):
-        raise ValueError(f"thrusters: expected Thrusters, got {shown(thrusters)}")
-    check_lengths(mean_motion, arcs)
-    return directed_answers(mean_motion, arcs, finals, thrusters.directions, thrusters.frame == "inertial")

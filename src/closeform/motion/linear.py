@@ -1,8 +1,13 @@
 """Small dense linear algebra inside kernels."""
 
+from math import inf, sqrt
+
 import numpy as np
 
 from closeform.compiled import kernel
+
+ROOT = 1e-14  # of the diagonal, added
+DEPENDENT = 1e-12  # of the diagonal: less left of a row is rounding
 
 
 @kernel()
@@ -77,6 +82,24 @@ def dot(a, b):
     for k in range(6):
         total += a[k] * b[k]
     return total
+
+
+@kernel()
+def triangle(matrix, size):
+    """Cholesky's factor of the leading block in its lower half, for what may be of lower rank.
+
+    A row that depends on those before it has inf on the diagonal, so that substitution leaves it out.
+    """
+    for a in range(size):
+        least = DEPENDENT * matrix[a, a]
+        matrix[a, a] *= 1.0 + ROOT
+        for b in range(a):
+            matrix[a, a] -= matrix[a, b] * matrix[a, b]
+        matrix[a, a] = sqrt(matrix[a, a]) if matrix[a, a] > least else inf
+        for c in range(a + 1, size):
+            for b in range(a):
+                matrix[c, a] -= matrix[c, b] * matrix[a, b]
+            matrix[c, a] /= matrix[a, a]
 
 
 @kernel()

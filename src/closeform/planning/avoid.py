@@ -10,6 +10,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from closeform.arrays import Floats, instance, numbers, shown
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -46,6 +47,7 @@ def avoid(
     prove: float = 0.0,
     names: Sequence[str] | None = None,
     cost: Cost = "energy",
+    thrusters: Thrusters | None = None,
 ) -> Avoidance:
     """The cheapest path found between the same states and times that stays out of every zone.
 
@@ -83,6 +85,9 @@ def avoid(
     cost : "energy" or "delta-v", default "energy"
         What is least.  With "delta-v" the path has impulses, as few as its ends and contacts need; `budget`
         counts starts, and `max_acceleration`, `prove` and "sauter-palmer" are not for it.
+    thrusters : Thrusters, optional
+        Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both
+        do.  Also a clear path is planned anew then.
 
     Returns
     -------
@@ -93,8 +98,8 @@ def avoid(
     ------
     ValueError
         If `path` is a batch, an obstacle is in another orbit, zones or names are not as many as obstacles,
-        a limit is not positive, a budget below 1, a time negative, a word unknown, or an argument of another
-        kind.
+        a limit is not positive, a budget below 1, a time negative, a word unknown, an argument of another
+        kind, or the thrusters cannot make the transfer, whatever is in the way.
 
     References
     ----------
@@ -108,9 +113,11 @@ def avoid(
 
     check_effort(budget, prove)
     limited = max_acceleration is not None
-    check_cost(cost, max_acceleration=limited, prove=prove > 0.0, method=method != "exact")
+    check_cost(cost, thrusters, max_acceleration=limited, prove=prove > 0.0, method=method != "exact")
     instance("longer", longer, bool, np.bool_)
-    task = Around.of(path.orbit, obstacles, zone, method, budget, names, cost)
+    if thrusters is not None:
+        instance("thrusters", thrusters, Thrusters)
+    task = Around.of(path.orbit, obstacles, zone, method, budget, names, cost, thrusters)
     return (
         task.plan(path, prove)
         if max_acceleration is None
@@ -128,6 +135,7 @@ class Around:
     method: str
     budget: int | None
     cost: Cost = "energy"
+    thrusters: Thrusters | None = None
 
     @classmethod
     def of(
@@ -139,6 +147,7 @@ class Around:
         budget: int | None,
         names: Sequence[str] | None,
         cost: Cost = "energy",
+        thrusters: Thrusters | None = None,
     ) -> Self:
         """Raises ValueError naming the argument of `avoid` that does not fit."""
         if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
@@ -147,7 +156,7 @@ class Around:
         if batch is None:
             raise ValueError("obstacles: give at least one path")
         zones, called = zones_around(zone, len(batch)), obstacle_names(names, len(batch))
-        return cls(batch, zones, called, method, budget, cost)
+        return cls(batch, zones, called, method, budget, cost, thrusters)
 
     def plan(self, path: Path, prove: float = 0.0, fixed: bool = False) -> Avoidance:
         """The way around for a path, or the path itself where it is clear.
@@ -162,7 +171,8 @@ class Around:
             return refused(problem, Status.END_INSIDE, reason)
         clear = not problem.conflicts(problem.with_path(path))
         if self.cost == "delta-v":
-            return impulsive(path if clear else None, problem, self.budget)
+            kept = path if clear and self.thrusters is None else None
+            return impulsive(kept, problem, self.thrusters, self.budget)
         if clear:
             energy, bound = path.energy, min(float(optimum.energy), path.energy)
             extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
@@ -259,34 +269,34 @@ def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) ->
     )
 
 
-def impulsive(clear: Path | None, problem: Problem, budget: int | None) -> Avoidance:
+def impulsive(
+    clear: Path | None, problem: Problem, thrusters: Thrusters | None, budget: int | None
+) -> Avoidance:
     """`avoid` by least delta-v; a `clear` path is left as it is where none found is cheaper."""
-    found, free = solve_impulses(problem, budget)
+    found, free = solve_impulses(problem, (thrusters,), ("",), budget)
     ways = f"{found.tried} starts examined"
     if found.flown is None and clear is None:
         none = refused(problem, Status.NOT_FOUND, f"no clear path among {ways}; raise budget for more")
         return replace(none, lower_bound=free.least, tried=found.tried, cost="delta-v")
-    number, path = len(found.contacts), clear
-    if found.flown is not None:
-        cheapest = problem.path(found.flown)[0]
-        if clear is None or cheapest.delta_v < (1.0 - CHEAPER) * clear.delta_v:
-            path = cheapest
+    number, path, spent = len(found.contacts), clear, found.delta_v
+    if found.flown is not None and (clear is None or spent < (1.0 - CHEAPER) * clear.delta_v):
+        path = problem.path(found.flown)[0]
     assert path is not None
     if path is clear:
-        number = 0
-    bound = min(free.least, path.delta_v)
+        number, spent = 0, path.delta_v
+    bound = min(free.least, spent)
     best = f"{number} contact{'s' * (number != 1)}, the best of {ways}" if number else "no conflict"
     return Avoidance(
         path=path,
         energy=path.energy,
         extra_energy=path.energy - problem.energy(problem.direct),
-        delta_v=path.delta_v,
+        delta_v=spent,
         lower_bound=bound,
         contacts=found.contacts if number else (),
         status=Status.AVOIDED if number else Status.CLEAR,
-        reason=f"{best}, {closeness(path.delta_v, bound, 'delta-v')}",
+        reason=f"{best}, {closeness(spent, bound, 'delta-v')}",
         margin=found.margin if number else 1.0,
-        proven=is_proven(path.delta_v, bound),
+        proven=is_proven(spent, bound),
         tried=found.tried,
         cost="delta-v",
     )

@@ -3,13 +3,14 @@
 Of N craft with times at which they may fire, and K planes a_k . (r_i - r_j)(t_k) >= s_k,
 
     maximise   sum g_i . c_i + sum f_k m_k   over c_i and m_k >= 0, |p_i| <= 1 at each time   # theory (37)
+               or d . p_i <= 1 where the impulse is along d
     p_i(t) = Psi(t) c_i + sum over t_k > t of +- m_k Phi_rv(t_k - t)^T a_k                    # theory (38)
 
 f_k is what the unforced paths miss of the plane.  The primer p_i is a natural motion between its
 planes, at which its rate jumps.  Newton's method follows the centres of logarithmic barriers, whose
 own impulses
 
-    v_i(t) = 2 p_i / (1 - |p_i|^2) / sharpness                                                # theory (39)
+    v_i(t) = 2 p_i / (1 - |p_i|^2) / sharpness   or   d / (1 - d . p_i) / sharpness           # theory (39)
 
 reach the ends and keep the planes with room to spare; a face of equal optima is left in its middle.
 Craft meet in planes only, so a step costs a 6 x 6 system each and one of all planes.
@@ -21,11 +22,10 @@ import numpy as np
 from numba import float64
 
 from closeform.compiled import kernel
-from closeform.kernel_loans import lent, stack_matrix, stack_vector
-from closeform.motion.arc import MEAN_MOTION, START
+from closeform.kernel_loans import lent, stack_vector
 from closeform.motion.linear import back_substitute, factorise
-from closeform.motion.primer import position_rows
-from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, forces, gain
+from closeform.planning.impulse_rows import begin, fill_members, fill_rows, normalise
+from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, gain, is_free
 from closeform.planning.scene import BLOCKS
 
 STEPS = 600  # of Newton's method, at most
@@ -34,71 +34,26 @@ CENTRED, EXACT = 0.1, 1e-9  # Newton decrement at which the next one, or the end
 FIRST = 0.3  # sharpness to start with, of that at which gains and barriers are of one size
 INSIDE = 0.95  # of the way to where a multiplier vanishes, or of what a start may reach
 ROOT = 1e-14  # of the diagonal, added
-FIRST_PULL = 0.3  # length of a primer by the planes alone, to start with
 
 
 @kernel()
-def fill_rows(fleet, planes, i, members, size, rows):
-    """Fill `rows` (J, 3, 6 + M): the primer of a craft at each of its times by c and its multipliers."""
-    n = fleet.base[i, MEAN_MOTION]
-    psi, pushed = stack_matrix(3, 6), stack_vector(3)
-    for j in range(fleet.counts[i]):
-        t = fleet.times[i, j]
-        position_rows(n, t - fleet.base[i, START], psi)
-        for axis in range(3):
-            for k in range(6):
-                rows[j, axis, k] = psi[axis, k]
-        for m in range(size):
-            k = members[m]
-            ahead = planes.times[k] - t
-            sign = 1.0 if planes.first[k] == i else -1.0
-            if ahead > 0.0:
-                forces(n, ahead, planes.rows[k], psi, pushed)
-            for axis in range(3):
-                rows[j, axis, 6 + m] = sign * pushed[axis] if ahead > 0.0 else 0.0
+def room_of(rows, along, size, x, p):
+    """Fill `p` (3,), the primer at one moment; returns 1 - |p|^2, or 1 - d . p."""
+    for axis in range(3):
+        p[axis] = 0.0
+        for k in range(size):
+            p[axis] += rows[axis, k] * x[k]
+    if is_free(along):
+        return 1.0 - p[0] * p[0] - p[1] * p[1] - p[2] * p[2]
+    return 1.0 - p[0]
 
 
 @kernel()
-def normalise(rows, count, g, root):
-    """Make the first six columns orthonormal over the times, the gain to match; `root` (6, 6) is how."""
-    for a in range(6):
-        for b in range(a + 1):
-            total = 0.0
-            for j in range(count):
-                for axis in range(3):
-                    total += rows[j, axis, a] * rows[j, axis, b]
-            root[a, b] = total / count
-    for a in range(6):  # Cholesky
-        root[a, a] *= 1.0 + ROOT
-        for b in range(a):
-            root[a, a] -= root[a, b] * root[a, b]
-        root[a, a] = sqrt(root[a, a])
-        for c in range(a + 1, 6):
-            for b in range(a):
-                root[c, a] -= root[c, b] * root[a, b]
-            root[c, a] /= root[a, a]
-    for a in range(6):
-        for b in range(a):
-            g[a] -= root[a, b] * g[b]
-        g[a] /= root[a, a]
-        for j in range(count):
-            for axis in range(3):
-                for b in range(a):
-                    rows[j, axis, a] -= root[a, b] * rows[j, axis, b]
-                rows[j, axis, a] /= root[a, a]
-
-
-@kernel()
-def barrier(rows, count, size, x):
-    """The sum of log(1 - |p|^2) over a craft's times; -inf outside."""
-    total = 0.0
+def barrier(rows, along, count, size, x):
+    """The sum of the logarithms of a craft's rooms; -inf outside."""
+    total, p = 0.0, stack_vector(3)
     for j in range(count):
-        room = 1.0
-        for axis in range(3):
-            value = 0.0
-            for k in range(size):
-                value += rows[j, axis, k] * x[k]
-            room -= value * value
+        room = room_of(rows[j], along[j], size, x, p)
         if not room > 0.0:
             return -inf
         total += log(room)
@@ -106,7 +61,7 @@ def barrier(rows, count, size, x):
 
 
 @kernel()
-def curvature(rows, count, size, x, slope, hessian):
+def curvature(rows, along, count, size, x, slope, hessian):
     """Fill the gradient of `barrier` and the upper half of its negative Hessian; returns its value."""
     p, e = stack_vector(3), np.empty(size)
     for a in range(size):
@@ -115,15 +70,18 @@ def curvature(rows, count, size, x, slope, hessian):
             hessian[a, b] = 0.0
     total = 0.0
     for j in range(count):
-        room = 1.0
-        for axis in range(3):
-            p[axis] = 0.0
-            for k in range(size):
-                p[axis] += rows[j, axis, k] * x[k]
-            room -= p[axis] * p[axis]
+        room = room_of(rows[j], along[j], size, x, p)
         if not room > 0.0:
             return -inf
         total += log(room)
+        if not is_free(along[j]):
+            for a in range(size):
+                e[a] = rows[j, 0, a] / room
+                slope[a] -= e[a]
+            for a in range(size):
+                for b in range(a, size):
+                    hessian[a, b] += e[a] * e[b]
+            continue
         f = 2.0 / room
         for a in range(size):
             e[a] = f * (rows[j, 0, a] * p[0] + rows[j, 1, a] * p[1] + rows[j, 2, a] * p[2])
@@ -139,7 +97,7 @@ def curvature(rows, count, size, x, slope, hessian):
 def eliminate(hessian, rhs, size):
     """Solve for a craft's own six unknowns; what is left after them is for the planes."""
     for k in range(6):
-        hessian[k, k] *= 1.0 + ROOT
+        hessian[k, k] += ROOT * (1.0 + hessian[k, k])  # which may be zero
         for i in range(k + 1, size):
             share = hessian[k, i] / hessian[k, k]
             rhs[i] -= share * rhs[k]
@@ -148,7 +106,7 @@ def eliminate(hessian, rhs, size):
 
 
 @kernel()
-def climb(rows, counts, members, sizes, gains, misses, sharpness, tolerance, bar, x, multipliers):
+def climb(rows, along, counts, members, sizes, gains, misses, sharpness, tolerance, bar, x, multipliers):
     """Follow the barriers' centres to a relative gap; returns the bound, and the sharpness there.
 
     `x` (N, 6 + M) is a point inside, with the multipliers' copies; inf where no impulses keep the planes,
@@ -173,7 +131,7 @@ def climb(rows, counts, members, sizes, gains, misses, sharpness, tolerance, bar
             schur[k, k] = 1.0 / multipliers[k] ** 2
         for i in range(craft):
             size = 6 + sizes[i]
-            here += curvature(rows[i], counts[i], size, x[i], rhs[i], hessians[i])
+            here += curvature(rows[i], along[i], counts[i], size, x[i], rhs[i], hessians[i])
             for a in range(6):
                 bound += gains[i, a] * x[i, a]
                 rhs[i, a] += sharpness * gains[i, a]
@@ -224,7 +182,7 @@ def climb(rows, counts, members, sizes, gains, misses, sharpness, tolerance, bar
                     trial[a] = x[i, a] + step * rhs[i, a]
                 for a in range(6):
                     there += sharpness * gains[i, a] * trial[a]
-                there += barrier(rows[i], counts[i], size, trial)
+                there += barrier(rows[i], along[i], counts[i], size, trial)
             if there >= here + 0.1 * step * decrement - 1e-13 * abs(here):
                 break
             step *= 0.6
@@ -239,47 +197,14 @@ def climb(rows, counts, members, sizes, gains, misses, sharpness, tolerance, bar
 
 
 @kernel()
-def begin(rows, count, members, size, multipliers):
-    """Lower a craft's multipliers to where its planes alone hardly pull."""
-    for m in range(size):
-        greatest = 0.0
-        for j in range(count):
-            square = 0.0
-            for axis in range(3):
-                square += rows[j, axis, 6 + m] ** 2
-            greatest = max(greatest, square)
-        if greatest > 0.0:
-            k = members[m]
-            multipliers[k] = min(multipliers[k], FIRST_PULL / (size * sqrt(greatest)))
-
-
-@kernel()
-def fill_members(planes, members, sizes):
-    """Fill which planes each craft has (N, K), and how many; returns the greatest number."""
-    widest = 0
-    for k in range(len(planes.times)):
-        for side in range(2):
-            i = planes.first[k] if side == 0 else planes.second[k]
-            if i >= 0:
-                members[i, sizes[i]] = k
-                sizes[i] += 1
-                widest = max(widest, sizes[i])
-    return widest
-
-
-@kernel()
-def primers_to_impulses(rows, count, size, x, sharpness, impulses):
+def primers_to_impulses(rows, along, count, size, x, sharpness, impulses):
     """Fill a craft's impulses (J, 3) from its primers at the barriers' centre.          # theory (39)"""
+    p = stack_vector(3)
     for j in range(count):
-        room = 1.0
+        room = room_of(rows[j], along[j], size, x, p)
+        free = is_free(along[j])
         for axis in range(3):
-            value = 0.0
-            for k in range(size):
-                value += rows[j, axis, k] * x[k]
-            impulses[j, axis] = value
-            room -= value * value
-        for axis in range(3):
-            impulses[j, axis] *= 2.0 / (room * sharpness)
+            impulses[j, axis] = (2.0 * p[axis] if free else along[j, axis]) / (room * sharpness)
 
 
 @kernel(float64(FLEET, PLANES, float64, float64, DUAL, BLOCKS))
@@ -300,7 +225,8 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     for i in range(craft):
         gain(fleet, i, gains[i])
         fill_rows(fleet, planes, i, members[i], sizes[i], rows[i])
-        normalise(rows[i], fleet.counts[i], gains[i], roots[i])
+        if not normalise(rows[i], fleet.counts[i], gains[i], roots[i]):
+            return inf
         begin(rows[i], fleet.counts[i], members[i], sizes[i], dual.multipliers)
         terms += fleet.counts[i]
         for a in range(6):
@@ -316,12 +242,24 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
             x[i, 6 + m] = dual.multipliers[members[i, m]]
     first = FIRST * sqrt(2.0 * terms / total)
     cost, sharpness = climb(
-        rows, fleet.counts, members, sizes, gains, planes.misses, first, tolerance, bar, x, dual.multipliers
+        rows,
+        fleet.along,
+        fleet.counts,
+        members,
+        sizes,
+        gains,
+        planes.misses,
+        first,
+        tolerance,
+        bar,
+        x,
+        dual.multipliers,
     )
     if cost == inf:
         return inf
     for i in range(craft):
-        primers_to_impulses(rows[i], fleet.counts[i], 6 + sizes[i], x[i], sharpness, impulses[i])
+        size = 6 + sizes[i]
+        primers_to_impulses(rows[i], fleet.along[i], fleet.counts[i], size, x[i], sharpness, impulses[i])
         for a in range(5, -1, -1):  # from orthonormal unknowns back to c
             dual.starts[i, a] = x[i, a]
             for b in range(a + 1, 6):

@@ -1,25 +1,27 @@
 """From impulses at many times to paths with few: ends met to rounding, no more impulses than they need."""
 
-from math import inf
-
 import numpy as np
 from numba import int64, void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
-from closeform.motion.linear import solve
+from closeform.motion.linear import triangle
 from closeform.motion.primer import position_rows
-from closeform.planning.impulse_scene import FLEET, PLANES, coast_state, forces, gain
+from closeform.planning.impulse_scene import FLEET, PLANES, coast_state, forces, gain, is_free, project
 from closeform.planning.scene import BLOCKS, INDICES, ROWS
 
 REPAIRS = 3  # of the ends, which rounding leaves open
+NOTHING, ROUNDING = 1e-9, 1e-4  # left of terms that add up to none, and of their weights in that
 DEPENDENT = 1e-12  # of the greatest pivot: a column is the sum of others
 
 
 @kernel()
 def repair(fleet, i, impulses):
-    """Change a craft's impulses by as little as makes them reach its end, the large ones first."""
+    """Change the sizes of a craft's impulses, where they are free also their directions, to reach its end.
+
+    By as little as does it, the large ones first.
+    """
     n = fleet.base[i, MEAN_MOTION]
     matrix, left, psi = stack_matrix(6, 6), stack_vector(6), stack_matrix(3, 6)
     for _ in range(REPAIRS):
@@ -33,27 +35,37 @@ def repair(fleet, i, impulses):
             if weight == 0.0:
                 continue
             position_rows(n, fleet.times[i, j] - fleet.base[i, START], psi)
+            project(fleet.along[i, j], psi)
             for a in range(6):
                 for axis in range(3):
                     left[a] -= psi[axis, a] * v[axis]
                     for b in range(6):
                         matrix[a, b] += weight * psi[axis, a] * psi[axis, b]
+        triangle(matrix, 6)  # what these impulses do not change stays as it is
         for a in range(6):
-            if not matrix[a, a] > 0.0:
-                return
-        solve(matrix, left, 6)
-        for a in range(6):
-            if not abs(left[a]) < inf:  # too few impulses to change any by a little
-                return
+            for b in range(a):
+                left[a] -= matrix[a, b] * left[b]
+            left[a] /= matrix[a, a]
+        for a in range(5, -1, -1):
+            for b in range(a + 1, 6):
+                left[a] -= matrix[b, a] * left[b]
+            left[a] /= matrix[a, a]
         for j in range(fleet.counts[i]):
             v = impulses[i, j]
             weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
             if weight == 0.0:
                 continue
             position_rows(n, fleet.times[i, j] - fleet.base[i, START], psi)
+            project(fleet.along[i, j], psi)
+            change = stack_vector(3)
             for axis in range(3):
+                change[axis] = 0.0
                 for a in range(6):
-                    impulses[i, j, axis] += weight * psi[axis, a] * left[a]
+                    change[axis] += weight * psi[axis, a] * left[a]
+            grown = weight + change[0] * v[0] + change[1] * v[1] + change[2] * v[2]
+            pulls = grown < 0.0 and not is_free(fleet.along[i, j])
+            for axis in range(3):
+                v[axis] = 0.0 if pulls else v[axis] + change[axis]
 
 
 @kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
@@ -197,13 +209,16 @@ def scale_rows(matrix, size, used, count):
 
 @kernel()
 def is_null(matrix, size, used, columns, z):
-    """Whether columns of a matrix, weighted by z, add up to rounding."""
+    """Whether columns of a matrix, its rows of one size, add up to rounding when weighted by z."""
+    weight = 0.0
+    for c in range(columns):
+        weight += abs(z[c])
     for a in range(size):
-        total, terms = 0.0, 0.0
+        total, terms = 0.0, ROUNDING * weight
         for c in range(columns):
             total += matrix[a, used[c]] * z[c]
             terms += abs(matrix[a, used[c]] * z[c])
-        if abs(total) > 1e-9 * terms:
+        if abs(total) > NOTHING * terms:
             return False
     return True
 

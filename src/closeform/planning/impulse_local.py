@@ -4,8 +4,10 @@ A round prices the planes of the contacts (`impulse_dual`), flies the impulses, 
 Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
 clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
 maxima of their primers, and when they last did; in the end only when they must.           # theory 6
+Thrusters have moments of their own each: a time, and the direction of one of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf, pi
 from typing import Any
@@ -13,14 +15,17 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START, THRUST, WIDTH
-from closeform.motion.impulses import answers
+from closeform.motion.nonnegative import MOST
 from closeform.motion.reduced import COUNT, LOWER, UPPER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.contacts import turn_normals
+from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_dual import price
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
+from closeform.planning.impulse_moments import Moments, Pushes
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_scene import Dual, Fleet, Planes
 from closeform.planning.problem import Flown, PairRow, Problem
@@ -48,7 +53,10 @@ DEARER = 1.0002  # times the cost, that few impulses may cost
 
 @dataclass(frozen=True, eq=False)
 class Spent:
-    """What one round came to: paths, their delta-v [m/s], conflicts left, and what it was found with."""
+    """What one round came to: paths, their delta-v [m/s], conflicts left, and what it was found with.
+
+    Delta-v is the sum of the sizes of all `impulses`: of two thrusters that fire at once, of both.
+    """
 
     flown: Flown
     delta_v: float
@@ -56,9 +64,9 @@ class Spent:
     missed: list[PairRow]
     contacts: Contacts
     margin: float  # of the zones, to which planes were moved out
-    fleet: Fleet
+    moments: list[Moments]  # of each craft
     impulses: Floats  # (N, J, 3)
-    peaks: list[Floats]  # when each craft's primer is longest
+    peaks: list[Moments]  # when each craft's primer is longest, or most along one of its thrusters
 
     @property
     def pushing(self) -> Any:
@@ -66,21 +74,23 @@ class Spent:
         pushes = self.contacts.multipliers
         return pushes > WEAK * pushes.sum() / max(len(pushes), 1)
 
-    def fired(self, share: float) -> list[Floats]:
+    def fired(self, share: float) -> list[Moments]:
         """When each craft fires more than a share of all."""
-        sizes = np.linalg.norm(self.impulses, axis=2)
-        return [row[size > share * self.delta_v] for row, size in zip(self.fleet.times, sizes, strict=True)]
+        large = np.linalg.norm(self.impulses, axis=2) > share * self.delta_v
+        return [own.some(row[: len(own.times)]) for own, row in zip(self.moments, large, strict=True)]
 
 
 class ImpulseSolver:
     """Solves one problem from any contacts, by impulses."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> None:
+        self.problem, self.thrusters, self.names = problem, thrusters, names
+        self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
         self.aim = AIM
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
-        self.grid = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
+        times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
+        self.grid = list(map(Moments.every, times, self.pushes.counts))
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
@@ -92,25 +102,35 @@ class ImpulseSolver:
         self.matrices = problem.bare.matrices[problem.kinds]
 
     def unconstrained(self) -> Spent:
-        """The least delta-v of each craft by itself, whatever is in the way."""
+        """The least delta-v of each craft by itself, whatever is in the way.
+
+        Raises ValueError for a craft whose thrusters cannot make its transfer.
+        """
         base = self.problem.base
-        found = answers(self.problem.orbit.mean_motion, base, self.finals)
+        given = self.problem.orbit.mean_motion, base, self.finals, self.thrusters, self.names
+        found = answers_alone(*given)
         tables = [row[FIRED_FROM:].reshape(-1, 4)[: int(row[COUNT])] for row in found]
-        times = [start + table[:, 0] for start, table in zip(base[:, START], tables, strict=True)]
-        fleet = self.fleet(times)
-        impulses = np.zeros((*fleet.times.shape, 3))
-        for row, table in zip(impulses, tables, strict=True):
-            row[: len(table)] = table[:, 1:]
+        times, impulses = np.zeros((len(base), MOST)), np.zeros((len(base), MOST, 3))
+        for i, table in enumerate(tables):
+            times[i, : len(table)] = base[i, START] + table[:, 0]
+            impulses[i, : len(table)] = table[:, 1:]
+        which = self.pushes.nearest(times, impulses)
+        fired = [
+            Moments(row[: len(table)], own[: len(table)])
+            for row, own, table in zip(times, which, tables, strict=True)
+        ]
+        fleet = self.fleet(fired)
+        impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
         flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
         missed, spent = self.problem.conflicts(flown), float(found[:, UPPER].sum())
-        return Spent(flown, spent, least, missed, Contacts.none(), 1.0, fleet, impulses, times)
+        return Spent(flown, spent, least, missed, Contacts.none(), 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
         """The cheapest clear paths that a start leads to; None where there are none below `bar`."""
         best, self.aim, tolerance = None, AIM, WIDEST
-        times = list(self.grid)
+        moments = self.grid
         for _ in range(ROUNDS):
-            found = self.priced(times, contacts, tolerance, bar)
+            found = self.priced(moments, contacts, tolerance, bar)
             if found is None:
                 break
             if not found.missed:
@@ -119,10 +139,7 @@ class ImpulseSolver:
                 if tolerance == LAST and gained < SETTLED * found.delta_v:
                     break
             contacts = self.turned(found)
-            times = [
-                np.unique(np.concatenate(some))
-                for some in zip(self.grid, found.peaks, found.fired(FIRED), strict=True)
-            ]
+            moments = list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
             tolerance = max(LAST, FINER * tolerance)
         return best
 
@@ -132,8 +149,8 @@ class ImpulseSolver:
         for share in (FIRED, IDLE):
             found, few = best, None
             for _ in range(FOCUSING):
-                times = list(map(merged, found.fired(share), found.peaks, apart))
-                again = self.priced(times, self.turned(found), LAST, DEARER * best.delta_v)
+                moments = list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
+                again = self.priced(moments, self.turned(found, 0.0), LAST, DEARER * best.delta_v)
                 if again is None:
                     break
                 found = again
@@ -146,40 +163,46 @@ class ImpulseSolver:
                 return few
         return best
 
-    def priced(self, times: list[Floats], contacts: Contacts, tolerance: float, bar: float) -> Spent | None:
-        """The least delta-v that keeps the planes of contacts, fired at some times; None where above `bar`.
+    def priced(
+        self, moments: list[Moments], contacts: Contacts, tolerance: float, bar: float
+    ) -> Spent | None:
+        """The least delta-v that keeps the planes of contacts, fired at moments; None where above `bar`.
 
         Once paths are nearly clear, planes are moved out from round to round by what is missing.
         """
         count, aim = self.problem.count, self.aim
-        fleet, planes = self.fleet(times), self.planes(contacts)
+        fleet, planes = self.fleet(moments), self.planes(contacts)
         dual = Dual(np.zeros((count, 6)), np.zeros(contacts.number))
         impulses = np.zeros((*fleet.times.shape, 3))
         cost = price(fleet, planes, tolerance, bar, dual, impulses)
         if cost == inf:
             return None
-        instants, counts = np.empty((count, ROOM)), np.zeros(count, dtype=np.int64)
-        longest = find_peaks(fleet, planes, dual, LEVEL, instants, counts)
-        peaks = [row[:number].copy() for row, number in zip(instants, counts, strict=True)]
+        instants, which = np.empty((count, ROOM)), np.empty((count, ROOM), dtype=np.int64)
+        counts = np.zeros(count, dtype=np.int64)
+        longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
+        peaks = [
+            Moments(row[:number], own[:number])
+            for row, own, number in zip(instants, which, counts, strict=True)
+        ]
         keep_fewest(fleet, planes, impulses)
         flown = self.flown(fleet, impulses)
         missed = self.problem.conflicts(flown)
         worst = min((row[3] for _, row in missed), default=1.0)
         if worst > NEARLY and tolerance == LAST:
             self.aim = aim + 1.0 - worst if missed else 0.5 * (aim + AIM)
-        spent = float(np.sum(self.problem.path(flown).delta_v))
+        spent = float(np.linalg.norm(impulses, axis=2).sum())
         contacts = contacts._replace(multipliers=dual.multipliers)
         least = (1.0 - ROUNDING) * cost / max(longest, 1.0)
-        return Spent(flown, spent, least, missed, contacts, aim, fleet, impulses, peaks)
+        return Spent(flown, spent, least, missed, contacts, aim, moments, impulses, peaks)
 
-    def fleet(self, times: list[Floats]) -> Fleet:
-        """All craft, with times at which they may fire."""
-        counts = np.array([len(one) for one in times])
-        table = np.full((len(times), counts.max()), inf)
-        for row, one in zip(table, times, strict=True):
-            row[: len(one)] = one
-        span = np.array([self.problem.first, self.problem.last])
-        return Fleet(self.problem.bare.base, self.finals, table, counts, span)
+    def fleet(self, moments: list[Moments]) -> Fleet:
+        """All craft, with moments at which they may fire."""
+        counts = np.array([len(own.times) for own in moments])
+        times, which = np.zeros((len(counts), counts.max())), np.zeros((len(counts), counts.max()), dtype=int)
+        for i, own in enumerate(moments):
+            times[i, : counts[i]], which[i, : counts[i]] = own
+        along, span = self.pushes.along(which, times), np.array([self.problem.first, self.problem.last])
+        return Fleet(self.problem.bare.base, self.finals, times, along, counts, span, *self.pushes)
 
     def planes(self, contacts: Contacts) -> Planes:
         """The planes of contacts, and by how much craft that coast on miss them."""
@@ -190,11 +213,11 @@ class ImpulseSolver:
         places = self.problem.motions(self.drift, contacts)[:, 0]
         return Planes(times, rows, self.aim - (contacts.normals * places).sum(axis=1), first, second)
 
-    def turned(self, found: Spent) -> Contacts:
-        """The contacts, turned to where their pairs are, and where those are that came too close."""
+    def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
+        """The contacts that push or are nearer, turned to where their pairs are, and those of conflicts."""
         problem, contacts = self.problem, found.contacts
         contacts = contacts._replace(normals=sides(problem, found.flown, contacts, TURNED))
-        near = (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < NEAR
+        near = (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
         contacts = contacts.some(near | found.pushing)
         for pair, row in found.missed:
             one = problem.at(pair, row[2])
@@ -231,14 +254,3 @@ def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
     """New contacts, on the sides on which paths pass; ahead where two craft meet."""
     normals = sides(problem, flown, contacts)
     return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))
-
-
-def merged(times: Floats, peaks: Floats, apart: float) -> Floats:
-    """Times that stand for those no further apart: the peaks where there are some among them."""
-    if not len(times):
-        return peaks
-    found = []
-    for group in np.split(times, np.flatnonzero(np.diff(times) > apart) + 1):
-        near = peaks[(peaks >= group[0] - apart) & (peaks <= group[-1] + apart)]
-        found.append(near if len(near) else group[[len(group) // 2]])
-    return np.unique(np.concatenate(found))

@@ -1,17 +1,19 @@
-"""When a craft's primer is longest: the times at which it should fire."""
+"""When a craft's primer is longest, or most along one of its thrusters: when it should fire."""
 
-from math import sqrt
+from math import cos, inf, sin, sqrt
 
 import numpy as np
 from numba import float64
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import lent
-from closeform.motion.arc import END, MEAN_MOTION, START
+from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
 from closeform.motion.hill import coast
 from closeform.motion.primer import peaks
-from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, coast_state
-from closeform.planning.scene import INDICES, ROWS
+from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, coast_state, is_free
+from closeform.planning.scene import INDICES, PAIRS, ROWS
+
+BETWEEN = 1e-7  # by which d . p may differ from cubics between its samples
 
 
 @kernel()
@@ -30,18 +32,77 @@ def add_push(n, planes, k, i, multiplier, t, state):
     state[5] += vz
 
 
-@kernel(float64(FLEET, PLANES, DUAL, float64, ROWS, INDICES))
-def find_peaks(fleet, planes, dual, level, times, counts):
-    """Fill `times` (N, M) with where each craft's |p| is locally greatest and above `level`; the greatest.
+@kernel()
+def share_along(n, t, c, spin, angle, d):
+    """d . p and its rate a time t after the primer's state `c`; d (3,) turns back."""
+    x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
+    cosine, sine = cos(angle + spin * t), sin(angle + spin * t)
+    dx, dy = d[0] * cosine + d[1] * sine, d[1] * cosine - d[0] * sine
+    return dx * x + dy * y + d[2] * z, dx * vx + dy * vy + d[2] * vz + spin * (dy * x - dx * y)
 
-    The latter is certain, and `level` at least: divided by it the point is feasible at all times.
+
+@kernel()
+def fourth_derivative(n, duration, c, spin):
+    """A bound of that of d . p over a duration, for any unit vector d that turns with `spin`."""
+    ax, ay, az = acceleration(n, c[0], c[2], c[3], c[4])
+    jx, jy, jz = acceleration(n, c[3], c[5], ax, ay)
+    a, b = sqrt(ax * ax + ay * ay + az * az), sqrt(jx * jx + jy * jy + jz * jz)
+    bend = a + b * (min(duration, 1.0 / n) if n > 0.0 else duration)  # |p''|: a natural motion has
+    jerk = b + a * n * min(n * duration, 1.0)  # p'' cos + p''' sin / n
+    speed = sqrt(c[3] * c[3] + c[4] * c[4] + c[5] * c[5]) + duration * bend
+    place = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) + duration * speed
+    return n * n * bend + spin * (4.0 * jerk + spin * (6.0 * bend + spin * (4.0 * speed + spin * place)))
+
+
+@kernel()
+def peaks_along(n, duration, c, spin, angle, d, level, instants):
+    """Fill `instants` with local maxima of d . p over [0, duration] that reach `level`.
+
+    Returns how many, and a certain bound of d . p: between samples h apart it differs from the cubic of
+    its values and rates by h^4/384 of its fourth derivative at most.
+    """
+    rest = fourth_derivative(n, duration, c, spin) * duration**4 / 384.0
+    pieces = int((rest / BETWEEN) ** 0.25) + 2
+    h = duration / pieces
+    rest /= float(pieces) ** 4
+    low, a = share_along(n, 0.0, c, spin, angle, d)
+    count, highest, before, when, rises = 0, -inf, -inf, 0.0, True
+    for k in range(pieces):
+        high, b = share_along(n, (k + 1) * h, c, spin, angle, d)
+        top, at = (high, 1.0) if high > low else (low, 0.0)
+        q, r = 3.0 * (high - low) - h * (2.0 * a + b), 2.0 * (low - high) + h * (a + b)
+        square = q * q - 3.0 * r * h * a  # the cubic low + h a s + q s^2 + r s^3 and where its slope falls
+        s = h * a / (sqrt(square) - q) if square > 0.0 else 0.0
+        if 0.0 < s < 1.0:
+            value = low + s * (h * a + s * (q + s * r))
+            if value > top:
+                top, at = value, s
+        if rises and top < before and before >= level and count < len(instants):
+            instants[count] = when
+            count += 1
+        rises, before, when = top >= before, top, (k + at) * h
+        highest = max(highest, top)
+        low, a = high, b
+    if rises and before >= level and count < len(instants):
+        instants[count] = when
+        count += 1
+    return count, highest + rest
+
+
+@kernel(float64(FLEET, PLANES, DUAL, float64, ROWS, PAIRS, INDICES))
+def find_peaks(fleet, planes, dual, level, times, which, counts):
+    """Fill where each craft's |p|, or d . p of its thrusters, is locally greatest and above `level`.
+
+    In `times` (N, M), with `which` (N, M) of its directions.  Returns the greatest, which is certain, and
+    `level` at least: divided by it the point is feasible at all times.
     """
     fleet, planes = lent(fleet), lent(planes)
     room, number = times.shape[1], len(planes.times)
     instants, squares, state, order = np.empty(room), np.empty(room), np.empty(6), np.empty(number + 1)
-    highest = level * level
+    highest = level
     for i in range(len(fleet.base)):
         n, start, end = fleet.base[i, MEAN_MOTION], fleet.base[i, START], fleet.base[i, END]
+        spin = fleet.spins[i]
         pieces = 0
         for k in range(number):
             if planes.first[k] == i or planes.second[k] == i:
@@ -61,11 +122,18 @@ def find_peaks(fleet, planes, dual, level, times, counts):
             for k in range(number):
                 if (planes.first[k] == i or planes.second[k] == i) and planes.times[k] >= order[piece]:
                     add_push(n, planes, k, i, dual.multipliers[k], t, state)
-            found, high = peaks(n, order[piece] - t, state, level, instants, squares)
-            highest = max(highest, high)
-            for m in range(found):
-                if counts[i] < room:
-                    times[i, counts[i]] = min(t + instants[m], order[piece])
-                    counts[i] += 1
+            for one in range(fleet.numbers[i]):
+                d, duration = fleet.directions[i, one], order[piece] - t
+                if is_free(d):
+                    found, high = peaks(n, duration, state, level, instants, squares)
+                    high = sqrt(high)
+                else:
+                    found, high = peaks_along(n, duration, state, spin, spin * t, d, level, instants)
+                highest = max(highest, high)
+                for m in range(found):
+                    if counts[i] < room:
+                        times[i, counts[i]] = min(t + instants[m], order[piece])
+                        which[i, counts[i]] = one
+                        counts[i] += 1
             t = order[piece]
-    return sqrt(highest)
+    return highest

@@ -9,20 +9,25 @@ from closeform.compiled import kernel
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
 from closeform.motion.primer import functional, position_rows
-from closeform.planning.scene import INDICES, NUMBERS, ROWS
+from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
 
 
 class Fleet(NamedTuple):
-    """N craft that fire at some of their times: mean motion, base arcs, final states, what is gained.
+    """N craft that fire at some of their moments: mean motion, base arcs, final states, what is gained.
 
-    `times` (N, J) are in order, `counts` (N,) of them valid; `span` (2,) is the time that is flown.
+    `times` (N, J) are in order, `counts` (N,) of them valid; an impulse is `along` (N, J, 3), a unit vector,
+    or free in direction where that is zero.  `span` (2,) is the time that is flown.
     """
 
     base: Floats  # (N, 21): a row with each craft's times and initial state
     finals: Floats  # (N, 6)
     times: Floats
+    along: Floats
     counts: Any
     span: Floats
+    directions: Floats  # (N, M, 3) of each craft's thrusters at time 0; zero: free
+    numbers: Any  # (N,) of them
+    spins: Floats  # (N,) [rad/s]: with which the directions turn backwards
 
 
 class Planes(NamedTuple):
@@ -45,7 +50,7 @@ class Dual(NamedTuple):
     multipliers: Floats  # (K,)
 
 
-FLEET = types.NamedTuple((ROWS, ROWS, ROWS, INDICES, NUMBERS), Fleet)
+FLEET = types.NamedTuple((ROWS, ROWS, ROWS, BLOCKS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet)
 PLANES = types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES), Planes)
 DUAL = types.NamedTuple((ROWS, NUMBERS), Dual)
 
@@ -66,6 +71,23 @@ def forces(n, dt, row, psi, out):
     position_rows(n, dt, psi)
     for axis in range(3):
         out[axis] = psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]
+
+
+@kernel()
+def is_free(along):
+    """Whether an impulse may have any direction."""
+    return along[0] == 0.0 and along[1] == 0.0 and along[2] == 0.0
+
+
+@kernel()
+def project(along, psi):
+    """Leave of `psi` (3, 6) what an impulse can make use of."""
+    if is_free(along):
+        return
+    for a in range(6):
+        share = along[0] * psi[0, a] + along[1] * psi[1, a] + along[2] * psi[2, a]
+        for axis in range(3):
+            psi[axis, a] = along[axis] * share
 
 
 @kernel()

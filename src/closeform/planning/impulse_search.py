@@ -1,15 +1,16 @@
 """The search over passing sides by impulses: from which contacts least delta-v is looked for."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, nan
 
 import numpy as np
 
+from closeform.fuel.thrusters import Thrusters
 from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
 from closeform.planning.passing import FEW
 from closeform.planning.planner import Outcome, contacts_of, solve
-from closeform.planning.problem import Problem
+from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.sides import exit_normals
 
@@ -17,47 +18,56 @@ ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 MORE = 4  # times as many where none of those is clear
 
 
-def solve_impulses(problem: Problem, budget: int | None = None, more: bool = False) -> tuple[Outcome, Spent]:
+def solve_impulses(
+    problem: Problem,
+    thrusters: Sequence[Thrusters | None],
+    names: Sequence[str],
+    budget: int | None = None,
+    more: bool = False,
+) -> tuple[Outcome, Spent]:
     """The paths of least delta-v found, and the unconstrained optima; `budget`: starts at most.
 
-    The outcome's `extra` is delta-v beyond these [m/s].
+    Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go.
     """
-    solver = ImpulseSolver(problem)
+    solver = ImpulseSolver(problem, thrusters, names)
     free = solver.unconstrained()
     if not free.missed:
-        return Outcome(free.flown, (), 0.0, 1.0, True, 0), free
+        return Outcome(free.flown, (), 0.0, 1.0, True, 0, delta_v=free.delta_v), free
     most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
     best: Spent | None = None
     tried = 0
-    for start in starts(problem, free):
+    for start in starts(problem, free, bool(solver.pushes.fixed.any())):
         if tried == most:
             break
         found = solver.solve(start, inf if best is None else best.delta_v)
         best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
         tried += 1
+    if best is None and not solver.pushes.fixed.any():
+        return thrusting(problem, budget, more, tried), free
     if best is None:
-        return thrusting(problem, free, budget, more, tried), free
+        return Outcome(None, (), nan, 1.0, False, tried, deepest(free.missed)[0]), free
     best = solver.focused(best)
-    touched = contacts_of(problem, best.contacts.some(best.pushing), best.flown)
-    return Outcome(best.flown, touched, best.delta_v - free.delta_v, best.margin, False, tried), free
+    contacts = contacts_of(problem, best.contacts.some(best.pushing), best.flown)
+    return Outcome(best.flown, contacts, nan, best.margin, False, tried, delta_v=best.delta_v), free
 
 
-def thrusting(problem: Problem, free: Spent, budget: int | None, more: bool, tried: int) -> Outcome:
+def thrusting(problem: Problem, budget: int | None, more: bool, tried: int) -> Outcome:
     """The paths of least energy, which cost delta-v too, where no impulses are clear."""
     found = solve(problem, budget, more)
-    extra = inf
-    if found.flown is not None:
-        extra = float(np.sum(problem.path(found.flown).delta_v)) - free.delta_v
-    return replace(found, extra=extra, proven=False, tried=tried + found.tried)
+    spent = nan if found.flown is None else float(np.sum(problem.path(found.flown).delta_v))
+    return replace(found, proven=False, tried=tried + found.tried, delta_v=spent)
 
 
-def starts(problem: Problem, free: Spent) -> Iterator[Contacts]:
-    """Contacts to begin with: the sides of least energy, the nearer ones, and each way out of a conflict."""
-    if problem.count > 1 and (found := solve(problem)).flown is not None:
-        pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in found.contacts]
-        touched = [problem.at(pair, one.time) for pair, one in zip(pairs, found.contacts, strict=True)]
-        if touched:
-            yield beside(problem, found.flown, joined(touched))
+def starts(problem: Problem, free: Spent, fixed: bool) -> Iterator[Contacts]:
+    """Contacts to begin with: sides of other plans, the nearer ones, and each way out of a conflict.
+
+    Of many craft the plan of least energy, for thrusters that of impulses in any direction.
+    """
+    if problem.count > 1:
+        yield from touched(problem, solve(problem))
+    if fixed:
+        count = problem.count
+        yield from touched(problem, solve_impulses(problem, (None,) * count, ("",) * count)[0])
     each = [problem.at(pair, row[2]) for pair, row in free.missed]
     near = beside(problem, free.flown, joined(each))
     yield near
@@ -73,6 +83,14 @@ def starts(problem: Problem, free: Spent) -> Iterator[Contacts]:
         normals = near.normals.copy()
         normals[k] = normal
         yield near._replace(normals=normals)
+
+
+def touched(problem: Problem, found: Outcome) -> Iterator[Contacts]:
+    """Where another plan touches, if it does."""
+    if found.flown is not None and found.contacts:
+        pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in found.contacts]
+        each = [problem.at(pair, one.time) for pair, one in zip(pairs, found.contacts, strict=True)]
+        yield beside(problem, found.flown, joined(each))
 
 
 def joined(some: list[Contacts]) -> Contacts:

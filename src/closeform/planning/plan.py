@@ -117,7 +117,8 @@ class Avoidance:
     extra_energy : float [m^2/s^3]
         Beyond that of the unconstrained optimum between its end states; nan where not ok.
     delta_v : float [m/s]
-        Of the path; nan where not ok.
+        Of the path; nan where not ok.  Planned for thrusters it is what they spend together: where several
+        fire at once more than the path's, whose impulses are their sums.
     lower_bound : float [m^2/s^3]
         No clear path between these states and times has less energy.
     contacts : tuple of Contact
@@ -195,7 +196,8 @@ class Plan:
     energy : float [m^2/s^3]
         Half the integral of |thrust|^2, of all craft; nan where not ok.
     delta_v : float [m/s]
-        Of all craft; nan where not ok.
+        Of all craft; nan where not ok.  Planned for thrusters it is what they spend together, as of an
+        `Avoidance`.
     lower_bound : float [m^2/s^3]
         No clear plan over these times has less energy, nor, where craft were assigned to slots, has any
         other assignment.

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ class Outcome:
     `extra` is the energy beyond the unconstrained optima; `margin`: the paths were made for zones so many
     times as large.
     `order`: that in which craft planned one after another, where it is not the one asked for.
+    `delta_v` [m/s] is told where it was least, summed over thrusters.
     """
 
     flown: Flown | None
@@ -30,6 +32,7 @@ class Outcome:
     tried: int
     blocked: tuple[int, int] | None = None
     order: tuple[int, ...] = ()
+    delta_v: float = nan
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:
@@ -54,10 +57,12 @@ def check_effort(budget: int | None, prove: float) -> None:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
 
 
-def check_cost(cost: str, **energy_only: bool) -> None:
-    """Raise ValueError for an unknown cost, or for what delta-v does without but was asked for."""
+def check_cost(cost: str, thrusters: Any, **energy_only: bool) -> None:
+    """Raise ValueError for an unknown cost, or for what one of them does without but was asked for."""
     if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
         raise ValueError(f"cost: 'energy' or 'delta-v', not {shown(cost)}")
+    if cost == "energy" and thrusters is not None:
+        raise ValueError("thrusters: go with cost 'delta-v'; ask for that, or leave them out")
     if cost == "delta-v" and (asked := [name for name, given in energy_only.items() if given]):
         raise ValueError(f"{asked[0]}: goes with cost 'energy'; with 'delta-v' leave it out")
 

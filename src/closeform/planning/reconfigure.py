@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, sequence, shown
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -47,6 +48,7 @@ def reconfigure(
     budget: int | None = None,
     prove: float = 0.0,
     cost: Cost = "energy",
+    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
 ) -> Plan:
     """Paths of N craft from initial to final states, every pair certified clear of its zone.
 
@@ -92,6 +94,9 @@ def reconfigure(
     cost : "energy" or "delta-v", default "energy"
         What is least.  With "delta-v" craft fire impulses, as few as their ends and contacts need; `budget`
         counts starts, and `max_acceleration`, `prove` and "sequential" are not for it.
+    thrusters : Thrusters, or sequence of Thrusters or None, optional
+        Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
+        which is summed over them: two that fire at once spend what both do.
 
     Returns
     -------
@@ -103,8 +108,8 @@ def reconfigure(
     ValueError
         If shapes do not fit, a number is not finite, slots are fewer than craft, a duration or limit is not
         positive, an obstacle is in another orbit, zones make none for a pair, names are not as many as craft,
-        `order` is no order or given with "joint", a budget is below 1, a time negative, a word unknown, or an
-        argument of another kind.
+        `order` is no order or given with "joint", a budget is below 1, a time negative, a word unknown, an
+        argument of another kind, or a craft's thrusters cannot make its transfer, whoever is in the way.
 
     References
     ----------
@@ -113,7 +118,7 @@ def reconfigure(
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
     limited = max_acceleration is not None
-    check_cost(cost, max_acceleration=limited, prove=prove > 0.0, method=method != "joint")
+    check_cost(cost, thrusters, max_acceleration=limited, prove=prove > 0.0, method=method != "joint")
     request = Request.of(
         instance("orbit", orbit, Orbit),
         initial,
@@ -126,6 +131,7 @@ def reconfigure(
         max_acceleration,
         names,
         cost,
+        thrusters,
     )
     count = len(request.initial)
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
@@ -169,7 +175,7 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
             reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
         if request.cost == "delta-v":
-            return _fired(plan, problem, request.names, budget, more)
+            return _fired(plan, problem, request, budget, more)
         found = (
             solve(problem, budget, more) if method == "joint" else one_by_one(problem, order, budget, more)
         )
@@ -206,15 +212,15 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
     )
 
 
-def _fired(plan: Plan, problem: Problem, names: Sequence[str], budget: int | None, more: bool) -> Plan:
+def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, more: bool) -> Plan:
     """A plan of least delta-v, if one is found."""
-    found, free = solve_impulses(problem, budget, more)
+    names = request.names
+    found, free = solve_impulses(problem, request.thrusters, names, budget, more)
     direct = problem.path(free.flown)
     plan = replace(plan, direct=direct, lower_bound=free.least, tried=found.tried, cost="delta-v")
     if found.flown is None:
         return replace(plan, blocked=found.blocked, reason=_blocked(names, found.blocked, found.tried))
-    paths, number = problem.path(found.flown), len(found.contacts)
-    spent = float(paths.delta_v.sum())
+    paths, number, spent = problem.path(found.flown), len(found.contacts), found.delta_v
     bound = min(free.least, spent)
     best = f"{number} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
     return replace(

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, numbers, sequence
 from closeform.fuel.bound import least_delta_v
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.planning.impulse_alone import costs_alone, each_set
 from closeform.planning.obstacles import obstacle_batch, obstacle_names
 from closeform.planning.plan import Cost
 from closeform.planning.problem import Problem
@@ -25,6 +27,7 @@ class Request:
 
     `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
     coast into them.  `zones` as from `PairZones.groups`.  With `assign` the slots are those of least `cost`.
+    `thrusters` are each craft's, None where it pushes freely.
     """
 
     orbit: Orbit
@@ -39,7 +42,8 @@ class Request:
     limits: Floats | None
     names: tuple[str, ...]
     assign: bool
-    cost: Cost = "energy"
+    cost: Cost
+    thrusters: tuple[Thrusters | None, ...]
 
     @classmethod
     def of(
@@ -55,6 +59,7 @@ class Request:
         max_acceleration: ArrayLike | None,
         names: Sequence[str] | None,
         cost: Cost = "energy",
+        thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     ) -> "Request":
         """Raises ValueError naming the argument that does not fit."""
         begins, places = _states("initial", initial), _states("final", final)
@@ -95,6 +100,7 @@ class Request:
             called,
             assign,
             cost,
+            each_set(thrusters, count),
         ).cheapest()
 
     @property
@@ -108,6 +114,9 @@ class Request:
     def costs(self) -> Floats:
         """What all ways of craft to slots cost at least (N, S), whoever is in the way."""
         finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
+        if any(own is not None for own in self.thrusters):
+            given = self.orbit, self.initial, finals, self.durations, self.starts
+            return costs_alone(*given, self.thrusters, self.names)
         begins, durations = self.initial[:, None], self.durations[:, None]
         costs: Floats = (
             least_delta_v(self.orbit, begins, finals, durations).lower
@@ -121,11 +130,17 @@ class Request:
         return Problem.of(self.direct, self.others, self.zones)
 
     def least_slots(self) -> tuple[Any, float]:
-        """Slots (N,) of least unconstrained cost, and that cost."""
+        """Slots (N,) of least unconstrained cost, and that cost.
+
+        Raises ValueError where thrusters bring too few craft to some of them.
+        """
         from scipy.optimize import linear_sum_assignment
 
         costs = self.costs
-        craft, slots = linear_sum_assignment(costs)
+        try:
+            craft, slots = linear_sum_assignment(costs)
+        except ValueError:
+            raise ValueError("thrusters: they do not bring all craft to slots, each to its own") from None
         return slots, float(costs[craft, slots].sum())
 
     def cheapest(self) -> "Request":

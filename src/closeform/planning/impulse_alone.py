@@ -1,0 +1,83 @@
+"""What impulses cost craft that nothing is in the way of, with the thrusters that they have."""
+
+from collections.abc import Sequence
+from math import inf
+
+import numpy as np
+
+from closeform.arrays import Floats, sequence
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.ends import arcs_between
+from closeform.motion.impulses import answers
+from closeform.motion.orbit import Orbit
+from closeform.motion.reduced import ANSWER, LOWER
+
+
+def each_set(
+    thrusters: Thrusters | Sequence[Thrusters | None] | None, count: int
+) -> tuple[Thrusters | None, ...]:
+    """The thrusters of each craft, None where it pushes freely; raises ValueError."""
+    if thrusters is None or isinstance(thrusters, Thrusters):
+        return (thrusters,) * count
+    own = sequence("thrusters", thrusters, Thrusters, type(None))
+    if len(own) != count:
+        raise ValueError(f"thrusters: {len(own)} sets for {count} craft; give one, or one for each")
+    return tuple(own)
+
+
+def answers_alone(
+    mean_motion: float,
+    arcs: Floats,
+    finals: Floats,
+    thrusters: Sequence[Thrusters | None],
+    names: Sequence[str],
+) -> Floats:
+    """Answers (P, 34) to one transfer of each craft, as of `impulses.answers`.
+
+    Raises ValueError that names the craft whose thrusters cannot make its own, and why.
+    """
+    free = np.array([own is None for own in thrusters])
+    if free.all():
+        return answers(mean_motion, arcs, finals)
+    # Here: who has no thrusters loads no linear programs.
+    from closeform.motion.directed import answers_of
+
+    found = np.empty((len(arcs), ANSWER))
+    if free.any():
+        found[free] = answers(mean_motion, arcs[free], finals[free])
+    for i, own in enumerate(thrusters):
+        if own is not None:
+            one = slice(i, i + 1)
+            found[one] = answers_of(own, mean_motion, arcs[one], finals[one], names[one])
+    return found
+
+
+def costs_alone(
+    orbit: Orbit,
+    initial: Floats,
+    finals: Floats,
+    durations: Floats,
+    starts: Floats,
+    thrusters: Sequence[Thrusters | None],
+    names: Sequence[str],
+) -> Floats:
+    """What it costs at least (N, S) to bring each craft to each of its final states (N, S, 6).
+
+    inf where its thrusters do not.
+    Raises ValueError for a craft that can go to none.
+    """
+    given = orbit.mean_motion, initial[:, None], finals, durations[:, None], starts[:, None]
+    arcs, ends = arcs_between(*given)
+    costs = np.empty(arcs.shape[:2])
+    for i, own in enumerate(thrusters):
+        refused: list[ValueError] = []
+        for s, (arc, end) in enumerate(zip(arcs[i], ends.reshape(*costs.shape, 6)[i], strict=True)):
+            try:
+                row = answers_alone(orbit.mean_motion, arc[None], end[None], (own,), (names[i],))
+                costs[i, s] = row[0, LOWER]
+            except ValueError as error:
+                costs[i, s] = inf
+                refused.append(error)
+        if len(refused) == len(costs[i]):
+            raise refused[0]
+    return costs

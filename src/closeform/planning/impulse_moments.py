@@ -1,0 +1,94 @@
+"""The moments at which a craft may fire: a time, and which of its directions, each."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.thrusters import Thrusters
+
+
+class Moments(NamedTuple):
+    """Times (J,) in order, and which direction (J,) an impulse has there; the only one is free."""
+
+    times: Floats
+    which: Any
+
+    @classmethod
+    def every(cls, times: Floats, count: int) -> Self:
+        """All of `count` directions at each time."""
+        return cls(np.repeat(times, count), np.tile(np.arange(count), len(times)))
+
+    def some(self, chosen: Any) -> "Moments":
+        """Those at places or in a mask."""
+        return Moments(self.times[chosen], self.which[chosen])
+
+    def joined(self, *others: "Moments") -> "Moments":
+        """All of them, in order, each once."""
+        times, which = (np.concatenate(columns) for columns in zip(self, *others, strict=True))
+        order = np.lexsort((which, times))
+        times, which = times[order], which[order]
+        new = np.ones(len(times), dtype=bool)
+        new[1:] = (np.diff(times) != 0.0) | (np.diff(which) != 0)
+        return Moments(times[new], which[new])
+
+    def merged(self, peaks: "Moments", apart: float, fixed: bool) -> "Moments":
+        """Those that stand for all no further apart, of one direction: the peaks where there are some.
+
+        In a fixed direction two stand for the time between them, so that all stay, peaks among them.
+        """
+        if not len(self.times):
+            return peaks
+        found = []
+        for one in np.unique(self.which):
+            times, tops = self.times[self.which == one], peaks.times[peaks.which == one]
+            for group in np.split(times, np.flatnonzero(np.diff(times) > apart) + 1):
+                near = tops[(tops >= group[0] - apart) & (tops <= group[-1] + apart)]
+                near = near if len(near) else group[[len(group) // 2]]
+                found.append(Moments(near, np.full(len(near), one)))
+        return found[0].joined(*found[1:], *([self] if fixed else []))
+
+
+class Pushes(NamedTuple):
+    """Where N craft push: `directions` (N, M, 3) at time 0, the first of the `counts` (N,) zero where free.
+
+    They turn back with the `spins` (N,) [rad/s], those that are fixed in inertial axes.
+    """
+
+    directions: Floats
+    counts: Any
+    spins: Floats
+
+    @classmethod
+    def of(cls, thrusters: Sequence[Thrusters | None], mean_motion: float) -> Self:
+        """Of each craft's thrusters; None: free."""
+        counts = np.array([1 if own is None else len(own) for own in thrusters])
+        directions, spins = np.zeros((len(counts), counts.max(), 3)), np.zeros(len(counts))
+        for i, own in enumerate(thrusters):
+            if own is not None:
+                directions[i, : counts[i]] = own.directions
+                spins[i] = mean_motion * (own.frame == "inertial")
+        return cls(directions, counts, spins)
+
+    @property
+    def fixed(self) -> Any:
+        """Which craft (N,) do not push where they like."""
+        return self.directions.any(axis=(1, 2))
+
+    def nearest(self, times: Floats, impulses: Floats) -> Any:
+        """Which direction (N, J) of its craft is that of each impulse (N, J, 3)."""
+        every = np.arange(self.directions.shape[1])
+        shape = *times.shape, len(every)
+        each, when = np.broadcast_to(every, shape), np.broadcast_to(times[..., None], shape)
+        ways = self.along(each.reshape(len(times), -1), when.reshape(len(times), -1)).reshape(*shape, 3)
+        return (ways @ impulses[..., None])[..., 0].argmax(axis=-1)
+
+    def along(self, which: Any, times: Floats) -> Floats:
+        """Directions (N, J, 3) in the orbit's axes, of one for each craft (N, J) at finite times (N, J)."""
+        found: Floats = self.directions[np.arange(len(which))[:, None], which]
+        if self.spins.any():
+            angles = self.spins[:, None] * times
+            c, s, x, y = np.cos(angles), np.sin(angles), *np.moveaxis(found[..., :2], -1, 0)
+            found[..., 0], found[..., 1] = x * c + y * s, y * c - x * s
+        return found
