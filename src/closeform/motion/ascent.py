@@ -5,7 +5,7 @@ from math import inf, sqrt
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.costates import sum_up
-from closeform.motion.linear import dot, solve
+from closeform.motion.linear import back_substitute, dot, factorise
 
 DONE, IMPOSSIBLE, STUCK = 0, 1, 2
 STEPS = 60
@@ -20,7 +20,8 @@ def distance(g, gained, scale):
     """What is still to be gained, in units in which each number weighs the same."""
     total = 0.0
     for k in range(6):
-        total += (g[k] - gained[k]) ** 2 / scale[k]
+        rest = g[k] - gained[k]
+        total += rest * rest / scale[k]
     return sqrt(total)
 
 
@@ -33,11 +34,12 @@ def downhill(g, gained, hessian, scale, work, step):
     damping = 1e-15 * most
     while True:
         for i in range(6):
-            for j in range(6):
+            for j in range(i, 6):
                 work[i, j] = hessian[i, j]
             work[i, i] += damping * scale[i]
             step[i] = g[i] - gained[i]
-        solve(work, step, 6)
+        factorise(work, 6)
+        back_substitute(work, step, 6)
         slope = dot(g, step) - dot(gained, step)
         if slope > 0.0 or damping > 1e3 * most or most == 0.0:
             return slope

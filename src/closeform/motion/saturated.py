@@ -60,23 +60,24 @@ def push_along(n, h, first, middle, last, limit, arc):
     Returns by how much it is off the thrust `middle`, in shares of the limit, which it keeps.
     """
     p0, p1, p2 = oscillation(n, h)
-    q0, q1, q2 = oscillation(n, 0.5 * h)
-    s0, s1, s2 = oscillation(n, 0.25 * h)
-    r0, r1, r2 = oscillation(n, 0.75 * h)
     gap = p1 * p1 - p0 * p2
-    off, most = 0.0, 0.0
-    before, between, after = 0.0, 0.0, 0.0
     for i in range(3):
         value, rate = first[i], first[3 + i]
         rise, turn = last[i] - value - rate * h, last[3 + i] - rate
-        bend, twist = (rise * p1 - turn * p2) / gap, (turn * p1 - rise * p0) / gap
-        arc[PUSH + i], arc[PUSH + 3 + i], arc[PUSH + 6 + i], arc[PUSH + 9 + i] = value, rate, bend, twist
-        half = value + 0.5 * rate * h + bend * q1 + twist * q2
-        off += (half - middle[i]) ** 2
-        between += half * half
-        before += (value + 0.25 * rate * h + bend * s1 + twist * s2) ** 2
-        after += (value + 0.75 * rate * h + bend * r1 + twist * r2) ** 2
-    most = sqrt(max(before, between, after))
+        arc[PUSH + i], arc[PUSH + 3 + i] = value, rate
+        arc[PUSH + 6 + i], arc[PUSH + 9 + i] = (rise * p1 - turn * p2) / gap, (turn * p1 - rise * p0) / gap
+    off, most = 0.0, 0.0
+    for quarter in range(1, 4):
+        t, square = 0.25 * quarter * h, 0.0
+        p0, p1, p2 = oscillation(n, t)
+        for i in range(PUSH, PUSH + 3):
+            thrust = arc[i] + arc[i + 3] * t + arc[i + 6] * p1 + arc[i + 9] * p2
+            square += thrust * thrust
+            if quarter == 2:
+                thrust -= middle[i - PUSH]
+                off += thrust * thrust
+        most = max(most, square)
+    most = sqrt(most)
     if most > limit:
         for k in range(12):
             arc[PUSH + k] *= limit / most
@@ -84,14 +85,20 @@ def push_along(n, h, first, middle, last, limit, arc):
 
 
 @kernel()
-def begin_arc(n, row, start, end, before, after):
-    """Fill the row of an arc that goes on from arc `before`, which is `after` itself where there is none."""
+def store(row, k, x, y, z, vx, vy, vz):
+    """Set six numbers of a row from column k on."""
+    row[k], row[k + 1], row[k + 2] = x, y, z
+    row[k + 3], row[k + 4], row[k + 5] = vx, vy, vz
+
+
+@kernel()
+def begin_arc(n, row, start, end, before):
+    """Fill the row of an arc that goes on from arc `before`."""
     for k in range(WIDTH):
         row[k] = 0.0
     row[START], row[END], row[MEAN_MOTION] = start, end, n
     x, y, z, vx, vy, vz = state_at(before, start)
-    row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
-    row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
+    store(row, STATE, x, y, z, vx, vy, vz)
 
 
 @kernel()
@@ -121,12 +128,11 @@ def fly(n, duration, origin, c, low, e, limit, rows, first):
             if not ends > begins:  # shorter than time resolves
                 t = end
                 break
-            begin_arc(n, row, begins, ends, before, before)
+            begin_arc(n, row, begins, ends, before)
             if natural:
                 if region == RISING:
                     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
-                    row[THRUST], row[THRUST + 1], row[THRUST + 2] = x, y, z
-                    row[THRUST + 3], row[THRUST + 4], row[THRUST + 5] = vx, vy, vz
+                    store(row, THRUST, x, y, z, vx, vy, vz)
             else:
                 for q in range(3):
                     thrust_and_rate(n, c, t + 0.5 * q * h, region, low, e, limit, values[q])
@@ -150,21 +156,16 @@ def fly(n, duration, origin, c, low, e, limit, rows, first):
 @kernel()
 def add_thrust(n, c, rows, first, last):
     """Add the optimal thrust of start `c` to the arcs of rows [first, last)."""
-    start = rows[first, START]
+    start, added = rows[first, START], stack_vector(6)
     for k in range(first, last):
         row = rows[k]
         if k > first:
             x, y, z, vx, vy, vz = state_at(rows[k - 1], row[START])
-            row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
-            row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
+            store(row, STATE, x, y, z, vx, vy, vz)
         x, y, z, vx, vy, vz = coast(n, row[START] - start, c[0], c[1], c[2], c[3], c[4], c[5])
-        row[THRUST], row[THRUST + 1], row[THRUST + 2] = (
-            row[THRUST] + x,
-            row[THRUST + 1] + y,
-            row[THRUST + 2] + z,
-        )
-        row[THRUST + 3], row[THRUST + 4] = row[THRUST + 3] + vx, row[THRUST + 4] + vy
-        row[THRUST + 5] += vz
+        store(added, 0, x, y, z, vx, vy, vz)
+        for i in range(6):
+            row[THRUST + i] += added[i]
 
 
 @kernel()
