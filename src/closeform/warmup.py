@@ -18,6 +18,10 @@ def compile_for(text: str) -> None:
         modules.append("closeform.planning.reconfigure")
     if "avoid" in moves:
         modules.append("closeform.planning.avoid")
+    if re.search(r'^\s*(cost\s*=\s*"delta-v"|do\s*=\s*"transfer")', text, re.MULTILINE):
+        modules.append("closeform.fuel.bound")
+    if re.search(r"^\s*thrusters\s*=", text, re.MULTILINE):
+        modules.append("closeform.fuel.firing")
     if searches:
         modules.append("closeform.search.gather")
     if modules:

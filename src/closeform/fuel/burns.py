@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, THRUST, WIDTH
+from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+NOTHING = 1e-9  # of the greatest thrust: what is left by rounding where a craft coasts
 PIECE = 0.5  # of n t, within which 16 points of Gauss integrate thrust to the last digits
 
 
@@ -30,8 +31,8 @@ def burns_of(path: Path) -> Burns:
     arcs = path.arcs
     jumps = arcs[:, IMPULSE : IMPULSE + 3]
     kicks = np.flatnonzero(jumps.any(axis=1))
-    on = arcs[:, THRUST : THRUST + 6].any(axis=1) | arcs[:, PUSH:WIDTH].any(axis=1)
-    on |= arcs[:, MEAN_MOTION] != path.orbit.mean_motion
+    peaks = Path(path.orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),)).peak_thrust
+    on = peaks > NOTHING * peaks.max(initial=0.0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
     first, last = edges[::2], edges[1::2]
     begin, over = arcs[first, START], arcs[last - 1, END]

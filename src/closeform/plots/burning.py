@@ -33,6 +33,8 @@ from closeform.plots.tracks import colours
 NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
 LETTERED = 8  # burns in a row up to which each has its size beside it
 BESIDE = 0.075  # of the time: sizes nearer than that would stand on each other
+SMALLEST = 0.1  # of the largest burn: smaller ones have no size beside them
+MARGIN = 0.015  # of the time, before and after it, so that bars at its ends are seen
 HIGH = 0.8  # of a row, the largest burn
 MOST_ROWS = 60
 
@@ -85,7 +87,7 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
         if len(middle) <= LETTERED:
             last = -np.inf
             for time, size in zip(middle.tolist(), one.size.tolist(), strict=True):
-                if time - last < BESIDE * (end - start):
+                if time - last < BESIDE * (end - start) or size < SMALLEST * greatest:
                     continue
                 last = time
                 late = time > start + 0.9 * (end - start)
@@ -96,7 +98,7 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     axes.set_ylim(-0.15, count - 1.0 + 1.0)
     axes.set_yticks(np.arange(count)[::-1], called)
     axes.tick_params(axis="y", labelsize=SMALL if count <= 20 else SMALL - 3)
-    time_axes([axes], ticks, start, end)
+    time_axes([axes], ticks, start - MARGIN * (end - start), end + MARGIN * (end - start))
     headline(figure, _said(called, every, greatest))
     return figure
 

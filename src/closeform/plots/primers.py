@@ -34,6 +34,7 @@ from closeform.plots.look import (
 )
 
 LETTERED = 12  # impulses or slots that are labelled
+SMALLEST = 0.1  # of the largest impulse: smaller ones are not labelled
 BESIDE = 0.12  # of the duration: labels nearer than that stand above each other
 
 
@@ -74,14 +75,17 @@ def primer(path: Path) -> Figure:
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
     axes.plot(ticks(times), lengths, color=AFTER, linewidth=2.0)
     lowest, last, row = 0.0, -np.inf, 0
+    sizes = np.array([float(np.linalg.norm(push)) for _, push in pushes])
+    named = sizes >= SMALLEST * sizes.max(initial=0.0)
+    named &= np.cumsum(named) <= LETTERED
     for k, (time, push) in enumerate(pushes):
         size = float(np.linalg.norm(push))
         height = float(bound.primer.position(time - start) @ push) / size
         lowest = min(lowest, height)
         axes.plot(ticks(time), height, "o", color=INK, markersize=7, zorder=5)
-        if k < LETTERED:
-            late = time > start + 0.85 * (end - start)
-            row = (row + 1) % 3 if time - last < BESIDE * (end - start) else 0
+        if named[k]:
+            late = time > start + 0.85 * (end - start)  # its words stand before it, where those of others end
+            row = (row + 1) % 3 if time - last < BESIDE * (1.0 + late) * (end - start) else 0
             last = time
             axes.annotate(
                 speed(size),

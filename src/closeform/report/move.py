@@ -17,6 +17,8 @@ from closeform.scenario import Avoid
 
 Move = StageResult[Avoid, AvoidResult]
 
+MOST_CONTACTS = 4  # on one line; more are counted
+
 
 def section(mission: Mission, result: Move) -> Section:
     """One craft moves."""
@@ -106,9 +108,11 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
             return (f"Method {method}: takes the {longer}, which is in nobody's way",)
         return (f"Method {method}: no change needed, {avoidance.status}",)
     over = f" over {moved.plain.end - moved.plain.start:.1f} s" if moved.plain is not moved.direct else ""
-    touched = ", ".join(f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts)
+    where = [f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts]
+    many = f"zones {len(where)} times, from that of {where[0]} to {where[-1]}"
+    touched = many if len(where) > MOST_CONTACTS else f"the zone of {', '.join(where)}"
     return (
-        f"Method {method}: touches the zone of {touched}",
+        f"Method {method}: touches {touched}",
         f"Extra {extra(moved)} beyond the free optimum{over}; {optimum.best(avoidance)}",
         *optimum.bounds(avoidance),
     )

@@ -1,0 +1,400 @@
+"""What a mission's plans cost, by impulses and by pulses, against the rocket equation and an integrator."""
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from bridge import hill
+from closeform.console import WIDTH
+from closeform.mission import fly
+from closeform.report.run import RunReport
+from closeform.scenario import ScenarioError, parse
+from test_mission_search import Run, run_text
+
+N = np.sqrt(398600.4418e9 / 6878137.0**3)  # rad/s at 500 km, Kepler
+TURN = 2 * np.pi / N
+G0 = 9.80665
+MILLIMETRE = 1e-3
+
+ALONE = """\
+closeform = 1
+title = "One craft"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = "I"
+position = "0 -2000 30 m"
+velocity = "0 0 0 m/s"
+mass = "12 kg"
+specific_impulse = "60 s"
+KEYS
+
+[[stage]]
+do = "transfer"
+to = { position = "0 -100 0 m", velocity = "0.01 0 0.02 m/s" }
+within = "1.3 orbits"
+cost = "delta-v"
+"""
+EXAMPLES = Path(__file__).parents[1] / "examples"
+GOAL = np.array([0.0, -100.0, 0.0, 0.01, 0.0, 0.02])
+START = np.array([0.0, -2000.0, 30.0, 0.0, 0.0, 0.0])
+ON_OFF = 'max_thrust = "0.1 N"\nthrusters = "rtn"\nminimum_bit = "1 mN s"\nperiod = "30 s"'
+RTN = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+
+PASSAGE = """\
+closeform = 1
+title = "Q moves past P"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["P", "Q"]
+position = ["0 0 0 m", "0 8 -80 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "20 m" }
+mass = "12 kg"
+specific_impulse = "60 s"
+KEYS
+
+[[stage]]
+do = "avoid"
+craft = "Q"
+to = { position = "0 8 80 m", velocity = "0 0 0 m/s" }
+within = "0.2 orbits"
+STAGE
+"""
+
+
+@pytest.fixture(autouse=True)
+def pictureless(monkeypatch):
+    """Without pictures, a second each; what is in them is tested elsewhere."""
+    for subject in ("reconfigure", "move", "burns"):
+        monkeypatch.setattr(f"closeform.report.{subject}.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.transfer.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.choices.Choices.pictures", ())
+    monkeypatch.setattr("closeform.report.conflicts.coasting", lambda *_: ())
+
+
+@pytest.fixture
+def ran(tmp_path, monkeypatch, capsys):
+    def run(text: str) -> Run:
+        return run_text(text, tmp_path, monkeypatch, capsys)
+
+    return run
+
+
+def alone(keys: str = "", **changes: str) -> str:
+    text = ALONE.replace("KEYS", keys)
+    for key, new in changes.items():
+        text, count = re.subn(rf"^{key} = .*$", f"{key} = {new}", text, flags=re.MULTILINE)
+        assert count == 1
+    return text
+
+
+def passage(keys: str = "", stage: str = 'cost = "delta-v"') -> str:
+    return PASSAGE.replace("KEYS", keys).replace("STAGE", stage)
+
+
+def coasted(state: np.ndarray, time: float) -> np.ndarray:
+    return expm(hill(N) * time) @ state
+
+
+def kicked(burns: list[dict], state: np.ndarray, end: float) -> np.ndarray:
+    """Where impulses lead, by exponentials of Hill's matrix."""
+    now = 0.0
+    for burn in burns:
+        assert burn["duration_s"] == 0.0
+        state = coasted(state, burn["start_s"] - now)
+        state[3:] += [burn["radial_m_s"], burn["along_track_m_s"], burn["cross_track_m_s"]]
+        now = burn["start_s"]
+    return coasted(state, end - now)
+
+
+def pulsed(burns: list[dict], state: np.ndarray, end: float, force: float, mass: float, impulse: float):
+    """Where pulses of constant force lead a craft that gets lighter, by an integrator: state and mass."""
+    begin = np.array([burn["start_s"] for burn in burns])
+    over = begin + [burn["duration_s"] for burn in burns]
+    push = force * RTN[[burn["thruster"] for burn in burns]]
+    edges = np.unique(np.concatenate([[0.0, end], begin, over]))
+    y = np.append(state, mass)
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        on = (begin <= a) & (over >= b)
+
+        thrust, flow = push[on].sum(axis=0), force * on.sum() / (G0 * impulse)
+
+        def rate(t, y, thrust=thrust, flow=flow):
+            slope = np.append(hill(N) @ y[:6], -flow)
+            slope[3:6] += thrust / y[6]
+            return slope
+
+        y = solve_ivp(rate, (a, b), y, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+    return y[:6], y[6]
+
+
+def last_state(run: Run, craft: str) -> np.ndarray:
+    row = [row for row in run.table("paths") if row["craft"] == craft][-1]
+    return np.array([row[key] for key in ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")])
+
+
+def check_sums(run: Run, craft: str, mass: float = 12.0, impulse: float = 60.0) -> None:
+    """Burns add up to the craft's delta-v, and to propellant by Tsiolkovsky's equation."""
+    burns = [burn for burn in run.table("burns") if burn["craft"] == craft]
+    spent = sum(burn["size_m_s"] for burn in burns)
+    (row,) = (row for row in run.table("craft") if row["craft"] == craft)
+    assert spent == pytest.approx(row["delta_v_m_s"], rel=1e-9)
+    kilograms = mass * (1.0 - np.exp(-spent / (G0 * impulse)))
+    assert sum(burn["propellant_kg"] for burn in burns) == pytest.approx(kilograms, rel=1e-6)
+    assert run.summary["propellant_kg"][craft] == pytest.approx(kilograms, rel=1e-9)
+    assert run.summary["delta_v_m_s"][craft] == pytest.approx(spent, rel=1e-9)
+
+
+def plain(run: Run) -> None:
+    """Nothing printed is infinite or no number, or wider than a terminal."""
+    page = re.sub(r'src="data:[^"]*"', "", (run.folder / "report.html").read_text())
+    for text in (run.printed, page):
+        assert not re.search(r"\b(inf|nan)\b", text)
+    lines = [
+        line for line in run.printed.splitlines() if "stopped in" not in line and "results in" not in line
+    ]
+    assert all(len(line) <= WIDTH for line in lines)
+
+
+def test_the_list_of_impulses_leads_where_it_should(ran):
+    run = ran(alone())
+    assert run.status == 0
+    burns = run.table("burns")
+    assert 2 <= len(burns) <= 6
+    assert np.linalg.norm((kicked(burns, START, 1.3 * TURN) - GOAL)[:3]) < MILLIMETRE
+    assert np.linalg.norm((kicked(burns, START, 1.3 * TURN) - GOAL)[3:]) < MILLIMETRE / TURN
+    check_sums(run, "I")
+    plain(run)
+    rows = list(csv.DictReader((run.folder / "burns.csv").read_text().splitlines()))
+    assert [{key: float(row[key]) for key in ("start_s", "size_m_s")} for row in rows] == [
+        {key: burn[key] for key in ("start_s", "size_m_s")} for burn in burns
+    ]
+    assert all(row["thruster"] == "" for row in rows)
+    assert "burns.csv" in run.summary["files"]
+
+
+def test_pulses_lead_where_an_integrator_says(ran):
+    run = ran(alone(ON_OFF))
+    assert run.status == 0
+    burns, end = run.table("burns"), 1.3 * TURN
+    assert min(burn["start_s"] for burn in burns) >= 0.0  # burns at the ends have room
+    assert max(burn["start_s"] + burn["duration_s"] for burn in burns) <= end * (1 + 1e-12)
+    state, mass = pulsed(burns, START, end, 0.1, 12.0, 60.0)
+    # the path has constant acceleration in each pulse, a craft that gets lighter has not: by q w x / 32
+    assert np.linalg.norm((state - last_state(run, "I"))[:3]) < MILLIMETRE
+    (shot,) = run.summary["stages"][0]["transfer"]["pulsed"]["craft"]
+    assert np.linalg.norm((state - GOAL)[:3]) <= shot["deviation_bound_m"]
+    assert shot["deviation_m"] <= shot["deviation_bound_m"]
+    assert mass == pytest.approx(12.0 - run.summary["propellant_kg"]["I"], abs=1e-9)
+    for burn in burns:
+        assert burn["propellant_kg"] == pytest.approx(0.1 * burn["duration_s"] / (G0 * 60.0), rel=1e-5)
+        assert burn["size_m_s"] * 12.0 >= 1e-3  # N s, the bit
+    check_sums(run, "I")
+    plain(run)
+
+
+def test_a_later_stage_begins_lighter_and_where_pulses_led(ran):
+    text = alone(ON_OFF.replace("0.1 N", "2 N"), specific_impulse='"0.5 s"')
+    stage = text[text.index("[[stage]]") :].replace("0 -100 0 m", "0 0 0 m").replace("1.3", "0.7")
+    run = ran(f"{text}\n{stage}")
+    assert run.status == 0
+    burns = run.table("burns")
+    assert {burn["stage"] for burn in burns} == {1, 2}
+    state, mass = pulsed(burns, START, 2.0 * TURN, 2.0, 12.0, 0.5)
+    assert mass < 11.5
+    assert mass == pytest.approx(12.0 - run.summary["propellant_kg"]["I"], rel=1e-7)
+    assert (
+        np.linalg.norm((state - last_state(run, "I"))[:3]) < 10 * MILLIMETRE
+    )  # kilometres, a tenth of the mass
+
+
+def test_what_each_choice_costs(ran):
+    run = ran(alone('max_thrust = "0.05 N"'))
+    told = run.summary["stages"][0]["transfer"]
+    rows = {row["choice"]: row for row in told["choices"]}
+    transition = expm(hill(N) * 1.3 * TURN)
+    first = np.linalg.solve(transition[:3, 3:], GOAL[:3] - transition[:3, :3] @ START[:3])
+    last = transition[3:] @ np.append(START[:3], first)
+    two = np.linalg.norm(first - START[3:]) + np.linalg.norm(GOAL[3:] - last)
+    assert rows["two impulses"]["delta_v_m_s"] == pytest.approx(two, rel=1e-9)
+    gramian = solve_ivp(
+        lambda t, y: (expm(hill(N) * t)[:, 3:] @ expm(hill(N) * t)[:, 3:].T).ravel(),
+        (0.0, 1.3 * TURN), np.zeros(36), rtol=1e-10, atol=1e-6,
+    ).y[:, -1].reshape(6, 6)  # fmt: skip
+    costate = np.linalg.solve(gramian, GOAL - transition @ START)
+    times = np.linspace(0.0, 1.3 * TURN, 2001)
+    push = [np.linalg.norm(expm(hill(N) * t)[:, 3:].T @ costate) for t in times]
+    assert rows["least energy"]["delta_v_m_s"] == pytest.approx(np.trapezoid(push, times), rel=1e-5)
+    least = rows["least delta-v, impulses"]["delta_v_m_s"]
+    within = rows["burns and coasts, within the limit"]["delta_v_m_s"]
+    assert told["least_m_s"] * (1 - 1e-9) <= least <= within <= rows["least energy"]["delta_v_m_s"]
+    assert rows["this plan"]["delta_v_m_s"] == pytest.approx(within, rel=1e-9)
+    for row in rows.values():
+        assert row["above_least"] == pytest.approx(row["delta_v_m_s"] / told["least_m_s"] - 1.0, abs=1e-12)
+        burnt = 12.0 * (1.0 - np.exp(-row["delta_v_m_s"] / (G0 * 60.0)))
+        assert row["propellant_kg"] == pytest.approx(burnt, rel=1e-9)
+    assert f"{100 * (within / told['least_m_s'] - 1):.3f} % above the" in run.printed
+    check_sums(run, "I")
+    plain(run)
+
+
+def test_burns_and_coasts_keep_the_limit_in_the_given_time(ran):
+    run = ran(alone('max_acceleration = "4 mm/s^2"'))
+    assert run.status == 0
+    burns = run.table("burns")
+    assert len(burns) > 1
+    assert all(burn["duration_s"] > 0.0 for burn in burns)
+    for burn in burns:  # at the limit, but for seconds in which it comes on and goes
+        assert 0.8 < burn["size_m_s"] / (4e-3 * burn["duration_s"]) <= 1.0 + 1e-9
+        push = [burn[key] for key in ("radial_m_s", "along_track_m_s", "cross_track_m_s")]
+        assert np.linalg.norm(push) <= burn["size_m_s"] * (1 + 1e-9)
+    assert "thrust 4 of 4 mm/s²" in run.printed
+    assert np.linalg.norm((last_state(run, "I") - GOAL)[:3]) < MILLIMETRE
+    check_sums(run, "I")
+
+
+def test_a_transfer_that_no_thrust_makes_is_refused_with_the_limit_that_would(ran):
+    run = ran(alone('max_acceleration = "0.01 mm/s^2"'))
+    assert run.status == 1
+    needed = re.search(
+        r"no thrust within 1e-05 m/s\^2 makes the transfer .*; (\S+) m/s\^2 is enough", run.printed
+    )
+    assert needed is not None
+    assert not run.table("burns")
+    plain(run)
+    enough = 1e3 * float(needed[1])
+    assert ran(alone(f'max_acceleration = "{1.0001 * enough:.9g} mm/s^2"')).status == 0
+    assert ran(alone(f'max_acceleration = "{0.999 * enough:.9g} mm/s^2"')).status == 1
+
+
+def test_a_limit_as_force_or_acceleration_is_one():
+    force = fly(parse(alone('max_thrust = "0.06 N"'))).results[0]
+    acceleration = fly(parse(alone('max_acceleration = "5 mm/s^2"'))).results[0]
+    assert force.delta_v == pytest.approx(acceleration.delta_v, rel=1e-12)
+
+
+def test_around_a_zone_by_impulses(ran):
+    run = ran(passage())
+    assert run.status == 0
+    change = run.summary["stages"][0]["change"]
+    assert change["cost"] == "delta-v"
+    assert change["lower_bound_m2_s3"] is None
+    assert change["lower_bound_m_s"] <= change["around"]["delta_v_m_s"]
+    assert f"above the lower bound of {change['lower_bound_m_s']:.6g} m/s" in run.printed
+    burns = run.table("burns")
+    start, end = np.array([0.0, 8, -80, 0, 0, 0]), np.array([0.0, 8, 80, 0, 0, 0])
+    assert np.linalg.norm((kicked(burns, start, 0.2 * TURN) - end)[:3]) < MILLIMETRE
+    times = np.linspace(0.0, 0.2 * TURN, 3001)  # 0.6 s: moves less than a metre
+    where = [kicked([b for b in burns if b["start_s"] <= t], start.copy(), t)[:3] for t in times]
+    assert np.linalg.norm(where, axis=1).min() >= 20.0 - MILLIMETRE
+    check_sums(run, "Q")
+    plain(run)
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_pulses_around_zones_get_room_and_are_clear(ran, cost):
+    text = (EXAMPLES / "cubesats.toml").read_text()
+    run = ran(text[: text.rindex("[[stage]]")] + f'cost = "{cost}"\n')
+    assert run.status == 0
+    room = run.summary["stages"][0]["plan"]["pulsed"]
+    if cost == "energy":  # planned to touch, flown by pulses that lead into the zone
+        assert room["zones_larger_by"] > 1.0
+        assert re.search(r"Planned for zones \S+ % larger, for what pulses are off the plan", run.printed)
+    else:
+        assert room["before_s"] > 0.0
+        assert room["after_s"] > 0.0
+    keys, places = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"), []
+    for name in ("Q1", "Q2", "Q3", "Q4"):
+        rows = [row for row in run.table("paths") if row["craft"] == name]
+        burns = [burn for burn in run.table("burns") if burn["craft"] == name]
+        start = np.array([rows[0][key] for key in keys])
+        state, _ = pulsed(burns, start, 0.25 * TURN, 0.01, 12.0, 60.0)
+        # the path is of constant acceleration in a pulse, in which the mass falls by 1e-4 at most
+        assert np.linalg.norm((state - last_state(run, name))[:3]) < 5 * MILLIMETRE
+        places.append([[row[key] for key in keys[:3]] for row in rows])
+        check_sums(run, name)
+    where = np.array(places)
+    apart = np.linalg.norm(where[:, None] - where, axis=-1) + 1e9 * np.eye(4)[:, :, None]
+    assert 20.0 - MILLIMETRE <= apart.min() < (21.0 if cost == "energy" else 40.0)
+    plain(run)
+
+
+def test_pulses_that_break_a_zone_make_the_status_1(ran):
+    """The end is a centimetre outside the zone; there is no room, and pulses lead further off."""
+    text = passage('max_thrust = "20 mN"\nthrusters = "rtn"\nperiod = "120 s"', 'cost = "energy"')
+    run = ran(text.replace("0 8 80 m", "20.01 0 0 m"))
+    assert run.status == 1
+    assert "conflict" in run.summary["verdict"]
+    assert "into zones" in run.printed
+    assert "Conflicts after" in run.printed
+
+
+def test_everybody_pulses_and_the_plan_is_told_beside(ran):
+    pearls = passage(ON_OFF, "").replace('do = "avoid"\ncraft = "Q"', 'do = "reconfigure"')
+    rest = 'velocity = "0 0 0 m/s" }'
+    to = f'[{{ position = "0 -80 0 m", {rest}, {{ position = "0 8 80 m", {rest}]'
+    run = ran(re.sub(r"^to = .*$", f"to = {to}", pearls, flags=re.MULTILINE))
+    assert run.status == 0
+    plan = run.summary["stages"][0]["plan"]
+    assert {shot["craft"] for shot in plan["pulsed"]["craft"]} == {"P", "Q"}
+    flown = sum(run.summary["delta_v_m_s"].values())
+    rows = {row["choice"]: row["delta_v_m_s"] for row in plan["choices"]}
+    assert rows["this plan, as fired"] == pytest.approx(flown, rel=1e-9)
+    assert rows["this plan"] == pytest.approx(plan["delta_v_m_s"], rel=1e-9)
+    assert rows["this plan"] < flown < np.sqrt(3.0) * rows["this plan"] * (1 + 1e-6)
+    for name in "PQ":
+        check_sums(run, name)
+    plain(run)
+
+
+def test_thrusters_by_name_are_the_table_of_six():
+    table = f"{{ directions = {RTN.tolist()} }}"
+    one, other = (
+        fly(parse(alone(ON_OFF.replace('"rtn"', thrusters)))).results[0] for thrusters in ('"rtn"', table)
+    )
+    assert (one.pulsed.firing.pulses.start == other.pulsed.firing.pulses.start).all()
+    speed = fly(parse(alone(ON_OFF.replace("1 mN s", "0.0833333333333 mm/s")))).results[0]
+    assert speed.pulsed.firing.delta_v == pytest.approx(one.pulsed.firing.delta_v, rel=1e-9)
+
+
+def test_fixed_directions_that_cannot_do_it_stop_the_mission(ran):
+    run = ran(alone('max_thrust = "0.1 N"\nthrusters = { directions = [[0, 1, 0], [0, -1, 0]] }'))
+    assert run.status == 1
+    assert "nothing pushes across the track" in run.printed
+
+
+def test_energy_needs_a_period():
+    with pytest.raises(ScenarioError, match=r"craft\.period: missing"):
+        parse(alone(ON_OFF.replace('period = "30 s"', ""), cost='"energy"'))
+
+
+def test_least_delta_v_within_a_limit_is_not_built_for_formations():
+    scenario = parse(passage('max_thrust = "1 N"'))
+    (line,) = scenario.unbuilt()
+    assert line.startswith('stage[1].cost: "delta-v" within max_thrust is not built yet in "avoid"')
+
+
+def test_opening_and_names_of_a_report_without_zones():
+    report = RunReport(fly(parse(alone())))
+    assert "no conflict remains" in str(report.mission.verdict)  # there is nobody else
+    two = alone(name='["I", "J"]', position='["0 500 0 m", "0 9 0 m"]', do='"transfer"\ncraft = "J"')
+    assert "conflicts were not looked for" in str(fly(parse(two)).verdict)
+
+
+@pytest.mark.parametrize("name", ["safety_ellipse", "cubesats", "swap_impulses"])
+def test_examples_say_what_they_cost(name, ran):
+    run = ran((EXAMPLES / f"{name}.toml").read_text())
+    assert run.status == 0
+    assert "What each choice costs" in run.printed
+    plain(run)
