@@ -29,7 +29,7 @@ from closeform.motion.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
 from closeform.motion.constant_primers import constant_primer
 from closeform.motion.hill import coast
 from closeform.motion.linear import dot
-from closeform.motion.nonnegative import MOST, nonnegative
+from closeform.motion.nonnegative import MOST
 from closeform.motion.primer import gained, peaks
 from closeform.motion.reduced import (
     ANSWER,
@@ -41,11 +41,10 @@ from closeform.motion.reduced import (
     TOUCHING,
     UNIQUE,
     UPPER,
-    along,
-    fly,
     natural,
     newton,
     settle,
+    weigh,
 )
 
 GRID, GRID_PER_TURN = 13, 12.0  # times of the barrier's grid
@@ -63,7 +62,7 @@ CHUNK = 64  # transfers that one thread takes at a time
 @kernel()
 def try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer):
     """A primer of constant length: its bound, and a plan along it if there is one."""
-    c, y, rows = stack_vector(6), stack_vector(6), stack_vector(18)
+    c, y = stack_vector(6), stack_vector(6)
     worth, constant = constant_primer(n, start, c)
     settle(answer, c, worth)
     if not constant:
@@ -79,9 +78,7 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
     for _ in range(FINER):
         for k in range(size):
             costs[k] = 0.0
-            along(n, times[k], metric, y, rows, columns[k])
-        count = nonnegative(columns, size, g, costs, weights, active)
-        fly(n, metric, y, g, times, weights, active, count, answer)
+        count = weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer)
         if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
             return
         size = 0
@@ -97,8 +94,8 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
 @kernel()
 def optimise(n, start, table, times, squares, columns, bent, costs, weights, active, answer):
     """Fill the answer for what is to be gained, whose functional (6,) at the start is of length one."""
-    metric, g, y, c = stack_matrix(6, 6), stack_vector(6), stack_vector(6), stack_vector(6)
-    rows, near = stack_vector(18), stack_vector(6)
+    metric, g, c = stack_matrix(6, 6), stack_vector(6), stack_vector(6)
+    y, near = stack_vector(6), stack_vector(6)
     grid = int(GRID + GRID_PER_TURN * n / 6.283185307179586)
     orthonormal(n, 1.0, grid, metric)
     for i in range(6):
@@ -118,9 +115,7 @@ def optimise(n, start, table, times, squares, columns, bent, costs, weights, act
         if turn:
             for k in range(grid):
                 times[k], costs[k] = table[k, TIME], SPARING * table[k, SLACK]
-                along(n, times[k], metric, y, rows, columns[k])
-            count = nonnegative(columns, grid, g, costs, weights, active)
-            fly(n, metric, y, g, times, weights, active, count, answer)
+            weigh(n, metric, y, g, times, grid, columns, costs, weights, active, answer)
         for i in range(6):
             near[i] = y[i]
         natural(metric, y, c)

@@ -110,6 +110,17 @@ def along(n, t, metric, y, rows, column):
 
 
 @kernel()
+def weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer):
+    """Fill `columns` with B'p at these times, and `fly` what they weigh; returns how many do."""
+    rows = stack_vector(18)
+    for k in range(size):
+        along(n, times[k], metric, y, rows, columns[k])
+    count = nonnegative(columns, size, g, costs, weights, active)
+    fly(n, metric, y, g, times, weights, active, count, answer)
+    return count
+
+
+@kernel()
 def add_curvature(n, t, metric, y, c, weight, curvature):
     """Add `weight` times the Hessian of theory (30) at a maximum of the primer of start `c`, upper half."""
     psi, rows, rates = stack_matrix(3, 6), stack_vector(18), stack_vector(18)
@@ -156,7 +167,7 @@ def independent(columns, squares, size, highest, active):
 @kernel()
 def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, active, answer):
     """Newton's method on the local maxima of |p|; `answer` takes the best bound and plan on the way."""
-    c, rows, ahead, step = stack_vector(6), stack_vector(18), stack_vector(6), stack_vector(6)
+    c, ahead, step = stack_vector(6), stack_vector(6), stack_vector(6)
     curvature = stack_matrix(6, 6)
     size = 0
     for _ in range(NEWTON):
@@ -170,10 +181,8 @@ def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, activ
             y[i] *= scale
         settle(answer, c, dot(g, y))
         for k in range(size):
-            along(n, times[k], metric, y, rows, columns[k])
             costs[k] = 0.0
-        count = nonnegative(columns, size, g, costs, weights, active)
-        fly(n, metric, y, g, times, weights, active, count, answer)
+        count = weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer)
         if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
             answer[UNIQUE] = 1.0 * independent(columns, squares, size, highest, active)
             break
