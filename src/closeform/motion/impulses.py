@@ -92,18 +92,23 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
 
 
 @kernel()
-def optimise(n, start, table, times, squares, columns, bent, costs, weights, active, answer):
-    """Fill the answer for what is to be gained, whose functional (6,) at the start is of length one."""
-    metric, g, c = stack_matrix(6, 6), stack_vector(6), stack_vector(6)
-    y, near = stack_vector(6), stack_vector(6)
+def spread(n, metric, table):
+    """Fill `metric` and the grid of times over a transfer in which the orbit turns by n; returns its size."""
     grid = int(GRID + GRID_PER_TURN * n / 6.283185307179586)
     orthonormal(n, 1.0, grid, metric)
+    for k in range(grid):
+        lay(n, k / (grid - 1.0), metric, table, k)
+    return grid
+
+
+@kernel()
+def optimise(n, start, metric, grid, table, times, squares, columns, bent, costs, weights, active, answer):
+    """Fill the answer for what is to be gained, whose functional (6,) at the start is of length one."""
+    g, c, y, near = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     for i in range(6):
         g[i], y[i] = 0.0, 0.0
         for j in range(i + 1):
             g[i] += metric[j, i] * start[j]
-    for k in range(grid):
-        lay(n, k / (grid - 1.0), metric, table, k)
     try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer)
     answer[UNIQUE] = 0.0
     if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
@@ -163,7 +168,7 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
     arcs, finals, answers = borrowed(arcs), borrowed(finals), borrowed(answers)
     table, lines, columns, active = borrowed(table), borrowed(lines), borrowed(columns), borrowed(active)
     times, squares, costs, weights = lines[0], lines[1], lines[2], lines[3]
-    start = stack_vector(6)
+    metric, start, angle, grid = stack_matrix(6, 6), stack_vector(6), 0.0, 0
     for p in range(len(arcs)):
         arc, answer = arcs[p], answers[p]
         t = arc[END] - arc[START]
@@ -179,8 +184,25 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
             continue
         for k in range(6):
             start[k] /= size
+        if n * t != angle:  # in a matrix of transfers they all share a grid
+            angle = n * t
+            grid = spread(angle, metric, table)
         answer[UPPER] = inf
-        optimise(n * t, start, table, times, squares, columns[0], columns[1], costs, weights, active, answer)
+        optimise(
+            angle,
+            start,
+            metric,
+            grid,
+            table,
+            times,
+            squares,
+            columns[0],
+            columns[1],
+            costs,
+            weights,
+            active,
+            answer,
+        )
         answer[UPPER] *= size
         answer[LOWER] = min(size * answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of it
         for axis in range(3):
