@@ -720,6 +720,85 @@ craft.silent: is not built yet; remove it""",
         'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later version '
         "brings: give position and velocity, palmer or roe",
     ),
+    # fuel
+    Bad(
+        "thrusters that are not known",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nthrusters = "six"\nperiod = "30 s"',
+        'craft.thrusters: "six" is not known here; use "rtn" or a table with directions',
+    ),
+    Bad(
+        "thrusters whose directions are not unit vectors in a file",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nthrusters = { directions = [[2, 0, 0]] }\nperiod = "30 s"',
+        "craft.thrusters: directions[0]: must be of length 1, got 2; give unit vectors, and how strong thrusters are as acceleration",
+    ),
+    Bad(
+        "thrusters of unknown strength",
+        'max_thrust = "1.5 N"',
+        'thrusters = "rtn"\nperiod = "30 s"',
+        'craft: thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"',
+    ),
+    Bad(
+        "a minimum bit without thrusters",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nminimum_bit = "1 mm/s"',
+        "craft: minimum_bit goes with thrusters only; remove minimum_bit",
+    ),
+    Bad(
+        "a minimum bit that is a force",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nthrusters = "rtn"\nperiod = "30 s"\nminimum_bit = "5 mN"',
+        'craft.minimum_bit: "5 mN" is a force, not a speed; use m/s, cm/s, mm/s, km/s',
+    ),
+    Bad(
+        "a minimum bit in newton-seconds of a craft without mass",
+        'mass = "150 kg"\nmax_thrust = "1.5 N"',
+        'max_acceleration = "5 mm/s^2"\nthrusters = "rtn"\nperiod = "30 s"\nminimum_bit = "5 mN s"',
+        'craft: minimum_bit in N s needs mass; add for example mass = "12 kg"',
+    ),
+    Bad(
+        "two limits of thrust",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nmax_acceleration = "5 mm/s^2"',
+        "craft: max_thrust and max_acceleration exclude each other; keep one",
+    ),
+    Bad(
+        "least energy by thrusters without a period",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nthrusters = "rtn"',
+        'craft.period: missing, in which thrusters fire once while a plan of least energy thrusts; add for example period = "30 s", or write cost = "delta-v" in the stage',
+    ),
+    Bad(
+        "an unknown cost",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\ncost = "fuel"',
+        'stage[2].cost: "fuel" is not known here; use one of energy, delta-v',
+    ),
+    Bad(
+        "Sauter and Palmer's method for least delta-v",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\ncost = "delta-v"\nmethod = "sauter-palmer"',
+        'stage[2]: method = "sauter-palmer" goes with cost = "energy" only; remove one of them',
+    ),
+    Bad(
+        "least delta-v within a thrust limit without thrusters",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\ncost = "delta-v"',
+        'stage[2].cost: "delta-v" within max_thrust is not built yet in "avoid"; give thrusters, whose burns keep it, or remove max_thrust',
+    ),
+    Bad(
+        "a transfer that does not say of whom",
+        'do = "avoid"\ncraft = "F3"',
+        'do = "transfer"',
+        'stage[2].craft: missing; name who moves, for example "F1"',
+    ),
+    Bad(
+        "a minimum bit above all that a plan asks for",
+        'max_thrust = "1.5 N"',
+        'max_thrust = "1.5 N"\nthrusters = "rtn"\nperiod = "30 s"\nminimum_bit = "5 m/s"',
+        "stage[2]: minimum_bit: F3: 5 m/s is above the 0.756 m/s that the plan asks of a thruster at a time, so nothing would be fired; plan with impulses, or take finer thrusters",
+    ),
 )
 
 SEARCHES = (
