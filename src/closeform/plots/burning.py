@@ -31,7 +31,7 @@ from closeform.plots.look import (
 from closeform.plots.tracks import colours
 
 NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
-LETTERED = 8  # burns in a row up to which each has its size beside it
+LETTERED = 8  # larger burns in a row up to which each has its size beside it
 BESIDE = 0.075  # of the time: sizes nearer than that would stand on each other
 SMALLEST = 0.1  # of the largest burn: smaller ones have no size beside them
 MARGIN = 0.015  # of the time, before and after it, so that bars at its ends are seen
@@ -84,10 +84,11 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
         tops = np.stack([np.full_like(high, level), np.full_like(high, level), high, high], axis=1)
         corners: Any = np.stack([bars, tops], axis=-1)
         axes.add_collection(PolyCollection(corners, facecolors=tint, linewidths=0))
-        if len(middle) <= LETTERED:
+        large = one.size >= SMALLEST * greatest
+        if large.sum() <= LETTERED:
             last = -np.inf
-            for time, size in zip(middle.tolist(), one.size.tolist(), strict=True):
-                if time - last < BESIDE * (end - start) or size < SMALLEST * greatest:
+            for time, size in zip(middle[large].tolist(), one.size[large].tolist(), strict=True):
+                if time - last < BESIDE * (end - start):
                     continue
                 last = time
                 late = time > start + 0.9 * (end - start)

@@ -176,21 +176,18 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     if around is not None and around is not path:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
         ways = path, around, [before.path(name) for name in names], zone
-        flown = [path, around], ["before", "after"]
         near = f"How near {craft} comes to the zones of the others, before and after"
         both = f"The path of {craft} before and after"
         found += [
             Picture("before-after", both, "before_after", ways, {"names": names}),
             Picture("nearness", near, "ratios", ways, {"names": names}),
-            Picture(
-                "thrust", f"Thrust of {craft}", "thrust", flown, {"mass": mission.scenario.force_mass(craft)}
-            ),
         ]
+        paths, labels = [path, around], ["before", "after"]
     else:
         every, options = (before.paths, before.paths), {"names": before.names, "zone": mission.scenario.zones}
+        found.append(Picture("paths", "The direct paths of all", "formation_paths", every, options))
+        paths, labels = [path], [craft]
+    if result.stage.cost == "energy":  # impulses are drawn as burns
         mass = {"mass": mission.scenario.force_mass(craft)}
-        found += [
-            Picture("paths", "The direct paths of all", "formation_paths", every, options),
-            Picture("thrust", f"Thrust of {craft}", "thrust", ([path], [craft]), mass),
-        ]
+        found.append(Picture("thrust", f"Thrust of {craft}", "thrust", (paths, labels), mass))
     return tuple(found)
