@@ -328,3 +328,21 @@ def test_of_a_batch_the_craft_is_named():
     weak = cf.Thrusters.rtn(acceleration=1e-5, period=30.0)
     with pytest.raises(ValueError, match=r"^acceleration: craft 1: at about "):
         cf.fire(both, weak)
+
+
+def test_impulses_at_one_time_but_for_rounding_are_one_burn():
+    """Linear programs share an impulse among neighbouring times; a burn of both keeps sum and centroid."""
+    middle = ORBIT.coast(A, 1000.0)
+    state = middle.state(1000.0)
+    state[3:] += [0.0, 0.02, 0.0]
+    between = ORBIT.coast(state, 0.05, 1000.0)
+    later = between.state(1000.05)
+    later[3:] += [0.0, 0.06, 0.0]
+    plan = cf.join([middle, between, ORBIT.coast(later, 2000.0, 1000.05)])
+    fired = cf.fire(plan, SIX)
+    assert len(plan.impulses) == 2
+    assert len(fired.pulses) == 1
+    assert fired.pulses.impulse.sum() == pytest.approx(0.08, rel=1e-9)
+    centroid = fired.pulses.start[0] + 0.5 * fired.pulses.duration[0]
+    assert centroid == pytest.approx((0.02 * 1000.0 + 0.06 * 1000.05) / 0.08, abs=1e-6)
+    assert fired.deviation <= fired.deviation_bound
