@@ -65,23 +65,24 @@ def peaks_along(n, duration, c, spin, angle, d, level, instants):
     pieces = int((rest / BETWEEN) ** 0.25) + 2
     h = duration / pieces
     rest /= float(pieces) ** 4
-    low, a = share_along(n, 0.0, c, spin, angle, d)
-    count, highest, before, when, rises = 0, -inf, -inf, 0.0, True
-    for k in range(pieces):
-        high, b = share_along(n, (k + 1) * h, c, spin, angle, d)
-        top, at = (high, 1.0) if high > low else (low, 0.0)
-        q, r = 3.0 * (high - low) - h * (2.0 * a + b), 2.0 * (low - high) + h * (a + b)
-        square = q * q - 3.0 * r * h * a  # the cubic low + h a s + q s^2 + r s^3 and where its slope falls
-        s = h * a / (sqrt(square) - q) if square > 0.0 else 0.0
-        if 0.0 < s < 1.0:
+    low, a, count, highest, before, when, rises = 0.0, 0.0, 0, -inf, -inf, 0.0, True
+    for k in range(pieces + 1):
+        high, b = share_along(n, k * h, c, spin, angle, d)
+        if k > 0:
+            top, at = (high, 1.0) if high > low else (low, 0.0)
+            q, r = 3.0 * (high - low) - h * (2.0 * a + b), 2.0 * (low - high) + h * (a + b)
+            square = (
+                q * q - 3.0 * r * h * a
+            )  # the cubic low + h a s + q s^2 + r s^3 and where its slope falls
+            s = h * a / (sqrt(square) - q) if square > 0.0 else 0.0
             value = low + s * (h * a + s * (q + s * r))
-            if value > top:
+            if 0.0 < s < 1.0 and value > top:
                 top, at = value, s
-        if rises and top < before and before >= level and count < len(instants):
-            instants[count] = when
-            count += 1
-        rises, before, when = top >= before, top, (k + at) * h
-        highest = max(highest, top)
+            if rises and top < before and before >= level and count < len(instants):
+                instants[count] = when
+                count += 1
+            rises, before, when = top >= before, top, (k - 1 + at) * h
+            highest = max(highest, top)
         low, a = high, b
     if rises and before >= level and count < len(instants):
         instants[count] = when
