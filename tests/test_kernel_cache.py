@@ -15,7 +15,8 @@ import pytest
 from numba.core import types
 
 import closeform
-from closeform.kernel_cache import type_text
+from closeform.kernel_cache import described, type_text
+from closeform.motion.hill import coast
 
 
 def evaluated(cache, code="", **environment):
@@ -202,3 +203,10 @@ def test_types_that_moved_are_others() -> None:
         return type_text(types.NamedTuple((types.float64, types.float64), Pair))
 
     assert text("closeform.old") != text("closeform.new")
+
+
+def test_parts_that_moved_are_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So it is for a function: the file of a kernel says in which module each of its parts was."""
+    before = described(coast)
+    monkeypatch.setattr(coast.py_func, "__module__", "closeform.moved")
+    assert described(coast) != before

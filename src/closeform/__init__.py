@@ -10,7 +10,7 @@ _NAMES = {
     "motion.joining": "join stack",
     "zones.zone": "Zone",
     "zones.solids": "Box Ellipsoid Sphere Cylinder HalfSpaces",
-    "zones.own_zone": "Uncertainty Body",
+    "zones.combined_zones": "Uncertainty Body",
     "zones.pair_zones": "PairZones",
     "conflicts.two_paths": (
         "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"

@@ -93,8 +93,8 @@ from closeform.search.theorem import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
-from closeform.zones.own_zone import Body as Body
-from closeform.zones.own_zone import Uncertainty as Uncertainty
+from closeform.zones.combined_zones import Body as Body
+from closeform.zones.combined_zones import Uncertainty as Uncertainty
 from closeform.zones.pair_zones import PairZones as PairZones
 from closeform.zones.solids import (
     Box as Box,

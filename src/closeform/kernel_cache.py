@@ -167,7 +167,7 @@ def described(part: Any) -> str:
     taken = [(name, value) for name, value in used(function) if not isinstance(value, Dispatcher)]
     return "\n".join(
         [
-            f"{part.targetoptions} {function.__defaults__}",
+            f"{function.__module__} {part.targetoptions} {function.__defaults__}",  # a file names modules
             code_text(function.__code__, function.__doc__),
             *(f"{name} = {constant_text(function, name, value)}" for name, value in taken),
         ]

@@ -14,7 +14,7 @@ from closeform.motion.path import Path
 from closeform.scenario import Avoid, Joint, Scenario, Target, Transfer
 from closeform.scenario.stages import Cost
 from closeform.verdict import Late, thrust_use
-from closeform.zones.own_zone import OwnZone, enlarged
+from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
 
 LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked

@@ -17,7 +17,7 @@ from closeform.conflicts.tracks import Tracks, follow
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.zone import Zone
 

@@ -9,8 +9,7 @@ from closeform.compiled import kernel
 from closeform.conflicts.exclusion import FEW, coasts_apart, count_near, interval, is_clear, mark_near
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, START
-from closeform.motion.extrema import minimum_norm
-from closeform.motion.march import (
+from closeform.motion.certified_march import (
     LESS_PATIENCE,
     PATIENCE,
     bounds,
@@ -20,6 +19,7 @@ from closeform.motion.march import (
     window,
     window_end,
 )
+from closeform.motion.extrema import minimum_norm
 from closeform.zones.shapes import (
     CYLINDER,
     FACES,

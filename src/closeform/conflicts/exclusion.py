@@ -22,7 +22,7 @@ from numba import float64, int64, void
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, is_cubic, state_at, thrusts
-from closeform.motion.march import bounds, store, window
+from closeform.motion.certified_march import bounds, store, window
 from closeform.zones.shapes import BALL, CUBE, FACES, support
 
 # What rounding can have taken, of the size of coordinates and of the ball.

@@ -13,7 +13,7 @@ from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path
-from closeform.zones.own_zone import Body, Uncertainty
+from closeform.zones.combined_zones import Body, Uncertainty
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 

@@ -20,7 +20,7 @@ from closeform.motion.arc import START
 from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 
 LOOKS = 8  # instants of each arc at which the pulsed path is compared with the plan

@@ -3,14 +3,14 @@
 from math import sqrt
 
 from closeform.compiled import kernel
-from closeform.motion.hill import oscillation
-from closeform.motion.march import (
+from closeform.motion.certified_march import (
     LESS_PATIENCE,
     PATIENCE,
     bounds,
     relative_state,
     taylor_step,
 )
+from closeform.motion.hill import oscillation
 from closeform.zones.shapes import BALL, FACES, inside_step, norm, outside_step, part, rank, rate
 
 # Extrema are certain to these fractions of themselves; a least norm below NIL counts as 0.

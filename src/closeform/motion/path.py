@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, numbers, shown
 from closeform.compiled import kernel
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, WIDTH, state_at
+from closeform.motion.certified_march import locate
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
-from closeform.motion.march import locate
 
 if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit

@@ -17,14 +17,14 @@ from closeform.motion.path import Path
 from closeform.planning.impulse_search import solve_impulses
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
-from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
 from closeform.planning.planner import check_cost, check_effort, outcome, solve
 from closeform.planning.problem import Problem, transfer_of
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
-from closeform.zones.own_zone import OwnZone, pair_zone
+from closeform.planning.side_search import MARGINS, Found
+from closeform.zones.combined_zones import OwnZone, pair_zone
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
 

@@ -6,8 +6,8 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.planning.certify import Solution, nearer
 from closeform.planning.obstacles import end_inside
-from closeform.planning.passing import MARGINS, Search
 from closeform.planning.problem import Problem, deepest, transfer_of
+from closeform.planning.side_search import MARGINS, Search
 from closeform.zones.zone import Zone
 
 

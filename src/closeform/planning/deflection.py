@@ -20,9 +20,9 @@ from numba import int64, void
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, derivatives_at, primer_at, state_at
+from closeform.motion.certified_march import locate
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
-from closeform.motion.march import locate
 from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE
 
 PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T

@@ -1,6 +1,6 @@
 """Impulses of least delta-v that keep all pairs clear: planes at contacts, turned and moved until they hold.
 
-A round prices the planes of the contacts (`impulse_dual`), flies the impulses, and looks for conflicts.
+A round prices the planes of the contacts (`joint_barrier`), flies the impulses, and looks for conflicts.
 Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
 clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
 maxima of their primers, and when they last did; in the end only when they must.           # theory 6
@@ -23,11 +23,11 @@ from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.contacts import turn_normals
 from closeform.planning.impulse_alone import answers_alone
-from closeform.planning.impulse_dual import price
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_moments import Moments, Pushes
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_scene import Dual, Fleet, Planes
+from closeform.planning.joint_barrier import price
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 

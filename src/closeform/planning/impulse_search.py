@@ -8,11 +8,11 @@ import numpy as np
 
 from closeform.fuel.thrusters import Thrusters
 from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
-from closeform.planning.passing import FEW
 from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
-from closeform.planning.sides import exit_normals
+from closeform.planning.side_search import FEW
+from closeform.planning.ways_out import exit_normals
 
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 MORE = 4  # times as many where none of those is clear

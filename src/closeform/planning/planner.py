@@ -8,10 +8,10 @@ import numpy as np
 
 from closeform.arrays import number, shown, whole
 from closeform.planning.certify import LocalSolver, nearer
-from closeform.planning.passing import MARGINS, Found, Search
 from closeform.planning.plan import Contact
 from closeform.planning.problem import Flown, Problem, deepest
 from closeform.planning.scene import Contacts
+from closeform.planning.side_search import MARGINS, Found, Search
 
 
 @dataclass(frozen=True, eq=False)

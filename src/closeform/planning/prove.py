@@ -21,11 +21,11 @@ from typing import NamedTuple
 import numpy as np
 
 from closeform.planning.certify import LocalSolver, Solution, nearer
-from closeform.planning.passing import MARGINS
 from closeform.planning.pieces import Piece, outside, pieces
 from closeform.planning.plan import Contact, Cost, gap
 from closeform.planning.problem import Problem
 from closeform.planning.samples import Answer, Samples
+from closeform.planning.side_search import MARGINS
 
 GAP = 1e-3  # of the lower bound: at which a proof ends
 LEFT = 0.999 * GAP / (1.0 + GAP)  # of the energy, then

@@ -17,7 +17,6 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
 from closeform.planning.impulse_search import solve_impulses
-from closeform.planning.passing import MARGINS, Found
 from closeform.planning.plan import Cost, Plan, Status
 from closeform.planning.planner import Outcome, check_cost, check_effort, joined, outcome, solve
 from closeform.planning.problem import Problem
@@ -25,8 +24,9 @@ from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.request import Request
 from closeform.planning.sequential import one_by_one
+from closeform.planning.side_search import MARGINS, Found
 from closeform.planning.slots import revised
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 

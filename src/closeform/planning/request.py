@@ -16,7 +16,7 @@ from closeform.planning.impulse_alone import costs_alone, each_set
 from closeform.planning.obstacles import obstacle_batch, obstacle_names
 from closeform.planning.plan import Cost
 from closeform.planning.problem import Problem
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
 

@@ -15,10 +15,10 @@ from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.planning.obstacles import end_inside
-from closeform.planning.passing import MARGINS
 from closeform.planning.plan import Contact
 from closeform.planning.planner import Outcome, solve
 from closeform.planning.problem import Problem, deepest
+from closeform.planning.side_search import MARGINS
 
 
 def one_by_one(

@@ -25,7 +25,7 @@ from closeform.plots.camera import (
     word,
 )
 from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline, sheet
-from closeform.plots.scene import CIRCLE
+from closeform.plots.zones_and_tracks import CIRCLE
 from closeform.search.leg import SUN, Leg, rotation
 from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL
-from closeform.plots.scene import CIRCLE
+from closeform.plots.zones_and_tracks import CIRCLE
 from closeform.search.leg import SUN
 
 GROUP_COLOURS = {"A": AFTER, "B": CONFLICT}

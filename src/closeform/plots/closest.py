@@ -36,7 +36,7 @@ from closeform.plots.look import (
     time_axes,
 )
 from closeform.plots.pairs import SURE, Pairs, asked, ratio_text, title
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first

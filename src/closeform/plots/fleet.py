@@ -37,10 +37,10 @@ from closeform.plots.look import (
 )
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
-from closeform.plots.scene import headings, place, shadow
 from closeform.plots.tracks import Formation, colours
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
-from closeform.zones.own_zone import OwnZone
+from closeform.plots.zones_and_tracks import headings, place, shadow
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 NAMED = 20  # craft up to which names are tried

@@ -39,10 +39,10 @@ from closeform.plots.look import (
 from closeform.plots.names import dark
 from closeform.plots.pairs import Pairs, ratio_text
 from closeform.plots.panels import framed
-from closeform.plots.scene import drawn, shadow
 from closeform.plots.tracks import colours, stays
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
-from closeform.zones.own_zone import OwnZone
+from closeform.plots.zones_and_tracks import drawn, shadow
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 

@@ -17,7 +17,7 @@ from closeform.motion.path import Path
 from closeform.plots.letters import inches, plain
 from closeform.plots.look import CONFLICT, FAINT, INK, LETTERS, OTHER, SMALL, TEXT, area, headline, sheet
 from closeform.plots.pairs import Pairs, asked, ratio_text, title
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 NUMBERED = 14  # craft up to which each pair has its number

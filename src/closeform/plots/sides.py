@@ -41,7 +41,7 @@ from closeform.plots.look import (
     signed_percent,
     speed,
 )
-from closeform.plots.scene import PLANES, drawn, headings, place, section, shadow, spot, square
+from closeform.plots.zones_and_tracks import PLANES, drawn, headings, place, section, shadow, spot, square
 from closeform.zones.zone import Zone
 
 SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))

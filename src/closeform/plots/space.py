@@ -36,8 +36,8 @@ from closeform.plots.look import (
 )
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
-from closeform.plots.scene import PLANES, drawn, headings, place, shadow
 from closeform.plots.views import AXES, ORBITAL, window
+from closeform.plots.zones_and_tracks import PLANES, drawn, headings, place, shadow
 from closeform.zones.zone import Zone
 
 TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone

@@ -18,7 +18,7 @@ from closeform.plots.look import (
     instants,
 )
 from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.scene import drawn
+from closeform.plots.zones_and_tracks import drawn
 from closeform.zones.zone import Zone
 
 FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green

@@ -14,7 +14,7 @@ from closeform.motion.arc import END, START
 from closeform.report.picture import Film, Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.verdict import conflicts_in
-from closeform.zones.own_zone import REGION
+from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones
 
 DOUBTFUL = 0.1  # of a zone: by so much a craft may be in or out of it without a word

@@ -8,7 +8,7 @@ from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Gather, Reconfigure
-from closeform.zones.own_zone import REGION
+from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones, portions_near
 from closeform.zones.shapes import CYLINDER, FACES
 

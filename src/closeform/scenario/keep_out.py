@@ -10,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.scenario.formation import Six
 from closeform.scenario.quantity import AREA, LENGTH, Reader
 from closeform.scenario.table import Length, Lengths, Table, Vector
-from closeform.zones.own_zone import Body, OwnZone, Uncertainty
+from closeform.zones.combined_zones import Body, OwnZone, Uncertainty
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone
 

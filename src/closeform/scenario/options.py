@@ -13,7 +13,7 @@ from closeform.scenario.errors import ScenarioError, complaints, did_you_mean
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.load import Reading, text_of, toml
 from closeform.scenario.table import Name, Table
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 

@@ -14,7 +14,7 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import Avoid, Gather, Joint, StageTable
 from closeform.scenario.study import BUILT, Study
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 

@@ -40,7 +40,7 @@ from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
-from closeform.zones.own_zone import OwnZone
+from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.shapes import CUBE
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats, sequence, shown
-from closeform.zones.own_zone import Body, OwnZone, Uncertainty, key, pair_zone
+from closeform.zones.combined_zones import Body, OwnZone, Uncertainty, key, pair_zone
 from closeform.zones.zone import Zone
 
 AT_ONCE = 1 << 18  # pairs that are looked at together: some tens of megabytes
