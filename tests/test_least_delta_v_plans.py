@@ -207,6 +207,19 @@ def test_slots_by_delta_v():
     assert plan.lower_bound <= least * (1.0 + 1e-9)
 
 
+def test_who_need_not_move():
+    """Craft that give way to a passer-by alone are not told a share of nothing."""
+    stays, passes = (
+        ORBIT.transfer([0, 100, 0, 0, 0, 0], [0, 100, 0, 0, 0, 0], 3000.0),
+        [3, 95, 2, 0.05, 0.1, 0.02],
+    )
+    obstacle = ORBIT.coast(ORBIT.transition(-1500.0) @ passes, 3000.0)
+    found = cf.avoid(stays, obstacle, cf.Sphere(20.0), cost="delta-v")
+    assert found.status == cf.Status.AVOIDED
+    assert found.lower_bound == 0.0
+    assert "nan" not in found.reason
+
+
 def test_ends_inside():
     stays = ORBIT.coast(np.zeros(6), 1000.0)
     a, b = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0], [0.0, 500.0, 0.0, 0.0, 0.0, 0.0]

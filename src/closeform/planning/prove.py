@@ -120,6 +120,8 @@ def closeness(spent: float, bound: float, cost: Cost = "energy") -> str:
     """How near what is spent is to its lower bound, in words."""
     if is_proven(spent, bound):
         return f"proven the least {cost} for these ends and times"
+    if not bound > 0.0:
+        return f"beside a {cost} of 0 where nothing is in the way"
     return f"at most {100.0 * gap(spent, bound):.2g} % above the least {cost} for these ends and times"
 
 
