@@ -330,6 +330,17 @@ def test_pulses_around_zones_get_room_and_are_clear(ran, cost):
     plain(run)
 
 
+def test_who_would_coast_pays_for_the_way_around_only(ran):
+    """The least without zones is nothing: no share of it is told, and no energy beside impulses."""
+    text = re.sub(r"^to = .*$", "", passage(), flags=re.MULTILINE).replace("0.2 orbits", "0.5 orbits")
+    run = ran(text.replace("0 8 -80 m", "0 5 60 m"))
+    assert run.status == 0
+    assert "Delta-v above the lower bound of 0 m/s" in run.printed
+    assert "energy" not in run.printed
+    check_sums(run, "Q")
+    plain(run)
+
+
 def test_pulses_that_break_a_zone_make_the_status_1(ran):
     """The end is a centimetre outside the zone; there is no room, and pulses lead further off."""
     text = passage('max_thrust = "20 mN"\nthrusters = "rtn"\nperiod = "120 s"', 'cost = "energy"')

@@ -43,7 +43,7 @@ def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
     """
     hide = {PUSH if mission.scenario.newtons else FORCE}
     hide |= set() if np.isfinite(mission.propellant).any() else {FUEL}
-    if not any(isfinite(path.energy) for path in paths):
+    if not all(isfinite(path.energy) for path in paths):
         hide |= {ENERGY, PUSH, FORCE}
     shown = (replace(column, heading=None) if column in hide else column for column in COST)
     return tuple(in_grams(mission, column) if column.key == FUEL.key else column for column in shown)

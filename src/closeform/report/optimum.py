@@ -21,7 +21,8 @@ def best(found: Avoidance | Plan) -> str:
 
 def bounds(found: Avoidance | Plan) -> Iterator[str]:
     """What a better plan could save at most, and whether it was made for larger zones."""
-    above, unit = f"{100 * found.gap:.3f} % above the lower bound of", UNITS[found.cost]
+    share = f"{100 * found.gap:.3f} % " if found.lower_bound > 0.0 else ""
+    above, unit = f"{share}above the lower bound of", UNITS[found.cost]
     yield f"{found.cost.capitalize()} {above} {found.lower_bound:.6g} {unit}"
     if found.margin > TOUCHING:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
