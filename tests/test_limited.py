@@ -271,3 +271,21 @@ def test_conflicts_of_saturated_paths_meet_dense_samples():
 def test_bad_input_is_named(arguments, named):
     with pytest.raises(ValueError, match="^" + named):
         ORBIT.transfer(np.zeros((2, 6)), [100.0, 0, 0, 0, 0, 0], 600.0, **arguments)
+
+
+@pytest.mark.parametrize("limit", [0.1, 1.0, 10.0])
+def test_strong_motors(limit):
+    """Burns of seconds in transfers of an hour: hardly dearer than impulses, and within the limit."""
+    orbit = cf.Orbit.circular(500e3)
+    n, rng = orbit.mean_motion, np.random.default_rng(5)
+    for _ in range(25):
+        a, b = rng.normal(size=(2, 6)) * np.array([300.0] * 3 + [300.0 * n] * 3)
+        duration = orbit.period * rng.uniform(0.3, 2.0)
+        path = orbit.transfer(a, b, duration, max_acceleration=limit, cost="delta-v")
+        lower = cf.least_delta_v(orbit, a, b, duration).lower
+        assert lower * (1.0 - 1e-9) <= path.delta_v <= lower * (1.0 + 1e-3 / limit)
+        assert path.peak_thrust <= limit * (1.0 + 1e-9)
+        assert not path.impulses
+        assert np.abs(path.state(0.0) - a).max() == 0.0
+        assert np.abs(path.state(duration) - b)[:3].max() < 1e-5  # m, of hundreds
+        assert np.abs(path.state(duration) - b)[3:].max() < 1e-8

@@ -24,6 +24,7 @@ from closeform.motion.hill import coast, oscillation
 from closeform.motion.linear import dot
 from closeform.motion.mean_motion import checked
 from closeform.motion.primer import NARROWEST, functional
+from closeform.motion.short_burns import short_burns
 
 # By how much a piece may be off, as a share of the limit.  Ten times as much: half as many pieces,
 # and a limit exceeded by more than the 1e-9 that is promised.
@@ -32,7 +33,7 @@ ROUNDING = 1e-14  # of |p|, in thrust of size (|p| - 1) / e
 NOISE = 1e-13  # of states, by rounding
 FREE = 1e200  # a limit that nothing reaches
 CLOSE = 1e-6  # of the least limit: so well it is told
-WORST = 1e-6  # a path's cost over its lower bound
+WORST, DEARER = 1e-6, 1e-3  # a path's cost over its lower bound, and that of short burns over impulses
 
 
 @kernel()
@@ -285,7 +286,7 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         facts[p, BOUND] = bound if low > 0.0 else dot(g, c) - total
         facts[p, COST] = spent if low > 0.0 else 0.5 * energy
         noise = fast * (abs(c[0]) + abs(c[1]) + abs(c[2])) + far * (abs(c[3]) + abs(c[4]) + abs(c[5]))
-        if facts[p, COST] > facts[p, BOUND] + WORST * facts[p, COST] + noise:
+        if not facts[p, COST] <= facts[p, BOUND] + WORST * facts[p, COST] + noise:  # nan neither
             facts[p, NEEDED], offsets[p + 1] = UNDECIDED, -1
             break
 
@@ -315,6 +316,15 @@ def limited(
         done = int((offsets[1:] >= 0).sum())
         if done < len(facts) and facts[done, NEEDED] != POSSIBLE:
             k = first + done
+            undecided = sparing and facts[done, NEEDED] == UNDECIDED
+            burns = short_burns(n, rows[k], ends[k], limits[k]) if undecided else None
+            if burns is not None and burns.delta_v <= (1.0 + DEARER) * burns.bound:
+                facts[done] = [POSSIBLE, 0.0, burns.bound, burns.delta_v, *burns.primer]
+                pieces += [made[: offsets[done]], burns.arcs]
+                counts += [np.diff(offsets[: done + 1]), np.array([len(burns.arcs)])]
+                told.append(facts[: done + 1])
+                first += done + 1
+                continue
             name = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
             raise ValueError(f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[done])}")
         pieces.append(made[: offsets[done]])
@@ -330,7 +340,7 @@ def refusal(arc: Floats, limit: float, facts: Floats) -> str:
     duration = arc[END] - arc[START]
     if facts[NEEDED] == UNDECIDED:
         return (
-            f"{limit:.10g} m/s^2 is within a millionth of the least with which {duration:g} s are enough; "
+            f"{limit:.10g} m/s^2 in {duration:g} s is shown to be neither enough nor too little; "
             "give a little more of it, or of time"
         )
     return (

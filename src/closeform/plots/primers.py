@@ -34,7 +34,7 @@ from closeform.plots.look import (
 )
 
 LETTERED = 12  # impulses or slots that are labelled
-SMALLEST = 0.1  # of the largest impulse: smaller ones are not labelled
+SMALLEST = 0.02  # of the largest impulse: smaller ones are not labelled
 BESIDE = 0.12  # of the duration: labels nearer than that stand above each other
 
 
@@ -143,7 +143,8 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None) -> Figure:
     axes.plot(durations / across.size, costs / up.size, "o-", color=AFTER, linewidth=1.6, markersize=4)
     axes.set_yscale("log" if costs.min() > 0.0 and costs.max() > 30.0 * costs.min() else "linear")
     changes = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
-    for k in changes if 1 < len(changes) <= LETTERED else ():
+    told = len(changes) <= LETTERED and (len(changes) > 1 or plan is None)
+    for k in changes if told else ():
         axes.annotate(
             f"slot {slots[k]}",
             (durations[k] / across.size, costs[k] / up.size),
