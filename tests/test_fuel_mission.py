@@ -409,3 +409,37 @@ def test_examples_say_what_they_cost(name, ran):
     assert run.status == 0
     assert "What each choice costs" in run.printed
     plain(run)
+
+
+TIGHT = """\
+closeform = 1
+title = "Burns closer than they are long"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["Q1", "Q2", "Q3", "Q4"]
+start = { string_of_pearls = { spacing = "50 m" } }
+keep_out = { sphere = "45 m" }
+mass = "12 kg"
+max_thrust = "0.1 mN"
+thrusters = "rtn"
+minimum_bit = "1 mN s"
+period = "120 s"
+
+[[stage]]
+do = "reconfigure"
+within = "1 orbit"
+cost = "delta-v"
+to = { projected_circular = { radius = "60 m" } }
+"""
+
+
+def test_burns_that_overlap_stop_the_mission_with_a_reason():
+    """Thrusters of a tenth of a millinewton cannot do in time what impulses do: a verdict, no bad input."""
+    mission = fly(parse(TIGHT))
+    assert mission.stopped is not None
+    assert "must begin again at" in mission.stopped
+    assert mission.stopped.endswith("give it more thrust or time, or cost 'energy', which spreads it")
+    assert not mission.results[0].flown

@@ -49,11 +49,17 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         found = plan(later)
         if found.failure is not None:
             return found if kept is None else kept
-        firing = fired(start, found.after)
-        if firing is None:
-            return found
+        from closeform.fuel.order import Overlap
         from closeform.fuel.pulses import extended
 
+        try:
+            firing = fired(start, found.after)
+        except Overlap as overlap:
+            remedy = "give it more thrust or time, or cost 'energy', which spreads it"
+            failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {remedy}"
+            return replace(found, failure=failure, flown=False) if kept is None else kept
+        if firing is None:
+            return found
         names, shot = firing
         end = found.after.end + room.after
         early, late = start.time - float(np.min(shot.path.start)), float(np.max(shot.path.end)) - end
@@ -103,7 +109,7 @@ def fired(start: StageStart, flight: Flight) -> "tuple[tuple[str, ...], Firing] 
         if not words:
             raise
         k, _, why = words.partition(": ")
-        raise ValueError(f"{what}: {names[int(k)]}: {why}") from None
+        raise type(error)(f"{what}: {names[int(k)]}: {why}") from None
 
 
 def wider(flight: Flight, deviations: dict[str, float]) -> float:

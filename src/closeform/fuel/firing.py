@@ -148,7 +148,7 @@ def fire(
             orders.append(order_of(k, one, own, *tank))
         except ValueError as error:
             name, _, words = str(error).partition(": ")
-            raise ValueError(f"{name}: craft {k}: {words}" if path.shape else str(error)) from None
+            raise type(error)(f"{name}: craft {k}: {words}" if path.shape else str(error)) from None
     begun, over = min(order.span[0] for order in orders), max(order.span[1] for order in orders)
     planned = [extended(one, begun, over) for one in crafts]
     real = [order.path(one) for order, one in zip(orders, planned, strict=True)]

@@ -25,6 +25,10 @@ APART = 0.01
 RAMP = 1.0 / 32.0
 
 
+class Overlap(ValueError):
+    """A plan asks a thruster to fire again before it has ended."""
+
+
 @dataclass(frozen=True, eq=False)
 class Order:
     """Chunks of a plan, of which those that are `fired` (K,) begin and end at `times` (2, M) [s].
@@ -190,7 +194,7 @@ def _check_overlap(thruster: Any, begin: Floats, over: Floats) -> None:
     both = (one[1:] == one[:-1]) & (begin[1:] < over[:-1] - JOINED * (over - begin)[:-1])
     if both.any():
         k = int(both.argmax())
-        raise ValueError(
+        raise Overlap(
             f"acceleration: thruster {one[k]} fires from {begin[k]:.6g} to {over[k]:.6g} s, and must begin "
             f"again at {begin[k + 1]:.6g} s; give it more, or plan with more time between"
         )

@@ -83,7 +83,7 @@ def avoid(
     names : sequence of str, optional
         The obstacles', for reasons; "obstacle 0" and so on unless given.
     cost : "energy" or "delta-v", default "energy"
-        What is least.  With "delta-v" the path has impulses, as few as its ends and contacts need; `budget`
+        What is least.  With "delta-v" the path has impulses, few but where it slides along a zone; `budget`
         counts starts, and `max_acceleration`, `prove` and "sauter-palmer" are not for it.
     thrusters : Thrusters, optional
         Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both

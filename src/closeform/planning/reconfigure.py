@@ -92,7 +92,7 @@ def reconfigure(
         For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
         and takes a cheaper plan where it finds one (not with `max_acceleration`).
     cost : "energy" or "delta-v", default "energy"
-        What is least.  With "delta-v" craft fire impulses, as few as their ends and contacts need; `budget`
+        What is least.  With "delta-v" craft fire impulses, few but where they slide along a zone; `budget`
         counts starts, and `max_acceleration`, `prove` and "sequential" are not for it.
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
