@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.fuel.pulses import Pulses
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
@@ -24,6 +25,12 @@ class Burns(NamedTuple):
     duration: Floats
     push: Floats
     size: Floats
+
+
+def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
+    """The pulses of one craft."""
+    own = pulses[pulses.craft == craft]
+    return Burns(own.start, own.duration, own.direction * own.impulse[:, None], own.impulse)
 
 
 def burns_of(path: Path) -> Burns:

@@ -9,9 +9,9 @@ from closeform.arrays import Floats
 from closeform.fuel.chunks import Chunks, cells_of, gathered
 from closeform.fuel.deviation import bound, misfit_of
 from closeform.fuel.falling_mass import fired_within
-from closeform.fuel.pulses import Pulses, ends_of, flown
+from closeform.fuel.pulses import Pulses, flown
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.path import Path
+from closeform.motion.path import Path, ends_of
 
 FULL = 1.0 + 1e-6  # of a thruster's acceleration, that a plan may ask for
 CLOCK = 1e-12  # of all times: no pulse is briefer

@@ -9,9 +9,9 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import FORGIVEN, Path
+from closeform.motion.path import FORGIVEN, Path, ends_of
 from closeform.motion.steering import fix_inertially
 
 
@@ -55,13 +55,6 @@ class Pulses:
 def one_table(some: list[Pulses]) -> Pulses:
     """The pulses of several craft, one after another."""
     return Pulses(*(np.concatenate([getattr(one, field.name) for one in some]) for field in fields(Pulses)))
-
-
-def ends_of(path: Path) -> tuple[Floats, Floats]:
-    """States (6,) of one craft's path before an impulse at its start, and at its end."""
-    first = path.arcs[0, STATE : STATE + 6].copy()
-    first[3:] -= path.arcs[0, IMPULSE : IMPULSE + 3]
-    return first, path.state(path.end)
 
 
 def extended(path: Path, start: float, end: float) -> Path:

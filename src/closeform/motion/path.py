@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers, shown
 from closeform.compiled import kernel
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, WIDTH, state_at
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
 
@@ -295,6 +295,13 @@ class Path:
         out = np.empty((len(self.offsets) - 1, times.shape[1], columns))
         evaluate(self.arcs, self.offsets, self.orbit.mean_motion, np.ascontiguousarray(times), out)
         return out
+
+
+def ends_of(path: Path) -> tuple[Floats, Floats]:
+    """States (6,) of one craft's path before an impulse at its start, and at its end."""
+    first = path.arcs[0, STATE : STATE + 6].copy()
+    first[3:] -= path.arcs[0, IMPULSE : IMPULSE + 3]
+    return first, path.state(path.end)
 
 
 def path_of(orbit: Orbit, arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.impulses import answers
 from closeform.motion.path import evaluate
 from closeform.motion.reduced import COUNT, FIRST, LOWER, PRIMER, UPPER
@@ -96,5 +96,4 @@ def _flown(n: float, arc: Floats, begins: Floats, lengths: Floats, pushes: Float
             rows.append(row)
             state, now = after[0, 0], last
     rows[-1][END] = arc[END]
-    rows[0][IMPULSE : IMPULSE + 3] = 0.0
     return np.array(rows)

@@ -132,12 +132,9 @@ class LocalSolver:
                 return solution
             if turn == FINER:
                 break
-            times = np.array([row[2] for _, row in missed])
-            self.scene = self.problem.sampled(self.scene, np.union1d(self.scene.times, times))
-            more = [self.problem.at(pair, time) for (pair, _), time in zip(missed, times, strict=True)]
-            start = solution.contacts
-            for contact in more:
-                start = start.joined(self.nearest(solution.flown, contact))
+            more = self.problem.met(missed)
+            self.scene = self.problem.sampled(self.scene, np.union1d(self.scene.times, more.times))
+            start = solution.contacts.joined(self.nearest(solution.flown, more))
             solution = self.relaxed(self.aimed(inf, 1.0), start, nearer(self.problem), bar)
         return replace(solution, clear=False, energy=inf)
 

@@ -40,11 +40,8 @@ AIM = 1.0 + 1e-6  # of a zone: planes are this far out, that what moves between 
 ALIKE = 0.002  # of the time in which a pair can give way: planes no further apart are one
 NEARLY = 0.99  # norm from which on planes are moved out by what is missing
 TURNED = 0.3  # norm from which on a plane is turned to where the pair is
-WIDEST, FINER, LAST = (
-    1e-2,
-    0.2,
-    1e-5,
-)  # relative gap of the first round, from one to the next, and of the last
+WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first round, and of the last
+FINER = 0.2  # and how much smaller it is from one to the next
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
 SETTLED = 1e-5  # of the cost, by which a clear round must be cheaper than the one before
 ROUNDING = 1e-12  # of a bound

@@ -71,9 +71,7 @@ def peaks_along(n, duration, c, spin, angle, d, level, instants):
         if k > 0:
             top, at = (high, 1.0) if high > low else (low, 0.0)
             q, r = 3.0 * (high - low) - h * (2.0 * a + b), 2.0 * (low - high) + h * (a + b)
-            square = (
-                q * q - 3.0 * r * h * a
-            )  # the cubic low + h a s + q s^2 + r s^3 and where its slope falls
+            square = q * q - 3.0 * r * h * a  # of the cubic low + h a s + q s^2 + r s^3: falls at s
             s = h * a / (sqrt(square) - q) if square > 0.0 else 0.0
             value = low + s * (h * a + s * (q + s * r))
             if 0.0 < s < 1.0 and value > top:

@@ -68,16 +68,14 @@ def starts(problem: Problem, free: Spent, fixed: bool) -> Iterator[Contacts]:
     if fixed:
         count = problem.count
         yield from touched(problem, solve_impulses(problem, (None,) * count, ("",) * count)[0])
-    each = [problem.at(pair, row[2]) for pair, row in free.missed]
-    near = beside(problem, free.flown, joined(each))
+    near = beside(problem, free.flown, problem.met(free.missed))
     yield near
-    if len(each) > FEW:
+    if near.number > FEW:
         return
     ways = []
-    for k, one in enumerate(each):
-        zone = problem.zones[problem.kinds[one.which[0]]]
-        motion = problem.motions(free.flown, one)[0]
-        exits = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], problem.kernel(one))
+    for k, motion in enumerate(problem.motions(free.flown, near)):
+        zone, compliance = problem.zones[problem.kinds[near.which[k]]], problem.kernel(near.some([k]))
+        exits = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], compliance)
         ways += [(cost, k, normal) for cost, normal in exits]
     for _, k, normal in sorted(ways, key=lambda way: way[0]):
         normals = near.normals.copy()
@@ -88,11 +86,4 @@ def starts(problem: Problem, free: Spent, fixed: bool) -> Iterator[Contacts]:
 def touched(problem: Problem, found: Outcome) -> Iterator[Contacts]:
     """Where another plan touches, if it does."""
     if found.flown is not None and found.contacts:
-        pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in found.contacts]
-        each = [problem.at(pair, one.time) for pair, one in zip(pairs, found.contacts, strict=True)]
-        yield beside(problem, found.flown, joined(each))
-
-
-def joined(some: list[Contacts]) -> Contacts:
-    """All of them."""
-    return Contacts(*(np.concatenate(columns) for columns in zip(*some, strict=True)))
+        yield beside(problem, found.flown, problem.touched(found.contacts))

@@ -84,10 +84,7 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
     if alone.flown is None:
         return replace(before, tried=tried)
     solver = LocalSolver(problem, MARGINS[0])
-    start = Contacts.none()
-    for contact in alone.contacts:
-        pair = min(contact.first, contact.second), max(contact.first, contact.second)
-        start = start.joined(solver.nearest(alone.flown, problem.at(pair, contact.time)))
+    start = solver.nearest(alone.flown, problem.touched(alone.contacts))
     together = solver.solve(start, nearer(problem))
     if not together.clear or problem.energy(together.flown) > problem.energy(alone.flown):
         return replace(alone, tried=tried)

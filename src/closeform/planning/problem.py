@@ -1,6 +1,6 @@
 """What is planned: craft on their unconstrained optima, obstacles, the zones of pairs, and all times."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,13 +9,14 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.all_pairs import search_pairs
-from closeform.motion.arc import END, IMPULSE, START, WIDTH
+from closeform.motion.arc import END, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, path_of
+from closeform.motion.path import Path, ends_of, path_of
 from closeform.planning.approaches import sample_bodies
 from closeform.planning.deflection import fly, invert_responses, look_at
+from closeform.planning.plan import Contact
 from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, scaled_norm
@@ -216,6 +217,17 @@ class Problem:
         """One contact of a pair, without normal and multiplier."""
         return Contacts.at(np.array([self.index[pair]]), np.array([time]))
 
+    def met(self, conflicts: Sequence[PairRow]) -> Contacts:
+        """Where conflicts are deepest, without normals and multipliers."""
+        which = np.array([self.index[pair] for pair, _ in conflicts], dtype=np.int64)
+        return Contacts.at(which, np.array([row[2] for _, row in conflicts], dtype=float))
+
+    def touched(self, contacts: Sequence[Contact]) -> Contacts:
+        """Where a plan touches, without normals and multipliers."""
+        pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in contacts]
+        which = np.array([self.index[pair] for pair in pairs], dtype=np.int64)
+        return Contacts.at(which, np.array([one.time for one in contacts], dtype=float))
+
     def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
         """Norm (K,) of some of the pairs, each at an instant."""
         places = self.motions(flown, Contacts.at(which, times))[:, 0]
@@ -250,7 +262,4 @@ def deepest(conflicts: Iterable[PairRow]) -> PairRow:
 
 def transfer_of(path: Path, factor: float = 1.0) -> Path:
     """The unconstrained optimum between the end states of a path, in so many times its duration."""
-    start, end = path.start, path.end
-    initial, final = path.state([start, end])
-    initial[3:] -= path.arcs[0, IMPULSE : IMPULSE + 3]  # an impulse at the start is part of the path
-    return path.orbit.transfer(initial, final, factor * (end - start), start)
+    return path.orbit.transfer(*ends_of(path), factor * (path.end - path.start), path.start)

@@ -215,8 +215,8 @@ class _Search:
 
 def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
     """Samples where a plan has contacts."""
-    pairs = [(min(c.first, c.second), max(c.first, c.second)) for c in contacts]
-    return Samples(problem, [problem.index[pair] for pair in pairs], [c.time for c in contacts])
+    touched = problem.touched(contacts)
+    return Samples(problem, touched.which, touched.times)
 
 
 def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:

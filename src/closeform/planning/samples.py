@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,12 +29,12 @@ class Answer(NamedTuple):
 class Samples:
     """Pairs at times: `contacts`, the unconstrained places there, and the kernel between them."""
 
-    def __init__(self, problem: Problem, which: Sequence[int], times: Sequence[float]) -> None:
+    def __init__(self, problem: Problem, which: Any, times: Any) -> None:
         self.problem = problem
         self.contacts = Contacts.none()
         self.add(which, times)
 
-    def add(self, which: Sequence[int], times: Sequence[float]) -> None:
+    def add(self, which: Any, times: Any) -> None:
         """Further samples, each moved to when one of its pair can give way."""
         pairs = np.array(which, dtype=np.int64)
         inside = np.clip(np.array(times, dtype=float), *self.problem.windows[0][pairs].T)

@@ -69,7 +69,7 @@ class Contacts(NamedTuple):
 
     def joined(self, other: "Contacts") -> "Contacts":
         """These, then the other ones."""
-        return Contacts(*(np.concatenate(columns) for columns in zip(self, other, strict=True)))
+        return Contacts(*map(np.concatenate, zip(self, other, strict=True)))
 
     @property
     def number(self) -> int:

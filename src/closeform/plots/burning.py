@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from closeform.fuel.burns import Burns, burns_of
+from closeform.fuel.burns import Burns, burns_of, burns_of_pulses
 from closeform.fuel.firing import Firing
 from closeform.motion.path import Path
 from closeform.plots.given import crafts
@@ -66,7 +66,11 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     if len(flown) > MOST_ROWS:
         raise ValueError(f"paths: up to {MOST_ROWS}, got {len(flown)}; show some of them")
     called, count = short_names(names, len(flown)), len(flown)
-    every = _pulses(paths, count) if isinstance(paths, Firing) else [burns_of(path) for path in flown]
+    every = (
+        [burns_of_pulses(paths.pulses, k) for k in range(count)]
+        if isinstance(paths, Firing)
+        else [burns_of(path) for path in flown]
+    )
     start, end = min(path.start for path in flown), max(path.end for path in flown)
     ticks, greatest = clock(flown[0], start, end), max(float(one.size.max(initial=0.0)) for one in every)
     figure = sheet(2.4 + 0.55 * count if count > 1 else 3.6)
@@ -102,12 +106,6 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     time_axes([axes], ticks, start - MARGIN * (end - start), end + MARGIN * (end - start))
     headline(figure, _said(called, every, greatest))
     return figure
-
-
-def _pulses(firing: Firing, count: int) -> list[Burns]:
-    """The pulses of each craft."""
-    own = [firing.pulses[firing.pulses.craft == k] for k in range(count)]
-    return [Burns(one.start, one.duration, one.direction * one.impulse[:, None], one.impulse) for one in own]
 
 
 def _said(called: list[str], every: list[Burns], greatest: float) -> str:

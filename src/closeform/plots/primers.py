@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from closeform.arrays import instance
 from closeform.fuel.arrivals import Arrivals
 from closeform.fuel.bound import least_delta_v
-from closeform.motion.path import Path
+from closeform.motion.path import Path, ends_of
 from closeform.plots.given import crafts, one_craft
 from closeform.plots.look import (
     AFTER,
@@ -62,10 +62,7 @@ def primer(path: Path) -> Figure:
     one_craft("path", path)
     start, end = path.start, path.end
     pushes = path.impulses
-    before = path.state(start).copy()
-    if pushes and pushes[0][0] == start:  # the state at an impulse is the one after it
-        before[3:] -= sum(push for time, push in pushes if time == start)
-    bound = least_delta_v(path.orbit, before, path.state(end), end - start)
+    bound = least_delta_v(path.orbit, *ends_of(path), end - start)
     times, ticks = instants(start, end, path), clock(path, start, end)
     lengths = np.linalg.norm(bound.primer.position(times - start), axis=-1)
 

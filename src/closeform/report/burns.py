@@ -1,7 +1,6 @@
 """The list of burns: impulses, pulses of thrusters, thrust from coast to coast; what pulses come to."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from math import isfinite
 from typing import Any
 
@@ -50,46 +49,39 @@ def rows(mission: Mission, result: StageResult[Any, Any]) -> list[tuple[Any, ...
 
 def of_craft(mission: Mission, result: StageResult[Any, Any], name: str) -> Iterator[tuple[Any, ...]]:
     """The burns of one craft."""
-    from closeform.fuel.burns import burns_of
+    from closeform.fuel.burns import burns_of, burns_of_pulses
 
     thruster: Any = None
     if result.pulsed is not None and name in result.pulsed.names:
-        pulses = result.pulsed.firing.pulses
-        own = pulses[pulses.craft == result.pulsed.names.index(name)]
-        start, duration, size, thruster = own.start, own.duration, own.impulse, own.thruster.tolist()
-        push = own.direction * size[:, None]
+        pulses, who = result.pulsed.firing.pulses, result.pulsed.names.index(name)
+        burns, thruster = burns_of_pulses(pulses, who), pulses.thruster[pulses.craft == who].tolist()
     else:
-        start, duration, push, size = burns_of(result.after.path(name))
+        burns = burns_of(result.after.path(name))
     k = mission.scenario.names.index(name)
-    so_far = [mission.burnt(result.number, k, spent) for spent in np.cumsum(size).tolist()]
-    columns = start, duration, *push.T, size
+    so_far = [mission.burnt(result.number, k, spent) for spent in np.cumsum(burns.size).tolist()]
+    columns = burns.start, burns.duration, *burns.push.T, burns.size
     for number, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
         burnt = so_far[number] - (so_far[number - 1] if number else 0.0)
         yield name, *values, thruster and thruster[number], burnt if isfinite(burnt) else None
 
 
-def known(mission: Mission, columns: tuple[Column, ...], hide: set[str]) -> tuple[Column, ...]:
-    """Columns as they are shown, but for those of some headings, and for propellant that nobody knows."""
-    hide |= set() if np.isfinite(mission.propellant).any() else {"propellant [kg]"}
-    shown = (replace(one, heading=None) if one.heading in hide else one for one in columns)
-    return tuple(effort.in_grams(mission, one) if one.key == effort.FUEL.key else one for one in shown)
-
-
 def tables(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Table]:
     """What pulses come to, and all burns; of very many for the page only."""
     if result.pulsed is not None:
-        yield Table("Pulses of thrusters", known(mission, SHOT, no_drops(result)), shots(mission, result))
+        yield Table(
+            "Pulses of thrusters", effort.shown(mission, SHOT, no_drops(result)), shots(mission, result)
+        )
     found = rows(mission, result) if result.flown else []
     if found:
         plain = {"thruster"} if result.pulsed is None else set()
         title = "Burns" if result.pulsed is None else f"Burns, {counted(len(found), 'pulse')}"
-        yield Table(title, known(mission, BURN, plain), found, folded=len(found) > MOST_ROWS)
+        yield Table(title, effort.shown(mission, BURN, plain), found, folded=len(found) > MOST_ROWS)
 
 
 def no_drops(result: StageResult[Any, Any]) -> set[str]:
-    """The heading of what is dropped, where nothing is."""
+    """The key of what is dropped, where nothing is."""
     assert result.pulsed is not None
-    return set() if len(result.pulsed.firing.dropped) else {"dropped [m/s]"}
+    return set() if len(result.pulsed.firing.dropped) else {"dropped_m_s"}
 
 
 def shots(mission: Mission, result: StageResult[Any, Any]) -> list[tuple[Any, ...]]:

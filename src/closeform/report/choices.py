@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission_result import Mission, StageResult
-from closeform.motion.path import Path
+from closeform.motion.path import Path, ends_of
 from closeform.report import effort
 from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
@@ -37,8 +37,6 @@ class Choices:
     @cached_property
     def ends(self) -> tuple[Floats, Floats, float, float]:
         """Initial and final states (N, 6), duration and start [s]."""
-        from closeform.fuel.pulses import ends_of
-
         paths = [self.result.before.path(name) for name in self.movers]
         initial, final = (np.array(states) for states in zip(*map(ends_of, paths), strict=True))
         return initial, final, paths[0].end - paths[0].start, paths[0].start
@@ -125,15 +123,8 @@ class Choices:
         """The choices, where there is something to choose."""
         if self.least is None or not self.lower > 0.0:
             return
-        fuel = np.isfinite(self.mission.propellant).any()
-        columns = (
-            effort.in_grams(self.mission, one if fuel else replace(one, heading=None))
-            if one is effort.FUEL
-            else one
-            for one in CHOICE
-        )
         title = "What each choice costs" + ", each craft by itself, without zones" * zones
-        yield Table(title, tuple(columns), self.rows)
+        yield Table(title, effort.shown(self.mission, CHOICE), self.rows)
 
     @property
     def figures(self) -> dict[str, Any]:

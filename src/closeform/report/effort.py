@@ -1,6 +1,6 @@
 """What paths cost: energy, delta-v, peak thrust, propellant."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from math import isfinite
 from typing import Any
@@ -41,12 +41,22 @@ def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
 
     Propellant where it is known, and of impulses neither their energy nor their thrust, which have no bounds.
     """
-    hide = {PUSH if mission.scenario.newtons else FORCE}
-    hide |= set() if np.isfinite(mission.propellant).any() else {FUEL}
+    hide = {PUSH.key if mission.scenario.newtons else FORCE.key}
     if not all(isfinite(path.energy) for path in paths):
-        hide |= {ENERGY, PUSH, FORCE}
-    shown = (replace(column, heading=None) if column in hide else column for column in COST)
-    return tuple(in_grams(mission, column) if column.key == FUEL.key else column for column in shown)
+        hide |= {ENERGY.key, PUSH.key, FORCE.key}
+    return shown(mission, COST, hide)
+
+
+def shown(
+    mission: Mission, columns: Iterable[Column], hide: Container[str | None] = ()
+) -> tuple[Column, ...]:
+    """Columns as they are shown: without those of some keys, nor propellant that nobody knows."""
+    known = bool(np.isfinite(mission.propellant).any())
+    kept = (
+        replace(one, heading=None) if one.key in hide or (one.key == FUEL.key and not known) else one
+        for one in columns
+    )
+    return tuple(in_grams(mission, one) if one.key == FUEL.key else one for one in kept)
 
 
 def without_fuel(shown: tuple[Column, ...], hidden: bool) -> tuple[Column, ...]:
