@@ -32,6 +32,7 @@ from closeform.plots.look import (
     headline,
     instants,
     legend,
+    say_scale,
     sheet,
     time_axes,
 )
@@ -156,6 +157,7 @@ def ratio_axis(axes: Axes, least: float, most: float) -> None:
         axes.set_ylim(bottom, 1.06 * max(most, 1.2))
         return
     axes.set_yscale("symlog", linthresh=1.0, linscale=0.7, subs=range(2, 10))
+    say_scale(axes, "logarithmic beyond the zone")
     axes.set_ylim(bottom, 1.2 * most)
     decades = 10.0 ** np.arange(np.ceil(np.log10(1.2 * most)))
     steps = (1, 2, 5) if len(decades) <= 3 else (1,)

@@ -182,6 +182,17 @@ def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look:
     return made
 
 
+def say_scale(axes: Axes, words: str) -> None:
+    """Words about an axis that is not linear, in the upper right corner."""
+    corner: dict[str, Any] = {
+        "xycoords": "axes fraction",
+        "textcoords": "offset points",
+        "ha": "right",
+        "va": "top",
+    }
+    axes.annotate(words, (1.0, 1.0), (-4, -3), fontsize=SMALL - 2.0, color=OTHER, **corner)
+
+
 def dress(axes: Axes) -> None:
     """Quiet frame, faint grid, text sizes."""
     axes.tick_params(labelsize=SMALL, colors=INK, length=3)

@@ -28,6 +28,7 @@ from closeform.plots.look import (
     headline,
     instants,
     length_unit,
+    say_scale,
     sheet,
     time_axes,
 )
@@ -116,6 +117,7 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, reach: Flo
     axes.plot(times, gap / unit.size, color=direction.colour, linewidth=2.2)
     if np.abs(gap).max() > FAR * extent > 0.0:
         axes.set_yscale("symlog", linthresh=2 * edge, linscale=0.6)
+        say_scale(axes, "logarithmic beyond twice the zone")
         farthest = float(np.abs(gap).max()) / unit.size
         decades = 10.0 ** np.arange(np.ceil(np.log10(4 * edge)), np.log10(farthest) + 0.3)
         ticks = [*-decades, 0.0, *decades]
