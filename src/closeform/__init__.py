@@ -16,6 +16,7 @@ _NAMES = {
         "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"
     ),
     "conflicts.all_pairs": "Screening screen",
+    "uncertainty.errors": "Errors",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
     "planning.plan": "Avoidance Contact Plan Status TooWeak",

@@ -93,6 +93,7 @@ from closeform.search.theorem import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
+from closeform.uncertainty.errors import Errors as Errors
 from closeform.zones.combined_zones import Body as Body
 from closeform.zones.combined_zones import Uncertainty as Uncertainty
 from closeform.zones.pair_zones import PairZones as PairZones

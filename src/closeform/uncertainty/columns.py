@@ -1,0 +1,129 @@
+"""Columns: the motion that one unit of each independent error adds to a craft's own, as paths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closeform.arrays import Floats, instance
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
+from closeform.motion.path import Path, path_of
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
+AXES = np.eye(3)
+
+
+def columns_of(path: Path, errors: Errors) -> Path:
+    """The columns (m,) of one craft's errors, all over its path: its state's, its impulses', its burns'.
+
+    Errors that are nil have none, nor has white noise.                                       # theory (50)
+    """
+    instance("path", path, Path)
+    if path.shape:
+        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+    errors._check_for(path)
+    found = [*_of_state(path, errors), *_of_impulses(path, errors), *_of_burns(path, errors)]
+    offsets = np.cumsum([0, *map(len, found)])
+    arcs = np.concatenate([np.empty((0, WIDTH)), *found])
+    return path_of(path.orbit, arcs, offsets, (len(found),))
+
+
+def burns_of(path: Path) -> list[tuple[int, int]]:
+    """First arc and the one after the last of every burn of a craft: thrust without a pause."""
+    on = np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
+    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+
+
+def gates_of(jump: Floats, errors: Errors) -> Floats:
+    """Velocities (3, 3) [m/s] of the errors of one impulse: along it, and two across.    # theory (50)"""
+    size = float(np.linalg.norm(jump))
+    ahead = jump / size
+    aside = np.cross(ahead, AXES[np.abs(ahead).argmin()])
+    aside /= np.linalg.norm(aside)
+    fixed, share, across, turned = errors.impulse
+    wide = hypot(across, turned * size)
+    return np.array([hypot(fixed, share * size) * ahead, wide * aside, wide * np.cross(ahead, aside)])
+
+
+def _coasts(path: Path, start: float, state: Floats) -> Floats:
+    """Nothing up to a start, then natural motion from a state."""
+    arcs = np.zeros((2, WIDTH))
+    arcs[:, MEAN_MOTION] = path.orbit.mean_motion
+    arcs[:, START], arcs[:, END] = (path.start, start), (start, path.end)
+    arcs[1, STATE : STATE + 6] = state
+    return arcs if start > path.start else arcs[1:]
+
+
+def _of_state(path: Path, errors: Errors) -> Iterator[Floats]:
+    for column in errors._root.T:
+        if column.any():
+            yield _coasts(path, path.start, column)
+
+
+def _of_impulses(path: Path, errors: Errors) -> Iterator[Floats]:
+    for time, jump in path.impulses if any(errors.impulse) else ():
+        for velocity in gates_of(jump, errors):
+            if velocity.any():
+                arcs = _coasts(path, time, np.concatenate([np.zeros(3), velocity]))
+                arcs[-1, IMPULSE : IMPULSE + 3] = velocity
+                yield arcs
+
+
+def _of_burns(path: Path, errors: Errors) -> Iterator[Floats]:
+    """Of each burn its magnitude (all of its thrust, grown in proportion) and its pointing about x, y, z."""
+    burns = burns_of(path) if errors.magnitude or errors.pointing else []
+    for first, last in burns:
+        arcs = path.arcs[first:last]
+        for forced in _forced(path.orbit.mean_motion, arcs, errors):
+            _accumulate(path, forced)
+            before = _coasts(path, arcs[0, START], np.zeros(6))[:-1]
+            after = _coasts(path, arcs[-1, END], _ends(path, forced[-1:])[0])[-1:]
+            yield np.concatenate([before, forced, after if arcs[-1, END] < path.end else after[:0]])
+
+
+def _forced(n: float, arcs: Floats, errors: Errors) -> Iterator[Floats]:
+    """The thrusts of the columns of one burn; their states are still to come."""
+    bare = arcs.copy()
+    bare[:, IMPULSE:] = 0.0
+    if errors.magnitude:
+        grown = bare.copy()
+        grown[:, THRUST:] = errors.magnitude * arcs[:, THRUST:]
+        yield grown
+    for axis in AXES if errors.pointing else ():
+        turned = bare.copy()
+        turned[:, PUSH:] = np.cross(errors.pointing * axis, _thrust_rates(n, arcs)).reshape(len(arcs), -1)
+        yield turned
+
+
+def _thrust_rates(n: float, arcs: Floats) -> Floats:
+    """Thrust and its first three derivatives (k, 4, 3) at the start of arcs, which span all of it.
+
+    An optimal thrust is a natural motion, so that along each axis it is of the span of PUSH.
+    """
+    rates = arcs[:, PUSH:].reshape(-1, 4, 3).copy()
+    u, w = arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : PUSH]
+    for k in range(4):
+        rates[:, k] += u
+        x, z, vx, vy = u[:, 0], u[:, 2], w[:, 0], w[:, 1]
+        u, w = w, np.stack([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z], axis=1)  # theory (1)
+    return rates
+
+
+def _ends(path: Path, arcs: Floats) -> Any:
+    """States (k, 6) at the ends of arcs."""
+    alone = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
+    return alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]
+
+
+def _accumulate(path: Path, arcs: Floats) -> None:
+    """Set the states at which the arcs of a burn begin: from rest, each where the one before ended."""
+    pushed = _ends(path, arcs)
+    carried = path.orbit.transition(arcs[:, END] - arcs[:, START])
+    for k in range(1, len(arcs)):
+        arcs[k, STATE : STATE + 6] = carried[k - 1] @ arcs[k - 1, STATE : STATE + 6] + pushed[k - 1]

@@ -1,0 +1,47 @@
+"""Covariances of a state: which are accepted, their square roots, and those given in other frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.motion.ends import checked_below
+from closeform.motion.frames import relative_from_inertial
+
+# Of sqrt(P_ii P_jj): what differs by less is symmetric; an eigenvalue as far below 0 is rounding.
+ROUNDING = 1e-9
+
+
+def root_of(name: str, covariance: ArrayLike) -> Floats:
+    """Columns (6, 6) whose products with themselves sum to a covariance, which may be singular."""
+    matrix = checked_below(name, covariance)
+    if matrix.shape != (6, 6):
+        raise ValueError(f"{name}: expected shape (6, 6), positions before velocities, got {matrix.shape}")
+    deviations = np.sqrt(np.abs(np.diag(matrix)))
+    sizes = np.where(deviations > 0.0, deviations, 1.0)  # covariances beside no variance have eigenvalues < 0
+    scaled = matrix / np.outer(sizes, sizes)
+    apart = np.abs(scaled - scaled.T)
+    if apart.max() > ROUNDING:
+        i, j = sorted(np.unravel_index(apart.argmax(), (6, 6)))
+        one, other = matrix[i, j], matrix[j, i]
+        raise ValueError(f"{name}: must be symmetric, got {one:g} at [{i}, {j}] and {other:g} at [{j}, {i}]")
+    values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
+    if values[0] < -ROUNDING:
+        raise ValueError(
+            f"{name}: no covariance, its least eigenvalue, scaled by its diagonal, is {values[0]:.3g}; "
+            "none may be below 0; were digits or signs lost?"
+        )
+    return np.asarray(deviations[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def into_frame(chief: Floats) -> Floats:
+    """What takes errors of an inertial state (6,) into the Hill frame of a chief, which turns: (6, 6)."""
+    sizes = np.repeat([np.linalg.norm(chief[:3]), np.linalg.norm(chief[3:])], 3)
+    moved = relative_from_inertial(chief, chief + np.diag(sizes))  # affine in the state
+    return np.asarray(moved.T / sizes)
+
+
+def axes_of(state: Floats) -> Floats:
+    """Radial, transverse and normal axes (3, 3) of an inertial state, as rows."""
+    return into_frame(state)[:3, :3]

@@ -1,0 +1,254 @@
+"""Errors: how far a craft may be from its path, and how well it does what it is told."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, numbers
+from closeform.motion.ends import checked_below
+from closeform.motion.path import Path
+from closeform.uncertainty.covariance import axes_of, into_frame, root_of
+from closeform.uncertainty.spread import covariances, spread_of
+
+MIXED = (
+    1e3  # sigma_v / (n sigma_r): velocities that move a craft so many of its position's sigmas in a radian
+)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Errors:
+    """How far one craft may be from its path, by a normal distribution.
+
+    Errors of different kinds, of different burns and of different craft are independent.  The state's is
+    that at the path's start, before an impulse there.  A burn is a stretch of thrust without a pause.
+
+    Parameters
+    ----------
+    state : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2], optional
+        Covariance of position and velocity at the path's start, in the path's rotating frame: symmetric,
+        no eigenvalue below 0 (it may be singular).  Unless given the state is known exactly.
+    magnitude : float, no unit, default 0
+        Standard deviation of each burn's thrust as a share of it, the same all over the burn.
+    pointing : float [rad], default 0
+        Standard deviation of the angles about x, y and z by which each burn's thrust is turned, constant over
+        the burn in the rotating frame.
+    impulse : array_like of shape (4,) [m/s, no unit, m/s, rad], default zeros
+        Gates' s1 to s4: of each impulse, sqrt(s1^2 + s2^2 |v|^2) along it and sqrt(s3^2 + s4^2 |v|^2) along
+        either of two axes across it.
+    noise : float [m^2/s^3], default 0
+        Spectral density of white acceleration noise along each axis, all along the path: of velocity it makes
+        a variance of `noise` t in deep space.
+
+    Raises
+    ------
+    ValueError
+        If `state` is not symmetric or has an eigenvalue below 0 (by more than 1e-9, scaled by its diagonal),
+        if another number is negative, or if shapes do not fit or a number is not finite.
+
+    Notes
+    -----
+    A covariance of velocities that is out of all proportion to that of positions, as where one is in km and
+    the other in m/s, is taken with a warning once it is used.
+
+    References
+    ----------
+    docs/theory.md section 3, errors; Gates 1963, JPL TR 32-504.
+    """
+
+    state: Floats
+    magnitude: float
+    pointing: float
+    impulse: tuple[float, ...]
+    noise: float
+    _root: Floats = field(repr=False)
+
+    def __init__(
+        self,
+        state: ArrayLike | None = None,
+        magnitude: float = 0.0,
+        pointing: float = 0.0,
+        impulse: ArrayLike = (0.0, 0.0, 0.0, 0.0),
+        noise: float = 0.0,
+    ) -> None:
+        held = np.zeros((6, 6)) if state is None else numbers("state", state).copy()
+        self.__dict__.update(
+            state=held,
+            _root=root_of("state", held),
+            magnitude=float(_at_least_zero("magnitude", magnitude, ())),
+            pointing=float(_at_least_zero("pointing", pointing, ())),
+            impulse=tuple(_at_least_zero("impulse", impulse, (4,)).tolist()),
+            noise=float(_at_least_zero("noise", noise, ())),
+        )
+
+    @classmethod
+    def from_rtn(
+        cls,
+        covariance: ArrayLike,
+        path: Path,
+        time: float,
+        chief: ArrayLike,
+        craft: ArrayLike | None = None,
+        **execution: Any,
+    ) -> Self:
+        """From a covariance at some time in radial, transverse and normal axes, as messages hold it.
+
+        Parameters
+        ----------
+        covariance : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2]
+            Of the inertial position and velocity, both told along the axes of `craft`, as a CDM does.
+        path : Path
+            Of the craft, from whose start on the errors are to hold.
+        time : float [s]
+            On the path's clock, of the covariance: a closest approach, an epoch; also before the start.
+        chief : array_like of shape (6,) [m, m/s]
+            Inertial state, at that time, of the chief in whose frame the path is.
+        craft : array_like of shape (6,) [m, m/s], optional
+            Inertial state, at that time, of the object along whose axes the covariance is; the chief unless
+            given.
+        execution : keyword arguments
+            `magnitude`, `pointing`, `impulse` and `noise` of `Errors`.
+
+        Returns
+        -------
+        Errors
+            In the path's rotating frame, at its start.
+
+        Raises
+        ------
+        ValueError
+            As `Errors`, or if a state spans no orbital plane.
+
+        Notes
+        -----
+        The frame turns, so that its velocities differ by turn rate x position.  From `time` to the start the
+        covariance is carried by natural motion, in the path's circular orbit, without noise.
+
+        References
+        ----------
+        docs/theory.md section 3, errors; CCSDS 508.0-B-1.
+        """
+        centre = _one_state("chief", chief)
+        axes = axes_of(centre if craft is None else _one_state("craft", craft))
+        return cls._from(covariance, np.kron(np.eye(2), axes.T), path, time, centre, execution)
+
+    @classmethod
+    def from_inertial(
+        cls, covariance: ArrayLike, path: Path, time: float, chief: ArrayLike, **execution: Any
+    ) -> Self:
+        """From a covariance at some time in inertial axes.
+
+        Parameters
+        ----------
+        covariance : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2]
+            Of position and velocity in the inertial frame of `chief`.
+        path : Path
+            Of the craft, from whose start on the errors are to hold.
+        time : float [s]
+            On the path's clock, of the covariance; also before the start.
+        chief : array_like of shape (6,) [m, m/s]
+            Inertial state, at that time, of the chief in whose frame the path is.
+        execution : keyword arguments
+            `magnitude`, `pointing`, `impulse` and `noise` of `Errors`.
+
+        Returns
+        -------
+        Errors
+            In the path's rotating frame, at its start; as of `from_rtn`.
+
+        Raises
+        ------
+        ValueError
+            As `Errors`, or if `chief` spans no orbital plane.
+
+        References
+        ----------
+        docs/theory.md section 3, errors.
+        """
+        return cls._from(covariance, np.eye(6), path, time, _one_state("chief", chief), execution)
+
+    @classmethod
+    def _from(
+        cls, covariance: ArrayLike, turned: Any, path: Path, time: float, chief: Floats, execution: Any
+    ) -> Self:
+        back = path.orbit.transition(path.start - float(numbers("time", time)))
+        root: Any = back @ into_frame(chief) @ turned @ root_of("covariance", covariance)
+        made = cls(None, **execution)
+        made.__dict__.update(state=root @ root.T, _root=root)  # whose digits the product has not
+        return made
+
+    def covariance(self, path: Path, time: ArrayLike) -> Floats:
+        """Covariance of a craft's state along its path, exactly.
+
+        Parameters
+        ----------
+        path : Path
+            Of one craft.
+        time : array_like of shape (...) [s]
+            On the path; at an impulse the covariance is the one after it.
+
+        Returns
+        -------
+        array of shape (..., 6, 6) [m^2, m^2/s, m^2/s^2]
+            Of position and velocity, in the path's rotating frame.
+
+        Raises
+        ------
+        ValueError
+            If the path is a batch, goes through samples and errors are of thrust, or a time is not on it.
+
+        References
+        ----------
+        docs/theory.md section 3, errors.
+        """
+        times = numbers("time", time)
+        path.state(times)  # which says what is wrong with them
+        if path.shape:
+            raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+        spread = spread_of(path, [self])
+        out = np.empty((times.size, 6, 6))
+        flat = np.ascontiguousarray(times.reshape(-1))
+        covariances(path.arcs, path.orbit.mean_motion, spread.rows, spread.execution, flat, out)
+        return out.reshape(*times.shape, 6, 6)
+
+    @cached_property
+    def _execution(self) -> Floats:
+        """What kernels see of errors but the state's: magnitude, pointing, s1 to s4, noise (7,)."""
+        return np.array([self.magnitude, self.pointing, *self.impulse, self.noise])
+
+    def _check_for(self, path: Path) -> None:
+        """Refuse paths whose thrust is not known, warn of mixed units."""
+        n = path.orbit.mean_motion
+        if (self.magnitude or self.pointing or any(self.impulse)) and np.any(path.cubic_share):
+            raise ValueError(
+                "errors: of thrust or impulses, of a path through samples, whose thrust is not known; give "
+                "`state` and `noise` only"
+            )
+        place, speed = (float(np.sqrt(np.trace(self.state[k : k + 3, k : k + 3]))) for k in (0, 3))
+        if n * place > 0.0 and speed > MIXED * n * place:
+            warnings.warn(
+                f"errors: velocities to {speed:g} m/s beside positions to {place:g} m; are units mixed, "
+                "km with m/s?",
+                stacklevel=4,
+            )
+
+
+def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    given = checked_below(name, value)
+    if given.shape != shape:
+        raise ValueError(f"{name}: expected shape {shape}, got {given.shape}")
+    if not (given >= 0.0).all():
+        raise ValueError(f"{name}: standard deviations and densities are at least 0, got {given.tolist()}")
+    return given
+
+
+def _one_state(name: str, value: ArrayLike) -> Floats:
+    state = checked_below(name, value, 6)
+    if state.shape != (6,):
+        raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")
+    return state

@@ -1,0 +1,254 @@
+"""Spread: the covariance of a craft's state along its path, as roots at the starts of its arcs.
+
+What matters at a time is the covariance then, however many errors made it.  So all that is over, the
+state's error, impulses, burns that ended, noise, is six columns that move naturally; what goes on, the
+errors of a burn under way, is up to four columns beside them, which its thrust goes on to drive:
+
+    P = R R^T + sum x_j x_j^T                                                        # theory (51)
+
+Columns keep the digits of directions that are known far better than others, which a covariance loses;
+many become six by Householder's reflections, which keep those of every row.
+"""
+
+from collections.abc import Sequence
+from math import copysign, inf, sqrt
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+from closeform.motion.arc import (
+    END,
+    IMPULSE,
+    MEAN_MOTION,
+    PUSH,
+    START,
+    STATE,
+    THRUST,
+    WIDTH,
+    acceleration,
+    state_at,
+    thrusts,
+)
+from closeform.motion.certified_march import locate
+from closeform.motion.hill import coast, response
+from closeform.motion.linear import triangle
+from closeform.motion.path import Path
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
+ACTIVE = 36  # first column of a row's four states of errors under way, behind its root (6, 6)
+UNDER_WAY = 4  # the burn's magnitude, and its pointing about x, y and z
+ROW = ACTIVE + 6 * UNDER_WAY
+MAGNITUDE, POINTING, GATES, NOISE = 0, 1, 2, 6  # columns of `Errors.execution`
+
+
+class Spread(NamedTuple):
+    """Of a batch of paths: `rows` (M, 60), one for each arc at its start, and `execution` (N, 7)."""
+
+    rows: Floats
+    execution: Floats
+
+
+def spread_of(path: Path, errors: "Sequence[Errors | None]") -> Spread:
+    """Of each craft of a batch by its own errors; None for one that is where its path is."""
+    count = len(path.offsets) - 1
+    roots, execution = np.zeros((count, 6, 6)), np.zeros((count, 7))
+    for each in {one for one in errors if one is not None}:
+        each._check_for(path)
+    for k, one in enumerate(errors):
+        if one is not None:
+            roots[k], execution[k] = one._root, one._execution
+    rows = np.zeros((len(path.arcs), ROW))
+    spread(path.arcs, path.offsets, path.orbit.mean_motion, roots, execution, rows)
+    return Spread(rows, execution)
+
+
+@kernel()
+def compress(a, width):
+    """Rotate the columns of `a` (6, `width`) into its first six: lower triangular, of one covariance."""
+    for i in range(6):
+        square = 0.0
+        for j in range(i, width):
+            square += a[i, j] * a[i, j]
+        if square == 0.0:
+            continue
+        head = -copysign(sqrt(square), a[i, i])
+        share = 1.0 / (square - a[i, i] * head)
+        first = a[i, i] - head
+        for r in range(i + 1, 6):
+            s = a[r, i] * first
+            for j in range(i + 1, width):
+                s += a[r, j] * a[i, j]
+            s *= share
+            a[r, i] -= s * first
+            for j in range(i + 1, width):
+                a[r, j] -= s * a[i, j]
+        a[i, i] = head
+        for j in range(i + 1, width):
+            a[i, j] = 0.0
+
+
+@kernel()
+def carry(n, t, a, first, last):
+    """Move some columns of `a` naturally."""
+    for j in range(first, last):
+        moved = coast(n, t, a[0, j], a[1, j], a[2, j], a[3, j], a[4, j], a[5, j])
+        for i in range(6):
+            a[i, j] = moved[i]
+
+
+@kernel()
+def add_noise(n, t, density, a, width):
+    """Six columns of what white noise made of a state that was known: of density W(t).        # theory (9)
+
+    W = R P Phi^T: R answers thrusts and their rates at the start, P makes these of the costate there,
+    and Phi^T carries that back.  Nothing cancels as n t -> 0.
+    """
+    answers, flow, noise = stack_matrix(6, 6), stack_matrix(6, 6), stack_matrix(6, 6)
+    response(n, t, answers)
+    for i in range(6):
+        for j in range(6):
+            flow[i, j] = 1.0 if i == j else 0.0
+    carry(n, t, flow, 0, 6)
+    for j in range(6):
+        ux, uy, uz = flow[j, 3], flow[j, 4], flow[j, 5]
+        wx, wy, wz = 2.0 * n * uy - flow[j, 0], -2.0 * n * ux - flow[j, 1], -flow[j, 2]
+        for i in range(6):
+            total = answers[i, 0] * ux + answers[i, 1] * uy + answers[i, 2] * uz
+            total += answers[i, 3] * wx + answers[i, 4] * wy + answers[i, 5] * wz
+            noise[i, j] = density * total
+    triangle(noise, 6)
+    for i in range(6):
+        for j in range(6):
+            a[i, width + j] = noise[i, j] if j <= i and noise[j, j] < inf else 0.0
+
+
+@kernel()
+def add_gates(arc, execution, a, width):
+    """Three columns of an impulse at the start of an arc, where it has one: the width then."""
+    jx, jy, jz = arc[IMPULSE], arc[IMPULSE + 1], arc[IMPULSE + 2]
+    square = jx * jx + jy * jy + jz * jz
+    if square == 0.0:
+        return width
+    g = GATES
+    along = execution[g] * execution[g] + execution[g + 1] * execution[g + 1] * square
+    across = execution[g + 2] * execution[g + 2] + execution[g + 3] * execution[g + 3] * square
+    # across I + (along - across) e e^T has the root c I + (d - c) e e^T
+    c, d = sqrt(across), sqrt(along)
+    for j in range(3):
+        for i in range(3):
+            a[i, width + j] = 0.0
+            a[3 + i, width + j] = (d - c) * arc[IMPULSE + i] * arc[IMPULSE + j] / square + (
+                c if i == j else 0.0
+            )
+    return width + 3
+
+
+@kernel()
+def error_arc(n, arc, row, execution, j, out):
+    """The arc of one error of a burn under way: 0 its magnitude, 1 to 3 its pointing about x, y, z."""
+    out[START], out[END], out[MEAN_MOTION] = arc[START], arc[END], n
+    for k in range(3):
+        out[IMPULSE + k] = 0.0
+    for k in range(6):
+        out[STATE + k] = row[ACTIVE + 6 * j + k]
+    if j == 0:
+        for k in range(THRUST, WIDTH):
+            out[k] = execution[MAGNITUDE] * arc[k]
+        return
+    size = execution[POINTING]
+    ux, uy, uz, wx, wy, wz = arc[12], arc[13], arc[14], arc[15], arc[16], arc[17]
+    for k in range(THRUST, PUSH):
+        out[k] = 0.0
+    for k in range(PUSH, WIDTH, 3):  # an optimal thrust is a natural motion: per axis of PUSH's span
+        x, y, z = size * (ux + arc[k]), size * (uy + arc[k + 1]), size * (uz + arc[k + 2])
+        out[k] = 0.0 if j == 1 else (z if j == 2 else -y)
+        out[k + 1] = 0.0 if j == 2 else (x if j == 3 else -z)
+        out[k + 2] = 0.0 if j == 3 else (y if j == 1 else -x)
+        ax, ay, az = acceleration(n, ux, uz, wx, wy)
+        ux, uy, uz, wx, wy, wz = wx, wy, wz, ax, ay, az
+
+
+@kernel()
+def under_way(arc, execution):
+    """How many errors of a burn go on along an arc."""
+    return UNDER_WAY if (execution[MAGNITUDE] > 0.0 or execution[POINTING] > 0.0) and thrusts(arc) else 0
+
+
+@kernel()
+def add_under_way(n, arc, row, execution, t, a, width):
+    """Columns of the errors of a burn under way, their states at time t: the width then."""
+    out = stack_vector(30)
+    for j in range(under_way(arc, execution)):
+        error_arc(n, arc, row, execution, j, out)
+        moved = state_at(out, t)
+        for i in range(6):
+            a[i, width] = moved[i]
+        width += 1
+    return width
+
+
+@kernel()
+def add_settled(n, arc, row, execution, t, a, width):
+    """Columns of all that is over, moved to time t within the arc of `row`, noise added: the width then."""
+    for i in range(6):
+        for j in range(6):
+            a[i, width + j] = row[6 * i + j]
+    h = t - arc[START]
+    if h > 0.0:
+        carry(n, h, a, width, width + 6)
+    width += 6
+    if h > 0.0 and execution[NOISE] > 0.0:
+        add_noise(n, h, execution[NOISE], a, width)
+        width += 6
+    return width
+
+
+@kernel(void(float64[:, ::1], int64[::1], float64, float64[:, :, ::1], float64[:, ::1], float64[:, ::1]))
+def spread(arcs, offsets, n, roots, execution, rows):
+    """Fill the rows of every path from the roots (N, 6, 6) of the covariances at their starts."""
+    arcs, rows, execution = borrowed(arcs), borrowed(rows), borrowed(execution)
+    a = stack_matrix(6, 16)
+    for p in range(len(offsets) - 1):
+        for i in range(6):
+            for j in range(6):
+                a[i, j] = roots[p, i, j]
+        for m in range(offsets[p], offsets[p + 1]):
+            arc, row = arcs[m], rows[m]
+            width = add_gates(arc, execution[p], a, 6)
+            if width > 6:
+                compress(a, width)
+            for i in range(6):
+                for j in range(6):
+                    row[6 * i + j] = a[i, j]
+            width = add_settled(n, arc, row, execution[p], arc[END], a, 0)
+            before = width
+            width = add_under_way(n, arc, row, execution[p], arc[END], a, width)
+            if m + 1 < offsets[p + 1] and thrusts(arcs[m + 1]):  # the burn goes on
+                for j in range(width - before):
+                    for i in range(6):
+                        rows[m + 1, ACTIVE + 6 * j + i] = a[i, before + j]
+                width = before
+            if width > 6:
+                compress(a, width)
+
+
+@kernel(void(float64[:, ::1], float64, float64[:, ::1], float64[:, ::1], float64[::1], float64[:, :, ::1]))
+def covariances(arcs, n, rows, execution, times, out):
+    """Covariances (T, 6, 6) of one craft at times on its path."""
+    a = stack_matrix(6, 16)
+    for k in range(len(times)):
+        m = locate(arcs, 0, len(arcs), times[k])
+        t = min(max(times[k], arcs[m, START]), arcs[m, END])
+        width = add_settled(n, arcs[m], rows[m], execution[0], t, a, 0)
+        width = add_under_way(n, arcs[m], rows[m], execution[0], t, a, width)
+        for i in range(6):
+            for j in range(6):
+                out[k, i, j] = 0.0
+                for c in range(width):
+                    out[k, i, j] += a[i, c] * a[j, c]
