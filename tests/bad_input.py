@@ -1115,7 +1115,7 @@ MISUSES = (
     Misuse(
         "a damaged ephemeris",
         'screen a.oem damaged.oem --sphere "20 m"',
-        "damaged.oem: line 13: Malformed data entry; correct the file or ask its originator for it again",
+        "damaged.oem: line 13: '-o.000754605' is no number; correct the file or ask its originator for it again",
     ),
     Misuse(
         "an ephemeris cut short",
@@ -1130,7 +1130,32 @@ MISUSES = (
     Misuse(
         "ephemerides of different times",
         'screen a.oem later.oem --sphere "20 m"',
-        "A, B: fewer than two common epochs; sample them at the same times",
+        "A, B: fewer than two common epochs; they have no time in common; give files that overlap",
+    ),
+    Misuse(
+        "ephemerides whose epochs lie between each other's",
+        'screen a.oem between.oem --sphere "20 m"',
+        'A, B: fewer than two common epochs; states between them can be interpolated: allow it with interpolate=1.0 (m), or screen --interpolate "1 m"',
+    ),
+    Misuse(
+        "ephemerides too coarse to interpolate",
+        'screen a.oem coarse.oem --sphere "20 m" --interpolate "1 m"',
+        "B: interpolated states may be off by 198 m, more than 1 m; give states closer in time, or allow so much",
+    ),
+    Misuse(
+        "an allowed error in the wrong unit",
+        'screen a.oem between.oem --sphere "20 m" --interpolate "1 s"',
+        '--interpolate: "1 s" is a time, not a length; use m, km, cm, mm',
+    ),
+    Misuse(
+        "a covariance that is indefinite in an ephemeris",
+        'screen a.oem indefinite.oem --sphere "20 m"',
+        "indefinite.oem: line 25: covariance of 2026-01-01T00:00:00: indefinite: the least eigenvalue of its correlations is -1; ask the originator for a covariance with all its digits",
+    ),
+    Misuse(
+        "a covariance in an unknown frame",
+        'screen a.oem lvlh.oem --sphere "20 m"',
+        "lvlh.oem: line 26: COV_REF_FRAME LVLH is not supported; give covariances in one of RTN, RSW, TNW, EME2000",
     ),
 )
 

@@ -47,6 +47,27 @@ def oem(name: str, ahead: float, hour: str = "00") -> str:
     return OEM.format(name=name, hour=hour) + "\n".join(lines) + "\n"
 
 
+COVARIANCE = """\
+COVARIANCE_START
+EPOCH = 2026-01-01T00:00:00
+COV_REF_FRAME = RTN
+1e-4
+9e-5 1e-4
+0 0 1e-4
+0 0 0 1e-10
+0 0 0 0 1e-10
+0 0 0 0 0 1e-10
+COVARIANCE_STOP
+"""
+
+
+def between(text: str) -> str:
+    """The same motion seventeen seconds later."""
+    return text.replace(":00 ", ":17 ").replace(
+        "STOP_TIME = 2026-01-01T00:10:00", "STOP_TIME = 2026-01-01T00:10:17"
+    )
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     """Every file below a folder."""
     return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
@@ -75,6 +96,10 @@ def desk(tmp_path, monkeypatch):
     (tmp_path / "a.oem").write_text(oem("A", 0.0))
     (tmp_path / "b.oem").write_text(oem("B", 1e-4))
     (tmp_path / "later.oem").write_text(oem("B", 1e-4, hour="05"))
+    (tmp_path / "between.oem").write_text(between(oem("B", 1e-4)))
+    (tmp_path / "coarse.oem").write_text(re.sub(r"(?m)^.*:\d[1-46-9]:17 .*\n", "", between(oem("B", 1e-4))))
+    (tmp_path / "indefinite.oem").write_text(oem("B", 1e-4) + COVARIANCE.replace("9e-5", "2e-4"))
+    (tmp_path / "lvlh.oem").write_text(oem("B", 1e-4) + COVARIANCE.replace("RTN", "LVLH"))
     (tmp_path / "empty.oem").write_text("")
     (tmp_path / "damaged.oem").write_text(oem("B", 1e-4).replace("-0.", "-o."))
     (tmp_path / "short.oem").write_text("\n".join(oem("B", 1e-4).splitlines()[:13]) + "\n")

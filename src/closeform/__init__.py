@@ -52,7 +52,10 @@ _NAMES = {
     "campaign": "study",
     "exchange.ephemeris": "Ephemeris",
     "exchange.oem": "read_oem write_oem",
+    "exchange.covariance": "Covariances",
     "exchange.common_frame": "CommonFrame common_frame",
+    "exchange.conjunction": "Conjunction ConjunctionObject",
+    "exchange.cdm": "read_cdm write_cdm",
 }
 _MODULES = {"plots": "plots", "targets": "planning.targets"}
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}

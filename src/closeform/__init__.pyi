@@ -13,7 +13,13 @@ from closeform.planning.plan import (
 from closeform.planning.reconfigure import reconfigure as reconfigure
 from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study
+from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
+from closeform.exchange.conjunction import (
+    Conjunction as Conjunction,
+    ConjunctionObject as ConjunctionObject,
+)
+from closeform.exchange.covariance import Covariances as Covariances
 from closeform.exchange.ephemeris import Ephemeris as Ephemeris
 from closeform.exchange.oem import read_oem as read_oem, write_oem as write_oem
 from closeform.conflicts.two_paths import (

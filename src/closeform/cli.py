@@ -21,13 +21,12 @@ from closeform.console import (
     stderr,
     stdout,
     tell_run,
-    tell_screen,
     tell_study,
 )
-from closeform.given import UsageError, ephemerides, one_case, read
+from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.numba_import import collect_rarely, import_numba
+from closeform.screens import screen
 
-CLEAR, BAD_INPUT = 0, 2
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
 
 
@@ -171,67 +170,7 @@ def check(scenario: Path, /) -> int:
     return BAD_INPUT
 
 
-@app.command(sort_key=2)
-def screen(
-    files: Annotated[tuple[Path, ...], Parameter(name="oem")],
-    /,
-    *,
-    sphere: str | None = None,
-    box: str | None = None,
-    ellipsoid: str | None = None,
-    cylinder: str | None = None,
-    axis: str | None = None,
-    covariance: str | None = None,
-    sigmas: float | None = None,
-    body: Annotated[bool, Parameter(negative="")] = False,
-    zones: Path | None = None,
-) -> int:
-    """Find every conflict among real ephemerides, in the orbital frame of the first.
-
-    Parameters
-    ----------
-    files
-        CCSDS orbit ephemeris messages, two or more, with common epochs.
-    sphere
-        Keep-out zone by its radius: "20 m".
-    box
-        Keep-out zone by its half-widths radial, along-track, cross-track: "20 40 20 m".
-    ellipsoid
-        Keep-out zone by its half-axes radial, along-track, cross-track: "20 40 20 m".
-    cylinder
-        Keep-out zone by its radius and half-length along --axis: "10 100 m".
-    axis
-        Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
-    covariance
-        Of the position of every craft, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
-    sigmas
-        How many standard deviations of --covariance are kept clear.
-    body
-        The zone is what each craft fills: those of two add.
-    zones
-        TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
-    """
-    from closeform.scenario import ScenarioError
-    from closeform.scenario.options import AskedZones
-
-    shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
-    try:
-        asked = AskedZones.of(shapes | {"covariance": covariance}, axis, sigmas, body, zones)
-        frame = ephemerides(files)
-        kept = asked.of_pairs(frame.names)
-    except ScenarioError as error:
-        complain(*error.lines)
-        return BAD_INPUT
-    except ValueError as error:
-        raise UsageError(str(error)) from None
-    from closeform.conflicts.flight import watch
-    from closeform.motion.orbit import Orbit
-    from closeform.report.screening import ScreenReport
-
-    paths = Orbit(frame.mean_motion).sampled(frame.times, frame.states)
-    report = ScreenReport(frame, watch(paths, frame.names, kept))
-    tell_screen(report)
-    return report.verdict.status
+app.command(screen, sort_key=2)
 
 
 @app.command(sort_key=3)

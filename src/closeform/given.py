@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from closeform.scenario import Scenario
 
 
+CLEAR, BAD_INPUT = 0, 2  # exit status; 1 is of what was asked for and is not met
+
+
 class UsageError(ValueError):
     """An argument that does not fit; one line with the remedy."""
 
@@ -30,7 +33,19 @@ def read(file: Path, command: str) -> "Scenario | None":
         return None
 
 
-def ephemerides(files: Sequence[Path]) -> "CommonFrame":
+def length(option: str, text: str | None) -> float | None:
+    """A length [m] that an option gives."""
+    from closeform.scenario.quantity import LENGTH, Reader
+
+    if text is None:
+        return None
+    try:
+        return Reader(LENGTH, least="positive")(text)  # type: ignore[return-value]
+    except ValueError as error:
+        raise UsageError(f"--{option}: {error}") from None
+
+
+def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "CommonFrame":
     """What ephemeris files say, in a common frame."""
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
@@ -40,7 +55,7 @@ def ephemerides(files: Sequence[Path]) -> "CommonFrame":
     from closeform.exchange.oem import read_oem
 
     try:
-        return common_frame([read_oem(file) for file in files])
+        return common_frame([read_oem(file) for file in files], interpolate=interpolate)
     except (ValueError, ImportError) as error:
         raise UsageError(str(error)) from None
 

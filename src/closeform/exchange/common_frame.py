@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from closeform.arrays import Floats, number, sequence
+from closeform.exchange.carried_covariance import carried
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
-from closeform.motion.frames import AlongTrack, relative_from_inertial
+from closeform.exchange.interpolation import interpolated
+from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
 
 # Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
@@ -38,6 +40,12 @@ class CommonFrame:
         Of the circle that the chief's orbit is taken for.
     radius : float [m]
         Of that circle.
+    covariances : tuple of array of shape (6, 6) [m^2, m^2/s, m^2/s^2] or None, of N
+        Of each state at the first of `times`, in the chief's Hill frame; None of who has none.
+    ages : tuple of float [s] or None, of N
+        How long each was carried to that time by Hill's equations, below 0 backwards; None of who has none.
+    interpolation_errors : array of shape (N,) [m]
+        By how much positions may be off, by estimate, as states were interpolated; 0 if none was.
     """
 
     names: tuple[str, ...]
@@ -47,15 +55,21 @@ class CommonFrame:
     states: Floats
     mean_motion: float
     radius: float
+    covariances: tuple[Floats | None, ...]
+    ages: tuple[float | None, ...]
+    interpolation_errors: Floats
 
 
 def common_frame(
-    ephemerides: Sequence[Ephemeris], along_track: AlongTrack = "arc", mu: float = EARTH_MU
+    ephemerides: Sequence[Ephemeris],
+    along_track: AlongTrack = "arc",
+    mu: float = EARTH_MU,
+    interpolate: float | None = None,
 ) -> CommonFrame:
     """The motion of several objects in the Hill frame of the first, at the epochs that all share.
 
-    No state is interpolated.  The chief's orbit is taken for a circle of the mean, over the common
-    epochs, of its osculating semi-major axis.
+    Unless that is allowed no state is interpolated.  The chief's orbit is taken for a circle of the mean,
+    over the common epochs, of its osculating semi-major axis.
 
     Parameters
     ----------
@@ -65,18 +79,21 @@ def common_frame(
         As in `relative_from_inertial`; arcs are measured on the chief's circle.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
+    interpolate : float [m], optional
+        By how much positions may be off, by estimate, if states are interpolated to the epochs of whose are
+        densest: by polynomials through six positions and velocities (Hermite's), of degree 11.
 
     Returns
     -------
     CommonFrame
-        Times, states and the chief's circle.
+        Times, states and the chief's circle; covariances at the first time where ephemerides have some.
 
     Raises
     ------
     ValueError
         If there are fewer than two, equal names, different centres, frames or time systems, a frame that
-        turns with the Earth, fewer than two common epochs, an open orbit, or a `mu` that is not positive;
-        naming the objects.
+        turns with the Earth, fewer than two common epochs, states too far apart to interpolate, an open
+        orbit, or a `mu` that is not positive; naming the objects.
 
     References
     ----------
@@ -85,9 +102,49 @@ def common_frame(
     ephemerides = tuple(sequence("ephemerides", ephemerides, Ephemeris))
     if not (number("mu", mu) > 0.0 and np.isfinite(mu)):
         raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
+    if interpolate is not None and not number("interpolate", interpolate) >= 0.0:
+        raise ValueError(f"interpolate: by how much states may be off, 0 or more, got {interpolate:g} m")
     _comparable(ephemerides)
     chief = ephemerides[0]
     offsets = seconds_of([each.epoch for each in ephemerides], chief.time_system)
+    if interpolate is None:
+        times, inertial = _shared(ephemerides, offsets)
+        errors = np.zeros(len(ephemerides))
+    else:
+        times, inertial, errors = _interpolated(ephemerides, offsets, interpolate)
+    speed_squared = (inertial[0, :, 3:] ** 2).sum(-1)
+    inverse = 2.0 / np.linalg.norm(inertial[0, :, :3], axis=-1) - speed_squared / mu
+    if not (inverse > 0.0).all():
+        raise ValueError(f"{chief.name}: not on a closed orbit about {chief.center} with mu = {mu:g} m^3/s^2")
+    radius = float((1.0 / inverse).mean())
+    circle = radius if along_track == "arc" else None
+    states = relative_from_inertial(inertial[0], inertial, along_track, circle)
+    states[0] = 0.0
+    covariances, ages = [], []
+    for each, offset, state in zip(ephemerides, offsets, inertial[:, 0], strict=True):
+        found = carried(each, times[0] - offset, mu)
+        if found is not None:
+            turn = relative_jacobian(inertial[0, 0], state, along_track, circle)
+            found = turn @ found[0] @ turn.T, found[1]
+        covariances.append(found and found[0])
+        ages.append(found and found[1])
+    return CommonFrame(
+        names=tuple(each.name for each in ephemerides),
+        epoch=chief.epoch,
+        time_system=chief.time_system,
+        times=times,
+        states=states,
+        mean_motion=float(mean_motion_from_semi_major_axis(radius, mu)),
+        radius=radius,
+        covariances=tuple(covariances),
+        ages=tuple(ages),
+        interpolation_errors=errors,
+    )
+
+
+def _shared(ephemerides: tuple[Ephemeris, ...], offsets: Floats) -> tuple[Floats, Floats]:
+    """Times (T,) [s] at which all have states, after the chief's epoch, and these states (N, T, 6)."""
+    chief = ephemerides[0]
     shared = np.ones(len(chief.times), dtype=bool)
     nearest = []
     for each, offset in zip(ephemerides, offsets, strict=True):
@@ -97,27 +154,44 @@ def common_frame(
         shared &= np.abs(times[index] - chief.times) <= SAME_EPOCH
         nearest.append(index)
     if shared.sum() < 2:
+        start, stop = _common_span(ephemerides, offsets)
         names = ", ".join(each.name for each in ephemerides)
-        raise ValueError(f"{names}: fewer than two common epochs; sample them at the same times")
+        remedy = 'allow it with interpolate=1.0 (m), or screen --interpolate "1 m"'
+        how = f"states between them can be interpolated: {remedy}"
+        if stop <= start:
+            how = "they have no time in common; give files that overlap"
+        raise ValueError(f"{names}: fewer than two common epochs; {how}")
     pairs = zip(ephemerides, nearest, strict=True)
-    inertial = np.stack([each.states[index[shared]] for each, index in pairs])
-    speed_squared = (inertial[0, :, 3:] ** 2).sum(-1)
-    inverse = 2.0 / np.linalg.norm(inertial[0, :, :3], axis=-1) - speed_squared / mu
-    if not (inverse > 0.0).all():
-        raise ValueError(f"{chief.name}: not on a closed orbit about {chief.center} with mu = {mu:g} m^3/s^2")
-    radius = float((1.0 / inverse).mean())
-    circle = radius if along_track == "arc" else None
-    states = relative_from_inertial(inertial[0], inertial, along_track, circle)
-    states[0] = 0.0
-    return CommonFrame(
-        names=tuple(each.name for each in ephemerides),
-        epoch=chief.epoch,
-        time_system=chief.time_system,
-        times=chief.times[shared],
-        states=states,
-        mean_motion=float(mean_motion_from_semi_major_axis(radius, mu)),
-        radius=radius,
-    )
+    return chief.times[shared], np.stack([each.states[index[shared]] for each, index in pairs])
+
+
+def _interpolated(
+    ephemerides: tuple[Ephemeris, ...], offsets: Floats, allowed: float
+) -> tuple[Floats, Floats, Floats]:
+    """The epochs (T,) [s] of whose are densest, the states (N, T, 6) of all then, and errors (N,) [m]."""
+    start, stop = _common_span(ephemerides, offsets)
+    choices = [each.times + offset for each, offset in zip(ephemerides, offsets, strict=True)]
+    inside = [times[(times >= start - SAME_EPOCH) & (times <= stop + SAME_EPOCH)] for times in choices]
+    times = max(inside, key=len)
+    if len(times) < 2:
+        names = ", ".join(each.name for each in ephemerides)
+        raise ValueError(f"{names}: they have less than two epochs in common time; give files that overlap")
+    states, errors = [], []
+    for each, offset in zip(ephemerides, offsets, strict=True):
+        found, off = interpolated(each, times - offset)
+        if (worst := float(off.max())) > allowed:
+            what = f"interpolated states may be off by {worst:.3g} m, more than {allowed:g} m"
+            raise ValueError(f"{each.name}: {what}; give states closer in time, or allow so much")
+        states.append(found)
+        errors.append(worst)
+    return times, np.stack(states), np.array(errors)
+
+
+def _common_span(ephemerides: tuple[Ephemeris, ...], offsets: Floats) -> tuple[float, float]:
+    """From when until when all have states [s]."""
+    pairs = list(zip(ephemerides, offsets, strict=True))
+    begins = max(float(each.times[0] + offset) for each, offset in pairs)
+    return begins, min(float(each.times[-1] + offset) for each, offset in pairs)
 
 
 def _comparable(ephemerides: tuple[Ephemeris, ...]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from closeform.arrays import Floats, instance, numbers
+from closeform.exchange.covariance import LOCAL, Covariances, canonical
 
 SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
 
@@ -31,11 +32,14 @@ class Ephemeris:
         Since `epoch`, rising, T >= 2; anything array_like will do.
     states : array of shape (T, 6) [m, m/s]
         In `frame` about `center`; anything array_like will do.
+    covariances : Covariances, optional
+        Of the states, at epochs of their own.
 
     Raises
     ------
     ValueError
-        If a word is no text, shapes do not fit, a value is not finite, or times do not rise.
+        If a word is no text, shapes do not fit, a value is not finite, times do not rise, or a covariance
+        is in a frame that is neither local nor that of the states.
 
     References
     ----------
@@ -50,6 +54,7 @@ class Ephemeris:
     epoch: str
     times: Floats
     states: Floats
+    covariances: Covariances | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self)[:6]:
@@ -58,14 +63,18 @@ class Ephemeris:
         if times.ndim != 1 or len(times) < 2 or states.shape != (len(times), 6):
             got = f"got {times.shape} and {states.shape}"
             raise ValueError(f"times, states: expected shapes (T,) and (T, 6) with T >= 2, {got}")
-        flaw = flaw_of(times, states)
+        flaw = flaw_of_states(times, states)
         if flaw is not None:
             raise ValueError(f"times, states: row {flaw[0]}: {flaw[1]}")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "states", states)
+        if self.covariances is not None:
+            for frame in instance("covariances", self.covariances, Covariances).frames:
+                if (wrong := flaw_of_frame(frame, self.frame)) is not None:
+                    raise ValueError(f"covariances: frame {wrong}")
 
 
-def flaw_of(times: Floats, states: Floats) -> tuple[int, str] | None:
+def flaw_of_states(times: Floats, states: Floats) -> tuple[int, str] | None:
     """The first row that cannot stand, and why."""
     finite = np.isfinite(times) & np.isfinite(states).all(axis=1)
     if not finite.all():
@@ -74,3 +83,10 @@ def flaw_of(times: Floats, states: Floats) -> tuple[int, str] | None:
     if not rising.all():
         return int(np.argmin(rising)) + 1, "epochs must rise; sort the states and remove doubles"
     return None
+
+
+def flaw_of_frame(frame: str, states: str) -> str | None:
+    """Why a covariance cannot be in a `frame` beside states in theirs."""
+    if canonical(frame) in (*LOCAL, canonical(states)):
+        return None
+    return f"{frame} is not supported; give covariances in one of {', '.join(LOCAL)}, {states}"

@@ -1,34 +1,61 @@
 """CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B): read and write.
 
-Files hold km and km/s; here all is in m and m/s.  Reading and writing need the extra `ephemeris`
-(the packages oem and astropy), which is imported when it is first used.
+Files hold km and km/s; here all is in m and m/s.  Epochs need the extra `ephemeris` (astropy), which is
+imported when it is first used.
 """
 
 from __future__ import annotations
 
-import io
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 
-from closeform.arrays import instance, sequence
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris, flaw_of
+from closeform.arrays import Floats, instance, sequence
+from closeform.exchange.covariance import LOWER, Covariances, flaw_of, from_lower
+from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris, flaw_of_frame, flaw_of_states
 from closeform.exchange.epochs import EpochError, imported, scale_of, seconds_of
+from closeform.exchange.message import (
+    CORRECT,
+    Entry,
+    by_keyword,
+    message,
+    number_in,
+    numbers_in,
+    require,
+    within,
+)
 
+METADATA = "between META_START and META_STOP"
 REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")
+OPTIONAL = (
+    "REF_FRAME_EPOCH",
+    "USEABLE_START_TIME",
+    "USEABLE_STOP_TIME",
+    "INTERPOLATION",
+    "INTERPOLATION_DEGREE",
+)
+PARTS = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+NAMED = [f"C{PARTS[row]}_{PARTS[column]}" for row, column in zip(*LOWER, strict=True)]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Entries of one segment."""
+
+    metadata: list[Entry] = field(default_factory=list)
+    states: list[Entry] = field(default_factory=list)
+    covariances: list[list[Entry]] = field(default_factory=list)  # from each EPOCH on
 
 
 def read_oem(file: str | PathLike[str]) -> Ephemeris:
     """The ephemeris in an OEM, in key-value or XML form, with one segment.
 
-    States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME are left out, as are accelerations
-    and covariances.
+    States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME are left out, as are accelerations.
 
     Parameters
     ----------
@@ -38,13 +65,14 @@ def read_oem(file: str | PathLike[str]) -> Ephemeris:
     Returns
     -------
     Ephemeris
-        In m and m/s.
+        In m and m/s, with the covariances of the file.
 
     Raises
     ------
     ValueError
         If the file is absent, damaged, not an OEM, of several segments, with fewer than two states, with
-        values that are not finite or epochs that do not rise; in one line, with file and line.
+        values that are not finite or epochs that do not rise, with covariances that are incomplete,
+        indefinite or in an unknown frame; in one line, with file and line.
     ImportError
         If the extra `ephemeris` is not installed.
 
@@ -53,18 +81,13 @@ def read_oem(file: str | PathLike[str]) -> Ephemeris:
     CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
     """
     instance("file", file, str, PathLike)
-    try:
-        text = FilePath(file).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{file}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{file}: not a text file; give an OEM in key-value or XML form") from None
-    with _named(file):
-        header, rows = _segment(text)
-        missing = [key for key in REQUIRED if not header.get(key)]
-        if missing:
-            raise ValueError(f"keyword {missing[0]} is missing between META_START and META_STOP")
-        return _ephemeris(text, header, rows)
+    with within(file):
+        segments = _segments(message(file, "OEM"))
+        if not segments:
+            raise ValueError(f"not a complete OEM, has 0 segments; {CORRECT}")
+        if len(segments) > 1:
+            raise ValueError(f"has {len(segments)} segments; give a file for each segment")
+        return _ephemeris(segments[0])
 
 
 def write_oem(
@@ -74,7 +97,7 @@ def write_oem(
     originator: str = "CLOSEFORM",
     comments: Sequence[str] = (),
 ) -> None:
-    """Write an ephemeris as an OEM in key-value form, to 1e-6 m and 1e-9 m/s.
+    """Write an ephemeris as an OEM in key-value form, to 1e-6 m and 1e-9 m/s, with its covariances.
 
     Parameters
     ----------
@@ -102,11 +125,7 @@ def write_oem(
     instance("ephemeris", ephemeris, Ephemeris)
     instance("originator", originator, str)
     comments = sequence("comments", comments, str)
-    time = imported("astropy.time")
-    start = time.Time(ephemeris.epoch, scale=scale_of(ephemeris.time_system))
-    epochs = start + time.TimeDelta(ephemeris.times, format="sec")
-    epochs.precision = 9
-    stamps = [re.sub(r"\.?0+$", "", stamp) for stamp in epochs.isot]
+    stamps = _stamps(ephemeris, ephemeris.times)
     lines = [
         "CCSDS_OEM_VERS = 2.0",
         *(f"COMMENT {comment}" for comment in comments),
@@ -127,75 +146,154 @@ def write_oem(
     for stamp, state in zip(stamps, ephemeris.states / 1e3, strict=True):
         position = " ".join(f"{value:17.9f}" for value in state[:3])
         lines.append(f"{stamp} {position} " + " ".join(f"{value:16.12f}" for value in state[3:]))
+    if ephemeris.covariances is not None:
+        stamps = _stamps(ephemeris, ephemeris.covariances.times)
+        lines += _lines_of(ephemeris.covariances, stamps, ephemeris.frame)
     FilePath(file).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-@contextmanager
-def _named(file: str | PathLike[str]) -> Iterator[None]:
-    """Put the file's name before the message of a ValueError, in one line."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{file}: {' '.join(str(error).split())}") from None
+def _stamps(ephemeris: Ephemeris, times: Floats) -> list[str]:
+    """Times [s] as epochs, to a nanosecond."""
+    time = imported("astropy.time")
+    start = time.Time(ephemeris.epoch, scale=scale_of(ephemeris.time_system))
+    epochs = start + time.TimeDelta(times, format="sec")
+    epochs.precision = 9
+    return [re.sub(r"\.?0+$", "", stamp) for stamp in epochs.isot]
 
 
-def _segment(text: str) -> tuple[dict[str, str], list[tuple[Any, ...]]]:
-    """Metadata and rows (epoch, x, y, z, vx, vy, vz, ...) of the only segment."""
-    parsers = imported("oem.parsers")
-    if not text.strip():
-        raise ValueError("empty file; give an OEM in key-value or XML form")
-    xml = text.lstrip().startswith("<")
-    if not xml and not text.startswith("CCSDS_OEM_VERS"):
-        raise ValueError("line 1: not an OEM, which starts with CCSDS_OEM_VERS; give another file")
-    # The standard allows KEY=VALUE, the parser asks for blanks around the sign.
-    text = text if xml else re.sub(r"(?m)^[ \t]*([A-Z_]+)[ \t]*=[ \t]*", r"\1 = ", text)
-    try:
-        _, segments = (parsers.parse_xml_oem if xml else parsers.parse_kvn_oem)(io.StringIO(text.lstrip()))
-    except ValueError as error:
-        what = str(error).replace("Error on line", "line").rstrip(".")
-        raise ValueError(f"{what}; correct the file or ask its originator for it again") from None
-    except (AttributeError, IndexError, KeyError, SyntaxError, TypeError):  # what damaged XML raises
-        raise ValueError("not a complete OEM; ask its originator for it again") from None
-    if len(segments) != 1:
-        raise ValueError(f"has {len(segments)} segments; give a file for each segment")
-    return segments[0]["header"], list(segments[0]["data"])
+def _lines_of(covariances: Covariances, stamps: Sequence[str], frame: str) -> list[str]:
+    """The block of covariances, in km^2, km^2/s and km^2/s^2."""
+    lines = ["", "COVARIANCE_START"]
+    for stamp, matrix, given in zip(stamps, covariances.matrices / 1e6, covariances.frames, strict=True):
+        lines.append(f"EPOCH = {stamp}")
+        if given != frame:
+            lines.append(f"COV_REF_FRAME = {given}")
+        lines += [" ".join(f"{value:.15e}" for value in matrix[row, : row + 1]) for row in range(6)]
+    return [*lines, "COVARIANCE_STOP"]
 
 
-def _ephemeris(text: str, header: dict[str, str], rows: list[tuple[Any, ...]]) -> Ephemeris:
-    if len(rows) < 2:
-        raise ValueError(f"has {len(rows)} states; at least two are needed")
-    system = header["TIME_SYSTEM"].strip().upper()
-    stamps = [row[0] for row in rows]
+def _segments(entries: Sequence[Entry]) -> list[Segment]:
+    """The message cut into its segments; what stands in the wrong place is refused."""
+    segments: list[Segment] = []
+    inside = ""
+    for entry in entries:
+        word = entry.keyword
+        block, _, edge = word.rpartition("_")
+        if block in ("META", "COVARIANCE") and edge in ("START", "STOP"):
+            opens = edge == "START" and not inside and (block == "META" or bool(segments))
+            if not (opens or (edge == "STOP" and inside == block)):
+                raise ValueError(f"line {entry.line}: {word} is out of place; {CORRECT}")
+            inside = block if opens else ""
+            if word == "META_START":
+                segments.append(Segment())
+        elif word == "COMMENT" or not (segments or inside):
+            continue  # of the header nothing is used
+        elif inside == "META":
+            if word not in REQUIRED and word not in OPTIONAL:
+                what = f"keyword {word}" if word else f"'{entry.value[:30]}'"
+                raise ValueError(f"line {entry.line}: {what} is no metadata of an OEM; {CORRECT}")
+            segments[-1].metadata.append(entry)
+        elif inside:
+            if word == "EPOCH":
+                segments[-1].covariances.append([])
+            elif not segments[-1].covariances:
+                raise ValueError(f"line {entry.line}: a covariance without EPOCH; {CORRECT}")
+            segments[-1].covariances[-1].append(entry)
+        elif word:
+            raise ValueError(f"line {entry.line}: keyword {word} is out of place among states; {CORRECT}")
+        else:
+            segments[-1].states.append(entry)
+    if inside:
+        raise ValueError(f"not a complete OEM, {inside}_STOP is missing; {CORRECT}")
+    return segments
+
+
+def _ephemeris(segment: Segment) -> Ephemeris:
+    found = by_keyword(segment.metadata, METADATA)
+    require(found, REQUIRED, METADATA)
+    header = {keyword: entry.value for keyword, entry in found.items()}
+    stamps, states = _states(segment.states)
+    system = header["TIME_SYSTEM"].upper()
     limits = [header.get("USEABLE_" + key) or header[key] for key in ("START_TIME", "STOP_TIME")]
+    blocks = segment.covariances
+    places = ["time limits"] * 2 + [
+        f"line {entry.line}" for entry in (*segment.states, *(b[0] for b in blocks))
+    ]
     try:
-        seconds = seconds_of([*limits, *stamps], system)
+        seconds = seconds_of([*limits, *stamps, *(block[0].value for block in blocks)], system)
     except EpochError as error:
-        raise ValueError(f"{_line(text, error.index - 2)}: {error}") from None
-    (start, stop), times = seconds[:2], seconds[2:]
-    states = np.array([row[1:7] for row in rows]) * 1e3
-    flaw = flaw_of(times, states)
+        raise ValueError(f"{places[error.index]}: {error}") from None
+    (start, stop), times, epochs = seconds[:2], seconds[2 : 2 + len(stamps)], seconds[2 + len(stamps) :]
+    flaw = flaw_of_states(times, states)
     if flaw is not None:
-        raise ValueError(f"{_line(text, flaw[0])}: {flaw[1]}")
+        raise ValueError(f"line {segment.states[flaw[0]].line}: {flaw[1]}")
     useable = (times >= start - SAME_EPOCH) & (times <= stop + SAME_EPOCH)
     if useable.sum() < 2:
         raise ValueError(f"has {useable.sum()} states from {limits[0]} to {limits[1]}; correct these limits")
     first = int(np.argmax(useable))
     return Ephemeris(
-        name=header["OBJECT_NAME"].strip(),
-        object_id=header["OBJECT_ID"].strip(),
-        center=header["CENTER_NAME"].strip(),
-        frame=header["REF_FRAME"].strip(),
+        name=header["OBJECT_NAME"],
+        object_id=header["OBJECT_ID"],
+        center=header["CENTER_NAME"],
+        frame=header["REF_FRAME"],
         time_system=system,
         epoch=stamps[first].rstrip("Z"),
         times=times[useable] - times[first],
         states=states[useable],
+        covariances=_covariances(blocks, epochs - times[first], header["REF_FRAME"]) if blocks else None,
     )
 
 
-def _line(text: str, row: int) -> str:
-    """Where data row `row` stands: its line in key-value form, else its number."""
-    lines = [line.strip() for line in text.splitlines()]
-    if row < 0 or "META_STOP" not in lines:
-        return "time limits" if row < 0 else f"state {row + 1}"
-    below = range(lines.index("META_STOP") + 1, len(lines))
-    return f"line {[k for k in below if lines[k] and not lines[k].startswith('COMMENT')][row] + 1}"
+def _states(entries: Sequence[Entry]) -> tuple[list[str], Floats]:
+    """Epochs as they are written, and states [m, m/s]."""
+    if len(entries) < 2:
+        raise ValueError(f"has {len(entries)} states; at least two are needed")
+    stamps, rows = [], []
+    for entry in entries:
+        stamp, *words = entry.value.split()
+        if len(words) not in (6, 9):  # with accelerations
+            what = f"expected an epoch and 6 or 9 numbers, got {len(words) + 1} words"
+            raise ValueError(f"line {entry.line}: {what}; {CORRECT}")
+        stamps.append(stamp)
+        rows.append(numbers_in(entry.line, words[:6]))
+    return stamps, np.array(rows) * 1e3
+
+
+def _covariances(blocks: Sequence[Sequence[Entry]], epochs: Floats, states: str) -> Covariances:
+    """Covariances [m^2, m^2/s, m^2/s^2] at epochs [s], in the frame of the states unless they say else."""
+    frames, matrices = [], []
+    for index, (epoch, *entries) in enumerate(blocks):
+        if index and epochs[index] <= epochs[index - 1]:
+            raise ValueError(f"line {epoch.line}: epochs of covariances must rise; sort them")
+        frame = states
+        if entries and entries[0].keyword == "COV_REF_FRAME":
+            frame = entries[0].value
+            if (wrong := flaw_of_frame(frame, states)) is not None:
+                raise ValueError(f"line {entries[0].line}: COV_REF_FRAME {wrong}")
+            del entries[0]
+        matrix = from_lower(_lower(epoch, entries)) * 1e6
+        if (wrong := flaw_of(matrix)) is not None:
+            raise ValueError(f"line {epoch.line}: covariance of {epoch.value}: {wrong}")
+        frames.append(frame)
+        matrices.append(matrix)
+    return Covariances(epochs, np.array(matrices), tuple(frames))
+
+
+def _lower(epoch: Entry, entries: Sequence[Entry]) -> list[float]:
+    """The 21 values of one covariance, in six rows of key-value form or by name in XML."""
+    if entries and entries[0].keyword:
+        found = by_keyword(entries, f"in the covariance of {epoch.value}")
+        require(found, NAMED, f"in the covariance of {epoch.value}")
+        return [number_in(found[name].line, found[name].value) for name in NAMED]
+    values: list[float] = []
+    for row, entry in enumerate(entries, 1):
+        words = entry.value.split()
+        if entry.keyword or row > 6 or len(words) != row:
+            what = f"keyword {entry.keyword}" if entry.keyword else f"{len(words)} values"
+            raise ValueError(
+                f"line {entry.line}: {what} where row {row} of a lower triangle stands; {CORRECT}"
+            )
+        values += numbers_in(entry.line, words)
+    if len(values) != len(LOWER[0]):
+        raise ValueError(f"line {epoch.line}: covariance of {epoch.value} lacks rows, of six; {CORRECT}")
+    return values

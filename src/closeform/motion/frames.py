@@ -19,6 +19,7 @@ from closeform.arrays import Floats, broadcast, shown
 from closeform.motion.mean_motion import checked
 
 AlongTrack = Literal["straight", "arc"]
+STEPS = np.array([100.0, 100.0, 100.0, 1.0, 1.0, 1.0])  # m, m/s: of differences
 
 
 def relative_from_inertial(
@@ -143,6 +144,21 @@ def inertial_from_relative(
     velocity = np.stack(np.broadcast_arrays(vx, vy, vz), axis=-1)
     inertial = [np.einsum("...ji,...j->...i", axes, part) for part in (position, velocity)]
     return np.concatenate(np.broadcast_arrays(*inertial), axis=-1)
+
+
+def relative_jacobian(
+    chief: ArrayLike, deputy: ArrayLike, along_track: AlongTrack = "straight", radius: ArrayLike | None = None
+) -> Floats:
+    """Derivatives (..., 6, 6) of the state of `relative_from_inertial` by the deputy's inertial state.
+
+    The chief's frame stays where it is.  By central differences: to 1e-9, relative, in an orbit of the Earth.
+    """
+    steps = np.diag(STEPS)
+    known, there = (np.asarray(state, dtype=float)[..., None, :] for state in (chief, deputy))
+    ahead, behind = (
+        relative_from_inertial(known, there + step, along_track, radius) for step in (steps, -steps)
+    )
+    return np.swapaxes(ahead - behind, -1, -2) / (2.0 * STEPS)
 
 
 def _frame(chief: Floats) -> tuple[Floats, Any, Any, Any]:

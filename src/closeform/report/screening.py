@@ -7,7 +7,7 @@ from closeform.conflicts.flight import Flight
 from closeform.exchange.common_frame import CommonFrame
 from closeform.report import conflicts
 from closeform.report.table import Table
-from closeform.verdict import Verdict, conflicts_in
+from closeform.verdict import MOST_NAMES, Verdict, conflicts_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,21 @@ class ScreenReport:
             f"{frame.time_system}, {frame.times[-1] - frame.times[0]:.1f} s",
             f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
             f"on a circle of {frame.radius / 1e3:.3f} km",
+            *self.interpolated,
         )
+
+    @property
+    def interpolated(self) -> tuple[str, ...]:
+        """Whose states were interpolated to common epochs, and how far they may be off."""
+        pairs = zip(self.frame.names, self.frame.interpolation_errors.tolist(), strict=True)
+        moved = {name: error for name, error in pairs if error > 0.0}
+        if not moved:
+            return ()
+        worst = max(moved, key=lambda name: moved[name])
+        names = ", ".join(list(moved)[:MOST_NAMES]) + f" and {len(moved) - MOST_NAMES} more" * (
+            len(moved) > MOST_NAMES
+        )
+        return (f"States of {names} interpolated, off by up to {moved[worst]:.2g} m ({worst}), by estimate",)
 
     @cached_property
     def found(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:

@@ -1,0 +1,45 @@
+"""The covariance of an object at a time, from those that its ephemeris holds at others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.exchange.covariance import inertial
+from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.motion.circular import CircularOrbit
+from closeform.motion.elements import elements_from_inertial, inertial_from_elements
+from closeform.motion.frames import relative_jacobian
+from closeform.motion.mean_motion import mean_motion_from_semi_major_axis
+
+
+def carried(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:
+    """A covariance (6, 6) [m^2, m^2/s, m^2/s^2] at a time, along inertial axes, and how old it was [s].
+
+    It is the latest that is not later, else the first, which is carried back; by Hill's equations in the
+    object's own orbit.  None where the ephemeris has none.
+    """
+    held = ephemeris.covariances
+    if held is None or not len(held):
+        return None
+    index = max(int(np.searchsorted(held.times, time + SAME_EPOCH)) - 1, 0)
+    age = float(time - held.times[index])
+    then, now = (state_at(ephemeris, instant, mu) for instant in (held.times[index], time))
+    fixed = inertial(held.matrices[index], held.frames[index], then)
+    if abs(age) <= SAME_EPOCH:
+        return fixed, 0.0
+    orbit = CircularOrbit(float(mean_motion_from_semi_major_axis(elements_from_inertial(now, mu)[0], mu)))
+    moved = orbit.transition(age) @ relative_jacobian(then, then)
+    whole = np.linalg.solve(relative_jacobian(now, now), moved)
+    return whole @ fixed @ whole.T, age
+
+
+def state_at(ephemeris: Ephemeris, time: float, mu: float) -> Floats:
+    """Where axes are turned: the state (6,) at a time, by Kepler's motion from the nearest that is known."""
+    nearest = int(np.argmin(np.abs(ephemeris.times - time)))
+    known, ahead = ephemeris.states[nearest], time - ephemeris.times[nearest]
+    if ahead == 0.0:
+        return np.asarray(known)
+    elements = elements_from_inertial(known, mu)
+    elements[1] += ahead * np.sqrt(mu / elements[0] ** 3)
+    return inertial_from_elements(elements, mu)

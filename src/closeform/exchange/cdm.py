@@ -1,0 +1,239 @@
+"""CCSDS conjunction data messages (CDM, CCSDS 508.0-B): read and write.
+
+Files hold states in km and km/s, covariances and distances in m; here all is in m and m/s.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from os import PathLike
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import instance
+from closeform.exchange.conjunction import Conjunction, ConjunctionObject
+from closeform.exchange.covariance import LOWER, from_lower
+from closeform.exchange.epochs import calendar
+from closeform.exchange.message import (
+    CORRECT,
+    Entry,
+    by_keyword,
+    message,
+    number_in,
+    quantity,
+    require,
+    within,
+)
+
+HEADER = ("CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
+RELATIVE = ("TCA", "MISS_DISTANCE")
+WORDS = {  # of an object, by the field that holds them
+    "designator": "OBJECT_DESIGNATOR",
+    "catalog": "CATALOG_NAME",
+    "name": "OBJECT_NAME",
+    "international_designator": "INTERNATIONAL_DESIGNATOR",
+    "ephemeris_name": "EPHEMERIS_NAME",
+    "covariance_method": "COVARIANCE_METHOD",
+    "manoeuvrable": "MANEUVERABLE",
+    "frame": "REF_FRAME",
+}
+STATE = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
+PARTS = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
+SQUARES = ("m**2", "m**2/s", "m**2/s**2")  # by how many of the two are rates
+COVARIANCE = {
+    f"C{PARTS[row]}_{PARTS[column]}": SQUARES[int(row > 2) + int(column > 2)]
+    for row, column in zip(*LOWER, strict=True)
+}
+# Where messages that are 1.0 tell radii: CARA's and others' COMMENT HBR, COMMENT EXCLUSION_VOLUME_RADIUS.
+RADIUS = re.compile(r"(?:HBR|HARD[ _-]?BODY[ _-]?RADIUS)\s*[=:]\s*(\S+)\s*(?:\[(\S+)\])?", re.IGNORECASE)
+EXCLUDED = re.compile(r"EXCLUSION[ _]VOLUME[ _]RADIUS\s*=\s*(\S+)\s*(?:\[(\S+)\])?", re.IGNORECASE)
+RADIUS_WORDS = ("HBR", "HARD_BODY_RADIUS")
+
+
+def read_cdm(file: str | PathLike[str]) -> Conjunction:
+    """The conjunction in a CDM, in key-value or XML form.
+
+    Of what the standard has, states, covariances, radii, probability and what names the objects and the
+    message are kept.
+
+    Parameters
+    ----------
+    file : str or path-like
+        The file: states in km and km/s, covariances in m**2, m**2/s and m**2/s**2, as the standard has it.
+
+    Returns
+    -------
+    Conjunction
+        In m and m/s.
+
+    Raises
+    ------
+    ValueError
+        If the file is absent, damaged or no CDM, lacks what the standard asks for, has other units, frames
+        that are unknown or differ, numbers that are not finite, or a miss distance that is not that of its
+        states; in one line, with file, line or keyword.
+
+    References
+    ----------
+    CCSDS 508.0-B, Conjunction Data Message; docs/ephemerides.md.
+    """
+    instance("file", file, str, PathLike)
+    with within(file):
+        relative, *objects = _parts(message(file, "CDM"))
+        found = by_keyword(relative, "before OBJECT1")
+        require(found, (*HEADER, *RELATIVE), "before OBJECT1")
+        try:
+            calendar(found["TCA"].value)
+        except ValueError:
+            what = f"TCA: '{found['TCA'].value[:30]}' is no epoch; write it as 2010-03-13T22:37:52.618"
+            raise ValueError(f"line {found['TCA'].line}: {what}") from None
+        chance = found.get("COLLISION_PROBABILITY")
+        return Conjunction(
+            tca=found["TCA"].value,
+            objects=(_object(objects[0], "OBJECT1"), _object(objects[1], "OBJECT2")),
+            miss_distance=quantity(found["MISS_DISTANCE"], "m"),
+            hard_body_radius=_radius(relative, found),
+            collision_probability=_told(chance and number_in(chance.line, chance.value)),
+            collision_probability_method=_word(found, "COLLISION_PROBABILITY_METHOD"),
+            originator=found["ORIGINATOR"].value,
+            message_id=found["MESSAGE_ID"].value,
+            creation_date=found["CREATION_DATE"].value,
+            message_for=_word(found, "MESSAGE_FOR"),
+            exclusion_radii=tuple(
+                _length(entry, match) for part in objects for entry, match in _comments(part, EXCLUDED)
+            ),
+        )
+
+
+def write_cdm(file: str | PathLike[str], conjunction: Conjunction) -> None:
+    """Write a conjunction as a CDM in key-value form: states to 1e-6 m and 1e-9 m/s.
+
+    Parameters
+    ----------
+    file : str or path-like
+        Where to; a file that is there is replaced.
+    conjunction : Conjunction
+        What to write; relative position and velocity are those of its states.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of another kind.
+
+    References
+    ----------
+    CCSDS 508.0-B, Conjunction Data Message; docs/ephemerides.md.
+    """
+    instance("file", file, str, PathLike)
+    told = instance("conjunction", conjunction, Conjunction)
+    relative = told.relative_state
+    lines: list[tuple[str, Any, str]] = [
+        ("CCSDS_CDM_VERS", "1.0", ""),
+        ("CREATION_DATE", told.creation_date or f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}", ""),
+        ("ORIGINATOR", told.originator, ""),
+        *([("MESSAGE_FOR", told.message_for, "")] if told.message_for else []),
+        ("MESSAGE_ID", told.message_id, ""),
+        ("TCA", told.tca, ""),
+        ("MISS_DISTANCE", told.miss_distance, "m"),
+        ("RELATIVE_SPEED", told.relative_speed, "m/s"),
+        *zip((f"RELATIVE_POSITION_{part}" for part in "RTN"), relative[:3], ["m"] * 3, strict=True),
+        *zip((f"RELATIVE_VELOCITY_{part}" for part in "RTN"), relative[3:], ["m/s"] * 3, strict=True),
+    ]
+    if told.collision_probability is not None:
+        lines.append(("COLLISION_PROBABILITY", told.collision_probability, ""))
+    if told.collision_probability_method is not None:
+        lines.append(("COLLISION_PROBABILITY_METHOD", told.collision_probability_method, ""))
+    if told.hard_body_radius is not None:
+        lines.append(("COMMENT HBR", told.hard_body_radius, "m"))
+    for number, each in enumerate(told.objects, 1):
+        lines += [("OBJECT", f"OBJECT{number}", "")]
+        lines += [(keyword, getattr(each, field), "") for field, keyword in WORDS.items()]
+        if each.radius is not None:
+            lines.append(("COMMENT HBR", each.radius, "m"))
+        state = [f"{value / 1e3:.{9 if row < 3 else 12}f}" for row, value in enumerate(each.state)]
+        lines += zip(STATE, state, STATE.values(), strict=True)
+        lines += zip(COVARIANCE, each.covariance[LOWER], COVARIANCE.values(), strict=True)
+    text = [f"{keyword} = {_shown(value)}" + (f" [{unit}]" if unit else "") for keyword, value, unit in lines]
+    FilePath(file).write_text("\n".join(text) + "\n", encoding="utf-8")
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) else repr(float(value))
+
+
+def _parts(entries: Sequence[Entry]) -> list[list[Entry]]:
+    """What stands before the objects, and what of each."""
+    parts: list[list[Entry]] = [[]]
+    for entry in entries:
+        if entry.keyword == "OBJECT":
+            if entry.value != f"OBJECT{len(parts)}":
+                what = f"OBJECT is '{entry.value[:30]}' where OBJECT{len(parts)} stands"
+                raise ValueError(
+                    f"line {entry.line}: {what if len(parts) < 3 else 'a third OBJECT'}; {CORRECT}"
+                )
+            parts.append([])
+        elif not entry.keyword:
+            raise ValueError(f"line {entry.line}: '{entry.value[:30]}' is no keyword with a value; {CORRECT}")
+        elif not entry.keyword.startswith(("META_", "COVARIANCE_ST")):  # blocks of XML
+            parts[-1].append(entry)
+    if len(parts) != 3:
+        raise ValueError(f"not a complete CDM, has {len(parts) - 1} of 2 objects; {CORRECT}")
+    return parts
+
+
+def _object(entries: Sequence[Entry], which: str) -> ConjunctionObject:
+    found = by_keyword(entries, f"in {which}")
+    require(found, (*WORDS.values(), *STATE, *COVARIANCE), f"in {which}")
+    state = [_finite(found[keyword], unit) * 1e3 for keyword, unit in STATE.items()]
+    lower = [_finite(found[keyword], unit) for keyword, unit in COVARIANCE.items()]
+    for keyword, value in zip(COVARIANCE, lower, strict=True):
+        left, right = keyword[1:].split("_")
+        if left == right and value < 0.0:
+            raise ValueError(f"line {found[keyword].line}: {keyword}: a variance is negative; {CORRECT}")
+    words = {field: found[keyword].value for field, keyword in WORDS.items()}
+    radius = _radius(entries, found)
+    try:
+        return ConjunctionObject(state=np.array(state), covariance=from_lower(lower), radius=radius, **words)
+    except ValueError as error:
+        raise ValueError(f"{which}: {error}") from None
+
+
+def _finite(entry: Entry, unit: str) -> float:
+    value = quantity(entry, unit)
+    if not np.isfinite(value):
+        raise ValueError(f"line {entry.line}: {entry.keyword} is not finite; {CORRECT}")
+    return value
+
+
+def _radius(entries: Sequence[Entry], found: dict[str, Entry]) -> float | None:
+    """A radius [m] that a keyword or a comment of this part tells."""
+    told = [quantity(found[keyword], "m") for keyword in RADIUS_WORDS if keyword in found]
+    told += [_length(entry, match) for entry, match in _comments(entries, RADIUS)]
+    return _told(told[0]) if told else None
+
+
+def _comments(entries: Sequence[Entry], pattern: re.Pattern[str]) -> list[tuple[Entry, re.Match[str]]]:
+    """The comments that tell something, and what they tell."""
+    return [
+        (entry, match)
+        for entry in entries
+        if entry.keyword == "COMMENT" and (match := pattern.search(entry.value)) is not None
+    ]
+
+
+def _length(entry: Entry, match: re.Match[str]) -> float:
+    """What a comment tells [m]."""
+    return quantity(Entry(entry.line, "COMMENT", match[1], match[2] or ""), "m")
+
+
+def _word(found: dict[str, Entry], keyword: str) -> str | None:
+    return found[keyword].value or None if keyword in found else None
+
+
+def _told(value: float | None) -> float | None:
+    """A number, unless the message leaves it open."""
+    return None if value is None or np.isnan(value) else value

@@ -1,0 +1,49 @@
+"""States of an ephemeris between its epochs: polynomials through positions and velocities (Hermite's)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.exchange.ephemeris import Ephemeris
+
+MOST = 6  # states that one polynomial goes through, of degree 11
+
+
+def interpolated(ephemeris: Ephemeris, times: Floats) -> tuple[Floats, Floats]:
+    """States (K, 6) at `times` (K,) [s] within the span of an ephemeris, and errors (K,) [m] by estimate.
+
+    The estimate is the size of the last two terms of Newton's form: what the farthest state adds to the
+    position.  It is 0 at the epochs of the ephemeris, where nothing is interpolated.
+    """
+    count = min(MOST, len(ephemeris.times))
+    last = len(ephemeris.times) - count
+    first = np.clip(np.searchsorted(ephemeris.times, times) - count // 2, 0, last)
+    index = first[:, None] + np.arange(count)
+    unit = ephemeris.times[index[:, -1]] - ephemeris.times[index[:, 0]]  # keeps differences near positions
+    away = np.abs(ephemeris.times[index] - times[:, None])
+    index = np.take_along_axis(index, np.argsort(away, axis=1), axis=1)  # so that the farthest is last
+    nodes = np.repeat((ephemeris.times[index] - times[:, None]) / unit[:, None], 2, axis=1)
+    positions = np.repeat(ephemeris.states[index, :3], 2, axis=1)
+    rates = ephemeris.states[index, 3:] * unit[:, None, None]
+    middle = positions[:, :1].copy()
+    differences = positions - middle
+    coefficients = [differences[:, 0]]
+    for order in range(1, 2 * count):
+        gap = nodes[:, order:] - nodes[:, :-order]
+        twice = gap == 0.0
+        slope = np.diff(differences, axis=1) / np.where(twice, 1.0, gap)[..., None]
+        if order == 1:
+            slope[:, ::2] = rates  # of a node that stands twice
+        differences = slope
+        coefficients.append(differences[:, 0])
+    place, rate = np.zeros_like(coefficients[0]), np.zeros_like(coefficients[0])
+    for order in range(2 * count - 1, -1, -1):  # Horner at 0, where the wanted times are
+        ahead = -nodes[:, order, None]
+        rate = rate * ahead + place
+        place = place * ahead + coefficients[order]
+    factor = np.prod(-nodes[:, : 2 * count - 2], axis=1)[:, None]
+    ahead = -nodes[:, 2 * count - 2, None]
+    lost = factor * (coefficients[-2] + coefficients[-1] * ahead)
+    states = np.concatenate([place + middle[:, 0], rate / unit[:, None]], axis=1)
+    return states, np.linalg.norm(lost, axis=1)

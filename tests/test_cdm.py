@@ -1,0 +1,350 @@
+# ruff: noqa: E501 (messages stand as they are printed)
+"""Conjunction data messages: read, written; what real ones do, and what damaged ones come to."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import closeform as cf
+from messages import FAST, KEYS, SLOW, SLOW_INERTIAL
+
+
+def written(folder, text, name="case.cdm"):
+    file = folder / name
+    file.write_text(text)
+    return file
+
+
+@pytest.fixture
+def slow(tmp_path):
+    return cf.read_cdm(written(tmp_path, SLOW))
+
+
+@pytest.fixture
+def fast(tmp_path):
+    return cf.read_cdm(written(tmp_path, FAST))
+
+
+def test_a_message_is_read_in_si(slow):
+    assert (slow.tca, slow.originator, slow.message_id) == ("2000-01-01T00:00:00.000", "TEST", "A09_1")
+    assert (slow.miss_distance, slow.hard_body_radius) == (5.049717, 15.0)
+    assert (slow.collision_probability, slow.collision_probability_method) == (None, None)
+    first, second = slow.objects
+    assert (first.name, first.designator, first.frame, second.name) == (
+        "PRIMARY",
+        "1001",
+        "EME2000",
+        "SECONDARY",
+    )
+    np.testing.assert_allclose(
+        first.state, [153446.765, 41874155.870, 0.0, 3066.874761, -11.373615, 0.0], rtol=1e-15
+    )
+    assert first.covariance[1, 0] == first.covariance[0, 1] == -3.524140813027809e02
+
+
+def test_covariances_turn_to_the_published_inertial_ones(slow):
+    """CARA's figures in own axes against Alfano's in inertial ones: the states are rounded to 1 mm."""
+    spread = np.sqrt(np.diag(SLOW_INERTIAL))
+    scaled = (slow.objects[0].inertial_covariance - SLOW_INERTIAL) / np.outer(spread, spread)
+    assert np.abs(scaled).max() < 1e-6
+
+
+def test_states_of_the_turning_earth_give_what_the_message_tells(fast):
+    """RELATIVE_POSITION to 5 cm, RELATIVE_VELOCITY to 5 cm/s are its digits, and the speed cut to 1 m/s."""
+    told = np.array([-21.3, -15.2, -49.3, 1.9, -13954.8, 4100.4])
+    np.testing.assert_allclose(fast.relative_state, told, rtol=0.0, atol=0.06)
+    assert fast.relative_speed == pytest.approx(14544.5, abs=0.5)
+    # seen from the Earth they pass each other just as fast, but each flies 400 m/s slower or faster
+    assert np.linalg.norm(fast.objects[0].inertial_state[3:]) == pytest.approx(7.6e3, rel=0.01)
+
+
+def test_what_real_messages_tell_beside_the_standard(fast):
+    assert fast.hard_body_radius is None
+    assert fast.exclusion_radii == (5.0, 5.0)
+    assert (fast.collision_probability, fast.collision_probability_method) == (0.004450713, "FOSTER-1992")
+    assert [each.international_designator for each in fast.objects] == ["2023-001AU", "2020-012AN"]
+
+
+@pytest.mark.parametrize(
+    ("line", "radius"),
+    [
+        ("COMMENT HBR = 6 [m]\n", 6.0),
+        ("COMMENT Combined HBR: 6.0\n", 6.0),
+        ("COMMENT HARD BODY RADIUS = 0.6e1\n", 6.0),
+        ("HARD_BODY_RADIUS = 6 [m]\n", 6.0),
+        ("HBR = 6\n", 6.0),
+        ("COMMENT HBR = NaN [m]\n", None),
+        ("COMMENT HBR\n", None),
+        ("COMMENT the HBR is large\n", None),
+        ("", None),
+    ],
+)
+def test_where_the_radius_stands(tmp_path, line, radius):
+    assert (
+        cf.read_cdm(written(tmp_path, SLOW.replace("COMMENT HBR = 15.0\n", line))).hard_body_radius == radius
+    )
+
+
+def test_radii_of_both_objects_add(tmp_path):
+    """HBR of each object, an additional parameter of CDM 2.0."""
+    text = SLOW.replace("COMMENT HBR = 15.0\n", "").replace("X = ", "HBR = 2.5 [m]\nX = ")
+    found = cf.read_cdm(written(tmp_path, text))
+    assert [each.radius for each in found.objects] == [2.5, 2.5]
+    assert found.hard_body_radius == 5.0
+    alone = cf.read_cdm(written(tmp_path, text.replace("HBR = 2.5 [m]\n", "", 1)))
+    assert alone.hard_body_radius is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace(" = ", "="),
+        lambda text: text.replace(" = ", "                      ="),
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: "\ufeff" + text,
+        lambda text: text.replace(" [km]", "").replace(" [m**2]", ""),
+        lambda text: text.replace("[m**2/s]", "[ m**2/s ]").replace("[km]", "[KM]"),
+        lambda text: text.replace("OBJECT = OBJECT2", "COMMENT Object2 Metadata\n\nOBJECT = OBJECT2"),
+        lambda text: text.replace(
+            "COMMENT HBR", "COMMENT =CDM_ID:519959713\nTHRUST_ACCELERATION = NaN\nCOMMENT HBR"
+        ),
+    ],
+)
+def test_lawful_spellings_read_the_same(tmp_path, slow, change):
+    file = tmp_path / "other.cdm"
+    file.write_bytes(change(SLOW).encode())
+    other = cf.read_cdm(file)
+    for mine, plain in zip(other.objects, slow.objects, strict=True):
+        np.testing.assert_array_equal(mine.state, plain.state)
+        np.testing.assert_array_equal(mine.covariance, plain.covariance)
+    assert other.hard_body_radius == 15.0
+
+
+def xml(text):
+    """The same message in XML, by its own few lines."""
+    head, *objects = text.split("OBJECT = OBJECT")
+
+    def element(line):
+        key, value = re.split(" *= *", line, maxsplit=1) if line[:7] != "COMMENT" else ("COMMENT", line[8:])
+        value, _, unit = value.partition(" [")
+        unit = f' units="{unit[:-1]}"' if unit and key != "COMMENT" else ""
+        return f"<{key}{unit}>{value}</{key}>"
+
+    lines = head.splitlines()
+    parts = ['<?xml version="1.0" encoding="UTF-8"?>', '<cdm id="CCSDS_CDM_VERS" version="1.0">', "<header>"]
+    parts += [*map(element, lines[1:4]), "</header><body><relativeMetadataData>", *map(element, lines[4:])]
+    parts += ["</relativeMetadataData>"]
+    for each in objects:
+        number, *rest = each.splitlines()
+        at = next(index for index, line in enumerate(rest) if line.startswith("X ="))
+        parts += [f"<segment><metadata><OBJECT>OBJECT{number}</OBJECT>", *map(element, rest[:at])]
+        parts += ["</metadata><data><stateVector>", *map(element, rest[at : at + 6]), "</stateVector>"]
+        parts += ["<covarianceMatrix>", *map(element, rest[at + 6 :]), "</covarianceMatrix></data></segment>"]
+    return "\n".join([*parts, "</body></cdm>"])
+
+
+@pytest.mark.parametrize("text", [SLOW, FAST])
+def test_xml_reads_like_key_value(tmp_path, text):
+    plain, other = cf.read_cdm(written(tmp_path, text)), cf.read_cdm(written(tmp_path, xml(text), "case.xml"))
+    assert other.hard_body_radius == plain.hard_body_radius
+    for mine, theirs in zip(other.objects, plain.objects, strict=True):
+        np.testing.assert_array_equal(mine.state, theirs.state)
+        np.testing.assert_array_equal(mine.covariance, theirs.covariance)
+
+
+def test_qualified_xml_is_read(tmp_path):
+    text = (
+        xml(SLOW)
+        .replace("</", "</ndm:")
+        .replace("<", "<ndm:")
+        .replace("<ndm:/ndm:", "</ndm:")
+        .replace("<ndm:?", "<?")
+    )
+    assert cf.read_cdm(written(tmp_path, text, "case.xml")).hard_body_radius == 15.0
+
+
+@pytest.mark.parametrize("text", [SLOW, FAST])
+def test_what_is_written_reads_back(tmp_path, text):
+    told = cf.read_cdm(written(tmp_path, text))
+    told = replace(told, message_for="US", objects=tuple(replace(each, radius=2.0) for each in told.objects))
+    cf.write_cdm(tmp_path / "copy.cdm", told)
+    back = cf.read_cdm(tmp_path / "copy.cdm")
+    for field in (
+        "tca",
+        "miss_distance",
+        "hard_body_radius",
+        "collision_probability",
+        "message_id",
+        "message_for",
+    ):
+        assert getattr(back, field) == getattr(told, field)
+    for mine, other in zip(back.objects, told.objects, strict=True):
+        np.testing.assert_allclose(mine.state, other.state, rtol=0.0, atol=1e-6)
+        np.testing.assert_array_equal(mine.covariance, other.covariance)
+        assert (mine.name, mine.frame, mine.radius, mine.manoeuvrable) == (
+            other.name,
+            other.frame,
+            2.0,
+            other.manoeuvrable,
+        )
+
+
+def test_the_standards_keywords_are_written(tmp_path, fast):
+    """CCSDS 508.0-B-1 tables 3-1 to 3-4: what is obligatory, in their order."""
+    cf.write_cdm(tmp_path / "copy.cdm", fast)
+    lines = (tmp_path / "copy.cdm").read_text().splitlines()
+    keys = [line.split(" =")[0] for line in lines]
+    head = [
+        "CCSDS_CDM_VERS",
+        "CREATION_DATE",
+        "ORIGINATOR",
+        "MESSAGE_ID",
+        "TCA",
+        "MISS_DISTANCE",
+        "RELATIVE_SPEED",
+    ]
+    each = [
+        *[
+            "OBJECT",
+            "OBJECT_DESIGNATOR",
+            "CATALOG_NAME",
+            "OBJECT_NAME",
+            "INTERNATIONAL_DESIGNATOR",
+            "EPHEMERIS_NAME",
+        ],
+        *["COVARIANCE_METHOD", "MANEUVERABLE", "REF_FRAME", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", *KEYS],
+    ]
+    assert keys[:7] == head
+    assert keys[keys.index("OBJECT") :] == each * 2
+    told = dict(line.split(" = ") for line in lines if line.startswith("RELATIVE"))
+    assert float(told["RELATIVE_VELOCITY_T"].split()[0]) == pytest.approx(-13954.8, abs=0.06)
+
+
+def number_of(start, text=SLOW, after=0):
+    lines = text.splitlines()
+    return next(k for k, line in enumerate(lines, 1) if k > after and line.startswith(start))
+
+
+SECOND = number_of("OBJECT = OBJECT2")
+DAMAGE = {
+    "empty": (lambda text: "", "empty file; give a CDM in key-value or XML form"),
+    "not a CDM": (lambda text: "a,b\n1,2\n", "line 1: not a CDM, which starts with CCSDS_CDM_VERS"),
+    "an OEM": (lambda text: text.replace("CDM_VERS", "OEM_VERS"), "line 1: not a CDM"),
+    "half of it": (lambda text: text[: text.index("OBJECT = OBJECT2")], "has 1 of 2 objects"),
+    "no time": (lambda text: text.replace("TCA = ", "COMMENT "), "keyword TCA is missing before OBJECT1"),
+    "no such time": (
+        lambda text: text.replace("TCA = 2000-01-01", "TCA = 2000-13-01"),
+        f"line {number_of('TCA')}: TCA: '2000-13-01T00:00:00.000' is no epoch",
+    ),
+    "no miss distance": (lambda text: text.replace("MISS_D", "NISS_D"), "keyword MISS_DISTANCE is missing"),
+    "no state": (lambda text: text.replace("\nY_DOT = -0.011363615 [km/s]", ""), "keyword Y_DOT is missing in OBJECT2"),
+    "no covariance": (lambda text: text.replace("CNDOT_NDOT = 3.39039", "COMMENT 3.39039"), "keyword CNDOT_NDOT is missing in OBJECT1"),
+    "no frame": (lambda text: text.replace("REF_FRAME = EME2000\n", "", 1), "keyword REF_FRAME is missing in OBJECT1"),
+    "no name": (lambda text: text.replace("NAME = PRIMARY", "NAME ="), "keyword OBJECT_NAME is missing in OBJECT1"),
+    "a keyword twice": (
+        lambda text: text.replace("CATALOG_NAME = SATCAT", "X = 1 [km]", 1),
+        f"line {number_of('X = ')}: keyword X stands twice in OBJECT1",
+    ),
+    "objects exchanged": (
+        lambda text: text.replace("OBJECT = OBJECT1", "OBJECT = OBJECT2"),
+        f"line {number_of('OBJECT = ')}: OBJECT is 'OBJECT2' where OBJECT1 stands",
+    ),
+    "a third object": (lambda text: text + "OBJECT = OBJECT3\n", "has 3 of 2 objects"),
+    "states in m": (
+        lambda text: text.replace("[km]", "[m]"),
+        rf"line {number_of('X = ')}: X in \[m\], where the standard has \[km\]; convert it",
+    ),
+    "states in m without unit": (
+        lambda text: "".join(
+            f"{line.split('=')[0]}= {1e3 * float(line.split()[2])}\n" if "[km]" in line else line
+            for line in text.splitlines(True)
+        ),
+        "miss_distance: 5.04972 m, but the states are 50.*check their units",
+    ),
+    "covariances in km": (lambda text: text.replace("[m**2]", "[km**2]"), r"CR_R in \[km\*\*2\], where the standard has \[m\*\*2\]"),
+    "a word": (lambda text: text.replace("41874.15587", "far"), f"line {number_of('Y = ')}: 'far' is no number"),
+    "not finite": (lambda text: text.replace("41874.15587", "nan"), f"line {number_of('Y = ')}: Y is not finite"),
+    "a negative variance": (
+        lambda text: text.replace("CN_N = 1.2050395223076", "CN_N = -1.2"),
+        f"line {number_of('CN_N')}: CN_N: a variance is negative",
+    ),
+    "a state without keyword": (lambda text: text.replace("X = 153.446765", "153.446765"), "is no keyword with a value"),
+    "frames that differ": (lambda text: text.replace("EME2000", "GCRF", 1), "objects: are in different frames, GCRF and EME2000"),
+    "a frame nobody knows": (lambda text: text.replace("EME2000", "MARS"), "OBJECT1: frame: MARS is unknown; convert the states"),
+    "a radius that is none": (lambda text: text.replace("HBR = 15.0", "HBR = large"), "'large' is no number"),
+    "a radius of nothing": (lambda text: text.replace("HBR = 15.0", "HBR = 0 [m]"), "hard_body_radius: must be positive, got 0 m"),
+    "a probability above 1": (
+        lambda text: text.replace("COMMENT HBR", "COLLISION_PROBABILITY = 1.5\nCOMMENT HBR"),
+        "collision_probability: must be from 0 to 1, got 1.5",
+    ),
+    "another unit of speed": (lambda text: text.replace("3.066874761 [km/s]", "3.066874761 [m/s]"), r"X_DOT in \[m/s\]"),
+    "cut XML": (lambda text: xml(text)[:900], "not a complete CDM in XML"),
+    "other XML": (lambda text: "<?xml version='1.0'?>\n<html></html>", "line 2: not a CDM"),
+    "XML that explodes": (
+        lambda text: "<?xml version='1.0'?><!DOCTYPE cdm [<!ENTITY a 'aaaa'>]><cdm>&a;</cdm>",
+        "declares entities, which no message has",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", DAMAGE)
+def test_damaged_message_gives_one_line(tmp_path, case):
+    change, expected = DAMAGE[case]
+    assert change(SLOW) != SLOW
+    file = written(tmp_path, change(SLOW))
+    with pytest.raises(ValueError, match=expected) as caught:
+        cf.read_cdm(file)
+    assert str(caught.value).startswith(f"{file}: ")
+    assert "\n" not in str(caught.value)
+
+
+@given(data=st.data())
+@settings(max_examples=200)
+def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
+    text = data.draw(st.sampled_from([SLOW, xml(SLOW)]))
+    for _ in range(data.draw(st.integers(1, 3))):
+        start = data.draw(st.integers(0, len(text)))
+        stop = min(len(text), start + data.draw(st.integers(0, 40)))
+        letters = st.text(alphabet="0123456789.-:=TZe nafOBJECT_XR\n<>[]/*", max_size=8)
+        text = text[:start] + data.draw(letters) + text[stop:]
+    file = written(tmp_path_factory.getbasetemp(), text)
+    try:
+        found = cf.read_cdm(file)
+    except ValueError as error:
+        assert str(error).startswith(f"{file}: ")  # noqa: PT017
+        assert "\n" not in str(error)  # noqa: PT017
+    else:
+        assert all(
+            np.isfinite(each.state).all() and np.isfinite(each.covariance).all() for each in found.objects
+        )
+        assert found.miss_distance >= 0.0
+
+
+def test_absent_and_binary_files(tmp_path):
+    with pytest.raises(ValueError, match=r"none\.cdm: cannot be read: No such file"):
+        cf.read_cdm(tmp_path / "none.cdm")
+    file = tmp_path / "picture.cdm"
+    file.write_bytes(b"\x89PNG\r\n\xff\xfe")
+    with pytest.raises(ValueError, match="not a text file; give a CDM"):
+        cf.read_cdm(file)
+
+
+def test_a_conjunction_is_checked_when_made(slow):
+    first, second = slow.objects
+    assert cf.Conjunction(slow.tca, (first, second)).miss_distance == pytest.approx(5.0497, abs=1e-3)
+    with pytest.raises(ValueError, match="objects: expected two, got 1"):
+        replace(slow, objects=(first,))
+    with pytest.raises(ValueError, match="state: expected"):
+        replace(first, state=first.state[:5])
+    with pytest.raises(ValueError, match="covariance: not symmetric"):
+        replace(first, covariance=np.triu(first.covariance))
+    with pytest.raises(ValueError, match="radius: must be positive"):
+        replace(first, radius=-1.0)
+    with pytest.raises(ValueError, match="miss_distance: must not be negative"):
+        replace(slow, miss_distance=-5.0)
+    plain = cf.ConjunctionObject("A", "1", "GCRF", first.state, first.covariance)
+    assert (plain.radius, plain.catalog, plain.manoeuvrable) == (None, "SATCAT", "N/A")
