@@ -1168,6 +1168,8 @@ start, end = [0, 200, 0, 0, 0, 0], [40, -150, 60, 0, -0.09, 0.02]
 plan = orbit.transfer(start, end, 3000.0)
 thrusters = cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=1e-4, period=30.0)
 fired = cf.fire(plan, thrusters, mass=12.0, specific_impulse=60.0)
+primary = [6.9e6, 0, 0, 0, 7600.0, 0]  # inertial
+known = [[100.0 * (i == j) * (0.001 if i > 2 else 1) for j in range(6)] for i in range(6)]
 """
 
 
@@ -1260,5 +1262,25 @@ CALLS = (
         "a plan that found no path",
         "cf.fire(cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(250.0)), thrusters)",
         "plan: has no path to fly: the path's start is 0.00 x zone from obstacle 0; move it or the time",
+    ),
+    Call(
+        "an encounter on an ellipse",
+        "cf.Encounter.of([6.9e6, 0, 0, 0, 8300.0, 0], [6.9e6, 9, 0, 0, 8300.0, 0], known, known)",
+        "primary: eccentricity 0.193 with states in m and m/s; Hill's equations are those of a circle, and of use here up to 0.1",
+    ),
+    Call(
+        "an encounter in km",
+        "cf.Encounter.of([6900, 0, 0, 0, 7.6, 0], [6900, 0.1, 0, 0, 7.6, 0], known, known)",
+        "primary: eccentricity 1.000 with states in m and m/s; Hill's equations are those of a circle, and of use here up to 0.1",
+    ),
+    Call(
+        "states long before closest approach",
+        "cf.Encounter.of(primary, [6.9e6, 9e5, 0, -900, 7500.0, 0], known, known)",
+        "secondary: 9e+05 m from the primary, and Hill's equations hold to 6.9e+04 m; give states at closest approach",
+    ),
+    Call(
+        "axes of a message that are unknown",
+        "cf.Encounter.of(primary, primary, known, known, axes='LVLH')",
+        'axes: expected "rtn" or "inertial", got \'LVLH\'',
     ),
 )

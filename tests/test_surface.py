@@ -22,7 +22,7 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
-RESULTS |= {"Arrivals", "Bound", "Firing", "Pulses"}
+RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Pulses"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 
 

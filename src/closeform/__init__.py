@@ -17,6 +17,7 @@ _NAMES = {
     ),
     "conflicts.all_pairs": "Screening screen",
     "uncertainty.errors": "Errors",
+    "uncertainty.encounter": "Encounter",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
     "planning.plan": "Avoidance Contact Plan Status TooWeak",

@@ -99,6 +99,7 @@ from closeform.search.theorem import (
     regions_searched as regions_searched,
     theorem_case as theorem_case,
 )
+from closeform.uncertainty.encounter import Encounter as Encounter
 from closeform.uncertainty.errors import Errors as Errors
 from closeform.zones.combined_zones import Body as Body
 from closeform.zones.combined_zones import Uncertainty as Uncertainty
