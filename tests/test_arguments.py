@@ -108,6 +108,8 @@ CALLS = {
         orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=BALL, assign=True, start=0.0,
         obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
     ),
+    "most_clearance": turned(path=MOVE, obstacles=[REST], zone=BALL, budget=1.0),
+    "clearance_costs": turned(path=MOVE, obstacles=[REST], zone=BALL, factors=np.array([0.5, 1.0])),
     "end_gradients": turned(path=MOVE),
     "fire": turned(
         plan=MOVE, thrusters=SIX, mass=12.0, specific_impulse=60.0, zone=BALL, obstacles=[REST]
@@ -116,6 +118,7 @@ CALLS = {
     "plots.trade": turned(
         found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])), plan=[MOVE]
     ),
+    "plots.clearance": turned(found=cf.clearance_costs(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
     "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),
     "Thrusters": turned(
         directions=np.eye(3), frame="inertial", acceleration=PLACE**2, minimum_bit=1e-3, period=9.0

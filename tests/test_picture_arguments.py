@@ -24,6 +24,7 @@ CALLS = {
         "before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]
     },
     "plots.burns": {"paths": COAST, "names": ["a", "b", "c"]},
+    "plots.clearance": OTHERS["plots.clearance"],
     "plots.closest_pairs": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"], "count": 2},
     "plots.complementary_cones": {"search": SEARCH, "mops": 1},
     "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},

@@ -23,6 +23,7 @@ RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path"
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Pulses"}
+RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 
 

@@ -10,6 +10,16 @@ from closeform.planning.plan import (
     Status as Status,
     TooWeak as TooWeak,
 )
+from closeform.planning.price import Price as Price
+from closeform.planning.clearance_costs import (
+    ClearanceCosts as ClearanceCosts,
+    clearance_costs as clearance_costs,
+)
+from closeform.planning.most_clearance import (
+    ClearanceStatus as ClearanceStatus,
+    MostClearance as MostClearance,
+    most_clearance as most_clearance,
+)
 from closeform.planning.reconfigure import reconfigure as reconfigure
 from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study

@@ -1,6 +1,6 @@
 """What a mission came to: every stage as flown, what was done in it, and how much the craft used up."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from math import nan
@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.conflicts.flight import Flight
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.scenario import Scenario, StageTable
+from closeform.scenario import Destination, Scenario, StageTable
 from closeform.search.schedule import Search
 from closeform.verdict import Late, Use, Verdict, conflicts_in, thrust_use
 from closeform.zones.zone import Zone
@@ -72,7 +72,8 @@ class AvoidResult:
     """The `direct` path of one `craft` and the way around the `others`, each with its zone.
 
     It was asked to arrive `asked` [s] after the start of the stage, as `direct` does; `plain` is the direct
-    path that takes as long as the way around, another one where that takes longer.
+    path that takes as long as the way around, another one where that takes longer.  `goals`: where
+    it, and who flies `meanwhile`, go, each with the phase at which it arrives.
     """
 
     craft: str
@@ -82,17 +83,22 @@ class AvoidResult:
     plain: Path
     avoidance: "Avoidance"
     asked: float
+    goals: Mapping[str, Destination]
 
 
 @dataclass(frozen=True, eq=False)
 class TransferResult:
-    """What one `craft` was asked: from `initial` to `final` (6,) in `asked` [s]; `free` keeps no limit."""
+    """What one `craft` was asked: from `initial` to `final` (6,) in `asked` [s]; `free` keeps no limit.
+
+    `goal`: where it goes, with the phase at which it arrives.
+    """
 
     craft: str
     initial: Floats
     final: Floats
     asked: float
     free: Path
+    goal: Destination
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.mission_result import StageResult
 from closeform.stage_start import Room, StageStart
-from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.fuel.firing import Firing
@@ -20,7 +18,6 @@ Result = TypeVar("Result", bound=StageResult[Any, Any])
 TRIES = 8  # plans that are made for room that grows
 SPARE = 1.02  # times the time that burns stick out: another plan has other burns
 GROWTH = 1.5  # of what zones are larger by, where that was too little
-DIRECTIONS = 400  # in which a zone's width is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,16 +114,7 @@ def wider(flight: Flight, deviations: dict[str, float]) -> float:
     met = {(conflict.first, conflict.second) for conflict in flight.conflicts}
     pairs: list[PairApproach] = [near for near in flight.approaches if (near.first, near.second) in met]
     factors = [
-        1.0 + (deviations.get(near.first, 0.0) + deviations.get(near.second, 0.0)) / narrowest(near.zone)
+        1.0 + (deviations.get(near.first, 0.0) + deviations.get(near.second, 0.0)) / near.zone.inner_radius
         for near in pairs
     ]
     return max(factors, default=1.0)
-
-
-def narrowest(zone: Zone) -> float:
-    """About how far a zone's surface is from its origin where it is nearest [m]."""
-    k = np.arange(DIRECTIONS)
-    height, turn = (2.0 * k + 1.0) / DIRECTIONS - 1.0, 2.399963229728653 * k
-    wide = np.sqrt(1.0 - height**2)
-    norms = zone.norm(np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1))
-    return float(1.0 / norms.max()) if norms.max() > 0.0 else inf

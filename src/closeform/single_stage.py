@@ -1,7 +1,12 @@
 """Stages in which one craft moves: among others that do not give way, or without regard to them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
+
+from closeform.arrays import Floats
 from closeform.conflicts.flight import Flight
 from closeform.mission_result import AvoidResult, StageResult, TransferResult
 from closeform.motion.duration import far_beyond
@@ -10,6 +15,7 @@ from closeform.motion.path import Path
 from closeform.pulsed import pulsed
 from closeform.scenario import Avoid, Transfer
 from closeform.stage_start import StageStart, too_late
+from closeform.zones.zone import Zone
 
 
 def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
@@ -23,8 +29,11 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     from closeform.planning.plan import weakness
 
     names, asked = start.scenario.names, start.asked(stage)
-    targets = {fellow.craft: fellow.to for fellow in stage.meanwhile}
     mover = names.index(stage.craft)
+    targets = {
+        fellow.craft: start.settled(fellow.to, names.index(fellow.craft), asked, stage.cost)
+        for fellow in stage.meanwhile
+    }
     rest = tuple(name for name in names if name != stage.craft)
 
     def other(name: str, duration: float) -> Path:
@@ -35,18 +44,24 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         later = start.time + duration - path.end
         return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
 
+    others = [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest]
+    zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
+
+    def clear(finals: Floats) -> Any:
+        return outside(finals, others, zones, start.time + asked)
+
+    to = None if stage.to is None else start.settled(stage.to, mover, asked, stage.cost, clear)
+
     def flight(path: Path) -> Flight:
         around = [other(name, path.end - start.time) for name in rest]
         return start.flight([*around[:mover], path, *around[mover:]])
 
     def way(factor: float) -> Path:
-        if stage.to is None:
+        if to is None:
             return start.coast(mover, factor * asked)
-        return start.transfer(stage.to, mover, factor * asked, stage.cost)
+        return start.transfer(to, mover, factor * asked, stage.cost)
 
     craft, direct = start.scenario.craft[mover], way(1.0)
-    zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
-    others = [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest]
     task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost)
     if not craft.limited or stage.cost == "delta-v":
         avoidance = task.plan(direct)
@@ -62,9 +77,20 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
     late = too_late(start, stage, after, {craft.name: avoidance.punctual})
     plain = way((after.end - start.time) / asked) if late is not None else direct
-    result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked)
+    goals = {stage.craft: to, **targets} if to is not None else targets
+    result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked, goals)
     failure = None if avoidance.ok else avoidance.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
+
+
+def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time: float) -> Any:
+    """Which of some final states (S, 6) are at a time in nobody's zone, each of the others having its own."""
+    from closeform.planning.obstacles import ON
+
+    ratios = [
+        zone.norm(finals[:, :3] - path.position(time)) for path, zone in zip(others, zones, strict=True)
+    ]
+    return np.all(np.array(ratios) > ON, axis=0)
 
 
 def transfer(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
@@ -76,9 +102,10 @@ def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferR
     """The plan of one craft that moves alone."""
     scenario, asked = start.scenario, start.asked(stage)
     k = 0 if stage.craft is None else scenario.names.index(stage.craft)
-    craft, initial, final = scenario.craft[k], start.states[k], start.goal(stage.to, asked)
+    to = start.settled(stage.to, k, asked, stage.cost)
+    craft, initial, final = scenario.craft[k], start.states[k], start.goal(to, asked)
     failure = None
-    free = path = start.transfer(stage.to, k, asked, stage.cost)
+    free = path = start.transfer(to, k, asked, stage.cost)
     try:
         if craft.thrusters is not None and stage.cost == "delta-v":
             thrusters = craft.fired(float(start.shares[k]))
@@ -89,5 +116,5 @@ def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferR
     except ValueError as error:
         failure = str(error)
     before, after = (start.mixed([k], one) for one in (free, path))
-    result = TransferResult(craft.name, initial, final, asked, free)
+    result = TransferResult(craft.name, initial, final, asked, free, to)
     return StageResult(start.number, stage, start.time, before, after, result, failure, failure is None)

@@ -1,8 +1,10 @@
 """Where everybody is when a stage begins, and what follows from that: coasts, transfers, being late."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from math import pi
+from typing import Any, Self
 
 import numpy as np
 
@@ -11,13 +13,15 @@ from closeform.conflicts.flight import Flight, watch
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.scenario import Avoid, Joint, Scenario, Target, Transfer
+from closeform.scenario import Avoid, Destination, Joint, Scenario, Target, Transfer
 from closeform.scenario.stages import Cost
 from closeform.verdict import Late, thrust_use
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
 
 LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked
+Clear = Callable[[Floats], Any]  # of final states (S, 6) which (S,) are in nobody's zone
+PHASES, A_DEGREE = 36_000, 100  # of a relative orbit, among which the cheapest is looked for
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,37 @@ class StageStart:
     def goal(self, target: Target, duration: float) -> Floats:
         """The state (6,) in which a plan of this `duration` [s] ends that leads to a target."""
         return self.earlier(target.state(self.orbit, self.latitude(duration + self.room.after)))
+
+    def settled(
+        self, target: Destination, k: int, duration: float, cost: Cost, clear: Clear | None = None
+    ) -> Destination:
+        """A target at the phase that is the cheapest for craft k, where that is left open.
+
+        To a hundredth of a degree, by what it costs in this `duration` [s] with nothing in the way; of those
+        that are `clear`, if any.
+        """
+        if not target.is_open:
+            return target
+        shape = target.at_phase(0.0).shape
+        assert shape is not None
+        every = self.earlier(shape.states(self.orbit, PHASES))
+
+        def best(phases: Any) -> Any:
+            kept = phases if clear is None else phases[clear(every[phases])]
+            kept = kept if len(kept) else phases
+            return kept[self.cheapest(k, every[kept], duration, cost)]
+
+        about = best(np.arange(0, PHASES, A_DEGREE)) + np.arange(-A_DEGREE, A_DEGREE + 1)
+        return target.at_phase(2.0 * pi * float(best(about % PHASES)) / PHASES)
+
+    def cheapest(self, k: int, finals: Floats, duration: float, cost: Cost) -> int:
+        """Which of some final states (S, 6) it costs craft k least to be in."""
+        if cost == "energy":
+            return int(np.argmin(self.orbit.transfer(self.states[k], finals, duration).energy))
+        from closeform.fuel.arrivals import arrivals  # whose kernels only this needs
+
+        slots = finals @ self.orbit.transition(-duration).T
+        return int(arrivals(self.orbit, self.states[k], slots, [duration]).slot[0])
 
     def transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
         """Craft k's own way to a target, at the least cost."""

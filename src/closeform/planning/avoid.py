@@ -14,7 +14,7 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.planning.impulse_search import solve_impulses
+from closeform.planning.impulse_search import solve_impulses, unconstrained
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
@@ -165,14 +165,17 @@ class Around:
         """
         optimum = transfer_of(path)
         problem = Problem.of(stack([optimum]), self.obstacles, self.zones)
+        by_delta_v = self.cost == "delta-v"
         if inside := end_inside(problem):
             end, ratio, which = inside
             reason = f"the path's {end} is {ratio:.2f} x zone from {self.names[which]}; move it or the time"
-            return refused(problem, Status.END_INSIDE, reason)
+            least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
+            return refused(problem, Status.END_INSIDE, reason, least=least)
+        if by_delta_v and self.thrusters is not None:
+            return impulsive(None, problem, self.thrusters, self.budget)
         clear = not problem.conflicts(problem.with_path(path))
-        if self.cost == "delta-v":
-            kept = path if clear and self.thrusters is None else None
-            return impulsive(kept, problem, self.thrusters, self.budget)
+        if by_delta_v:
+            return impulsive(path if clear else None, problem, None, self.budget)
         if clear:
             energy, bound = path.energy, min(float(optimum.energy), path.energy)
             extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
@@ -276,8 +279,8 @@ def impulsive(
     found, free = solve_impulses(problem, (thrusters,), ("",), budget)
     ways = f"{found.tried} starts examined"
     if found.flown is None and clear is None:
-        none = refused(problem, Status.NOT_FOUND, f"no clear path among {ways}; raise budget for more")
-        return replace(none, lower_bound=free.least, tried=found.tried, cost="delta-v")
+        reason = f"no clear path among {ways}; raise budget for more"
+        return refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
     number, path, spent = len(found.contacts), clear, found.delta_v
     if found.flown is not None and (clear is None or spent < (1.0 - CHEAPER) * clear.delta_v):
         path = problem.path(found.flown)[0]
@@ -299,13 +302,18 @@ def impulsive(
         proven=is_proven(spent, bound),
         tried=found.tried,
         cost="delta-v",
+        priced=found.priced or not number,
     )
 
 
-def refused(problem: Problem, status: Status, reason: str, tried: int = 0) -> Avoidance:
-    """An avoidance without a path."""
-    bound = problem.energy(problem.direct)
-    return Avoidance(None, nan, nan, nan, bound, (), status, reason, tried=tried)
+def refused(
+    problem: Problem, status: Status, reason: str, tried: int = 0, least: float | None = None
+) -> Avoidance:
+    """An avoidance without a path; `least`: what any costs at least, where that is delta-v [m/s]."""
+    none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried)
+    if least is not None:
+        return replace(none, lower_bound=least, cost="delta-v")
+    return replace(none, lower_bound=problem.energy(problem.direct))
 
 
 def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:

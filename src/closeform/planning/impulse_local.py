@@ -10,7 +10,7 @@ Thrusters have moments of their own each: a time, and the direction of one of th
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,7 @@ FINER = 0.2  # and how much smaller it is from one to the next
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
 SETTLED = 1e-5  # of the cost, by which a clear round must be cheaper than the one before
 ROUNDING = 1e-12  # of a bound
+PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
 DEARER = 1.0002  # times the cost, that few impulses may cost
 
 
@@ -75,6 +76,16 @@ class Spent:
         """When each craft fires more than a share of all."""
         large = np.linalg.norm(self.impulses, axis=2) > share * self.delta_v
         return [own.some(row[: len(own.times)]) for own, row in zip(self.moments, large, strict=True)]
+
+
+class Priced(NamedTuple):
+    """The dual of planes: what it costs, by which multipliers and impulses, and where primers are longest."""
+
+    cost: float  # [m/s]
+    multipliers: Floats  # (K,)
+    impulses: Floats  # (N, J, 3)
+    longest: float
+    peaks: list[Moments]
 
 
 class ImpulseSolver:
@@ -160,6 +171,20 @@ class ImpulseSolver:
                 return few
         return best
 
+    def settled(self, best: Spent) -> Contacts:
+        """The contacts with the multipliers of craft that may fire at any time, not only when these do."""
+        contacts, planes = best.contacts, self.planes(best.contacts)
+        moments = list(map(Moments.joined, self.grid, best.peaks, best.fired(IDLE)))
+        for _ in range(PRICINGS):
+            found = self.dual(self.fleet(moments), planes, PRICED, inf)
+            if found is None:
+                break
+            contacts = contacts._replace(multipliers=found.multipliers)
+            if found.longest <= 1.0 + PRICED:
+                break
+            moments = list(map(Moments.joined, moments, found.peaks))
+        return contacts
+
     def priced(
         self, moments: list[Moments], contacts: Contacts, tolerance: float, bar: float
     ) -> Spent | None:
@@ -167,9 +192,27 @@ class ImpulseSolver:
 
         Once paths are nearly clear, planes are moved out from round to round by what is missing.
         """
-        count, aim = self.problem.count, self.aim
+        aim = self.aim
         fleet, planes = self.fleet(moments), self.planes(contacts)
-        dual = Dual(np.zeros((count, 6)), np.zeros(contacts.number))
+        found = self.dual(fleet, planes, tolerance, bar)
+        if found is None:
+            return None
+        impulses = found.impulses
+        keep_fewest(fleet, planes, impulses)
+        flown = self.flown(fleet, impulses)
+        missed = self.problem.conflicts(flown)
+        worst = min((row[3] for _, row in missed), default=1.0)
+        if worst > NEARLY and tolerance == LAST:
+            self.aim = aim + 1.0 - worst if missed else 0.5 * (aim + AIM)
+        spent = float(np.linalg.norm(impulses, axis=2).sum())
+        contacts = contacts._replace(multipliers=found.multipliers)
+        least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
+        return Spent(flown, spent, least, missed, contacts, aim, moments, impulses, found.peaks)
+
+    def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
+        """What it costs at least to keep planes and fire at the fleet's moments; None where above `bar`."""
+        count = self.problem.count
+        dual = Dual(np.zeros((count, 6)), np.zeros(len(planes.times)))
         impulses = np.zeros((*fleet.times.shape, 3))
         cost = price(fleet, planes, tolerance, bar, dual, impulses)
         if cost == inf:
@@ -181,16 +224,7 @@ class ImpulseSolver:
             Moments(row[:number], own[:number])
             for row, own, number in zip(instants, which, counts, strict=True)
         ]
-        keep_fewest(fleet, planes, impulses)
-        flown = self.flown(fleet, impulses)
-        missed = self.problem.conflicts(flown)
-        worst = min((row[3] for _, row in missed), default=1.0)
-        if worst > NEARLY and tolerance == LAST:
-            self.aim = aim + 1.0 - worst if missed else 0.5 * (aim + AIM)
-        spent = float(np.linalg.norm(impulses, axis=2).sum())
-        contacts = contacts._replace(multipliers=dual.multipliers)
-        least = (1.0 - ROUNDING) * cost / max(longest, 1.0)
-        return Spent(flown, spent, least, missed, contacts, aim, moments, impulses, peaks)
+        return Priced(cost, dual.multipliers, impulses, longest, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
         """All craft, with moments at which they may fire."""

@@ -1,7 +1,8 @@
 """The search over passing sides by impulses: from which contacts least delta-v is looked for."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from math import inf, nan
 
 import numpy as np
@@ -27,47 +28,56 @@ def solve_impulses(
 ) -> tuple[Outcome, Spent]:
     """The paths of least delta-v found, and the unconstrained optima; `budget`: starts at most.
 
+    Where no impulses are clear, of craft without thrusters the paths of least energy, which cost delta-v too.
     Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go.
     """
-    solver = ImpulseSolver(problem, thrusters, names)
-    free = solver.unconstrained()
+    by_energy = cache(lambda: solve(problem, more=more))
+    return solved(ImpulseSolver(problem, thrusters, names), by_energy, budget, more)
+
+
+def unconstrained(problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> Spent:
+    """The least delta-v of each craft by itself, whatever is in the way; raises as `solve_impulses`."""
+    return ImpulseSolver(problem, thrusters, names).unconstrained()
+
+
+def solved(
+    solver: ImpulseSolver, by_energy: Callable[[], Outcome], budget: int | None = None, more: bool = False
+) -> tuple[Outcome, Spent]:
+    """The same of one solver, `by_energy` being the paths of least energy."""
+    problem, free = solver.problem, solver.unconstrained()
     if not free.missed:
         return Outcome(free.flown, (), 0.0, 1.0, True, 0, delta_v=free.delta_v), free
     most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
     best: Spent | None = None
     tried = 0
-    for start in starts(problem, free, bool(solver.pushes.fixed.any())):
+    for start in starts(solver, free, by_energy):
         if tried == most:
             break
         found = solver.solve(start, inf if best is None else best.delta_v)
         best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
         tried += 1
-    if best is None and not solver.pushes.fixed.any():
-        return thrusting(problem, budget, more, tried), free
-    if best is None:
+    if best is not None:
+        best = solver.focused(best)
+        contacts = contacts_of(problem, solver.settled(best).some(best.pushing), best.flown)
+        return Outcome(best.flown, contacts, nan, best.margin, False, tried, delta_v=best.delta_v), free
+    if solver.pushes.fixed.any():
         return Outcome(None, (), nan, 1.0, False, tried, deepest(free.missed)[0]), free
-    best = solver.focused(best)
-    contacts = contacts_of(problem, best.contacts.some(best.pushing), best.flown)
-    return Outcome(best.flown, contacts, nan, best.margin, False, tried, delta_v=best.delta_v), free
+    other = by_energy()
+    spent = nan if other.flown is None else float(np.sum(problem.path(other.flown).delta_v))
+    return replace(other, proven=False, tried=tried + other.tried, delta_v=spent, priced=False), free
 
 
-def thrusting(problem: Problem, budget: int | None, more: bool, tried: int) -> Outcome:
-    """The paths of least energy, which cost delta-v too, where no impulses are clear."""
-    found = solve(problem, budget, more)
-    spent = nan if found.flown is None else float(np.sum(problem.path(found.flown).delta_v))
-    return replace(found, proven=False, tried=tried + found.tried, delta_v=spent)
-
-
-def starts(problem: Problem, free: Spent, fixed: bool) -> Iterator[Contacts]:
+def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome]) -> Iterator[Contacts]:
     """Contacts to begin with: sides of other plans, the nearer ones, and each way out of a conflict.
 
     Of many craft the plan of least energy, for thrusters that of impulses in any direction.
     """
+    problem = solver.problem
     if problem.count > 1:
-        yield from touched(problem, solve(problem))
-    if fixed:
-        count = problem.count
-        yield from touched(problem, solve_impulses(problem, (None,) * count, ("",) * count)[0])
+        yield from touched(problem, by_energy())
+    if solver.pushes.fixed.any():
+        anywhere = ImpulseSolver(problem, (None,) * problem.count, ("",) * problem.count)
+        yield from touched(problem, solved(anywhere, by_energy)[0])
     near = beside(problem, free.flown, problem.met(free.missed))
     yield near
     if near.number > FEW:

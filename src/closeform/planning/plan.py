@@ -9,9 +9,11 @@ from typing import Any, Literal, TypeVar
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.planning.price import Price, prices_of
 
 Answer = TypeVar("Answer", "Avoidance", "Plan")
 Cost = Literal["energy", "delta-v"]
+UNITS: dict[Cost, str] = {"energy": "m²/s³", "delta-v": "m/s"}
 
 
 class Status(StrEnum):
@@ -51,6 +53,8 @@ class Contact:
         A jump of the thrust's rate: of the first along the normal, of the second against it.  For a single
         contact it is twice the extra energy per metre of push.  Obstacles do not feel it, nor, planned one
         after another, does the second.
+    reach : float [m]
+        How far the zone reaches along the normal: so far beyond the second the first is.
     """
 
     time: float
@@ -59,6 +63,7 @@ class Contact:
     position: Floats
     normal: Floats
     multiplier: float
+    reach: float
 
 
 @dataclass(frozen=True)
@@ -104,8 +109,50 @@ def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
     )
 
 
+class Costed:
+    """What the answers for one craft and for many have in common."""
+
+    status: Status
+    energy: float
+    delta_v: float
+    lower_bound: float
+    contacts: tuple[Contact, ...]
+    margin: float
+    cost: Cost
+    priced: bool
+
+    @property
+    def ok(self) -> bool:
+        """Whether there are clear paths."""
+        return self.status in (Status.CLEAR, Status.AVOIDED)
+
+    @property
+    def spent(self) -> float:
+        """What is least: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
+        return self.delta_v if self.cost == "delta-v" else self.energy
+
+    @property
+    def gap(self) -> float:
+        """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
+        return gap(self.spent, self.lower_bound)
+
+    @property
+    def prices(self) -> tuple[Price, ...]:
+        """What more clearance costs: a Price for each pair in contact, the dearest by the metre first.
+
+        None where not `priced`.  Where the least cost has a kink, as at an edge or that of impulses may, the
+        slopes for more and for less clearance differ: it is that for more, of impulses one between them.
+        """
+        return prices_of(self.contacts, self.margin) if self.priced else ()
+
+    @property
+    def price(self) -> float:
+        """What a metre more of all zones costs [m/s^3, of delta-v 1/s]; nan where not ok or not `priced`."""
+        return sum((one.per_metre for one in self.prices), 0.0) if self.ok and self.priced else nan
+
+
 @dataclass(frozen=True, eq=False)
-class Avoidance:
+class Avoidance(Costed):
     """A path around obstacles, or why there is none.
 
     Attributes
@@ -144,6 +191,9 @@ class Avoidance:
         What is least: `lower_bound`, `proven` and `gap` are of it, in m/s of delta-v.  With "delta-v" the
         path has impulses, its energy is inf, and multipliers of contacts are delta-v per metre of push
         [1/s].
+    priced : bool
+        Whether multipliers of contacts are the slopes of what is least, as `prices` need them: not by
+        "sauter-palmer", nor of a path of least energy where delta-v was asked for.
     """
 
     path: Path | None
@@ -161,25 +211,11 @@ class Avoidance:
     weak: TooWeak | None = None
     punctual: float | None = None
     cost: Cost = "energy"
-
-    @property
-    def ok(self) -> bool:
-        """Whether `path` is a clear path."""
-        return self.status in (Status.CLEAR, Status.AVOIDED)
-
-    @property
-    def spent(self) -> float:
-        """What is least: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
-        return self.delta_v if self.cost == "delta-v" else self.energy
-
-    @property
-    def gap(self) -> float:
-        """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
-        return gap(self.spent, self.lower_bound)
+    priced: bool = True
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Costed):
     """The paths of N craft from their initial to their final states, or why there are none.
 
     Attributes
@@ -225,6 +261,8 @@ class Plan:
         none would take longer.
     cost : "energy" or "delta-v"
         What is least, as of an `Avoidance`.
+    priced : bool
+        As of an `Avoidance`; not of craft that planned one after another.
     """
 
     paths: Path | None
@@ -246,26 +284,12 @@ class Plan:
     weak: TooWeak | None = None
     punctual: Floats | None = None
     cost: Cost = "energy"
-
-    @property
-    def ok(self) -> bool:
-        """Whether `paths` are clear paths."""
-        return self.status in (Status.CLEAR, Status.AVOIDED)
+    priced: bool = True
 
     @property
     def extra_energy(self) -> float:
         """What the plan costs beyond the unconstrained optima [m^2/s^3]; nan where not ok."""
         return self.energy - float(self.direct.energy.sum())
-
-    @property
-    def spent(self) -> float:
-        """What is least: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
-        return self.delta_v if self.cost == "delta-v" else self.energy
-
-    @property
-    def gap(self) -> float:
-        """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
-        return gap(self.spent, self.lower_bound)
 
 
 def too_weak(plan: Answer, weak: TooWeak, name: str) -> Answer:

@@ -22,6 +22,7 @@ class Outcome:
     times as large.
     `order`: that in which craft planned one after another, where it is not the one asked for.
     `delta_v` [m/s] is told where it was least, summed over thrusters.
+    `priced`: multipliers of contacts are the slopes of what was to be least.
     """
 
     flown: Flown | None
@@ -33,6 +34,7 @@ class Outcome:
     blocked: tuple[int, int] | None = None
     order: tuple[int, ...] = ()
     delta_v: float = nan
+    priced: bool = True
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:
@@ -93,13 +95,14 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
 
 def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
     """Contacts in metres, in order of time."""
-    paths = problem.path(flown)
+    paths, places = problem.path(flown), problem.motions(flown, contacts)[:, 0]
     found = []
     for k in np.argsort(contacts.times, kind="stable"):
-        which, time = contacts.which[k], float(contacts.times[k])
+        which, time, normal = contacts.which[k], float(contacts.times[k]), contacts.normals[k]
         first, second = map(int, problem.pairs[which])
-        push = problem.zones[problem.kinds[which]].matrix.T @ contacts.normals[k]
+        push = problem.zones[problem.kinds[which]].matrix.T @ normal
         size = float(np.linalg.norm(push))
-        multiplier = float(contacts.multipliers[k] * size)
-        found.append(Contact(time, first, second, paths[first].position(time), push / size, multiplier))
+        multiplier, reach = float(contacts.multipliers[k] * size), float(normal @ places[k]) / size
+        place = paths[first].position(time)
+        found.append(Contact(time, first, second, place, push / size, multiplier, reach))
     return tuple(found)

@@ -16,7 +16,8 @@ from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
-from closeform.planning.impulse_search import solve_impulses
+from closeform.planning.impulse_local import Spent
+from closeform.planning.impulse_search import solve_impulses, unconstrained
 from closeform.planning.plan import Cost, Plan, Status
 from closeform.planning.planner import Outcome, check_cost, check_effort, joined, outcome, solve
 from closeform.planning.problem import Problem
@@ -173,6 +174,8 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         if held := _held(problem):
             pair, words = held
             reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
+            if request.cost == "delta-v":
+                plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
         if request.cost == "delta-v":
             return _fired(plan, problem, request, budget, more)
@@ -206,6 +209,7 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
         contacts=found.contacts,
         margin=found.margin,
         tried=found.tried,
+        priced=found.priced,
         proven=number == 0,
         status=Status.AVOIDED if number else Status.CLEAR,
         reason=f"{number} contact{'s' * (number != 1)}, {ways}" if number else "no conflict",
@@ -216,8 +220,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
     """A plan of least delta-v, if one is found."""
     names = request.names
     found, free = solve_impulses(problem, request.thrusters, names, budget, more)
-    direct = problem.path(free.flown)
-    plan = replace(plan, direct=direct, lower_bound=free.least, tried=found.tried, cost="delta-v")
+    plan = replace(_beside(plan, problem, free), tried=found.tried)
     if found.flown is None:
         return replace(plan, blocked=found.blocked, reason=_blocked(names, found.blocked, found.tried))
     paths, number, spent = problem.path(found.flown), len(found.contacts), found.delta_v
@@ -234,7 +237,13 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         proven=is_proven(spent, bound),
         status=Status.AVOIDED if number else Status.CLEAR,
         reason=f"{best if number else 'no conflict'}, {closeness(spent, bound, 'delta-v')}",
+        priced=found.priced,
     )
+
+
+def _beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
+    """A plan of least delta-v beside what craft cost alone."""
+    return replace(plan, direct=problem.path(free.flown), lower_bound=free.least, cost="delta-v")
 
 
 def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:

@@ -126,7 +126,9 @@ def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Pa
                 push = zone.matrix.T @ normal
                 size = float(np.linalg.norm(push))
                 where = legs.state(time)[:3]
-                best = legs, Contact(time, *pair, where, push / size, float(multiplier * scale * size))
+                pushed = float(multiplier * scale)
+                far = float(normal @ gap + pushed * (normal @ compliance @ normal)) / size
+                best = legs, Contact(time, *pair, where, push / size, pushed * size, far)
                 break
     return best
 
@@ -165,6 +167,7 @@ def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
         reason=f"{len(contacts)} deviation point{'s' * (len(contacts) != 1)} after Sauter & Palmer (2011)",
         margin=MARGINS[0],
         tried=len(contacts),
+        priced=False,
     )
 
 

@@ -64,7 +64,7 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
         late = max(i, j, key=lambda k: order.index(k) if k < problem.count else -1)
         return _blocked(tried, (late, i + j - late))
     in_time = tuple(sorted(contacts, key=lambda one: one.time))
-    return Outcome(flown, in_time, extra, margin, False, tried)
+    return Outcome(flown, in_time, extra, margin, False, tried, priced=not in_time)
 
 
 def _blocked(tried: int, pair: tuple[int, int]) -> Outcome:

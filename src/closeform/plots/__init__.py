@@ -11,6 +11,7 @@ _HOMES = {
     "animation": "film",
     "before_after": "space",
     "burns": "burning",
+    "clearance": "clearances",
     "closest_pairs": "closest",
     "complementary_cones": "cones",
     "distances": "timelines",

@@ -3,6 +3,7 @@
 from closeform.plots.attitudes import in_plane_search as in_plane_search
 from closeform.plots.attitudes import manoeuvres as manoeuvres
 from closeform.plots.burning import burns as burns
+from closeform.plots.clearances import clearance as clearance
 from closeform.plots.closest import closest_pairs as closest_pairs
 from closeform.plots.cones import complementary_cones as complementary_cones
 from closeform.plots.film import animation as animation

@@ -1,6 +1,8 @@
 """The list of burns: impulses, pulses of thrusters, thrust from coast to coast; what pulses come to."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from typing import Any
 
@@ -41,65 +43,86 @@ SHOT = (
 )
 
 
-def rows(mission: Mission, result: StageResult[Any, Any]) -> list[tuple[Any, ...]]:
-    """Rows of BURN, in order of time: pulses where thrusters fire, else what the paths are pushed by."""
-    found = [row for name in result.after.names for row in of_craft(mission, result, name)]
-    return sorted(found, key=lambda row: row[1])
+@dataclass(frozen=True, eq=False)
+class Burns:
+    """What is fired in a stage."""
 
+    mission: Mission
+    result: StageResult[Any, Any]
 
-def of_craft(mission: Mission, result: StageResult[Any, Any], name: str) -> Iterator[tuple[Any, ...]]:
-    """The burns of one craft."""
-    from closeform.fuel.burns import burns_of, burns_of_pulses
+    @cached_property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """Rows of BURN, in order of time: pulses where thrusters fire, else what the paths are pushed by."""
+        found = [row for name in self.result.after.names for row in self.of_craft(name)]
+        return sorted(found, key=lambda row: row[1])
 
-    thruster: Any = None
-    if result.pulsed is not None and name in result.pulsed.names:
-        pulses, who = result.pulsed.firing.pulses, result.pulsed.names.index(name)
-        burns, thruster = burns_of_pulses(pulses, who), pulses.thruster[pulses.craft == who].tolist()
-    else:
-        burns = burns_of(result.after.path(name))
-    k = mission.scenario.names.index(name)
-    so_far = [mission.burnt(result.number, k, spent) for spent in np.cumsum(burns.size).tolist()]
-    columns = burns.start, burns.duration, *burns.push.T, burns.size
-    for number, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
-        burnt = so_far[number] - (so_far[number - 1] if number else 0.0)
-        yield name, *values, thruster and thruster[number], burnt if isfinite(burnt) else None
+    def of_craft(self, name: str) -> Iterator[tuple[Any, ...]]:
+        """The burns of one craft."""
+        from closeform.fuel.burns import burns_of, burns_of_pulses
 
+        pulsed, thruster = self.result.pulsed, None
+        if pulsed is not None and name in pulsed.names:
+            pulses, who = pulsed.firing.pulses, pulsed.names.index(name)
+            burns, thruster = burns_of_pulses(pulses, who), pulses.thruster[pulses.craft == who].tolist()
+        else:
+            burns = burns_of(self.result.after.path(name))
+        k, number = self.mission.scenario.names.index(name), self.result.number
+        so_far = [self.mission.burnt(number, k, spent) for spent in np.cumsum(burns.size).tolist()]
+        columns = burns.start, burns.duration, *burns.push.T, burns.size
+        for row, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+            burnt = so_far[row] - (so_far[row - 1] if row else 0.0)
+            yield name, *values, thruster and thruster[row], burnt if isfinite(burnt) else None
 
-def tables(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Table]:
-    """What pulses come to, and all burns; of very many for the page only."""
-    if result.pulsed is not None:
-        yield Table(
-            "Pulses of thrusters", effort.shown(mission, SHOT, no_drops(result)), shots(mission, result)
-        )
-    found = rows(mission, result) if result.flown else []
-    if found:
-        plain = {"thruster"} if result.pulsed is None else set()
-        title = "Burns" if result.pulsed is None else f"Burns, {counted(len(found), 'pulse')}"
-        yield Table(title, effort.shown(mission, BURN, plain), found, folded=len(found) > MOST_ROWS)
+    @cached_property
+    def shots(self) -> list[tuple[Any, ...]]:
+        """Rows of SHOT."""
+        if self.result.pulsed is None:
+            return []
+        found, firing = [], self.result.pulsed.firing
+        for k, name in enumerate(self.result.pulsed.names):
+            spent = float(firing.delta_v[k])
+            burnt = self.mission.burnt(self.result.number, self.mission.scenario.names.index(name), spent)
+            dropped = float(firing.dropped.impulse[firing.dropped.craft == k].sum())
+            number, off, most = (
+                int((firing.pulses.craft == k).sum()),
+                float(firing.deviation[k]),
+                float(firing.deviation_bound[k]),
+            )
+            found.append((name, number, spent, off, most, dropped, burnt if isfinite(burnt) else None))
+        return found
 
+    @property
+    def tables(self) -> Iterator[Table]:
+        """What pulses come to, and all burns; of very many for the page only."""
+        pulsed = self.result.pulsed
+        if pulsed is not None:
+            drops = set() if len(pulsed.firing.dropped) else {"dropped_m_s"}
+            yield Table("Pulses of thrusters", effort.shown(self.mission, SHOT, drops), self.shots)
+        if self.result.flown and self.rows:
+            plain = {"thruster"} if pulsed is None else set()
+            title = "Burns" if pulsed is None else f"Burns, {counted(len(self.rows), 'pulse')}"
+            columns = effort.shown(self.mission, BURN, plain)
+            yield Table(title, columns, self.rows, folded=len(self.rows) > MOST_ROWS)
 
-def no_drops(result: StageResult[Any, Any]) -> set[str]:
-    """The key of what is dropped, where nothing is."""
-    assert result.pulsed is not None
-    return set() if len(result.pulsed.firing.dropped) else {"dropped_m_s"}
+    @property
+    def figures(self) -> dict[str, Any]:
+        """What pulses come to, for `summary.json`."""
+        if self.result.pulsed is None:
+            return {}
+        room = self.result.pulsed.room
+        return {
+            "pulsed": {
+                "before_s": room.before,
+                "after_s": room.after,
+                "zones_larger_by": room.larger,
+                "craft": Table("", SHOT, self.shots).records,
+            }
+        }
 
-
-def shots(mission: Mission, result: StageResult[Any, Any]) -> list[tuple[Any, ...]]:
-    """Rows of SHOT."""
-    if result.pulsed is None:
-        return []
-    found, firing = [], result.pulsed.firing
-    for k, name in enumerate(result.pulsed.names):
-        spent = float(firing.delta_v[k])
-        burnt = mission.burnt(result.number, mission.scenario.names.index(name), spent)
-        dropped = float(firing.dropped.impulse[firing.dropped.craft == k].sum())
-        number, off, most = (
-            int((firing.pulses.craft == k).sum()),
-            float(firing.deviation[k]),
-            float(firing.deviation_bound[k]),
-        )
-        found.append((name, number, spent, off, most, dropped, burnt if isfinite(burnt) else None))
-    return found
+    @property
+    def files(self) -> dict[str, Table]:
+        """Every burn of a stage as flown."""
+        return {"burns": Table("", BURN, self.rows if self.result.flown else [])}
 
 
 def lines(result: StageResult[Any, Any]) -> Iterator[str]:
@@ -117,26 +140,6 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
         yield f"The plan leaves {coasts} for burns at its ends"
     if room.larger > 1.0:
         yield f"Planned for zones {more:.3g} % larger, for what pulses are off the plan"
-
-
-def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:
-    """The same for `summary.json`."""
-    if result.pulsed is None:
-        return {}
-    room = result.pulsed.room
-    return {
-        "pulsed": {
-            "before_s": room.before,
-            "after_s": room.after,
-            "zones_larger_by": room.larger,
-            "craft": Table("", SHOT, shots(mission, result)).records,
-        }
-    }
-
-
-def files(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Table]:
-    """Every burn of a stage as flown."""
-    return {"burns": Table("", BURN, rows(mission, result) if result.flown else [])}
 
 
 def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:

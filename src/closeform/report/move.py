@@ -8,7 +8,7 @@ import numpy as np
 from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
-from closeform.report import burns, conflicts, effort, optimum
+from closeform.report import arrival, burns, conflicts, effort, optimum
 from closeform.report.choices import Choices
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
@@ -23,6 +23,7 @@ MOST_CONTACTS = 4  # on one line; more are counted
 def section(mission: Mission, result: Move) -> Section:
     """One craft moves."""
     moved = result.result
+    choices, fired = Choices(mission, result, [moved.craft]), burns.Burns(mission, result)
     lines, before = conflicts.listed("Conflicts before", result.before)
     closing, after = conflicts.listed("Conflicts after", result.after)
     if not moved.avoidance.ok:
@@ -32,7 +33,8 @@ def section(mission: Mission, result: Move) -> Section:
         *before,
         efforts(mission, result),
         *meanwhile(mission, result),
-        *asked(mission, result),
+        *clearance(moved),
+        *asked(choices, fired),
         *after,
         *conflicts.approaches("Closest approaches before", result.before),
         *conflicts.approaches("Closest approaches after", result.after),
@@ -41,10 +43,10 @@ def section(mission: Mission, result: Move) -> Section:
         heading(result, f"{moved.craft} moves"),
         (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
-        (*how(result.stage.method, moved), *burns.lines(result), *closing),
-        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(mission, result),
-        {"change": figures(mission, result)},
-        burns.files(mission, result),
+        (*arrivals(result), *how(result.stage.method, moved), *burns.lines(result), *closing),
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(choices),
+        {"change": figures(mission, result, choices, fired)},
+        fired.files,
     )
 
 
@@ -53,18 +55,16 @@ def speaks_of_fuel(result: Move) -> bool:
     return result.stage.cost == "delta-v" or result.pulsed is not None
 
 
-def asked(mission: Mission, result: Move) -> Iterator[Table]:
+def asked(choices: Choices, fired: burns.Burns) -> Iterator[Table]:
     """What choices there are, and every burn, of a stage that asks for least delta-v or has thrusters."""
-    if speaks_of_fuel(result):
-        yield from Choices(mission, result, [result.result.craft]).table(zones=True)
-        yield from burns.tables(mission, result)
+    if speaks_of_fuel(fired.result):
+        yield from choices.table(zones=True)
+        yield from fired.tables
 
 
-def fuel(mission: Mission, result: Move) -> tuple[Picture, ...]:
+def fuel(choices: Choices) -> tuple[Picture, ...]:
     """Burns, and why they cost what they do."""
-    if not speaks_of_fuel(result):
-        return ()
-    return burns.pictures(result) + Choices(mission, result, [result.result.craft]).pictures
+    return burns.pictures(choices.result) + choices.pictures if speaks_of_fuel(choices.result) else ()
 
 
 def efforts(mission: Mission, result: Move) -> Table:
@@ -97,6 +97,20 @@ def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
     return (Table("Meanwhile", columns, rows),) if rows else ()
 
 
+def clearance(moved: AvoidResult) -> tuple[Table, ...]:
+    """What more clearance costs, where zones are touched."""
+    found = moved.avoidance
+    return (optimum.prices(found, (moved.craft, *moved.others)),) if found.prices else ()
+
+
+def arrivals(result: Move) -> Iterator[str]:
+    """Where on relative orbits the craft arrives, and those who fly their own transfers."""
+    goals = result.result.goals
+    yield from arrival.lines(result.stage.craft, result.stage.to, goals.get(result.stage.craft))
+    for fellow in result.stage.meanwhile:
+        yield from arrival.lines(fellow.craft, fellow.to, goals[fellow.craft])
+
+
 def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
     """How the way around was found, where it touches zones, and whether it is the best there is."""
     avoidance = moved.avoidance
@@ -115,6 +129,7 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
         f"Method {method}: touches {touched}",
         f"Extra {extra(moved)} beyond the free optimum{over}; {optimum.best(avoidance)}",
         *optimum.bounds(avoidance),
+        *optimum.clearance(avoidance, (moved.craft, *moved.others)),
     )
 
 
@@ -125,7 +140,7 @@ def extra(moved: AvoidResult) -> str:
     return f"energy {moved.avoidance.extra_energy:.6g} m²/s³"
 
 
-def figures(mission: Mission, result: Move) -> dict[str, Any]:
+def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Burns) -> dict[str, Any]:
     """What a move changed."""
     moved, avoidance = result.result, result.result.avoidance
 
@@ -135,9 +150,10 @@ def figures(mission: Mission, result: Move) -> dict[str, Any]:
     return {
         "craft": moved.craft,
         "method": result.stage.method,
-        **optimum.figures(avoidance),
+        **optimum.figures(avoidance, (moved.craft, *moved.others)),
         "measures": list(avoidance.measures),
         "asked_s": moved.asked,
+        "arrival": arrival.figures(result.stage.to, moved.goals.get(moved.craft)),
         "extra_energy_m2_s3": avoidance.extra_energy,
         "contacts": [
             {"craft": moved.others[at.second - 1], "time_s": at.time, "position_m": at.position.tolist()}
@@ -146,8 +162,8 @@ def figures(mission: Mission, result: Move) -> dict[str, Any]:
         "direct": cost(moved.craft, moved.direct),
         "direct_longer": cost(moved.craft, moved.plain if moved.plain is not moved.direct else None),
         "around": cost(moved.craft, avoidance.path),
-        **(Choices(mission, result, [moved.craft]).figures if speaks_of_fuel(result) else {}),
-        **burns.figures(mission, result),
+        **(choices.figures if speaks_of_fuel(result) else {}),
+        **fired.figures,
         "meanwhile": {
             fellow.craft: cost(fellow.craft, result.after.path(fellow.craft))
             for fellow in result.stage.meanwhile

@@ -1,12 +1,15 @@
 """How good a plan is, for one craft or for many: proven, or how far above the bound, and for which zones."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from closeform.planning.plan import Avoidance, Plan
-from closeform.report.table import counted
+from closeform.planning.plan import UNITS, Avoidance, Plan
+from closeform.report.table import PAIR, Column, Table, counted
 
-UNITS = {"energy": "m²/s³", "delta-v": "m/s"}
+KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
+    "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
+    "delta-v": ("per_metre_1_s", "per_factor_m_s"),
+}
 TOUCHING = 1.0 + 1e-6  # a margin up to this is for rounding only
 
 
@@ -28,7 +31,30 @@ def bounds(found: Avoidance | Plan) -> Iterator[str]:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
 
 
-def figures(found: Avoidance | Plan) -> dict[str, Any]:
+def clearance(found: Avoidance | Plan, names: Sequence[str]) -> Iterator[str]:
+    """What a metre more of all zones costs, and of whose most."""
+    if not found.prices:
+        return
+    share = f" ({100.0 * found.price / found.spent:+.3g} %)" if found.spent > 0.0 else ""
+    dearest = found.prices[0]
+    whose = f"{names[dearest.first]} - {names[dearest.second]}"
+    most = f", {100.0 * dearest.per_metre / found.price:.3g} % of it {whose}" if len(found.prices) > 1 else ""
+    yield f"A metre more clearance costs about {found.price:.4g} {UNITS[found.cost]}{share}{most}"
+
+
+def prices(found: Avoidance | Plan, names: Sequence[str]) -> Table:
+    """What more clearance costs, pair by pair."""
+    unit, (metre, factor) = UNITS[found.cost], KEYS[found.cost]
+    columns = (
+        PAIR,
+        Column(f"a metre more [{unit}]", metre, "{:#.4g}".format),
+        Column(f"a zone 1 % larger [{unit}]", factor, "{:#.4g}".format, 0.01),
+    )
+    rows = [((names[one.first], names[one.second]), one.per_metre, one.per_factor) for one in found.prices]
+    return Table("What more clearance costs", columns, rows, folded=True)
+
+
+def figures(found: Avoidance | Plan, names: Sequence[str]) -> dict[str, Any]:
     """The same for `summary.json`."""
     return {
         "ok": found.ok,
@@ -41,4 +67,5 @@ def figures(found: Avoidance | Plan) -> dict[str, Any]:
         "proven": found.proven,
         "margin": found.margin,
         "tried": found.tried,
+        "clearance": prices(found, names).records if found.priced else None,
     }

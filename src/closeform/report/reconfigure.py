@@ -23,6 +23,7 @@ MOST_CONTACTS = 6  # on one line; more are counted
 def section(mission: Mission, result: Moved, reached: str | None = None) -> Section:
     """Craft that moved to new relative orbits; `reached` says what that has come to."""
     moved, plan = result.result, result.result.plan
+    choices, fired = Choices(mission, result, moved.movers), burns.Burns(mission, result)
     direct = result.planned is result.before  # all of them
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
     lines, tables = conflicts.summed(title, result.before)
@@ -38,11 +39,11 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
     return Section(
         heading(result, who),
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
-        (*tables, *costs(mission, result), *asked(mission, result), *contacts(moved), *near),
+        (*tables, *costs(mission, result), *asked(choices, fired), *contacts(moved), *near),
         (*worth(result), *burns.lines(result), *closing, *([reached] if reached and moved.plan.ok else [])),
-        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(mission, result),
-        {"plan": figures(mission, result, slots)},
-        {**effort.files(mission, result, slots), **burns.files(mission, result)},
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(choices),
+        {"plan": figures(mission, result, slots, choices, fired)},
+        {**effort.files(mission, result, slots), **fired.files},
     )
 
 
@@ -51,18 +52,16 @@ def speaks_of_fuel(result: Moved) -> bool:
     return result.stage.cost == "delta-v" or result.pulsed is not None
 
 
-def asked(mission: Mission, result: Moved) -> Iterator[Table]:
+def asked(choices: Choices, fired: burns.Burns) -> Iterator[Table]:
     """What choices there are, and every burn, of a stage that asks for least delta-v or has thrusters."""
-    if speaks_of_fuel(result):
-        yield from Choices(mission, result, result.result.movers).table(zones=True)
-        yield from burns.tables(mission, result)
+    if speaks_of_fuel(fired.result):
+        yield from choices.table(zones=True)
+        yield from fired.tables
 
 
-def fuel(mission: Mission, result: Moved) -> tuple[Picture, ...]:
+def fuel(choices: Choices) -> tuple[Picture, ...]:
     """Burns, and why they cost what they do."""
-    if not speaks_of_fuel(result):
-        return ()
-    return burns.pictures(result) + Choices(mission, result, result.result.movers).pictures
+    return burns.pictures(choices.result) + choices.pictures if speaks_of_fuel(choices.result) else ()
 
 
 def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -> Section:
@@ -140,6 +139,8 @@ def contacts(moved: ReconfigureResult) -> Iterator[Table]:
     if rows := touching(moved):
         columns = PAIR, Column("at [s]", form="{:.3f}".format)
         yield Table("Where the plan touches zones", columns, rows, folded=True)
+    if moved.plan.prices:
+        yield optimum.prices(moved.plan, moved.names)
 
 
 def worth(result: Moved) -> Iterator[str]:
@@ -159,9 +160,12 @@ def worth(result: Moved) -> Iterator[str]:
         yield f"Touches zones {len(where)} times, from {where[0]} to {where[-1]}"
     elif where:
         yield f"Touches zones: {', '.join(where)}"
+    yield from optimum.clearance(plan, moved.names)
 
 
-def figures(mission: Mission, result: Moved, slots: dict[str, int]) -> dict[str, Any]:
+def figures(
+    mission: Mission, result: Moved, slots: dict[str, int], choices: Choices, fired: burns.Burns
+) -> dict[str, Any]:
     """How a formation moved together."""
     moved, plan = result.result, result.result.plan
 
@@ -170,13 +174,13 @@ def figures(mission: Mission, result: Moved, slots: dict[str, int]) -> dict[str,
 
     efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
     return {
-        **optimum.figures(plan),
+        **optimum.figures(plan, moved.names),
         "method": result.stage.plan,
         "measures": list(moved.measures),
         "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
         "asked_s": moved.asked,
-        **(Choices(mission, result, moved.movers).figures if speaks_of_fuel(result) else {}),
-        **burns.figures(mission, result),
+        **(choices.figures if speaks_of_fuel(result) else {}),
+        **fired.figures,
         "energy_m2_s3": plan.energy,
         "delta_v_m_s": plan.delta_v,
         "craft": {

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from closeform.mission_result import Mission, StageResult, TransferResult
-from closeform.report import burns, conflicts, effort
+from closeform.report import arrival, burns, conflicts, effort
 from closeform.report.choices import Choices
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
@@ -17,30 +17,32 @@ Flown = StageResult[Transfer, TransferResult]
 def section(mission: Mission, result: Flown) -> Section:
     """One craft moves."""
     name = result.result.craft
-    choices = Choices(mission, result, [name])
+    choices, fired = Choices(mission, result, [name]), burns.Burns(mission, result)
     lines, met = conflicts.summed("Conflicts", result.after) if result.after.approaches else ((), ())
     path = result.planned.path(name)
     shown, hidden = effort.columns(mission, [path]), result.pulsed is not None
     columns = (Column("path", words=True), *effort.without_fuel(shown, hidden))
+    arrived = arrival.lines(name, result.stage.to, result.result.goal)
     title = "Path of the plan" if result.flown else "Path without a limit"
     row = "plan" if result.flown else "free", *effort.spent(mission, result, name, path)
     return Section(
         heading(result, f"{name} moves"),
         lines,
-        (*met, Table(title, columns, [row]), *choices.table(zones=False), *burns.tables(mission, result)),
-        (*worth(result, choices), *burns.lines(result)),
+        (*met, Table(title, columns, [row]), *choices.table(zones=False), *fired.tables),
+        (*arrived, *worth(result, choices), *burns.lines(result)),
         conflicts.film(result, mission.scenario.zones) + pictures(result, choices),
         {
             "transfer": {
                 "craft": name,
                 "cost": result.stage.cost,
                 "asked_s": result.result.asked,
+                "arrival": arrival.figures(result.stage.to, result.result.goal),
                 "planned": effort.figures(mission, result, name, path if result.flown else None),
                 **choices.figures,
-                **burns.figures(mission, result),
+                **fired.figures,
             }
         },
-        burns.files(mission, result),
+        fired.files,
     )
 
 

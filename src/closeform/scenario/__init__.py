@@ -2,7 +2,7 @@
 
 from closeform.scenario.craft import Craft
 from closeform.scenario.errors import ScenarioError
-from closeform.scenario.formation import Goal, Target
+from closeform.scenario.formation import Destination, Goal, Target
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.load import load, parse, text_of
 from closeform.scenario.scenario import Scenario
@@ -23,6 +23,7 @@ __all__ = [
     "Avoid",
     "Coast",
     "Craft",
+    "Destination",
     "Gather",
     "Goal",
     "Joint",

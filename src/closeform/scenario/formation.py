@@ -1,7 +1,7 @@
 """Relative orbits by name: what stands in `start` and in `to`."""
 
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field
@@ -10,18 +10,49 @@ from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.roe import state_from_scaled_roe
-from closeform.scenario.quantity import LENGTH, Reader
-from closeform.scenario.table import Angle, Length, Names, Position, Table, Vector, Velocity
+from closeform.scenario.quantity import ANGLE, LENGTH, Reader
+from closeform.scenario.table import Length, Names, Position, Table, Vector, Velocity
 
 Six = tuple[float, float, float, float, float, float]
 SixLengths = Annotated[Six, BeforeValidator(Reader(LENGTH, 6))]
 Signed = Annotated[float, BeforeValidator(Reader(LENGTH))]
+CHEAPEST = "cheapest"
+
+
+def as_phase(value: Any) -> Any:
+    """An angle [rad]; None for the cheapest one."""
+    if value == CHEAPEST:
+        return None
+    try:
+        return Reader(ANGLE)(value)
+    except ValueError as error:
+        raise ValueError(f'{error}, or "{CHEAPEST}"') from None
+
+
+Phase = Annotated[float | None, BeforeValidator(as_phase)]
 
 
 class Shape(Table):
     """The sizes of a named formation, by the arguments of its function in `targets`."""
 
     function: ClassVar[str]
+    phased: ClassVar[str | None] = None  # the key of its first craft's phase, if it has one
+
+    @property
+    def phase_angle(self) -> float | None:
+        """The first craft's phase [rad]; None of the cheapest, and where there are no phases."""
+        found: float | None = getattr(self, self.phased) if self.phased is not None else None
+        return found
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the phase is the cheapest, which is still to be found."""
+        return self.phased is not None and self.phase_angle is None
+
+    def at_phase(self, phase: float) -> Self:
+        """The same with the first craft at a phase [rad]."""
+        assert self.phased is not None
+        return self.model_copy(update={self.phased: phase})
 
     def states(self, orbit: Orbit, count: int) -> Floats:
         """States (count, 6) of its places, in SI units."""
@@ -35,18 +66,20 @@ class ProjectedCircular(Shape):
     """A relative orbit whose projection along the radial is a circle; craft spread evenly."""
 
     function = "projected_circular"
+    phased = "first_phase"
     radius: Length = Field(examples=['"150 m"'])
-    first_phase: Angle = Field(0.0, examples=['"0 deg"'])
+    first_phase: Phase = Field(0.0, examples=['"0 deg"'])
 
 
 class SafetyEllipse(Shape):
     """One relative orbit with parallel eccentricity and inclination vectors; craft spread evenly."""
 
     function = "safety_ellipse"
+    phased = "phase"
     radial: Length = Field(examples=['"100 m"'])
     cross_track: Length = Field(examples=['"100 m"'])
     along_track: Signed = Field(0.0, examples=['"0 m"'])
-    phase: Angle = Field(0.0, examples=['"0 deg"'])
+    phase: Phase = Field(0.0, examples=['"0 deg"'])
 
 
 class StringOfPearls(Shape):
@@ -68,9 +101,10 @@ class Ring(Shape):
     """Craft apart by the phases of parallel eccentricity and inclination vectors."""
 
     function = "separated_ring"
+    phased = "first_phase"
     eccentricity: Length = Field(examples=['"100 m"'])
     inclination: Signed = Field(examples=['"100 m"'])
-    first_phase: Angle = Field(0.0, examples=['"0 deg"'])
+    first_phase: Phase = Field(0.0, examples=['"0 deg"'])
 
     def flaws(self) -> Iterator[str]:
         if self.inclination == 0.0:
@@ -106,10 +140,21 @@ class Formation(Table):
     line: Line | None = Field(None, examples=['{ spacing = "75 m", direction = [1, 0, 0] }'])
 
     @property
+    def called(self) -> str | None:
+        """The name of the formation, if it is one that has a name."""
+        return next((name for name in Formation.model_fields if getattr(self, name) is not None), None)
+
+    @property
     def shape(self) -> Shape | None:
         """The formation, if it is one that has a name."""
-        shapes = (getattr(self, name) for name in Formation.model_fields)
-        return next((shape for shape in shapes if shape is not None), None)
+        found: Shape | None = getattr(self, self.called) if self.called is not None else None
+        return found
+
+    def closed(self) -> Iterator[str]:
+        """A flaw where the phase of many craft is left open."""
+        if self.shape is not None and self.shape.is_open:
+            key = self.shape.phased
+            yield f'{key} = "{CHEAPEST}" is for the one craft of avoid and transfer; give an angle'
 
     @property
     def orbital(self) -> bool | None:
@@ -127,6 +172,7 @@ class Start(Formation):
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("palmer", "roe", *Formation.model_fields, "oem")
+        yield from self.closed()
 
     @property
     def orbital(self) -> bool | None:
@@ -179,6 +225,18 @@ class Destination(Target, Formation):
             return super().state(orbit, latitude)
         return np.array(self.shape.states(orbit, 1)[0])
 
+    @property
+    def is_open(self) -> bool:
+        """Whether its phase is the cheapest, which is still to be found."""
+        return self.shape is not None and self.shape.is_open
+
+    def at_phase(self, phase: float) -> Self:
+        """The same relative orbit at a phase [rad]."""
+        shape, name = self.shape, self.called
+        assert shape is not None
+        assert name is not None
+        return self.model_copy(update={name: shape.at_phase(phase)})
+
 
 class Goal(Formation):
     """to: the relative orbits that a whole formation moves to."""
@@ -188,6 +246,7 @@ class Goal(Formation):
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of(*Formation.model_fields, "remove", "join")
+        yield from self.closed()
 
     @property
     def orbital(self) -> bool | None:

@@ -64,7 +64,7 @@ class Fellow(Table):
     """A craft that flies its own transfer during somebody's move and does not give way."""
 
     craft: Name = Field(examples=['"F5"'])
-    to: Target = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
+    to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
 
 
 class Avoid(StageTable):
@@ -72,7 +72,7 @@ class Avoid(StageTable):
 
     do: Literal["avoid"] = Field(examples=['"avoid"'])
     craft: Name = Field(examples=['"F3"'])
-    to: Target | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
+    to: Destination | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
     cost: Cost = Field("energy", examples=['"delta-v"'])
     method: Literal["exact", "sauter-palmer"] = Field("exact", examples=['"exact"'])

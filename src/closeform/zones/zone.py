@@ -140,6 +140,15 @@ class Zone:
         return float(CORNER[self.shape] / np.linalg.svd(self.matrix, compute_uv=False)[-1])
 
     @property
+    def inner_radius(self) -> float:
+        """Radius [m] of the largest ball about the origin that the zone holds."""
+        faces = self.faces @ self.matrix if self.shape == FACES else self.matrix[LEADING.get(self.shape, 0) :]
+        nearest = np.linalg.norm(faces, axis=1).max(initial=0.0)
+        if self.shape in LEADING:
+            nearest = max(nearest, np.linalg.norm(self.matrix[: LEADING[self.shape]], 2))
+        return float(1.0 / nearest)
+
+    @property
     def mirrored(self) -> Zone:
         """The zone of -r: as the other craft of a pair sees it.  Itself where it is symmetric."""
         return self if self.symmetric else Zone(self.shape, self.matrix, -self.faces)

@@ -1,0 +1,185 @@
+"""What clearance costs: the least energy or delta-v against the size of zones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from closeform.arrays import Floats, instance
+from closeform.planning.clearance_costs import ClearanceCosts, slope
+from closeform.planning.most_clearance import MostClearance
+from closeform.planning.plan import Avoidance, Plan
+from closeform.plots.look import (
+    AFTER,
+    BEFORE,
+    CONFLICT,
+    DASHED,
+    DOTTED,
+    FAINT,
+    HALO,
+    INK,
+    OTHER,
+    SMALL,
+    TEXT,
+    ZONE,
+    Unit,
+    column,
+    dress,
+    headline,
+    sheet,
+    signed_percent,
+    speed_unit,
+)
+
+STEEPEST = 3.0  # times the rise between two plans, that a slope may be for a curve that only rises
+POINTS = 24  # of a curve between two plans
+SAME = 0.0  # cosine of the angle between two normals, above which a pair is passed on one side
+
+
+def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figure:
+    """What zones of many sizes cost: a point for each plan, and a curve that has its slope there.
+
+    Where the next plan passes somebody on another side the two are joined by dots.  Crosses above are sizes
+    at which no clear plan was found.  The dashed line is what it costs with nothing in the way.
+
+    Parameters
+    ----------
+    found : ClearanceCosts
+        Of `clearance_costs`.
+    most : MostClearance, optional
+        Of `most_clearance`: its budget is a line, a ring the largest zones that it affords.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If `found` is no `ClearanceCosts`, or of no plan, or `most` is no `MostClearance` with a plan.
+    """
+    instance("found", found, ClearanceCosts)
+    if not np.isfinite(found.spent).any():
+        raise ValueError("found: no clear plan was found at any size; there is nothing to show")
+    if most is not None and not instance("most", most, MostClearance).ok:
+        raise ValueError(f"most: has no plan; {most.reason}")
+    factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
+    if most is not None and most.plan is not None:  # a point of the curve like any other
+        own = most.factor, most.plan.spent, slope(most.plan, most.factor)
+        factors, costs, slopes = (
+            np.append(*pair) for pair in zip((factors, costs, slopes), own, strict=True)
+        )
+        plans.append(most.plan)
+    order = np.argsort(factors, kind="stable")
+    factors, costs, slopes = (each[order] for each in (factors, costs, slopes))
+    plans = [plans[k] for k in order]
+    highest = max(float(np.nanmax(costs)), 0.0 if most is None else most.budget)
+    up = speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
+
+    figure = sheet(5.2)
+    (axes,) = column(figure, [1.0], beside=0.3 if not found.free > 0.0 else 1.0)
+    dress(axes)
+    axes.axvline(1.0, color=FAINT, linewidth=2.0)
+    axes.axhline(found.free / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
+    seen = np.flatnonzero(np.isfinite(costs))
+    for k, m in zip(seen, seen[1:], strict=False):
+        ends = factors[[k, m]], costs[[k, m]], slopes[[k, m]]
+        if m == k + 1 and alike(plans[k], plans[m]) and np.isfinite(ends[2]).all():
+            across, curve = between(*ends)
+            axes.plot(across, curve / up.size, color=AFTER, linewidth=2.0)
+        else:
+            axes.plot(ends[0], ends[1] / up.size, color=OTHER, linestyle=DOTTED, linewidth=1.4)
+    axes.plot(factors[seen], costs[seen] / up.size, "o", color=AFTER, markersize=4.5)
+    lost = np.setdiff1d(np.arange(len(factors)), seen)
+    if len(lost):
+        look: dict[str, Any] = {"color": CONFLICT, "transform": axes.get_xaxis_transform(), "clip_on": False}
+        axes.plot(factors[lost], np.full(len(lost), 1.0), "x", markersize=7, **look)
+    if most is not None:
+        show_most(axes, most, up)
+    scales(figure, axes, found, up)
+    headline(figure, words(found, most, up))
+    return figure
+
+
+def show_most(axes: Any, most: MostClearance, up: Unit) -> None:
+    """The budget, and the largest zones that it affords."""
+    assert most.plan is not None
+    height = most.plan.spent / up.size
+    axes.axhline(most.budget / up.size, color=ZONE, linewidth=1.6)
+    axes.plot(most.factor, height, "o", markersize=12, markerfacecolor="none", color=INK, zorder=6)
+    right = most.factor > np.mean(axes.get_xlim())
+    text = axes.annotate(
+        f"{most.factor:.4g} x, {most.metres:+.4g} m: {most.status}".replace("-", "−"),
+        (most.factor, height),
+        (-12, 9) if right else (12, -17),  # where the curve is not
+        textcoords="offset points",
+        ha="right" if right else "left",
+        fontsize=SMALL,
+        color=INK,
+    )
+    text.set_path_effects(HALO)
+
+
+def scales(figure: Figure, axes: Any, found: ClearanceCosts, up: Unit) -> None:
+    """What stands at the axes: factor and metres, the cost and by how much it is above the least of all."""
+    axes.set_xlabel("zones so many times as large", fontsize=TEXT, color=INK)
+    axes.set_ylabel(f"least {found.cost} [{up.name}]", fontsize=TEXT, color=INK)
+    others = []
+    metre = float(np.ptp(found.metres) / np.ptp(found.factor)) if np.ptp(found.factor) > 0.0 else 0.0
+    if metre > 0.0:
+        lengths = lambda factor: (factor - 1.0) * metre, lambda length: 1.0 + length / metre
+        above = axes.secondary_xaxis("top", functions=lengths)
+        above.set_xlabel("larger by [m]", fontsize=SMALL, color=INK)
+        others.append(above)
+    if (free := found.free / up.size) > 0.0:
+        shares = lambda cost: 100.0 * (cost / free - 1.0), lambda share: free * (1.0 + 0.01 * share)
+        beside = axes.secondary_yaxis("right", functions=shares)
+        beside.set_ylabel("more than with nothing in the way [%]", fontsize=SMALL, color=INK)
+        others.append(beside)
+    for one in others:
+        one.tick_params(labelsize=SMALL, colors=INK, length=3)
+        for spine in one.spines.values():
+            spine.set_color(OTHER)
+
+
+def words(found: ClearanceCosts, most: MostClearance | None, up: Unit) -> str:
+    """What the picture shows."""
+    if most is not None:
+        budget = f"{most.budget / up.size:.4g} {up.name}"
+        share = f" ({signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
+        return f"{budget}{share} afford zones {most.factor:.4g} times as large"
+    seen = np.flatnonzero(np.isfinite(found.spent))
+    first, last = seen[np.argmin(found.factor[seen])], seen[np.argmax(found.factor[seen])]
+    return ", ".join(
+        f"{found.spent[k] / up.size:.4g} {up.name} at {found.factor[k]:.4g} x zone" for k in (first, last)
+    )
+
+
+def between(factors: Floats, costs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+    """A rising cubic between two plans that has their slopes, as far as it can."""
+    width, rise = float(np.diff(factors)[0]), float(np.diff(costs)[0])
+    first, last = np.clip(slopes * width, 0.0, STEEPEST * max(rise, 0.0))
+    t = np.linspace(0.0, 1.0, POINTS)
+    curve = costs[0] + rise * t * t * (3.0 - 2.0 * t) + t * (1.0 - t) * (first * (1.0 - t) - last * t)
+    return factors[0] + width * t, curve
+
+
+def alike(one: Avoidance | Plan, other: Avoidance | Plan) -> bool:
+    """Whether no pair is passed on different sides in two plans."""
+    return all(
+        a.normal @ b.normal > SAME
+        for a in one.contacts
+        for b in other.contacts
+        if (a.first, a.second) == (b.first, b.second)
+    )
+
+
+def energy_unit(greatest: float) -> Unit:
+    """The unit for a greatest energy [m^2/s^3]."""
+    for size, name in ((1.0, "m²/s³"), (1e-6, "mm²/s³")):
+        if greatest >= size:
+            return Unit(size, name)
+    return Unit(1e-12, "µm²/s³")

@@ -1,0 +1,154 @@
+"""The largest zones that a budget affords: nothing larger is affordable, and what stops it is said."""
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from test_least_delta_v_plans import passage
+from test_price import OTHER, PATH, TILT, swapping
+
+ORBIT, SPACE = PATH.orbit, cf.Orbit(0.0)
+ZONE = cf.Ellipsoid([20.0, 40.0, 25.0], TILT)
+FORMATION = ORBIT.transfer(swapping(), -swapping(), 1500.0)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.02, 0.05, 0.3])
+def test_the_budget_is_spent(share):
+    budget = (1.0 + share) * PATH.energy
+    most = cf.most_clearance(PATH, OTHER, ZONE, budget)
+    assert most.ok
+    assert most.status == cf.ClearanceStatus.BUDGET
+    assert most.budget == budget
+    again = cf.avoid(PATH, OTHER, ZONE.enlarged(most.factor))
+    assert again.energy == pytest.approx(most.plan.energy, rel=1e-12)
+    assert budget - 2e-6 * share * PATH.energy <= again.energy <= budget
+    assert cf.find_conflicts(most.plan.path, OTHER, ZONE.enlarged(most.factor)) == ()
+    for more in (1.0 + 1e-5, 1.001, 1.05):  # no larger zone is affordable
+        assert cf.avoid(PATH, OTHER, ZONE.enlarged(most.factor * more)).energy > budget
+    assert most.tried <= 12
+
+
+def test_metres_are_those_in_every_direction():
+    most = cf.most_clearance(PATH, OTHER, ZONE, 1.05 * PATH.energy)
+    ways = np.random.default_rng(3).normal(size=(20_000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    more = ZONE.enlarged(most.factor).support(ways) - ZONE.support(ways)
+    assert more.min() >= most.metres
+    assert more.min() == pytest.approx(
+        most.metres, rel=1e-3
+    )  # as near as 20 000 directions come to the least
+
+
+def test_a_small_budget_affords_less_than_was_asked():
+    """What is left is where the direct path touches: its closest approach."""
+    most = cf.most_clearance(PATH, OTHER, ZONE, PATH.energy)
+    # the cost rises by the square of what is beyond, of which 1e-12 is taken for rounding
+    assert most.factor == pytest.approx(cf.closest_approach(PATH, OTHER, ZONE).ratio, rel=1e-4)
+    assert most.metres < 0.0
+    none = cf.most_clearance(PATH, OTHER, ZONE, 0.99 * PATH.energy)
+    assert not none.ok
+    assert none.plan is None
+    assert np.isnan(none.factor)
+    assert none.status == cf.ClearanceStatus.TOO_LITTLE
+    assert f"{PATH.energy:.6g}" in none.reason
+
+
+def test_an_end_stops_it():
+    """A craft that goes away is nearest at its start, which nobody can change."""
+    path = SPACE.transfer([0, 100, 0, 0, 0, 0], [0, 300, 0, 0, 0, 0], 1000.0)
+    other = SPACE.coast(np.zeros(6), 1000.0)
+    most = cf.most_clearance(path, other, cf.Sphere(30.0), 2.0 * path.energy, names=["Target"])
+    assert most.status == cf.ClearanceStatus.END_INSIDE
+    assert most.factor == pytest.approx(100.0 / 30.0, rel=1e-6)
+    assert most.factor < 100.0 / 30.0
+    assert most.plan.status == cf.Status.CLEAR
+    assert "the path's start" in most.reason
+    assert "Target" in most.reason
+
+
+def test_where_the_cost_jumps():
+    """The gap between two walls shuts as they grow thicker; to go around both costs far more."""
+    path = SPACE.transfer([-500, 0, 0, 1, 0, 0], [500, 0, 0, 1, 0, 0], 1000.0)
+    walls = SPACE.coast(np.array([[0, y, 0, 0, 0, 0] for y in (-60.0, 61.0)]), 1000.0)
+    zone = cf.Cylinder(40.0, 1000.0, [0.0, 0.0, 1.0])
+    most = cf.most_clearance(path, walls, zone, 1e-4)
+    assert most.status == cf.ClearanceStatus.NO_WAY
+    assert most.factor == pytest.approx(60.5 / 40.0, rel=1e-6)  # half of the gap between their axes
+    assert most.plan.energy < 1e-6
+    assert cf.find_conflicts(most.plan.path, walls[0], zone.enlarged(most.factor)) == ()
+    assert cf.find_conflicts(most.plan.path, walls[1], zone.enlarged(most.factor)) == ()
+    beyond = cf.avoid(path, walls, zone.enlarged(most.factor * (1.0 + 1e-6)))
+    assert beyond.energy > 1e-3
+
+
+def test_zones_that_are_never_in_the_way():
+    """Who comes later is not met, however large its zone."""
+    later = ORBIT.coast(OTHER.state(0.0), 1000.0, start=5000.0)
+    most = cf.most_clearance(PATH, later, ZONE, 2.0 * PATH.energy)
+    assert most.ok
+    assert most.status == cf.ClearanceStatus.NEVER_NEAR
+    assert most.factor > 1e5
+
+
+def test_least_delta_v():
+    a, b, duration, obstacle, radius = passage(2)
+    path, zone = obstacle.orbit.transfer(a, b, duration), cf.Sphere(radius)
+    budget = 1.05 * cf.least_delta_v(obstacle.orbit, a, b, duration).upper
+    most = cf.most_clearance(path, obstacle, zone, budget, cost="delta-v")
+    assert most.ok
+    assert most.plan.cost == "delta-v"
+    assert most.plan.delta_v <= budget
+    places = most.plan.path.position(np.linspace(0.0, duration, 5001))
+    apart = np.linalg.norm(places - obstacle.position(np.linspace(0.0, duration, 5001)), axis=1)
+    assert apart.min() >= most.factor * radius * (1.0 - 1e-8)
+    assert most.metres == pytest.approx((most.factor - 1.0) * radius)
+    larger = cf.avoid(path, obstacle, zone.enlarged(1.02 * most.factor), cost="delta-v")
+    assert not larger.ok or larger.delta_v > budget
+
+
+def test_a_formation():
+    zone = cf.Sphere(18.0)
+    budget = 1.03 * FORMATION.energy.sum()
+    most = cf.most_clearance(FORMATION, (), zone, budget)
+    assert most.status == cf.ClearanceStatus.BUDGET
+    assert most.plan.energy == pytest.approx(budget, rel=1e-6)
+    assert len(cf.screen(most.plan.paths, zone.enlarged(most.factor))) == 0
+    assert most.metres == pytest.approx(18.0 * (most.factor - 1.0))
+    larger = cf.reconfigure(ORBIT, swapping(), -swapping(), 1500.0, zone.enlarged(1.001 * most.factor))
+    assert larger.energy > budget
+
+
+def test_costs_of_many_sizes():
+    factors = [0.01, 0.5, 1.0, 2.0, 1e3]
+    found = cf.clearance_costs(PATH, OTHER, ZONE, factors)
+    assert found.free == pytest.approx(PATH.energy, rel=1e-12)
+    assert found.spent[0] == pytest.approx(found.free, rel=1e-12)
+    assert found.slope[0] == 0.0
+    assert (np.diff(found.spent[:4]) > 0.0).all()
+    assert np.isnan(found.spent[4])
+    assert not found.plans[4].ok
+    h = 1e-3
+    sides = cf.clearance_costs(PATH, OTHER, ZONE, [2.0 - h, 2.0 + h])
+    assert found.slope[3] == pytest.approx(np.diff(sides.spent)[0] / (2.0 * h), rel=1e-5)
+    assert found.metres == pytest.approx((np.array(factors) - 1.0) * 20.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((PATH, OTHER, ZONE, 0.0), "^budget: must be positive and finite, got 0.0"),
+        ((PATH, OTHER, ZONE, np.inf), "^budget: must be positive and finite, got inf"),
+        ((PATH, (), ZONE, 1.0), "^obstacles: give at least one path"),
+        ((FORMATION, (), [None] * 8, 1.0), "^zone: no two craft keep one; give at least one"),
+        ((FORMATION[None], OTHER, ZONE, 1.0), "^path: of one craft or of shape"),
+    ],
+)
+def test_bad_input_is_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        cf.most_clearance(*arguments)
+
+
+def test_factors_are_positive():
+    for bad in ([], 1.0, [0.0], [np.inf], [[1.0]]):
+        with pytest.raises(ValueError, match=r"^factors: expected shape"):
+            cf.clearance_costs(PATH, OTHER, ZONE, bad)

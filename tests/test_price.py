@@ -1,0 +1,270 @@
+"""What clearance costs: slopes against differences of plans, and against the duals of convex programs."""
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.linalg import expm
+
+import closeform as cf
+from test_least_delta_v_plans import ORBIT as LOW
+from test_least_delta_v_plans import passage, rates
+
+N = 1.1e-3
+ORBIT, SPACE = cf.Orbit(N), cf.Orbit(0.0)
+PATH = ORBIT.transfer([0, -200, 10, 0, 0, 0], [40, 200, 60, 0, -0.09, 0], 3000.0)
+OTHER = ORBIT.coast(ORBIT.transition(-1350.0) @ (PATH.state(1350.0) + [3, 4, -5, 0.02, 0, 0.01]), 3000.0)
+TILT = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+# Plans end where conditions hold to 1e-11: over a thousandth of a zone that, and the fifth derivative of
+# their cost, leave less than a millionth of the slope.
+STEP, EXACT = 1e-3, 1e-6
+
+
+def difference(plan_of, step):
+    """The slope of a plan's cost by central differences at two steps, without their second-order error."""
+
+    def slope(h):
+        return (plan_of(h).spent - plan_of(-h).spent) / (2.0 * h)
+
+    return (4.0 * slope(step) - slope(2.0 * step)) / 3.0
+
+
+def grown(zone, normal, metres):
+    """An ellipsoid about the ball-grown one that reaches as far along a normal, and is smooth in `metres`."""
+    across = np.linalg.inv(zone.matrix.T @ zone.matrix)
+    far = np.sqrt(normal @ across @ normal)
+    values, axes = np.linalg.eigh((1.0 + metres / far) * (across + far * metres * np.eye(3)))
+    return cf.Ellipsoid(np.sqrt(values), axes.T)
+
+
+@pytest.mark.parametrize(
+    "zone", [cf.Sphere(20.0), cf.Sphere(60.0), cf.Sphere(85.0)], ids=lambda z: f"{z.radius:g}"
+)
+def test_a_metre_of_a_sphere(zone):
+    found = cf.avoid(PATH, OTHER, zone)
+    assert found.status == cf.Status.AVOIDED
+    slope = difference(lambda h: cf.avoid(PATH, OTHER, cf.Sphere(zone.radius + h)), STEP * zone.radius)
+    assert found.price == pytest.approx(slope, rel=EXACT)
+    (price,) = found.prices
+    assert (price.first, price.second) == (0, 1)
+    assert price.per_factor == pytest.approx(zone.radius * slope, rel=EXACT)
+
+
+@pytest.mark.parametrize("axes", [np.eye(3), TILT], ids=["upright", "tilted"])
+@pytest.mark.parametrize("orbit", [ORBIT, SPACE], ids=["orbit", "deep space"])
+def test_an_ellipsoid_enlarged_and_grown(axes, orbit):
+    path = orbit.transfer([0, -200, 10, 0, 0, 0], [40, 200, 60, 0, -0.09, 0], 3000.0)
+    met = path.state(1350.0) + [3, 4, -5, 0.02, 0, 0.01]
+    other = orbit.coast(orbit.transition(-1350.0) @ met, 3000.0)
+    zone = cf.Ellipsoid([9.0, 11.0, 10.0], axes)
+    found = cf.avoid(path, other, zone)
+    (contact,), (price,) = found.contacts, found.prices
+    enlarged = difference(lambda h: cf.avoid(path, other, zone.enlarged(1.0 + h)), STEP)
+    assert price.per_factor == pytest.approx(enlarged, rel=EXACT)
+    by_metres = difference(lambda h: cf.avoid(path, other, grown(zone, contact.normal, h)), 20.0 * STEP)
+    assert found.price == price.per_metre == pytest.approx(by_metres, rel=EXACT)
+    assert contact.reach == pytest.approx(zone.support(contact.normal), rel=1e-8)
+
+
+def test_many_contacts_with_one_zone():
+    """Enlarged half as much again the path touches three times; a price is of the pair, not of a contact."""
+    zone = cf.Ellipsoid([30.0, 60.0, 37.5])
+    found = cf.avoid(PATH, OTHER, zone)
+    slope = difference(lambda h: cf.avoid(PATH, OTHER, zone.enlarged(1.0 + h)), STEP)
+    (price,) = found.prices
+    assert len(found.contacts) > 1
+    assert price.per_factor == pytest.approx(slope, rel=EXACT)
+
+
+def test_past_an_edge_a_zone_grows_round():
+    """Two faces press; a ball-grown box is chamfered there, and a sharp one would cost more."""
+    box = cf.Box([20.0, 20.0, 20.0])
+    path = ORBIT.transfer([0, -200, 10, 0, 0, 0], [80, 220, -40, 0, -160 * N, 0.01], 3000.0)
+    met = path.state(1350.0) + [9, 4, 12, 0.04, 0.03, -0.04]
+    other = ORBIT.coast(ORBIT.transition(-1350.0) @ met, 3000.0)
+    found = cf.avoid(path, other, box)
+    (contact,) = found.contacts
+    assert (np.abs(contact.normal) > 1e-3).sum() > 1  # an edge
+    faces = np.concatenate([np.eye(3), -np.eye(3), contact.normal[None]])
+
+    def chamfered(metres):
+        reach = [20.0 + metres] * 6 + [box.support(contact.normal) + metres]
+        return cf.avoid(path, other, cf.HalfSpaces(faces, reach))
+
+    h = 20.0 * STEP  # a shrunken zone has its edge: there is a slope for more clearance only
+    spent = [chamfered(k * h).spent for k in range(4)]
+    onward = (-11.0 * spent[0] + 18.0 * spent[1] - 9.0 * spent[2] + 2.0 * spent[3]) / (6.0 * h)
+    assert found.price == pytest.approx(onward, rel=1e-5)
+    sharp = difference(lambda h: cf.avoid(path, other, cf.Box([20.0 + h] * 3)), 20.0 * STEP)
+    assert sharp > 1.001 * found.price
+    by_factor = difference(lambda h: cf.avoid(path, other, box.enlarged(1.0 + h)), STEP)
+    assert found.prices[0].per_factor == pytest.approx(by_factor, rel=EXACT)
+
+
+CRAFT, RADIUS = 8, 18.0
+
+
+def swapping():
+    """Craft on a ring that is not quite flat, each to go to the place opposite."""
+    angles = 2 * np.pi * np.arange(CRAFT) / CRAFT
+    initial = np.zeros((CRAFT, 6))
+    initial[:, 0], initial[:, 1] = 3 * np.cos(3 * angles + 1), 100 * np.cos(angles)
+    initial[:, 2] = 80 * np.sin(angles)
+    return initial
+
+
+def pairwise(sizes):
+    """Zones of pairs, each its own sphere."""
+    table = np.full((CRAFT + 1, CRAFT + 1), -1)
+    table[np.triu_indices(CRAFT, 1)] = np.arange(len(sizes))
+    return cf.PairZones(tuple(map(cf.Sphere, sizes)), np.arange(CRAFT), table, np.ones(CRAFT, dtype=bool))
+
+
+def test_a_formation_pair_by_pair():
+    initial = swapping()
+    pairs = list(zip(*np.triu_indices(CRAFT, 1), strict=True))
+    sizes = np.full(len(pairs), RADIUS)
+
+    def plan(sizes):
+        return cf.reconfigure(ORBIT, initial, -initial, 1500.0, pairwise(sizes))
+
+    found = plan(sizes)
+    assert len(found.prices) >= 5
+    assert list(found.prices) == sorted(found.prices, key=lambda price: -price.per_metre)
+    for price in found.prices[:4]:
+        unit = np.eye(len(pairs))[pairs.index((price.first, price.second))]
+        slope = difference(lambda h, unit=unit: plan(sizes + h * unit), RADIUS * STEP)
+        assert price.per_metre == pytest.approx(slope, rel=EXACT)
+        assert price.per_factor == pytest.approx(RADIUS * price.per_metre, rel=1e-8)
+    together = difference(lambda h: plan(sizes + h), RADIUS * STEP)
+    assert found.price == pytest.approx(together, rel=EXACT)
+
+
+def test_against_the_dual_of_a_quadratic_program():
+    """Thrust constant on 300 pieces, and the plan's own planes: its multipliers are the program's prices."""
+    zone, nodes = cf.Ellipsoid([30.0, 60.0, 37.5]), 300
+    found = cf.avoid(PATH, OTHER, zone)
+    ends = np.unique([*np.linspace(0.0, 3000.0, nodes + 1), *(one.time for one in found.contacts)])
+    motion, steps = rates(N), np.diff(ends)
+
+    def pushed(time):  # state at a time from each piece of thrust, rows of position and velocity
+        rows = np.zeros((6, 3 * len(steps)))
+        for k, (start, step) in enumerate(zip(ends, steps, strict=False)):
+            if start < time:
+                block = expm(np.block([[motion, np.eye(6)[:, 3:]], [np.zeros((3, 9))]]) * step)[:6, 6:]
+                rows[:, 3 * k : 3 * k + 3] = expm(motion * (time - start - step)) @ block
+        return rows
+
+    start, last = PATH.state(0.0), PATH.state(3000.0)
+    equal, target = pushed(3000.0), last - expm(motion * 3000.0) @ start
+    planes, floors = [], []
+    for one in found.contacts:
+        planes.append(one.normal @ pushed(one.time)[:3])
+        drift = (expm(motion * one.time) @ start)[:3] - OTHER.position(one.time)
+        floors.append(one.reach - one.normal @ drift)
+    scale = np.array([1e-3] * 3 + [1.0] * 3)
+    size = 1e4  # thrust in 0.1 mm/s^2
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    solved = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.diag(np.repeat(steps, 3))),
+        np.zeros(3 * len(steps)),
+        sparse.csc_matrix(np.vstack([scale[:, None] * equal, -np.array(planes) * 1e-2])),
+        size * np.concatenate([scale * target, -np.array(floors) * 1e-2]),
+        [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(planes))],
+        settings,
+    ).solve()
+    multipliers = np.array(solved.z)[6:] * 1e-2 / size
+    # held thrust costs a few parts in 300^2 more than thrust that bends freely
+    assert multipliers == pytest.approx([one.multiplier for one in found.contacts], rel=2e-3)
+
+
+def test_least_delta_v_against_the_dual_of_a_cone_program():
+    """The planes that the path touches, impulses on a grid of 400: the sum of their prices."""
+    a, b, duration, obstacle, radius = passage(3)
+    orbit = obstacle.orbit
+    found = cf.avoid(orbit.transfer(a, b, duration), obstacle, cf.Sphere(radius), cost="delta-v")
+    assert found.status == cf.Status.AVOIDED
+    motion = rates(orbit.mean_motion)
+    times = np.union1d(np.linspace(0.0, duration, 401), [t for t, _ in found.path.impulses])
+    count, planes, floors = len(times), [], []
+    for one in found.contacts:
+        rows = [
+            one.normal @ expm(motion * (one.time - t))[:3, 3:] if t < one.time else np.zeros(3) for t in times
+        ]
+        planes.append(np.concatenate(rows))
+        drift = (expm(motion * one.time) @ a)[:3] - obstacle.position(one.time)
+        floors.append(one.reach - one.normal @ drift)
+    equal = np.hstack([expm(motion * (duration - t))[:, 3:] for t in times])
+    scale = np.array([1.0 / duration] * 3 + [1.0] * 3)
+    rows = np.vstack([scale[:, None] * equal, -np.array(planes) / duration])
+    right = np.concatenate([scale * (b - expm(motion * duration) @ a), -np.array(floors) / duration])
+    wide = np.zeros((len(rows), 4 * count))
+    for axis in range(3):
+        wide[:, axis + 1 :: 4] = rows[:, axis::3]
+    cost = np.zeros(4 * count)
+    cost[::4] = 1.0
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    kinds = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(planes))]
+    solved = clarabel.DefaultSolver(
+        sparse.csc_matrix((4 * count, 4 * count)),
+        cost,
+        sparse.csc_matrix(np.vstack([wide, -np.eye(4 * count)])),
+        np.concatenate([right, np.zeros(4 * count)]),
+        kinds + [clarabel.SecondOrderConeT(4)] * count,
+        settings,
+    ).solve()
+    multipliers = np.array(solved.z)[6 : 6 + len(planes)] / duration
+    # a primer that may be 1e-6 above 1 leaves multipliers open to about a hundredth
+    assert found.price == pytest.approx(multipliers.sum(), rel=1e-2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_least_delta_v_against_differences(seed):
+    """Plans of impulses are within some 1e-6 of their least, so that a difference is no better than this."""
+    a, b, duration, obstacle, radius = passage(seed)
+    path, step = LOW.transfer(a, b, duration), 0.01 * radius
+
+    def plan(h):
+        return cf.avoid(path, obstacle, cf.Sphere(radius + h), cost="delta-v")
+
+    found = plan(0.0)
+    slope = (plan(step).spent - plan(-step).spent) / (2.0 * step)
+    assert found.price == pytest.approx(slope, rel=0.02, abs=5e-6 * found.spent / step)
+
+
+def test_what_costs_nothing_has_no_price():
+    """A face of plans of least delta-v: one of them is clear, and clear of a larger sphere too."""
+    rng = np.random.default_rng(5)
+    for _ in range(60):
+        a, b, duration, obstacle, radius = passage(int(rng.integers(1 << 30)))
+        free = cf.least_delta_v(LOW, a, b, duration)
+        found = cf.avoid(LOW.transfer(a, b, duration), obstacle, cf.Sphere(radius), cost="delta-v")
+        if found.ok and found.delta_v < free.upper * (1.0 + 1e-7):
+            break
+    assert found.contacts or found.status == cf.Status.CLEAR
+    assert found.price * radius < 1e-4 * found.delta_v
+
+
+def test_plans_that_are_no_optima_have_no_price():
+    """Sauter and Palmer's deviations, and craft that plan one after another."""
+    paper = cf.avoid(PATH, OTHER, cf.Sphere(30.0), method="sauter-palmer")
+    assert paper.ok
+    assert paper.contacts
+    assert paper.prices == ()
+    assert np.isnan(paper.price)
+    initial = swapping()
+    task = ORBIT, initial, -initial, 1500.0, cf.Sphere(RADIUS)
+    apart = cf.reconfigure(*task, method="sequential", if_blocked=())
+    assert apart.ok
+    assert apart.contacts
+    assert np.isnan(apart.price)
+
+
+def test_where_nothing_is_touched_clearance_is_free():
+    clear = cf.avoid(PATH, OTHER, cf.Sphere(3.0))
+    assert clear.status == cf.Status.CLEAR
+    assert clear.price == 0.0
+    assert clear.prices == ()
+    assert np.isnan(cf.avoid(PATH, OTHER, cf.Sphere(1000.0)).price)
