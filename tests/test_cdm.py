@@ -224,6 +224,18 @@ def test_the_standards_keywords_are_written(tmp_path, fast):
     assert float(told["RELATIVE_VELOCITY_T"].split()[0]) == pytest.approx(-13954.8, abs=0.06)
 
 
+def test_the_encounter_of_a_message(slow):
+    """In the first's frame; what is indefinite is refused by the object's name, with its least eigenvalue."""
+    met = slow.encounter(half_window=100.0)
+    assert (met.path.start, met.path.end) == (-100.0, 100.0)
+    np.testing.assert_allclose(met.path.position(0.0), slow.relative_state[:3], atol=1e-6)
+    assert met.speed == pytest.approx(slow.relative_speed, rel=1e-12)
+    first, second = slow.objects
+    spoilt = replace(slow, objects=(first, replace(second, covariance=second.covariance - 2.0 * np.eye(6))))
+    with pytest.raises(ValueError, match="SECONDARY: covariance: .*least eigenvalue"):
+        spoilt.encounter()
+
+
 def number_of(start, text=SLOW, after=0):
     lines = text.splitlines()
     return next(k for k, line in enumerate(lines, 1) if k > after and line.startswith(start))

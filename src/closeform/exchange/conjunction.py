@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from closeform.arrays import Floats, instance, number, numbers, sequence
-from closeform.exchange.covariance import axes, canonical
+from closeform.exchange.covariance import axes, canonical, check
+from closeform.motion.mean_motion import EARTH_MU
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.encounter import Encounter
 
 # Of the axes of ITRF, about z [rad/s]: IERS Conventions 2010, 1.2.  Their pole stays within 0.6" of it.
 EARTH_RATE = 7.292115e-5
@@ -179,6 +184,38 @@ class Conjunction:
         first, second = (each.inertial_state for each in self.objects)
         turn = axes("RTN", first)
         return np.concatenate([turn @ (second - first)[:3], turn @ (second - first)[3:]])
+
+    def encounter(self, half_window: float | None = None, mu: float = EARTH_MU) -> Encounter:
+        """Paths and errors of both about their closest approach, in the Hill frame of the first.
+
+        Parameters
+        ----------
+        half_window : float [s], optional
+            As `Encounter.of` has it.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+
+        Returns
+        -------
+        Encounter
+            What `collision_probability` and `clearance_in_sigmas` take; `path` is the second's.
+
+        Raises
+        ------
+        ValueError
+            If a covariance is indefinite, naming the object and the least eigenvalue, or as `Encounter.of`.
+
+        References
+        ----------
+        docs/uncertainty.md.
+        """
+        from closeform.uncertainty.encounter import Encounter  # with kernels, which reading can spare
+
+        first, second = self.objects
+        for each in self.objects:
+            check(f"{each.name}: covariance", each.covariance)
+        states = first.inertial_state, second.inertial_state
+        return Encounter.of(*states, first.covariance, second.covariance, half_window=half_window, mu=mu)
 
     @property
     def relative_speed(self) -> float:

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closeform.arrays import Floats, instance, numbers, sequence
+from closeform.arrays import Floats, numbers, sequence
 
 LOWER = np.tril_indices(6)  # row by row, as messages list them
-# Of the unit of correlations: of digits that a message prints, and what a matrix without rank may lose.
-ROUNDING = 1e-6
 RADIAL = ("RTN", "RSW")
 LOCAL = (*RADIAL, "TNW")  # CCSDS 502.0-B-3 3.2.4.11
 J2000 = {"J2000": "EME2000"}
@@ -56,8 +54,7 @@ class Covariances:
         if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
             raise ValueError("times: must be finite and rise; sort the covariances and remove doubles")
         for index, matrix in enumerate(matrices):
-            if (flaw := flaw_of(matrix)) is not None:
-                raise ValueError(f"matrices[{index}]: {flaw}")
+            check(f"matrices[{index}]", matrix)
         for name, value in (("times", times), ("matrices", matrices), ("frames", frames)):
             object.__setattr__(self, name, value)
 
@@ -72,25 +69,15 @@ def from_lower(values: Sequence[float]) -> Floats:
     return matrix + np.tril(matrix, -1).T
 
 
-def flaw_of(matrix: Floats) -> str | None:
-    """Why a matrix (6, 6) is no covariance, if it is none."""
+def check(name: str, matrix: Floats) -> None:
+    """Refuse a matrix (6, 6) that is no covariance, as `Errors` does."""
+    from closeform.uncertainty.covariance import (
+        root_of,  # with kernels, which a file without blocks can spare
+    )
+
     if not np.isfinite(matrix).all():
-        return "a value is not finite; remove or correct this covariance"
-    variances = np.diag(matrix)
-    if not (np.abs(matrix - matrix.T) <= ROUNDING * np.sqrt(np.abs(np.outer(variances, variances)))).all():
-        return "not symmetric; give the same value above and below the diagonal"
-    least = least_eigenvalue(matrix)
-    if least < -ROUNDING:
-        what = f"indefinite: the least eigenvalue of its correlations is {least:.3g}"
-        return f"{what}; ask the originator for a covariance with all its digits"
-    return None
-
-
-def least_eigenvalue(matrix: Floats) -> float:
-    """Of the correlations of a symmetric matrix (6, 6), which have no unit; below 0 it is indefinite."""
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    scale[scale == 0.0] = 1.0
-    return float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
+        raise ValueError(f"{name}: a value is not finite; remove or correct this covariance")
+    root_of(name, matrix)
 
 
 def canonical(frame: str) -> str:
@@ -109,12 +96,8 @@ def inertial(matrix: Floats, frame: str, state: Floats) -> Floats:
 
 def axes(frame: str, state: Floats) -> Floats:
     """The axes of a local frame as rows (3, 3), of an object of an inertial `state` (6,)."""
-    instance("frame", frame, str)
-    position, velocity = state[:3], state[3:]
-    normal = np.cross(position, velocity)
+    normal = np.cross(state[:3], state[3:])
     normal /= np.linalg.norm(normal)
-    if canonical(frame) in RADIAL:
-        radial = position / np.linalg.norm(position)
-        return np.array([radial, np.cross(normal, radial), normal])
-    along = velocity / np.linalg.norm(velocity)
-    return np.array([along, np.cross(normal, along), normal])
+    first = state[:3] if canonical(frame) in RADIAL else state[3:]
+    first = first / np.linalg.norm(first)
+    return np.array([first, np.cross(normal, first), normal])

@@ -16,7 +16,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from closeform.arrays import Floats, instance, sequence
-from closeform.exchange.covariance import LOWER, Covariances, flaw_of, from_lower
+from closeform.exchange.covariance import LOWER, Covariances, check, from_lower
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris, flaw_of_frame, flaw_of_states
 from closeform.exchange.epochs import EpochError, imported, scale_of, seconds_of
 from closeform.exchange.message import (
@@ -272,8 +272,7 @@ def _covariances(blocks: Sequence[Sequence[Entry]], epochs: Floats, states: str)
                 raise ValueError(f"line {entries[0].line}: COV_REF_FRAME {wrong}")
             del entries[0]
         matrix = from_lower(_lower(epoch, entries)) * 1e6
-        if (wrong := flaw_of(matrix)) is not None:
-            raise ValueError(f"line {epoch.line}: covariance of {epoch.value}: {wrong}")
+        check(f"line {epoch.line}: covariance of {epoch.value}", matrix)
         frames.append(frame)
         matrices.append(matrix)
     return Covariances(epochs, np.array(matrices), tuple(frames))
