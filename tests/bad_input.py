@@ -1150,7 +1150,7 @@ MISUSES = (
     Misuse(
         "a covariance that is indefinite in an ephemeris",
         'screen a.oem indefinite.oem --sphere "20 m"',
-        "indefinite.oem: line 25: covariance of 2026-01-01T00:00:00: indefinite: the least eigenvalue of its correlations is -1; ask the originator for a covariance with all its digits",
+        "indefinite.oem: line 25: covariance of 2026-01-01T00:00:00: no covariance, its least eigenvalue, scaled by its diagonal, is -1; none may be below 0; were digits or signs lost?",
     ),
     Misuse(
         "a covariance in an unknown frame",

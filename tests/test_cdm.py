@@ -232,7 +232,7 @@ def test_the_encounter_of_a_message(slow):
     assert met.speed == pytest.approx(slow.relative_speed, rel=1e-12)
     first, second = slow.objects
     spoilt = replace(slow, objects=(first, replace(second, covariance=second.covariance - 2.0 * np.eye(6))))
-    with pytest.raises(ValueError, match="SECONDARY: covariance: .*least eigenvalue"):
+    with pytest.raises(ValueError, match=r"SECONDARY: covariance: .*least eigenvalue"):
         spoilt.encounter()
 
 
