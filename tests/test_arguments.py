@@ -114,9 +114,9 @@ CALLS = {
     "fire": turned(
         plan=MOVE, thrusters=SIX, mass=12.0, specific_impulse=60.0, zone=BALL, obstacles=[REST]
     ),
-    "plots.primer": turned(path=MOVE),
+    "plots.primer": turned(path=MOVE, craft=0, thrusters=SIX),
     "plots.trade": turned(
-        found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])), plan=[MOVE]
+        found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])), plan=[MOVE], fired=2.0
     ),
     "plots.clearance": turned(found=cf.clearance_costs(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
     "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),
@@ -358,7 +358,7 @@ def test_float32_is_its_value():
 
 def test_all_public_functions_are_called():
     """But those that make results, pictures or files (see their own tests)."""
-    others = {"read_oem", "write_oem", "study", "Status", "Search", "Screening", "CommonFrame"}
+    others = {"read_oem", "write_oem", "run", "study", "Status", "Search", "Screening", "CommonFrame"}
     others |= {name for name in CALLABLES if name.startswith("plots.")}
     others |= {name for name in CALLABLES if name.startswith(("PairZones", "Zone"))}
     assert CALLABLES.keys() - CALLS.keys() - RESULTS - others == set()

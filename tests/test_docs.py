@@ -3,13 +3,16 @@
 import re
 import runpy
 import shlex
+from operator import attrgetter
 from pathlib import Path
 
 import matplotlib
 import pytest
 
+import closeform as cf
 import closeform.report.gather
 from closeform.cli import main
+from closeform.scenario.stages import STAGES
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
@@ -97,3 +100,13 @@ def test_link_leads_somewhere(name: str, target: str) -> None:
     if heading:
         headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
         assert heading in [re.sub(r"[^\w\- ]", "", text).lower().replace(" ", "-") for text in headings]
+
+
+def test_the_table_of_tasks_names_every_stage_and_nothing_that_is_not_there() -> None:
+    """docs/choose.md: all verbs, and `cf.NAME` and `orbit.NAME` that exist."""
+    page = (ROOT / "docs" / "choose.md").read_text(encoding="utf-8")
+    assert {verb for verb in STAGES if f"`{verb}" not in page} == set()
+    for name in re.findall(r"\bcf\.([\w.]+)", page):
+        assert attrgetter(name)(cf) is not None
+    for name in re.findall(r"\borbit\.(\w+)", page):
+        assert hasattr(cf.Orbit, name)

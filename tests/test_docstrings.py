@@ -18,7 +18,7 @@ import pytest
 from test_surface import CALLABLES, RESULTS, arguments, properties
 
 # Definitions, bookkeeping and files: there is nobody to cite, or the summary does.
-OURS = {"join", "stack", "study", "PairZones.groups"}
+OURS = {"join", "stack", "run", "study", "PairZones.groups"}
 OURS |= {"Orbit.circular", "Orbit.from_semi_major_axis", "Orbit.from_period"}
 
 SECTIONS = ["Parameters", "Attributes", "Returns", "Raises", "Notes", "References"]

@@ -4,6 +4,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import Patch
 
 import closeform as cf
 from firings import CUBE
@@ -66,8 +67,24 @@ def test_of_a_formation_one_craft_is_shown_and_others_are_refused():
     figure = cf.plots.pulses(firing, craft=1)
     assert figure.get_suptitle().startswith(f"Craft 1: {len(firing.pulses)} pulses")
     assert [axes.get_ylabel().split(" [")[0] for axes in figure.axes] == [
-        f"{k} up, {7 - k} down" for k in range(4)
+        f"{k + 1} up, {8 - k} down" for k in range(4)
     ]
     assert cf.plots.pulses(firing).get_suptitle() == "Craft 0 has nothing to fire"
     with pytest.raises(ValueError, match=r"^craft: from 0 to 1, got 2$"):
         cf.plots.pulses(firing, craft=2)
+
+
+def test_the_legend_has_a_pulse_in_the_colour_of_each_panel():
+    figure = cf.plots.pulses(cf.fire(MOVE, SIX))
+    shown = {patch.get_facecolor()[:3] for patch in figure.legends[0].findobj(Patch)}
+    assert shown >= {bars.get_facecolor()[:3] for axes in figure.axes for bars in axes.patches}
+
+
+def test_the_headline_tells_fired_and_planned_apart():
+    firing = cf.fire(MOVE, SIX)
+    assert firing.delta_v > firing.planned.delta_v
+    words = cf.plots.pulses(firing).get_suptitle()
+    assert f"Δv {firing.delta_v:.4g} m/s fired for {firing.planned.delta_v:.4g} m/s planned" in words
+    shown = cf.plots.burns(firing).get_suptitle()
+    assert f"{len(firing.pulses)} pulses, {firing.delta_v:.4g} m/s" in shown
+    assert f"{firing.planned.delta_v:.4g} m/s planned" in shown

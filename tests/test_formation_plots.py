@@ -772,3 +772,98 @@ def test_a_film_of_an_orbit(tmp_path):
     assert file.stat().st_size * 101 / 13 < 3.5e6
     with pytest.raises(ValueError, match="frames: expected a whole number from 2 on, got 1"):
         plots.formation_animation(before, file, frames=1)
+
+
+# What a long coast, a plan that changes nothing and on-off thrusters look like
+
+
+def swaying(count, orbits):
+    """Craft on relative orbits of different phases, whose distances sway with the orbit."""
+    phases = 2.4 * np.arange(count)
+    size = 60.0 + 15.0 * np.arange(count)
+    x, y = 0.5 * size * np.sin(phases), size * np.cos(phases)
+    states = np.stack([x, y, size * np.sin(phases), 0.5 * y * N, -2 * x * N, y * N], axis=1)
+    return ORBIT.coast(states, orbits * ORBIT.period)
+
+
+def test_pairs_over_many_orbits_have_a_panel_each():
+    """The curve, the stays and the least of each pair are its own; names are above them."""
+    paths = swaying(6, 10)
+    figure = plots.closest_pairs(paths, BALL, list("ABCDEF"), count=8)
+    assert len(figure.axes) == 8
+    assert not figure.legends
+    times = np.linspace(0.0, 10 * ORBIT.period, 20001)
+    where = paths.position(times)
+    apart = {
+        (i, j): np.linalg.norm(where[i] - where[j], axis=1) / 15.0 for i in range(6) for j in range(i + 1, 6)
+    }
+    nearest = sorted(apart, key=lambda pair: round(apart[pair].min(), 4))[:8]
+    shown = []
+    for axes in figure.axes[:8]:
+        words = axes.texts[0].get_text()
+        pair = tuple("ABCDEF".index(name) for name in words.split("\n")[0].split(" and "))
+        shown.append(pair)
+        line = max(axes.lines, key=lambda one: len(one.get_xdata()))
+        drawn = np.interp(times / ORBIT.period, line.get_xdata(), line.get_ydata())
+        assert drawn == pytest.approx(apart[pair], rel=2e-2, abs=0.02)
+        inside = apart[pair] <= 1.0
+        entries = int(np.count_nonzero(np.diff(inside.astype(int), prepend=0) > 0))
+        assert words.split("\n")[2:] == [f"{entries} conflict{'s' * int(entries > 1)}"] * int(entries > 0)
+        dots = [one for one in axes.lines if one.get_marker() == "o"]
+        assert dots[0].get_ydata()[0] == pytest.approx(apart[pair].min(), abs=1e-3)
+    assert set(shown) == set(nearest)
+
+
+def test_a_hundred_orbits_are_a_band():
+    paths = swaying(3, 100)
+    figure = plots.closest_pairs(paths, BALL)
+    times = np.linspace(0.0, 100 * ORBIT.period, 40001)
+    for axes in figure.axes[:3]:
+        one, other = (int(name) for name in axes.texts[0].get_text().split("\n")[0].split(" and "))
+        apart = np.linalg.norm(paths[one].position(times) - paths[other].position(times), axis=1) / 15.0
+        line = max(axes.lines, key=lambda line: len(line.get_xdata()))
+        assert len(line.get_xdata()) < 110
+        assert line.get_ydata().min() == pytest.approx(apart.min(), rel=0.05)
+
+
+def test_few_curves_stay_together():
+    figure = plots.closest_pairs(swaying(3, 1), BALL)
+    assert len(figure.legends) == 1
+
+
+def test_pictures_of_a_plan_that_changes_nothing_have_one_side():
+    before, after, _, _ = swap(3)
+    again = ORBIT.transfer(before.state(0.0), before.state(before.end[0]), before.end[0])
+    assert again is not before
+    alike = plots.formation_paths(before, again, zone=BALL)
+    assert len(alike.axes) == len(plots.formation_paths(before, before, zone=BALL).axes)
+    assert "before" not in alike.get_suptitle()
+    assert "before" in plots.formation_paths(before, after, zone=BALL).get_suptitle()
+    one = plots.before_after(before[0], again[0], [before[1]], BALL)
+    assert one.get_suptitle().startswith("The path: ")
+
+
+def test_several_pairs_in_conflict_are_named():
+    states = straight(5, miss=2.0)
+    least, stays = meetings(states)
+    assert len(stays) > 2
+    figure = plots.formation_paths(DEEP.coast(states, END), DEEP.coast(states, END), list("ABCDE"), BALL)
+    deep = sorted(stays, key=lambda pair: least[pair])
+    named = [f"{'ABCDE'[i]} and {'ABCDE'[j]}" for i, j in deep]
+    assert f": {len(stays)} in conflict: {named[0]}, {named[1]}, " in figure.get_suptitle()
+
+
+def test_thrust_of_on_off_thrusters_is_what_the_plan_asks_for():
+    before, _, _, _ = swap(4, 0.3 * ORBIT.period)
+    peak = max(path.peak_thrust for path in before)
+    figure = plots.formation_thrust(before, list("ABCD"), [20 * peak] * 4, [2.0] * 4, on_off=True)
+    name, fires = figure.get_suptitle().split("'s plan asks for most, ")
+    assert name in "ABCD"
+    newtons = {unit: size for size, unit in UNITS}
+    asked, given = fires.split("; thrusters fire ")
+    for words, force in ((asked, 2 * peak), (given.removesuffix(" each, on or off"), 40 * peak)):
+        value, unit = words.split(" ")
+        assert float(value) * newtons[unit] == pytest.approx(force, rel=1e-3)
+    assert figure.axes[0].get_ylabel().startswith("planned thrust")
+    with pytest.raises(ValueError, match=r"^on_off: expected True, False, or one for each of 4 craft"):
+        plots.formation_thrust(before, on_off=[True])

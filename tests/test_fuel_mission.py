@@ -122,7 +122,7 @@ def pulsed(burns: list[dict], state: np.ndarray, end: float, force: float, mass:
     """Where pulses of constant force lead a craft that gets lighter, by an integrator: state and mass."""
     begin = np.array([burn["start_s"] for burn in burns])
     over = begin + [burn["duration_s"] for burn in burns]
-    push = force * RTN[[burn["thruster"] for burn in burns]]
+    push = force * RTN[[burn["thruster"] - 1 for burn in burns]]  # counted from 1
     edges = np.unique(np.concatenate([[0.0, end], begin, over]))
     y = np.append(state, mass)
     for a, b in zip(edges[:-1], edges[1:], strict=True):
@@ -443,3 +443,29 @@ def test_burns_that_overlap_stop_the_mission_with_a_reason():
     assert "must begin again at" in mission.stopped
     assert mission.stopped.endswith("give it more thrust or time, or cost 'energy', which spreads it")
     assert not mission.results[0].flown
+
+
+def test_planned_and_fired_are_told_apart(ran):
+    """In the table of the plan, in that of the pulses, in a line and in the summary."""
+    run = ran(alone(ON_OFF, cost='"energy"'))  # free in direction, which thrusters are not
+    (shot,) = run.summary["stages"][0]["transfer"]["pulsed"]["craft"]
+    planned = run.summary["stages"][0]["transfer"]["planned"]["delta_v_m_s"]
+    fired = run.summary["delta_v_m_s"]["I"]
+    assert fired > planned
+    assert (shot["planned_m_s"], shot["delta_v_m_s"]) == pytest.approx((planned, fired), rel=1e-9)
+    assert f"Delta-v fired {fired:.6g} m/s, for {planned:.6g} m/s planned" in run.printed
+    heads = [line for line in run.printed.splitlines() if "delta-v [m/s]" in line]
+    assert "planned delta-v [m/s]" in heads[0]
+    assert "fired [m/s]" in run.printed
+    assert f"Delta-v planned {planned:.6g} m/s" in run.printed
+
+
+def test_thrusters_count_from_1_in_what_is_written(ran):
+    """With "rtn" 1 pushes along R, 6 against N, in the list as in a message."""
+    run = ran(alone(ON_OFF))
+    for burn in run.table("burns"):
+        push = np.array([burn[key] for key in ("radial_m_s", "along_track_m_s", "cross_track_m_s")])
+        assert push == pytest.approx(burn["size_m_s"] * RTN[burn["thruster"] - 1], abs=1e-12)
+    assert {burn["thruster"] for burn in run.table("burns")} <= set(range(1, 7))
+    why = fly(parse(TIGHT)).stopped
+    assert 1 <= int(re.search(r"thruster (\d+) fires", why)[1]) <= 6

@@ -658,3 +658,24 @@ within = "{within}"
 """)
     )
     assert flown.verdict.ok
+
+
+def test_a_file_is_flown_from_python(tmp_path, capsys):
+    """As `closeform run` does, without a word or a file."""
+    mission = cf.run(EXAMPLES / "cluster.toml")
+    assert str(mission.verdict).startswith("clear: no conflict remains")
+    move, zone = mission.results[1], cf.Ellipsoid([20.0, 40.0, 20.0])
+    paths = {name: move.before.path(name) for name in move.before.names}
+    found = {
+        (one, other): stays[0].start
+        for one, other in combinations(paths, 2)
+        if (stays := cf.find_conflicts(paths[one], paths[other], zone))
+    }
+    assert {(met.first, met.second): met.start for met in move.before.conflicts} == pytest.approx(found)
+    assert move.after.conflicts == ()
+    assert cf.screen(move.after.paths, zone).conflicts == ()
+    assert capsys.readouterr() == ("", "")
+    with pytest.raises(ValueError, match=r"[Nn]o such file"):
+        cf.run(tmp_path / "none.toml")
+    with pytest.raises(ValueError, match=r"^file: expected"):
+        cf.run(None)

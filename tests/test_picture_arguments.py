@@ -36,7 +36,8 @@ CALLS = {
         "before": COAST, "after": COAST, "names": ["a", "b", "c"], "zone": BALL, "obstacles": [REST]
     },
     "plots.formation_thrust": {
-        "paths": COAST, "names": ["a", "b", "c"], "limits": np.ones(3), "masses": np.ones(3)
+        "paths": COAST, "names": ["a", "b", "c"], "limits": np.ones(3), "masses": np.ones(3),
+        "on_off": np.ones(3, dtype=bool),
     },
     "plots.histogram": {"times": np.array([1.0, 2.0]), "search": SEARCH, "bin": 60.0, "what": "pairs lock"},
     "plots.in_plane_search": {"search": SEARCH},
@@ -50,6 +51,7 @@ CALLS = {
     "plots.three_views": {"gathering": GATHERED, "time": 1.0, "craft": 0, "names": ["a", "b", "c"]},
     "plots.thrust": {"paths": [MOVE], "labels": ["a"], "mass": 1.0},
     "plots.two_ways": {"path": MOVE, "obstacle": REST, "zone": BALL, "ways": [MOVE], "name": "a"},
+    "run": {"file": "examples/cluster.toml"},
     "study": {"file": "examples/s04.toml", "cases": 10, "seed": 1},
 }  # fmt: skip
 BAD = {
@@ -66,7 +68,7 @@ def fits(name, argument, bad):
     if bad is None:
         return default in (None, ())
     if isinstance(bad, bool):
-        return isinstance(good, float)
+        return isinstance(good, float) or argument == "on_off"
     if argument == "times":
         return isinstance(bad, list) and bad == [3]
     if isinstance(good, str) or argument == "file":
@@ -101,7 +103,7 @@ def test_what_does_not_fit_is_named(name, argument, bad):
 
 
 def test_all_pictures_are_called():
-    named = {name for name in CALLABLES if name.startswith("plots.")} | {"study"}
+    named = {name for name in CALLABLES if name.startswith("plots.")} | {"run", "study"}
     assert named == CALLS.keys()
     for name, arguments in CALLS.items():
         assert list(arguments) == list(inspect.signature(CALLABLES[name]).parameters)

@@ -37,6 +37,7 @@ TARGET = ORBIT.coast(np.zeros(6), 3 * ORBIT.period)
 INSPECTOR = ORBIT.coast([-50.0, 0, 0, 0, 100.0 * N, 50.0 * N], 3 * ORBIT.period)
 SEARCH = cf.Search.modified(cf.Sensor(np.radians(70.0)), np.radians(0.25), np.radians(25.0))
 LATE = np.concatenate([np.zeros(40), np.random.default_rng(5).uniform(1.0, 2000.0, 400)])
+LONG_COAST = ORBIT.coast(RING * np.linspace(1.0, 1.6, 12)[:, None], 10 * ORBIT.period)
 OTHERS = [AFTER[k] for k in range(1, 12)]
 PICTURES = {
     "paths, before and after": lambda names: plots.formation_paths(BEFORE, AFTER, names, BALL),
@@ -46,6 +47,7 @@ PICTURES = {
     "ratios of all": lambda names: plots.ratio_matrix(AFTER, BALL, names),
     "ratios of two": lambda names: plots.ratio_matrix(AFTER[:2], BALL, names[:2]),
     "closest pairs": lambda names: plots.closest_pairs(BEFORE, BALL, names, count=8),
+    "closest pairs over orbits": lambda names: plots.closest_pairs(LONG_COAST, BALL, names, count=8),
     "thrust of all": lambda names: plots.formation_thrust(
         AFTER, names, [1e-3] * 6 + [np.inf] * 3 + [2e-3] * 3, range(20, 32)
     ),

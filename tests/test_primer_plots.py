@@ -10,7 +10,7 @@ START = [20e3, 20e3, 20e3, -20.0, 20.0, -5.0]  # Curtis, chapter 7: to the origi
 
 
 def dots(figure):
-    return np.array([line.get_ydata()[0] for line in figure.axes[0].lines if line.get_marker() == "o"])
+    return np.concatenate([line.get_ydata() for line in figure.axes[0].lines if line.get_marker() == "o"])
 
 
 def test_primer_touches_one_at_the_impulses():
@@ -52,3 +52,101 @@ def test_trade_is_what_arrivals_found():
     assert [text.get_text() for text in figure.axes[0].texts] == ["slot 0"]
     with pytest.raises(ValueError, match="found: has no duration"):
         cf.plots.trade(cf.arrivals(ORBIT, START, slots, []))
+
+
+ROUND = cf.Orbit.circular(500e3)
+BEGIN, END, LONG = [40.0, -200.0, 30.0, 0.0, -0.09, 0.0], [-40.0, 200.0, -30.0, 0.0, 0.09, 0.0], 5000.0
+IN_THE_WAY = ROUND.coast(np.zeros(6), LONG), cf.Sphere(120.0)
+
+
+def curve_of(figure):
+    return next(line for line in figure.axes[0].lines if len(line.get_xdata()) > 100)
+
+
+def words_of(figure):
+    return [figure.get_suptitle(), *(text.get_text() for text in figure.axes[0].texts)]
+
+
+def test_a_plan_around_a_zone_has_a_primer_of_its_own():
+    """Six unknowns, and three equations for each impulse: along it and 1 there, nowhere more."""
+    plan = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v")
+    assert len(plan.contacts) > 0
+    assert len(plan.path.impulses) > 2
+    figure = cf.plots.primer(plan)
+    sizes = [np.linalg.norm(push) for _, push in plan.path.impulses]
+    assert dots(figure) == pytest.approx(np.ones(len(sizes)), abs=1e-2)  # of the smallest ones
+    assert dots(figure) @ sizes == pytest.approx(plan.delta_v, rel=5e-4)
+    assert curve_of(figure).get_ydata().max() <= 1.002
+    headline, *_ = words_of(figure)
+    assert headline.endswith("the least on these sides") or "above the least on these sides" in headline
+    touched = [
+        line
+        for line in figure.axes[0].lines
+        if len(set(line.get_xdata())) == 1 and len(line.get_xdata()) == 2
+    ]
+    assert sorted(line.get_xdata()[0] * 60.0 for line in touched) == pytest.approx(
+        [contact.time for contact in plan.contacts]
+    )
+    alone = cf.plots.primer(plan.path)  # of the ends alone
+    assert dots(alone).min() < 0.99
+    assert any("nothing in the way" in word for word in words_of(alone))
+
+
+def test_the_slope_of_a_plans_primer_jumps_at_contacts_only():
+    """By the multiplier along the normal, which is in the craft's rate of the primer."""
+    plan = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v")
+    from closeform.plots.worth import Planes, Worth
+
+    planes = Planes.of(plan, 0, plan.path)
+    worth = Worth.of(plan.path, planes, None)
+    h = 1e-2
+    for contact in plan.contacts:
+        ahead = (worth(np.array([contact.time + h])) - worth(np.array([contact.time]))) / h
+        behind = (worth(np.array([contact.time])) - worth(np.array([contact.time - h]))) / h
+        jump = (ahead - behind)[0]
+        here = [one for one in plan.contacts if abs(one.time - contact.time) < h]  # perhaps two at once
+        expected = sum(one.multiplier * one.normal for one in here)
+        assert jump == pytest.approx(expected, abs=1e-3 * np.linalg.norm(expected) + 1e-7)
+
+
+def test_each_craft_of_a_joint_plan_has_its_primer():
+    angles = 2 * np.pi * np.arange(6) / 6
+    ring = np.zeros((6, 6))
+    ring[:, 1], ring[:, 2] = 120 * np.cos(angles), 120 * np.sin(angles)
+    plan = cf.reconfigure(ROUND, ring, -ring, ROUND.period / 4, cf.Sphere(15.0), cost="delta-v")
+    for craft in range(6):
+        figure = cf.plots.primer(plan, craft)
+        assert dots(figure) == pytest.approx(np.ones(len(plan.paths[craft].impulses)), abs=1e-2)
+        sizes = [np.linalg.norm(push) for _, push in plan.paths[craft].impulses]
+        assert dots(figure) @ sizes == pytest.approx(plan.paths[craft].delta_v, rel=5e-4)
+        assert curve_of(figure).get_ydata().max() <= 1.005
+    with pytest.raises(ValueError, match=r"^craft: from 0 to 5, got 6$"):
+        cf.plots.primer(plan, 6)
+
+
+def test_a_plan_for_thrusters_has_a_primer_along_them():
+    six = cf.Thrusters.rtn()
+    path = ROUND.impulsive(BEGIN, END, LONG, thrusters=six)
+    figure = cf.plots.primer(path, thrusters=six)
+    assert dots(figure) == pytest.approx(np.ones(len(path.impulses)), abs=1e-4)
+    assert curve_of(figure).get_ydata().max() <= 1.001
+    assert figure.get_suptitle().endswith("by its thrusters: the least")
+    around = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v", thrusters=six)
+    figure = cf.plots.primer(around, thrusters=six)
+    assert dots(figure) == pytest.approx(np.ones(len(around.path.impulses)), abs=2e-2)
+    assert curve_of(figure).get_ydata().max() <= 1.02
+
+
+def test_the_trade_marks_what_is_planned_and_what_is_fired():
+    found = cf.arrivals(ROUND, BEGIN, np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
+    path = ROUND.transfer(BEGIN, np.zeros(6), LONG)
+    figure = cf.plots.trade(found, path, fired=1.3 * path.delta_v)
+    unit = 1e-3 if "mm/s" in figure.axes[0].get_ylabel() else 1.0
+    ring, dot = figure.axes[0].lines[-2:]
+    assert [ring.get_ydata()[0] * unit, dot.get_ydata()[0] * unit] == pytest.approx(
+        [path.delta_v, 1.3 * path.delta_v]
+    )
+    assert ring.get_markerfacecolor() == "none"
+    assert {"this plan", "this plan, as fired"} <= {text.get_text() for text in figure.axes[0].texts}
+    with pytest.raises(ValueError, match=r"^fired: .* give it with the plan"):
+        cf.plots.trade(found, fired=1.0)

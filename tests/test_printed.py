@@ -185,3 +185,76 @@ def test_a_study_keeps_the_zones_that_a_run_keeps(zones: str, stage: str) -> Non
     alone = [not fly(case_of(scenario, case)).verdict.conflicts for case in range(60)]
     np.testing.assert_array_equal(clear, alone)
     assert 0.1 < clear.mean() < 0.95
+
+
+CROWD = """
+closeform = 1
+title = "Crowd"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["A", "B", "C", "D"]
+start = [
+  { roe = "0 0 0 100 0 60 m" }, { roe = "0 0 0 -100 0 60 m" },
+  { roe = "0 0 0 100 0 -60 m" }, { roe = "0 300 0 100 0 60 m" },
+]
+keep_out = { sphere = "30 m" }
+[[stage]]
+do = "coast"
+for = "FOR"
+"""
+
+
+def test_many_conflicts_of_a_coast_have_a_row_for_each_pair() -> None:
+    """Every pair is named with how often, from when to when, and how deep it is in the other's zone."""
+    mission = fly(parse(CROWD.replace("FOR", "30 orbits")))
+    met = mission.results[0].after.conflicts
+    assert len(met) > 40
+    (told,) = RunReport(mission).sections
+    by_pair, every = told.tables[:2]
+    assert not by_pair.folded
+    assert every.folded
+    assert len(every.rows) == len(met)
+    pairs = {(one.first, one.second) for one in met}
+    assert {row[0] for row in by_pair.rows} == pairs
+    for pair, number, first, last, inside, when, least in by_pair.rows:
+        own = [one for one in met if (one.first, one.second) == pair]
+        assert number == len(own)
+        assert first == min(one.start for one in own)
+        assert last == max(one.end for one in own)
+        assert inside == pytest.approx(sum(one.end - one.start for one in own))
+        assert least == pytest.approx(min(one.ratio for one in own), abs=1e-6)
+        assert any(one.time == when and one.ratio == least for one in own)
+    ratios = [round(row[-1], 6) for row in by_pair.rows]
+    assert ratios == sorted(ratios)
+    assert by_pair.title == "Conflicts, by pair"
+    stage = RunReport(mission).summary["stages"][0]
+    assert [tuple(row["pair"]) for row in stage["after"]["conflicts_by_pair"]] == [
+        row[0] for row in by_pair.rows
+    ]
+
+
+def test_more_pairs_than_a_terminal_holds_are_counted() -> None:
+    names = [f"C{k}" for k in range(12)]
+    starts = [f"{5 * k} {100 - 3 * k} {k} m" for k in range(12)]  # straight on, through one point at 1000 s
+    speeds = [f"{-5 * k} {-(100 - 3 * k)} {-k} mm/s" for k in range(12)]
+    text = f"""
+closeform = 1
+title = "Through one point"
+[orbit]
+deep_space = true
+[craft]
+name = {json.dumps(names)}
+position = {json.dumps(starts)}
+velocity = {json.dumps(speeds)}
+keep_out = {{ sphere = "1 m" }}
+[[stage]]
+do = "coast"
+for = "2000 s"
+"""
+    mission = fly(parse(text))
+    (told,) = RunReport(mission).sections
+    pairs = len({(met.first, met.second) for met in mission.results[0].after.conflicts})
+    assert pairs > 40
+    assert told.tables[0].title == f"Conflicts, by pair, the 40 deepest of {pairs}"
+    assert len(told.tables[0].rows) == 40

@@ -177,7 +177,7 @@ for = "12000 s"
 
 
 def test_many_conflicts_of_a_coast_are_summed_up() -> None:
-    """Ten craft swing through one place twice an orbit, all 45 pairs at once: 180 stays, one line."""
+    """Ten craft swing through one place twice an orbit, all 45 pairs at once: 180 stays, a row for a pair."""
     names = ", ".join(f'"C{k}"' for k in range(10))
     swings = ", ".join(f'{{ palmer = "0 0 0 0 {200 + 100 * k} 0 m" }}' for k in range(10))
     text = f"""\
@@ -197,7 +197,12 @@ for = "12000 s"
     assert str(report.mission.verdict) == "180 conflicts of 45 pairs remain"
     (section,) = report.sections
     assert section.lines[0].startswith("Conflicts: 180 in 45 of 45 pairs; deepest are ")
-    assert [table.folded for table in section.tables] == [True, True]
+    assert [(len(table.rows), table.folded) for table in section.tables] == [
+        (40, False),
+        (180, True),
+        (45, True),
+    ]
+    assert section.tables[0].title == "Conflicts, by pair, the 40 deepest of 45"
 
 
 # avoid within a thrust limit

@@ -54,6 +54,7 @@ _NAMES = {
     "search.gather_result": "Event EventKind GatherStatus Gathering Gatherings",
     "search.gather": "gather gather_cases",
     "campaign": "study",
+    "mission": "run",
     "exchange.ephemeris": "Ephemeris",
     "exchange.oem": "read_oem write_oem",
     "exchange.covariance": "Covariances",

@@ -12,11 +12,12 @@ pulses of thrusters (`pulsed`), `lock_times` and `gather` for who finds whom.
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, instance
 from closeform.conflicts.flight import watch
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.joint_stage import reconfigure, regather, scatter
@@ -34,6 +35,7 @@ from closeform.scenario import (
     ScenarioError,
     StageTable,
     Transfer,
+    load,
 )
 from closeform.search.gather_result import Gathering, who_is_left
 from closeform.single_stage import avoid, transfer
@@ -73,6 +75,34 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             return Mission(scenario, orbit, tuple(results), f"stage {number} ({verb}): {result.failure}")
         states = result.after.paths.state(result.end)
     return Mission(scenario, orbit, tuple(results))
+
+
+def run(file: str | Path) -> Mission:
+    """Fly the stages of a scenario file, as `closeform run` does, and answer with all that has come of it.
+
+    Nothing is printed or written.
+
+    Parameters
+    ----------
+    file : str or path-like
+        A scenario.
+
+    Returns
+    -------
+    Mission
+        Its `results` are the stages as flown, each with the flight `before` avoidance and `after` it:
+        `paths`, `conflicts` by name (`PairConflict`) and `approaches`, the closest of each pair; `result`
+        holds the `plan`, `avoidance` or gathering.  `verdict` says what the last line of a run does, `clear`
+        whether no conflict remains; `delta_v` [m/s] and `propellant` [kg] are of each stage and craft.
+
+    Raises
+    ------
+    ScenarioError
+        If the scenario cannot be read or flown; a ValueError.
+    ValueError
+        If `file` is no path.
+    """
+    return fly(load(instance("file", file, str, Path)))
 
 
 def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Floats:

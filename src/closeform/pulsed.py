@@ -1,5 +1,6 @@
 """What thrusters make of a stage: pulses that fly its plan, with the room that they need, certified."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -78,7 +79,10 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
 
 
 def fired(start: StageStart, flight: Flight) -> "tuple[tuple[str, ...], Firing] | None":
-    """Who fires pulses on a flight, and what; None where nobody has thrusters and needs them."""
+    """Who fires pulses on a flight, and what; None where nobody has thrusters and needs them.
+
+    Raises ValueError that counts craft by their names and thrusters from 1.
+    """
     scenario = start.scenario
     shooting = [
         k
@@ -102,9 +106,10 @@ def fired(start: StageStart, flight: Flight) -> "tuple[tuple[str, ...], Firing] 
     try:
         return names, fire(flight.paths[shooting], [one for one in thrusters if one is not None], **tanks)
     except ValueError as error:
-        what, _, words = str(error).partition(": craft ")
+        text = re.sub(r"\bthruster (\d+)", lambda one: f"thruster {int(one[1]) + 1}", str(error))
+        what, _, words = text.partition(": craft ")
         if not words:
-            raise
+            raise type(error)(text) from None
         k, _, why = words.partition(": ")
         raise type(error)(f"{what}: {names[int(k)]}: {why}") from None
 

@@ -174,7 +174,7 @@ def least_length(q, order, n, stop, a, best, best_time):
             when = bottom(q, order, n, t, end)
             x, y, z, _, _, _ = relative_state(q, order, n, when)
             s = sqrt(x * x + y * y + z * z)
-            if s < best:
+            if s < best * (1.0 - PRECISION):  # of equals the first, as orbit after orbit
                 best, best_time = s, when
             if best <= NIL:
                 return 0.0, best_time, stop

@@ -104,18 +104,22 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     axes.set_yticks(np.arange(count)[::-1], called)
     axes.tick_params(axis="y", labelsize=SMALL if count <= 20 else SMALL - 3)
     time_axes([axes], ticks, start - MARGIN * (end - start), end + MARGIN * (end - start))
-    headline(figure, _said(called, every, greatest))
+    planned = float(np.sum(paths.planned.delta_v)) if isinstance(paths, Firing) else None
+    headline(figure, _said(called, every, greatest, planned))
     return figure
 
 
-def _said(called: list[str], every: list[Burns], greatest: float) -> str:
-    """Who burns most, and the largest burn."""
+def _said(called: list[str], every: list[Burns], greatest: float, planned: float | None) -> str:
+    """Who burns most, and the largest burn; of pulses beside what was planned."""
     spent = [float(one.size.sum()) for one in every]
     if not greatest:
         return "Nobody burns"
     k, number = int(np.argmax(spent)), sum(len(one.size) for one in every)
     unit = speed_unit(sum(spent))
-    burns = f"{number} burn{'s' * (number != 1)}, {sum(spent) / unit.size:.4g} {unit.name}"
+    burns = f"{number} {'burn' if planned is None else 'pulse'}{'s' * (number != 1)}, "
+    burns += f"{sum(spent) / unit.size:.4g} {unit.name}"
+    if planned is not None:
+        burns += f" fired for {speed(planned)} planned"
     if len(every) == 1:
         return f"{called[0]}: {burns}; the largest is {speed(greatest)}"
     return f"{burns} in all; {called[k]} spends most: {speed(spent[k])}"

@@ -13,7 +13,9 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
+from closeform.plots.letters import plain
 from closeform.plots.look import (
+    ABOVE,
     AFTER,
     ALONG,
     ALTERNATIVE,
@@ -43,6 +45,11 @@ from closeform.zones.pair_zones import PairZones
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
 LINEAR = 6.0  # ratio up to which the whole axis is linear
+TANGLED = 8.0  # curves times orbits from which on each pair has a panel of its own
+BANDED = 24.0  # orbits from which on a curve is the band between least and most of each orbit
+BAND = "#b9d9ec"
+Curve = tuple[Floats, Floats]  # times [s] and norms
+HIGH, BESIDE, LOW = 0.9, 2.5, 0.75  # inches of a panel, beside it for its pair, below all of them
 
 
 def closest_pairs(
@@ -55,7 +62,8 @@ def closest_pairs(
 
     Each line is the norm of one craft's position relative to the other, over their common time, with a
     dot at the exact least ratio.  Where a line goes beyond 6 zones the axis is logarithmic outside of the
-    zone.
+    zone.  Curves that would tangle, over many orbits, have a panel each; from 24 orbits on it has the band
+    between the least and the greatest ratio of each orbit.
 
     Parameters
     ----------
@@ -90,13 +98,24 @@ def closest_pairs(
     ticks = clock(pairs.paths, start, end)
 
     words = [said(pairs, k, called, ticks) for k in shown]
+    orbits = (end - start) / pairs.paths.orbit.period
+    drawn = in_panels if len(shown) > 1 and len(shown) * orbits > TANGLED else in_one
+    figure, panels = drawn(pairs, shown, words, curves, ticks)
+    time_axes(panels, ticks, start, end)
+    more = int(pairs.hit.sum()) - sum(bool(pairs.stays[k]) for k in shown)
+    headline(figure, title(pairs, called) + (f"; {more} more in conflict" if more else ""))
+    return figure
+
+
+def in_one(
+    pairs: Pairs, shown: list[int], words: list[str], curves: list[Curve], ticks: Clock
+) -> tuple[Figure, list[Axes]]:
+    """All curves on one axis, with a legend."""
     columns = 2 if max(map(len, words)) <= 52 else 1
-    below = 0.75 + 0.25 * -(-len(shown) // columns)
+    below = LOW + 0.25 * -(-len(shown) // columns)
     figure = sheet(5.5 + below)
     (axes,) = column(figure, [1.0], below)
-    dress(axes)
-    axes.axhspan(-1, 1, color=ZONE, alpha=0.2, linewidth=0)
-    axes.axhline(1, color=ZONE, linewidth=1.6)
+    guarded(axes)
     lines = [
         line(axes, row, ticks, pairs, k, word, *curve)
         for row, (k, word, curve) in enumerate(zip(shown, words, curves, strict=True))
@@ -113,13 +132,58 @@ def closest_pairs(
         fontsize=SMALL,
         color="#9a6a00",
     )
-    time_axes([axes], ticks, start, end)
     legend(figure, lines, words, ncols=columns, handlelength=3.2)
-    headline(figure, title(pairs, called))
-    return figure
+    return figure, [axes]
 
 
-def curve(pairs: Pairs, k: int) -> tuple[Floats, Floats]:
+def in_panels(
+    pairs: Pairs, shown: list[int], words: list[str], curves: list[Curve], ticks: Clock
+) -> tuple[Figure, list[Axes]]:
+    """A panel for each pair, its name beside it, all with one axis of ratios; stays in the zone are bars."""
+    figure = sheet(ABOVE + LOW + len(shown) * HIGH)
+    panels = column(figure, [1.0] * len(shown), LOW, BESIDE)
+    least, most = float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves)
+    for axes, k, word, curve in zip(panels, shown, words, curves, strict=True):
+        guarded(axes)
+        stays, (called, _, told) = pairs.stays[k], word.partition(": ")
+        often = [f"{len(stays)} conflict{'s' * (len(stays) != 1)}"] if stays else []
+        beside: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "center"}
+        beside |= {"fontsize": SMALL - 1.5, "color": CONFLICT if stays else INK, "linespacing": 1.35}
+        plain(axes.annotate("\n".join([called, told, *often]), (1.0, 0.5), (8, 0), **beside))
+        band(axes, pairs.paths.orbit.period, ticks, *curve)
+        for stay in stays:
+            begin, over = ticks(stay.start), ticks(stay.end)
+            axes.fill_between([begin, over], 0.0, 1.0, color=CONFLICT, alpha=0.5, linewidth=0, zorder=2.5)
+            axes.vlines(0.5 * (begin + over), 0.0, 1.0, color=CONFLICT, linewidth=2.0, zorder=2.5)
+        dot: dict[str, Any] = {"color": AFTER, "markeredgecolor": "white", "markersize": 8, "zorder": 5}
+        axes.plot(ticks(pairs.time[k]), pairs.ratio[k], "o", clip_on=False, **dot)
+        ratio_axis(axes, least, most, few=True)
+    scale = ", logarithmic beyond it" if most > LINEAR and len(shown) > 2 else ""
+    figure.text(0.012, 0.5, f"ratio [× zone]{scale}", rotation=90, va="center", fontsize=TEXT, color=INK)
+    return figure, panels
+
+
+def band(axes: Axes, period: float, ticks: Clock, times: Floats, norms: Floats) -> None:
+    """A curve, or of very many orbits what lies between its least and greatest value in each."""
+    if times[-1] - times[0] < BANDED * period:
+        axes.plot(ticks(times), norms, color=AFTER, linewidth=1.5, zorder=3)
+        return
+    orbit = ((times - times[0]) / period).astype(int)
+    begins = np.flatnonzero(np.diff(orbit, prepend=-1))
+    low, high = np.minimum.reduceat(norms, begins), np.maximum.reduceat(norms, begins)
+    edges = ticks(np.append(times[begins], times[-1]))
+    axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=BAND)
+    axes.step(edges, np.append(low, low[-1]), where="post", color=AFTER, linewidth=1.5, zorder=3)
+
+
+def guarded(axes: Axes) -> None:
+    """Axes of ratios with the zone."""
+    dress(axes)
+    axes.axhspan(-1, 1, color=ZONE, alpha=0.2, linewidth=0)
+    axes.axhline(1, color=ZONE, linewidth=1.6)
+
+
+def curve(pairs: Pairs, k: int) -> Curve:
     """Times [s] and norms of one pair over its common time, its least and the ends of stays among them."""
     one, other = (pairs.paths[craft] for craft in pairs.craft[k].tolist())
     start, end = max(one.start, other.start), min(one.end, other.end)
@@ -150,20 +214,23 @@ def line(
     return drawn
 
 
-def ratio_axis(axes: Axes, least: float, most: float) -> None:
-    """From 0 to what is reached: linear, or logarithmic beyond the zone."""
+def ratio_axis(axes: Axes, least: float, most: float, few: bool = False) -> None:
+    """From 0 to what is reached: linear, or logarithmic beyond the zone; with few numbers it is not said."""
     bottom = 0.0 if least > 0.02 else -0.03  # so that a line at 0 is seen
     if most <= LINEAR:
         axes.set_ylim(bottom, 1.06 * max(most, 1.2))
+        if few:
+            axes.yaxis.set_major_locator(FixedLocator([0.0, 1.0, np.floor(max(most, 1.0))]))
         return
     axes.set_yscale("symlog", linthresh=1.0, linscale=0.7, subs=range(2, 10))
-    say_scale(axes, "logarithmic beyond the zone")
+    if not few:
+        say_scale(axes, "logarithmic beyond the zone")
     axes.set_ylim(bottom, 1.2 * most)
     decades = 10.0 ** np.arange(np.ceil(np.log10(1.2 * most)))
-    steps = (1, 2, 5) if len(decades) <= 3 else (1,)
+    steps = (1, 2, 5) if len(decades) <= 3 and not few else (1, 5) if len(decades) == 1 else (1,)
     ticks = [
         0.0,
-        0.5,
+        *([] if few else [0.5]),
         *(step * decade for decade in decades for step in steps if step * decade <= 1.2 * most),
     ]
     axes.yaxis.set_major_locator(FixedLocator(ticks))

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -43,6 +44,7 @@ from closeform.plots.look import (
 
 MOST = 8  # panels: those of thrusters that give most
 OPPOSITE = 1e-9  # of two directions' sum
+IDLE = 1e-6  # of what is asked of the thruster that is asked most: less is nothing
 
 
 def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
@@ -50,7 +52,8 @@ def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
 
     Each pulse is a bar as long as it lasts and as high as its delta-v; behind it the planned thrust, times
     the period, is what a cycle would give.  Two thrusters that work against each other share a panel, the
-    second one downwards.  Planned impulses are rings, and what is dropped is marked at its time.
+    second one downwards; those along no axis go by their number, counted from 1.  Planned impulses are
+    rings, and what is dropped is marked at its time.
 
     Parameters
     ----------
@@ -81,8 +84,8 @@ def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
     thrusters = firing.thrusters[craft]
     fired = firing.pulses[firing.pulses.craft == craft]
     dropped = firing.dropped[firing.dropped.craft == craft]
-    rows = _rows(thrusters, fired)
     times, wanted = _wanted(plan, thrusters)
+    rows = _rows(thrusters, fired, dropped, wanted)
     greatest = float(max(fired.impulse.max(initial=0.0), wanted.max(initial=0.0)))
     unit, ticks = speed_unit(greatest or 1.0), clock(plan, plan.start, plan.end)
     figure = sheet(2.3 + 1.9 * len(rows))
@@ -112,13 +115,14 @@ def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
         axes.set_ylim(-1.12 * low / unit.size, 1.12 * max(reach[0], least) / unit.size)
         axes.set_ylabel(f"{label} [{unit.name}]", fontsize=SMALL, color=colour)
     time_axes(panels, ticks, plan.start, plan.end)
-    _explained(figure, thrusters, len(dropped) > 0, plan)
+    tints = list(dict.fromkeys(_name(thrusters, *row)[1] for row in rows))
+    _explained(figure, thrusters, len(dropped) > 0, plan, tints)
     headline(figure, _said(firing, craft, fired, dropped, name))
     return figure
 
 
-def _rows(thrusters: Thrusters, fired: Pulses) -> list[tuple[int, int]]:
-    """Thrusters and those against them, -1 where there is none, of most delta-v."""
+def _rows(thrusters: Thrusters, fired: Pulses, dropped: Pulses, wanted: Floats) -> list[tuple[int, int]]:
+    """Thrusters and those against them, -1 where there is none, of most delta-v; none that are not asked."""
     sums = np.abs(thrusters.directions[:, None] + thrusters.directions).max(axis=2) < OPPOSITE
     found: list[tuple[int, int]] = []
     for one, against in enumerate(sums):
@@ -126,7 +130,10 @@ def _rows(thrusters: Thrusters, fired: Pulses) -> list[tuple[int, int]]:
         if other < 0 or one < other:
             found.append((one, other))
     given = np.bincount(fired.thruster, fired.impulse, len(thrusters) + 1)
-    most = sorted(found, key=lambda row: -given[row[0]] - given[row[1]])[:MOST]
+    asked = np.append(wanted.max(axis=0, initial=0.0), 0.0)
+    asked += given + np.bincount(dropped.thruster, dropped.impulse, len(thrusters) + 1)
+    used = [row for row in found if max(asked[list(row)]) > IDLE * asked.max()]
+    most = sorted(used or found, key=lambda row: -given[row[0]] - given[row[1]])[:MOST]
     return sorted(most)
 
 
@@ -152,7 +159,7 @@ def _name(thrusters: Thrusters, one: int, other: int) -> tuple[str, str]:
     if thrusters.directions[one, axis] > 1.0 - OPPOSITE:
         direction = DIRECTIONS[axis]
         return direction.name if thrusters.frame == "orbit" else f"inertial {'xyz'[axis]}", direction.colour
-    return f"thruster {one}" if other < 0 else f"{one} up, {other} down", AFTER
+    return f"thruster {one + 1}" if other < 0 else f"{one + 1} up, {other + 1} down", AFTER
 
 
 def _bars(axes: Axes, own: Pulses, sign: float, ticks: Clock, unit: Unit, colour: str) -> None:
@@ -183,9 +190,9 @@ def _rings(
             axes.plot(ticks(time), sign * along, "o", markersize=8, markerfacecolor="none", color=INK)
 
 
-def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path) -> None:
-    """The legend."""
-    handles: list[Any] = [Patch(color=AFTER, alpha=0.9)]
+def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path, tints: list[str]) -> None:
+    """The legend, with a pulse in the colour of each panel."""
+    handles: list[Any] = [tuple(Patch(color=tint, alpha=0.9, linewidth=0) for tint in tints)]
     words = ["a pulse: as high as its Δv, as wide as it is long"]
     if thrusters.period is not None and plan.peak_thrust > 0.0:
         handles.append(Patch(color=OTHER, alpha=0.45))
@@ -199,7 +206,8 @@ def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path) 
     if plan.impulses:
         handles.append(Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color=INK))
         words.append("planned impulse, along the thruster")
-    legend(figure, handles, words, ncols=2, columnspacing=2.0, handlelength=1.6)
+    each: dict[Any, Any] = {tuple: HandlerTuple(ndivide=None, pad=0.3)}
+    legend(figure, handles, words, ncols=2, columnspacing=2.0, handlelength=2.2, handler_map=each)
 
 
 def _said(firing: Firing, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
@@ -210,7 +218,9 @@ def _said(firing: Firing, craft: int, fired: Pulses, dropped: Pulses, name: str 
     off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
     unit = length_unit(bound)
     number = f"{len(fired)} pulse{'s' * (len(fired) != 1)}"
+    planned = float(np.ravel(firing.planned.delta_v)[craft])
     words = f"{f'{called}: ' if many else ''}{number}, Δv {speed(fired.impulse.sum())}"
+    words += f" fired for {speed(planned)} planned"
     burned = fired.propellant.sum()
     if np.isfinite(burned):
         words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.camera import Camera
-from closeform.plots.given import crafts, one_path
+from closeform.plots.given import crafts, one_path, same
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     CONFLICT,
@@ -104,7 +104,7 @@ def formation_paths(
         )
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(crafts("before", before)))
-    sides = [("Before", before), ("After", after)] if after is not before else [("Paths", before)]
+    sides = [("Paths", before)] if same(before, after) else [("Before", before), ("After", after)]
     every = [*called, *(f"obstacle {k}" for k in range(len(others)))]
     stages = [Formation.of(title, paths, others, zone, every) for title, paths in sides]
     figure = planes(stages, called) if before.orbit.mean_motion else oblique(stages, called)
@@ -122,7 +122,11 @@ def verdict(stages: list[Formation], count: int) -> str:
     words = [str(stage.conflicts) if stage.conflicts else "none" for stage in stages]
     if not any(stage.conflicts for stage in stages):
         return f"{craft}, {counted}: all clear{' before and after' if len(stages) > 1 else ''}"
-    when = f"{words[0]} in conflict before, {words[1]} after" if len(words) > 1 else f"{words[0]} in conflict"
+    when = (
+        f"{words[0]} in conflict before, {words[1]} after"
+        if len(words) > 1
+        else f"{words[0]} in conflict{stages[0].named}"
+    )
     return f"{craft}, {counted}: {when}"
 
 

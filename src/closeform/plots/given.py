@@ -8,6 +8,9 @@ import numpy as np
 from closeform.arrays import instance, sequence, shown, whole
 from closeform.motion.path import Path
 
+LOOKS = 201  # instants at which two paths are compared
+UNSEEN = 1e-4  # of what a path spans: less is no pixel
+
 
 def one_path(name: str, given: Any) -> Path:
     """An argument as a Path of any shape; of a plan without one the message tells so."""
@@ -31,6 +34,20 @@ def crafts(name: str, given: Any) -> list[Path]:
         path = one_path(name, given)
         return [path] if not path.shape else [path[k] for k in np.ndindex(path.shape)]
     return [craft for path in sequence(name, given, Path) for craft in crafts(name, path)]
+
+
+def same(before: Path, after: Path) -> bool:
+    """Whether two paths of one shape look the same: nothing changed."""
+    if after is before:
+        return True
+    for one, other in zip(crafts("before", before), crafts("after", after), strict=True):
+        if (one.start, one.end) != (other.start, other.end):
+            return False
+        times = np.linspace(one.start, one.end, LOOKS)
+        where, there = one.position(times), other.position(times)
+        if np.abs(where - there).max() > UNSEEN * np.ptp(where, axis=0).max():
+            return False
+    return True
 
 
 def texts(name: str, given: Any, count: int, what: str) -> list[str]:

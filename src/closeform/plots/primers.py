@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from closeform.arrays import instance
+from closeform.arrays import Floats, instance, number, whole
 from closeform.fuel.arrivals import Arrivals
 from closeform.fuel.bound import least_delta_v
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
+from closeform.planning.plan import Avoidance, Plan
 from closeform.plots.given import crafts, one_craft
 from closeform.plots.look import (
     AFTER,
@@ -32,22 +34,33 @@ from closeform.plots.look import (
     speed_unit,
     time_axes,
 )
+from closeform.plots.worth import Planes, Worth
 
+LEAST = 0.05  # per cent above a bound, that count as it
 LETTERED = 12  # impulses or slots that are labelled
 SMALLEST = 0.02  # of the largest impulse: smaller ones are not labelled
+TOGETHER = 0.01  # of the duration: impulses that are nearer have one label
+CROWDED = 40.0  # pixels: of marks that are nearer the lower one has its words below it
 BESIDE = 0.12  # of the duration: labels nearer than that stand above each other
 
 
-def primer(path: Path) -> Figure:
-    """The length of the primer of a path's ends against time: 1 where impulses pay, nowhere more.
+def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
+    """The length of a primer against time: 1 where impulses pay, nowhere more.
 
-    Dots mark the path's impulses with their sizes, at what each metre per second of them is worth: p . v/|v|.
-    On the least plan all stand at 1, on another path those below are wasted by as much.
+    Dots mark the impulses with their sizes, at what each metre per second of them is worth: p . v/|v|.
+    Of a path the primer is that of its ends with nothing in the way: on the least plan all dots stand at 1,
+    on another path those below are wasted by as much.  A plan around zones has a primer of its own, whose
+    rate jumps where the plan touches a zone; give the plan itself to see it.
 
     Parameters
     ----------
-    path : Path
-        Of one craft, over at most 100 orbits: of `Orbit.impulsive`, or any other between its ends.
+    path : Path, Avoidance or Plan
+        Of one craft, over at most 100 orbits: of `Orbit.impulsive`, or any other between its ends; or a plan
+        of least delta-v.
+    craft : int, default 0
+        Whose of a `Plan`, by index.
+    thrusters : Thrusters, optional
+        Of the craft, where the plan is made for them: d . p of the best one is shown instead of the length.
 
     Returns
     -------
@@ -57,57 +70,134 @@ def primer(path: Path) -> Figure:
     Raises
     ------
     ValueError
-        If the path is a batch, takes too long, or is no path.
-    """
-    one_craft("path", path)
-    start, end = path.start, path.end
-    pushes = path.impulses
-    bound = least_delta_v(path.orbit, *ends_of(path), end - start)
-    times, ticks = instants(start, end, path), clock(path, start, end)
-    lengths = np.linalg.norm(bound.primer.position(times - start), axis=-1)
+        If the path is a batch, takes too long, or is no path; if a plan has no path or no such craft.
 
+    References
+    ----------
+    docs/theory.md (26, 27, 36, 38).
+    """
+    flown = _flown(path, craft)
+    if thrusters is not None:
+        instance("thrusters", thrusters, Thrusters)
+    planes = Planes.of(path, craft, flown)
+    if flown.impulses and (len(planes) or thrusters is not None):
+        return _of_plan(flown, planes, thrusters)
+    return _of_ends(flown)
+
+
+def _flown(path: Any, craft: int) -> Path:
+    """The path of one craft."""
+    flown = path.paths if isinstance(path, Plan) else path.path if isinstance(path, Avoidance) else path
+    count = len(flown) if isinstance(path, Plan) and flown is not None else 1
+    if whole("craft", craft) >= count:
+        raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
+    return one_craft("path", flown[craft] if isinstance(path, Plan) and flown is not None else flown)
+
+
+def _of_ends(path: Path) -> Figure:
+    """The primer of a path's ends, with nothing in the way."""
+    start, end = path.start, path.end
+    bound = least_delta_v(path.orbit, *ends_of(path), end - start)
+    times = instants(start, end, path)
+    lengths = np.linalg.norm(bound.primer.position(times - start), axis=-1)
+    sizes = [float(np.linalg.norm(push)) for _, push in path.impulses]
+    heights = [
+        float(bound.primer.position(time - start) @ push) / size
+        for (time, push), size in zip(path.impulses, sizes, strict=True)
+    ]
+    figure = _drawn(path, times, lengths, heights, sizes, "length of the primer")
+    least = "the least there is" if bound.proven else f"at least {speed(float(bound.lower))}"
+    spent = float(path.delta_v)
+    if spent > float(bound.upper) * (1.0 + 1e-6):
+        above = 100.0 * (spent / float(bound.lower) - 1.0) if bound.lower > 0.0 else np.inf
+        share = f"{above:.3g} % above the least" if np.isfinite(above) else "more than the least"
+        near = above < LEAST
+        least = f"{f'within {LEAST} % of the least' if near else share}, {speed(float(bound.lower))}"
+        words = "" if near else "by the primer of the ends alone, with nothing in the way"
+        look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK}
+        figure.axes[0].annotate(words, (0.0, 0.0), (6, 5), "axes fraction", **look)
+    headline(figure, f"{_spent(spent, sizes)}: {least}")
+    return figure
+
+
+def _of_plan(path: Path, planes: Planes, thrusters: Thrusters | None) -> Figure:
+    """The primer of a plan that keeps planes, or is made for thrusters."""
+    worth, times = Worth.of(path, planes, thrusters), instants(path.start, path.end, path)
+    lengths, when = worth.heights(times), np.array([time for time, _ in path.impulses])
+    sizes = [worth.spent(time, push) for time, push in path.impulses]
+    gained = [float(p @ push) for p, (_, push) in zip(worth(when), path.impulses, strict=True)]
+    heights = [gain / size for gain, size in zip(gained, sizes, strict=True)]
+    named = "length of the primer" if thrusters is None else "primer along thrusters"
+    figure = _drawn(path, times, lengths, heights, sizes, named)
+    (axes,) = figure.axes
+    ticks = clock(path, path.start, path.end)
+    for time in planes.times:
+        axes.axvline(ticks(time), color=ZONE, linestyle=DASHED, linewidth=1.2, zorder=1.5)
+    if len(planes):
+        late = planes.times[-1] > path.start + 0.8 * (path.end - path.start)
+        look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": "#9a6a00"}
+        place = (float(ticks(planes.times[0 if late else -1])), axes.get_ylim()[0])
+        axes.annotate("touches a zone", place, (-5 if late else 5, 5), ha="right" if late else "left", **look)
+    spent, least = sum(sizes), sum(gained) / max(1.0, float(lengths.max()))
+    sides = " on these sides" if len(planes) else ""
+    above = 100.0 * (spent / least - 1.0)
+    told = f"the least{sides}" if above < LEAST else f"at most {above:.2g} % above the least{sides}"
+    made = ", by its thrusters" if thrusters is not None else ""
+    headline(figure, f"{_spent(spent, sizes)}{made}: {told}")
+    return figure
+
+
+def _spent(spent: float, sizes: list[float]) -> str:
+    """What impulses cost, and how many there are."""
+    return f"{speed(spent)} with {len(sizes)} impulse{'s' * (len(sizes) != 1)}"
+
+
+def _drawn(
+    path: Path, times: Floats, lengths: Floats, heights: list[float], sizes: list[float], named: str
+) -> Figure:
+    """The curve, and a dot with its size for each impulse."""
+    start, end, ticks = path.start, path.end, clock(path, path.start, path.end)
     figure = sheet(4.6)
     (axes,) = column(figure, [1.0])
     dress(axes)
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
     axes.plot(ticks(times), lengths, color=AFTER, linewidth=2.0)
-    lowest, last, row = 0.0, -np.inf, 0
-    sizes = np.array([float(np.linalg.norm(push)) for _, push in pushes])
-    named = sizes >= SMALLEST * sizes.max(initial=0.0)
-    named &= np.cumsum(named) <= LETTERED
-    for k, (time, push) in enumerate(pushes):
-        size = float(np.linalg.norm(push))
-        height = float(bound.primer.position(time - start) @ push) / size
-        lowest = min(lowest, height)
-        axes.plot(ticks(time), height, "o", color=INK, markersize=7, zorder=5)
-        if named[k]:
-            late = time > start + 0.85 * (end - start)  # its words stand before it, where those of others end
-            row = (row + 1) % 3 if time - last < BESIDE * (1.0 + late) * (end - start) else 0
-            last = time
-            axes.annotate(
-                speed(size),
-                (ticks(time), 1.0),
-                (-7 if late else 7, 9 + 13 * row),
-                textcoords="offset points",
-                ha="right" if late else "left",
-                fontsize=SMALL,
-                color=INK,
-            )
-    axes.set_ylim(1.1 * lowest, 1.35)
-    axes.set_ylabel("length of the primer", fontsize=TEXT, color=INK)
+    times_of, large = np.array([time for time, _ in path.impulses]), np.array(sizes)
+    axes.plot(ticks(times_of), heights, "o", color=INK, markersize=7, linestyle="", zorder=5)
+    last, row = -np.inf, 0
+    for some in _groups(times_of, large, TOGETHER * (end - start)):
+        time, many = float(times_of[some[0]]), len(some)
+        late = time > start + 0.85 * (end - start)  # its words stand before it, where those of others end
+        row = (row + 1) % 3 if time - last < BESIDE * (1.0 + late) * (end - start) else 0
+        last = time
+        axes.annotate(
+            speed(float(large[some].sum())) + (f", {many} impulses" if many > 1 else ""),
+            (ticks(time), 1.0),
+            (-7 if late else 7, 9 + 13 * row),
+            textcoords="offset points",
+            ha="right" if late else "left",
+            fontsize=SMALL,
+            color=INK,
+        )
+    axes.set_ylim(1.1 * min([0.0, *heights, *lengths]), max(1.35, 1.1 * float(lengths.max(initial=0.0))))
+    axes.set_ylabel(named, fontsize=TEXT, color=INK)
     time_axes([axes], ticks, start, end)
-    least = "the least there is" if bound.proven else f"at least {speed(float(bound.lower))}"
-    spent = float(path.delta_v)
-    if spent > float(bound.upper) * (1.0 + 1e-6):
-        least = f"{100 * (spent / float(bound.lower) - 1):.3g} % above the least, {speed(float(bound.lower))}"
-    headline(figure, f"{speed(spent)} with {len(pushes)} impulse{'s' * (len(pushes) != 1)}: {least}")
     return figure
 
 
-def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None) -> Figure:
+def _groups(times: Floats, sizes: Floats, near: float) -> list[Any]:
+    """Which impulses are labelled, those that follow each other at once together; small ones are not."""
+    large = np.flatnonzero(sizes >= SMALLEST * sizes.max(initial=0.0))
+    if not len(large):
+        return []
+    return np.split(large, np.flatnonzero(np.diff(times[large]) > near) + 1)[:LETTERED]
+
+
+def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: float | None = None) -> Figure:
     """Delta-v against duration, to the cheapest slot in each: what time is worth.
 
-    The dashed line is the least of all; where the cheapest slot changes seldom, labels name it.
+    The dashed line is the least of all; where the cheapest slot changes seldom, labels name it by its index,
+    from 0.
 
     Parameters
     ----------
@@ -115,6 +205,8 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None) -> Figure:
         Of `arrivals`.
     plan : Path or sequence of Path, optional
         What a ring is drawn for: a plan by its duration and its delta-v, of several craft by the sum.
+    fired : float [m/s], optional
+        What thrusters spend to fly the plan, of several craft the sum: a dot beside the ring.
 
     Returns
     -------
@@ -124,11 +216,13 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None) -> Figure:
     Raises
     ------
     ValueError
-        If there is no duration, or `found` is no `Arrivals`.
+        If there is no duration, or `found` is no `Arrivals`, or `fired` is given without a plan.
     """
     instance("found", found, Arrivals)
     if not len(found.duration):
         raise ValueError("found: has no duration; give arrivals one at least")
+    if fired is not None and (plan is None or not number("fired", fired) >= 0.0):
+        raise ValueError("fired: the delta-v [m/s] with which a plan is flown; give it with the plan")
     order = np.argsort(found.duration)
     durations, costs, slots = found.duration[order], found.delta_v[order], found.slot[order]
     across, up = plain_unit(float(durations[-1])), speed_unit(float(costs[-1]))
@@ -154,8 +248,24 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None) -> Figure:
         flown = crafts("plan", plan)
         lasts, spent = max(one.end - one.start for one in flown), sum(one.delta_v for one in flown)
         axes.plot(lasts / across.size, spent / up.size, "o", markersize=10, markerfacecolor="none", color=INK)
-        look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK}
-        axes.annotate("this plan", (lasts / across.size, spent / up.size), (8, 6), **look)
+        look: dict[str, Any] = {
+            "textcoords": "offset points",
+            "fontsize": SMALL,
+            "color": INK,
+            "va": "center",
+        }
+        places = {"this plan": spent}
+        if fired is not None:
+            axes.plot(lasts / across.size, fired / up.size, "o", markersize=8, color=INK)
+            places["this plan, as fired"] = fired
+        low = min(places.values())
+        where = {
+            name: axes.transData.transform((lasts / across.size, y / up.size)) for name, y in places.items()
+        }
+        near = len(where) > 1 and np.ptp([place[1] for place in where.values()]) < CROWDED
+        for name, delta_v in places.items():
+            below = near and delta_v == low
+            axes.annotate(name, (lasts / across.size, delta_v / up.size), (9, -8 if below else 8), **look)
     axes.set_xlabel(f"duration [{across.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"least delta-v [{up.name}]", fontsize=TEXT, color=INK)
     first, last = (speed(float(cost)) for cost in (costs[0], costs[-1]))

@@ -14,7 +14,7 @@ from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
 from closeform.plots.fleet import beside, owned, scaled
-from closeform.plots.given import crafts, one_craft
+from closeform.plots.given import crafts, one_craft, same
 from closeform.plots.letters import short_names
 from closeform.plots.look import (
     AFTER,
@@ -129,6 +129,7 @@ def before_after(
     instance("zone", zone, Zone)
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
+    after = before if same(before, after) else after
     scene = compose(before, after, others, zone, called)
     centre, reach = scene.centre_and_reach
     unit = length_unit(float(2 * reach.max()))

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, numbers
+from closeform.arrays import Floats, number, numbers, shown
 from closeform.motion.path import Path
 from closeform.plots.given import crafts, texts
 from closeform.plots.letters import plain, short_names
@@ -121,10 +121,12 @@ def formation_thrust(
     names: Sequence[str] | None = None,
     limits: ArrayLike | None = None,
     masses: ArrayLike | None = None,
+    on_off: ArrayLike = False,
 ) -> Figure:
     """How strongly each craft of a formation thrusts, against time, with its limit.
 
-    Among up to 12 craft each stands in the legend.
+    Among up to 12 craft each stands in the legend.  Of on-off thrusters curves are what the plan asks for,
+    and limits what a thruster gives while it is on; `pulses` shows what it fires.
 
     Parameters
     ----------
@@ -137,6 +139,8 @@ def formation_thrust(
         panel shows the share that each craft uses of its own.
     masses : array_like of shape (N,) [kg], optional
         Of the craft: the picture is in newtons; in m/s^2 unless given.
+    on_off : array_like of bool of shape () or (N,), default False
+        Which craft's limit is what each of its on-off thrusters gives.
 
     Returns
     -------
@@ -146,8 +150,8 @@ def formation_thrust(
     Raises
     ------
     ValueError
-        If names, limits or masses are not as many as the craft, masses are not positive, or an argument is of
-        another kind.
+        If names, limits, masses or on_off are not as many as the craft, masses are not positive, or an
+        argument is of another kind.
     """
     flown = crafts("paths", paths)
     called, count = short_names(names, len(flown)), len(flown)
@@ -155,6 +159,12 @@ def formation_thrust(
     if not (kilograms > 0.0).all():
         raise ValueError("masses: must be positive")
     most = np.full(count, np.nan) if limits is None else vector("limits", limits, count)
+    pulsed = np.asarray(on_off)
+    if pulsed.dtype != bool or pulsed.shape not in ((), (count,)):
+        raise ValueError(
+            f"on_off: expected True, False, or one for each of {count} craft, got {shown(on_off)}"
+        )
+    pulsed = np.broadcast_to(pulsed, count)
     peaks, most = np.array([path.peak_thrust for path in flown]) * kilograms, most * kilograms
     free, basic = ~np.isfinite(most), "m/s²" if masses is None else "N"
     known = most[~free]
@@ -175,28 +185,36 @@ def formation_thrust(
         lines += panels[0].plot(ticks(times), push / unit.size, **look)
         if unlike and np.isfinite(limit):
             panels[1].plot(ticks(times), 100.0 * push / limit, **look)
-    scaled(panels[0], f"thrust [{unit.name}]", float(peaks.max()) / unit.size)
+    planned = "planned " if pulsed.any() else ""
+    scaled(panels[0], f"{planned}thrust [{unit.name}]", float(peaks.max()) / unit.size)
     if unlike:
         scaled(panels[1], "share of own limit [%]", 100.0 * float((peaks[~free] / known).max()))
-        limited(panels[1], 100.0, "the limit of each")
+        limited(panels[1], 100.0, "what a thruster gives" if pulsed[~free].all() else "the limit of each")
     elif len(known):
         whose = [name for name, none in zip(called, free, strict=True) if not none]
         some = f" of {whose[0] if len(whose) == 1 else f'{len(whose)} craft'}" if free.any() else ""
         own = thrust_unit(known[0], basic)
-        limited(panels[0], known[0] / unit.size, f"limit {known[0] / own.size:.4g} {own.name}{some}")
+        one = "each thruster, while on," if pulsed[~free].all() else "limit"
+        limited(panels[0], known[0] / unit.size, f"{one} {known[0] / own.size:.4g} {own.name}{some}")
     time_axes(panels, ticks, start, end)
     if few:
         legend(figure, lines, called, ncols=min(6, count), handlelength=2.2)
-    headline(figure, most_of_all(called, peaks, most, unit))
+    headline(figure, most_of_all(called, peaks, most, pulsed, basic))
     return figure
 
 
-def most_of_all(called: list[str], peaks: Floats, limits: Floats, unit: Unit) -> str:
-    """Who thrusts most, and how that compares with limits."""
+def most_of_all(called: list[str], peaks: Floats, limits: Floats, pulsed: Any, basic: str) -> str:
+    """Who thrusts most, and how that compares with limits; of thrusters what is asked, and what fires."""
     k = int(peaks.argmax())
     if not peaks[k] > 0.0:
         return "Nobody thrusts"
-    said = f"{called[k]} thrusts most: {peaks[k] / unit.size:.4g} {unit.name}"
+    unit = thrust_unit(peaks[k], basic)
+    most = f"{peaks[k] / unit.size:.4g} {unit.name}"
+    if pulsed[k] and np.isfinite(limits[k]):
+        own = thrust_unit(limits[k], basic)
+        gives = f"thrusters fire {limits[k] / own.size:.4g} {own.name} each, on or off"
+        return f"{called[k]}'s plan asks for most, {most}; {gives}"
+    said = f"{called[k]} thrusts most: {most}"
     known = np.isfinite(limits)
     if not known.any():
         return said

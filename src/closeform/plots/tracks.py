@@ -24,6 +24,7 @@ from closeform.zones.zone import Zone
 FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green
 COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
 SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
+ROOM = 48  # letters of a headline for the names of pairs
 SAME = 1e-9  # [m/s] by which two craft that burn as much may differ
 
 
@@ -48,6 +49,7 @@ class Formation:
     closest: Closest | None
     conflicts: int  # pairs in conflict
     pairs: int  # pairs that have a zone
+    named: str  # some of those in conflict
 
     @classmethod
     def of(cls, title: str, paths: Path, others: list[Path], zone: object, called: list[str]) -> "Formation":
@@ -61,7 +63,9 @@ class Formation:
         for path, spans in zip(flown, together(pairs, len(flown)), strict=True):
             stays += [path.position(np.linspace(start, end, 60)) for start, end in spans]
         near = closest(pairs, [*tracks, *passed], len(flown), called)
-        return cls(title, tracks, stays, passed, near, int(pairs.hit.sum()), len(pairs))
+        return cls(
+            title, tracks, stays, passed, near, int(pairs.hit.sum()), len(pairs), in_words(pairs, called)
+        )
 
     @property
     def points(self) -> Floats:
@@ -90,6 +94,17 @@ def closest(pairs: Pairs, tracks: list[Floats], flown: int, called: list[str]) -
         here, there = other, one
     centre, away = (pairs.paths[k].position(pairs.time[near]) for k in (here, there))
     return Closest(pairs.zone[near], centre, away, story)
+
+
+def in_words(pairs: Pairs, called: list[str]) -> str:
+    """Who is in conflict, the deepest first, as many pairs as a headline has room for; none of one alone."""
+    deep = [k for k in pairs.order if pairs.stays[k]]
+    named = [" and ".join(called[craft] for craft in pairs.craft[k].tolist()) for k in deep]
+    if len(named) < 2:
+        return ""
+    kept = max(1, sum(len(", ".join(named[: k + 1])) <= ROOM for k in range(len(named))))
+    more = f", {len(named) - kept} more" if len(named) > kept else ""
+    return f": {', '.join(named[:kept])}{more}"
 
 
 def stays(paths: Path, tracks: list[Floats], flown: int, one: int, other: int) -> bool:

@@ -35,7 +35,8 @@ BURN = (
 SHOT = (
     Column("craft", "craft", words=True),
     Column("pulses", "pulses"),
-    Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format),
+    Column("planned [m/s]", "planned_m_s", "{:#.6g}".format),
+    Column("fired [m/s]", "delta_v_m_s", "{:#.6g}".format),
     Column("off the plan [m]", "deviation_m", "{:#.4g}".format),
     Column("at most [m]", "deviation_bound_m", "{:#.4g}".format),
     Column("dropped [m/s]", "dropped_m_s", "{:#.4g}".format),
@@ -57,13 +58,14 @@ class Burns:
         return sorted(found, key=lambda row: row[1])
 
     def of_craft(self, name: str) -> Iterator[tuple[Any, ...]]:
-        """The burns of one craft."""
+        """The burns of one craft; thrusters count from 1."""
         from closeform.fuel.burns import burns_of, burns_of_pulses
 
         pulsed, thruster = self.result.pulsed, None
         if pulsed is not None and name in pulsed.names:
             pulses, who = pulsed.firing.pulses, pulsed.names.index(name)
-            burns, thruster = burns_of_pulses(pulses, who), pulses.thruster[pulses.craft == who].tolist()
+            burns, thruster = burns_of_pulses(pulses, who), pulses.thruster[pulses.craft == who] + 1
+            thruster = thruster.tolist()
         else:
             burns = burns_of(self.result.after.path(name))
         k, number = self.mission.scenario.names.index(name), self.result.number
@@ -80,7 +82,7 @@ class Burns:
             return []
         found, firing = [], self.result.pulsed.firing
         for k, name in enumerate(self.result.pulsed.names):
-            spent = float(firing.delta_v[k])
+            planned, spent = (float(one[k]) for one in (firing.planned.delta_v, firing.delta_v))
             burnt = self.mission.burnt(self.result.number, self.mission.scenario.names.index(name), spent)
             dropped = float(firing.dropped.impulse[firing.dropped.craft == k].sum())
             number, off, most = (
@@ -88,7 +90,8 @@ class Burns:
                 float(firing.deviation[k]),
                 float(firing.deviation_bound[k]),
             )
-            found.append((name, number, spent, off, most, dropped, burnt if isfinite(burnt) else None))
+            fuel = burnt if isfinite(burnt) else None
+            found.append((name, number, planned, spent, off, most, dropped, fuel))
         return found
 
     @property
@@ -134,6 +137,8 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
     where = f"{firing.deviation[k]:.4g} m off the plan ({result.pulsed.names[k]})"
     if result.after.approaches:
         where += ", into zones" if result.after.conflicts else ", certified clear"
+    planned, fired = (float(np.sum(one)) for one in (firing.planned.delta_v, firing.delta_v))
+    yield f"Delta-v fired {fired:.6g} m/s, for {planned:.6g} m/s planned"
     yield f"Pulses lead up to {where}"
     if room.time:
         coasts = f"{room.before:.1f} s before it and {room.after:.1f} s after it"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission, StageResult
+from closeform.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path, ends_of
 from closeform.report import effort
 from closeform.report.picture import Picture
@@ -142,10 +142,24 @@ class Choices:
         if self.result.stage.cost == "delta-v" and self.result.flown:
             dearest = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
             caption = f"The primer of {dearest}: where a push pays"
-            found.append(Picture("primer", caption, "primer", (self.plan(dearest),)))
-        plans = [self.plan(name) for name in self.movers] if self.result.flown else None
+            found.append(Picture("primer", caption, "primer", *self.primer(dearest)))
+        plans, fired = None, None
+        if self.result.flown:
+            plans = [self.plan(name) for name in self.movers]
+            if self.result.pulsed is not None:
+                fired = float(self.result.delta_v[self.places].sum())
         caption = "Least delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
-        return (*found, Picture("trade", caption, "trade", (self.trade, plans)))
+        return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired)))
+
+    def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """What is drawn of a craft's primer: its plan around zones, or its path to its end."""
+        done = self.result.result
+        if isinstance(done, ReconfigureResult):
+            return (done.plan, done.movers.index(name)), {}
+        if isinstance(done, AvoidResult):
+            return (done.avoidance,), {}
+        thrusters = self.mission.scenario.craft[self.places[0]].fired(1.0)
+        return (self.plan(name),), {"thrusters": thrusters}
 
     def plan(self, name: str) -> Path:
         """The planned path of a craft."""

@@ -1,6 +1,7 @@
 """The conflicts of a flight, and how near each two craft come."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import Any
@@ -37,6 +38,15 @@ APPROACH = (
     Column("at [s]", "time_s", "{:.3f}".format),
     Column(None, "zone"),
 )
+STAYS = (
+    PAIR,
+    Column("conflicts", "conflicts"),
+    Column("first from [s]", "start_s", "{:.3f}".format),
+    Column("last to [s]", "end_s", "{:.3f}".format),
+    Column("in all [s]", "inside_s", "{:.3f}".format),
+    Column("deepest at [s]", "time_s", "{:.3f}".format),
+    RATIO,
+)
 WHEN = Column("when", "when")
 
 
@@ -48,6 +58,24 @@ def conflict_row(met: PairConflict) -> tuple[Any, ...]:
 def approach_row(near: PairApproach) -> tuple[Any, ...]:
     """A row of APPROACH."""
     return (near.first, near.second), near.ratio, near.distance, near.time, near.rule
+
+
+def stays(flight: Flight) -> list[tuple[Any, ...]]:
+    """Rows of STAYS: each pair in conflict with all its stays, the deepest first."""
+    pairs: dict[tuple[Any, Any], list[PairConflict]] = {}
+    for met in flight.conflicts:
+        pairs.setdefault((met.first, met.second), []).append(met)
+    rows = []
+    for pair, found in pairs.items():
+        worst = deepest_of(found)
+        inside = sum(met.end - met.start for met in found)
+        rows.append((pair, len(found), found[0].start, found[-1].end, inside, worst.time, worst.ratio))
+    return sorted(rows, key=lambda row: (round(row[-1], 6), row[-2]))
+
+
+def deepest_of(found: Sequence[PairConflict]) -> PairConflict:
+    """The deepest of some conflicts, of equals the earliest."""
+    return min(found, key=lambda met: (round(met.ratio, 6), met.time))
 
 
 def zones(flight: Flight) -> tuple[str, ...]:
@@ -72,19 +100,24 @@ def listed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ..
     ), ()
 
 
-def summed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Conflicts; where they are many, a line for the terminal and the table for the page."""
+def summed(title: str, flight: Flight, avoided: bool = False) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """Conflicts; where they are many, a line and a row for each pair, and all of them for the page.
+
+    Of those that are `avoided` the terminal has the line alone.
+    """
     lines, tables = listed(title, flight)
     if len(flight.conflicts) <= MOST_ROWS:
         return lines, tables
-    _, pairs = conflicts_in([flight])
-    worst = min(flight.conflicts, key=lambda met: round(met.ratio, 6))
+    rows, worst = stays(flight), deepest_of(flight.conflicts)
+    pairs = len(rows)
     often = f"{len(flight.conflicts)} in " if len(flight.conflicts) > pairs else ""
     line = (
         f"{title}: {often}{pairs} of {flight.pairs} pairs; deepest are {worst.first} and "
         f"{worst.second}, {worst.ratio:.4f} x zone at {worst.time:.1f} s"
     )
-    return (line,), tuple(replace(table, folded=True) for table in tables)
+    some = f", the {MOST_ROWS} deepest of {pairs}" if pairs > MOST_ROWS else ""
+    by_pair = Table(f"{title}, by pair{some}", STAYS, rows[:MOST_ROWS], folded=avoided)
+    return (line,), (by_pair, *(replace(table, folded=True) for table in tables))
 
 
 def approaches(title: str, flight: Flight) -> tuple[Table, ...]:
@@ -102,6 +135,7 @@ def figures(flight: Flight) -> dict[str, Any]:
     return {
         "pairs_in_conflict": conflicts_in([flight])[1],
         "conflicts": [record(CONFLICT, conflict_row(met)) for met in flight.conflicts],
+        "conflicts_by_pair": [record(STAYS, row) for row in stays(flight)],
         "closest": None if close is None else record(APPROACH, approach_row(close)),
     }
 

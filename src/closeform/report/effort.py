@@ -17,6 +17,7 @@ PUSH = Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3)
 FORCE = Column("peak thrust [N]", "peak_thrust_N", "{:#.6g}".format)
 FUEL = Column("propellant [kg]", "propellant_kg", "{:.5f}".format)
 COST = ENERGY, SPEED, PUSH, FORCE, FUEL
+OF_PLAN = {SPEED.key, PUSH.key, FORCE.key, FUEL.key}  # what pulses do not keep to
 CRAFT = Column("craft", "craft"), Column("slot", "slot"), *COST
 
 
@@ -59,10 +60,18 @@ def shown(
     return tuple(in_grams(mission, one) if one.key == FUEL.key else one for one in kept)
 
 
-def without_fuel(shown: tuple[Column, ...], hidden: bool) -> tuple[Column, ...]:
-    """Columns of a plan whose propellant is not told, as thrusters burn more than it asks for."""
+def of_plan(shown: Iterable[Column], pulsed: bool) -> tuple[Column, ...]:
+    """Columns of a plan; where it is flown by pulses they say that delta-v and thrust are the plan's.
+
+    Its propellant is not told then: thrusters burn more than the plan asks for.
+    """
+    if not pulsed:
+        return tuple(shown)
     return tuple(
-        replace(column, heading=None) if hidden and column.key == FUEL.key else column for column in shown
+        replace(one, heading=None if one.key == FUEL.key or one.heading is None else f"planned {one.heading}")
+        if one.key in OF_PLAN
+        else one
+        for one in shown
     )
 
 

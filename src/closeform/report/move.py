@@ -24,8 +24,8 @@ def section(mission: Mission, result: Move) -> Section:
     """One craft moves."""
     moved = result.result
     choices, fired = Choices(mission, result, [moved.craft]), burns.Burns(mission, result)
-    lines, before = conflicts.listed("Conflicts before", result.before)
-    closing, after = conflicts.listed("Conflicts after", result.after)
+    lines, before = conflicts.summed("Conflicts before", result.before, avoided=True)
+    closing, after = conflicts.summed("Conflicts after", result.after)
     if not moved.avoidance.ok:
         within = "" if moved.avoidance.weak is None else " within the thrust limit"
         closing, after = (f"The direct path is shown: no way around was found{within}",), ()
@@ -82,7 +82,7 @@ def efforts(mission: Mission, result: Move) -> Table:
         pairs = zip(*(one[2:] for one in rows[-2:]), strict=True)
         rows.append(("change", "", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
     shown = effort.columns(mission, [moved.direct] if path is None else [moved.direct, path])
-    shown = effort.without_fuel(shown, result.pulsed is not None)
+    shown = effort.of_plan(shown, result.pulsed is not None)
     lasts = Column("lasts [s]" if moved.plain is not moved.direct else None, form="{:.1f}".format)
     title = "Change made" if len(rows) > 1 else "Path"
     return Table(title, (Column("path", words=True), lasts, *shown), rows)
@@ -92,7 +92,7 @@ def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
     """What those spend who fly their own transfers."""
     paths = {fellow.craft: result.planned.path(fellow.craft) for fellow in result.stage.meanwhile}
     rows = [(name, *effort.spent(mission, result, name, path)) for name, path in paths.items()]
-    shown = effort.without_fuel(effort.columns(mission, paths.values()), result.pulsed is not None)
+    shown = effort.of_plan(effort.columns(mission, paths.values()), result.pulsed is not None)
     columns = Column("craft", words=True), *shown
     return (Table("Meanwhile", columns, rows),) if rows else ()
 

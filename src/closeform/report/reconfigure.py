@@ -26,7 +26,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
     choices, fired = Choices(mission, result, moved.movers), burns.Burns(mission, result)
     direct = result.planned is result.before  # all of them
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
-    lines, tables = conflicts.summed(title, result.before)
+    lines, tables = conflicts.summed(title, result.before, avoided=not direct)
     near = conflicts.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
     closing: tuple[str, ...] = ()
     if result.after is not result.before:
@@ -118,14 +118,17 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
             columns[replace(effort.PUSH, heading="peak [mm/s²]")] = [*push, max(push)]
     if None not in fuel and result.pulsed is None:
         columns[effort.in_grams(mission, effort.FUEL)] = [*fuel, sum(fuel)]
-    rows = list(zip(*columns.values(), strict=True))
+    rows, shown = (
+        list(zip(*columns.values(), strict=True)),
+        effort.of_plan(columns, result.pulsed is not None),
+    )
     title = "Paths of the plan" if plan.ok else "Direct paths"
     if len(who) == 1:
         rows = rows[:1]  # that is all
     many = len(who) > MOST_ROWS
     if many:
-        yield Table(f"{title}, all {len(who)} craft", tuple(columns), rows[-1:])
-    yield Table(title, tuple(columns), rows, folded=many)
+        yield Table(f"{title}, all {len(who)} craft", shown, rows[-1:])
+    yield Table(title, shown, rows, folded=many)
 
 
 def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float]]:
@@ -207,13 +210,15 @@ def figures(
 
 def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
     """All paths, and how near the craft come to each other."""
-    direct, flown, zones = result.before.paths, result.after.paths, mission.scenario.zones
+    flown, zones = result.after.paths, mission.scenario.zones
+    changed = result.planned is not result.before  # pulses are seen off their plan in no picture of all
+    direct = result.before.paths if changed else flown
     names = {"names": result.after.names}
-    caption = "All paths, direct and of the plan" if flown is not direct else "The direct paths"
+    caption = "All paths, direct and of the plan" if changed else "The direct paths"
     found = [Picture("paths", caption, "formation_paths", (direct, flown), names | {"zone": zones})]
     if result.after.approaches:
         matrix = len(result.after.approaches) > 1
-        if matrix and result.before.conflicts and flown is not direct:
+        if matrix and result.before.conflicts and changed:
             caption = "How near each two craft would come on their direct paths"
             found.append(Picture("ratios-before", caption, "ratio_matrix", (direct, zones), names))
         if matrix:
@@ -229,7 +234,10 @@ def thrust(mission: Mission, result: Moved) -> Picture:
     scenario, options = mission.scenario, dict[str, Any](names=result.after.names)
     if any(one.limited for one in scenario.craft):
         options["limits"] = [one.max_acceleration for one in scenario.craft]
+    if result.pulsed is not None:
+        options["on_off"] = [name in result.pulsed.names for name in scenario.names]
     masses = [scenario.force_mass(name) for name in scenario.names]
     if None not in masses:
         options["masses"] = masses
-    return Picture("thrust", "Thrust of each craft", "formation_thrust", (result.planned.paths,), options)
+    caption = "Thrust of each craft" + (", as planned" if result.pulsed is not None else "")
+    return Picture("thrust", caption, "formation_thrust", (result.planned.paths,), options)

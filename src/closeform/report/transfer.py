@@ -1,7 +1,6 @@
 """The section of one craft that moves alone: what it costs, and what each choice would."""
 
 from collections.abc import Iterator
-from typing import Any
 
 from closeform.mission_result import Mission, StageResult, TransferResult
 from closeform.report import arrival, burns, conflicts, effort
@@ -20,8 +19,8 @@ def section(mission: Mission, result: Flown) -> Section:
     choices, fired = Choices(mission, result, [name]), burns.Burns(mission, result)
     lines, met = conflicts.summed("Conflicts", result.after) if result.after.approaches else ((), ())
     path = result.planned.path(name)
-    shown, hidden = effort.columns(mission, [path]), result.pulsed is not None
-    columns = (Column("path", words=True), *effort.without_fuel(shown, hidden))
+    shown = effort.of_plan(effort.columns(mission, [path]), result.pulsed is not None)
+    columns = (Column("path", words=True), *shown)
     arrived = arrival.lines(name, result.stage.to, result.result.goal)
     title = "Path of the plan" if result.flown else "Path without a limit"
     row = "plan" if result.flown else "free", *effort.spent(mission, result, name, path)
@@ -30,7 +29,7 @@ def section(mission: Mission, result: Flown) -> Section:
         lines,
         (*met, Table(title, columns, [row]), *choices.table(zones=False), *fired.tables),
         (*arrived, *worth(result, choices), *burns.lines(result)),
-        conflicts.film(result, mission.scenario.zones) + pictures(result, choices),
+        conflicts.film(result, mission.scenario.zones) + pictures(mission, result, choices),
         {
             "transfer": {
                 "craft": name,
@@ -55,18 +54,20 @@ def worth(result: Flown, choices: Choices) -> Iterator[str]:
         return
     spent, lower = float(result.planned.path(result.result.craft).delta_v), choices.lower
     if lower > 0.0:
+        planned = " planned" if result.pulsed is not None else ""
         yield (
-            f"Delta-v {spent:.6g} m/s, {100.0 * (spent / lower - 1.0):.3f} % above the {lower:.6g} m/s "
-            "that any plan costs at least"
+            f"Delta-v{planned} {spent:.6g} m/s, {100.0 * (spent / lower - 1.0):.3f} % above "
+            f"the {lower:.6g} m/s that any plan costs at least"
         )
 
 
-def pictures(result: Flown, choices: Choices) -> tuple[Picture, ...]:
+def pictures(mission: Mission, result: Flown, choices: Choices) -> tuple[Picture, ...]:
     """The path, its thrust and burns, and why they cost what they do."""
     flown, names = result.after.paths, {"names": result.after.names}
     found = [Picture("paths", "The path", "formation_paths", (flown, flown), names)]
-    path = result.planned.path(result.result.craft)
-    if result.planned.path(result.result.craft).peak_thrust > 0.0:
-        arguments: tuple[Any, ...] = ([path], ["plan"])
-        found.append(Picture("thrust", f"Thrust of {result.result.craft}", "thrust", arguments))
+    craft, path = result.result.craft, result.planned.path(result.result.craft)
+    if path.peak_thrust > 0.0:
+        label = "plan" if result.pulsed is None else "plan, which thrusters fire on and off"
+        mass = {"mass": mission.scenario.force_mass(craft)}
+        found.append(Picture("thrust", f"Thrust of {craft}", "thrust", ([path], [label]), mass))
     return (*found, *burns.pictures(result), *choices.pictures)
