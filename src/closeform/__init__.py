@@ -18,6 +18,8 @@ _NAMES = {
     "conflicts.all_pairs": "Screening screen",
     "uncertainty.errors": "Errors",
     "uncertainty.encounter": "Encounter",
+    "drift.failures": "ThrustLost MissedBurns WeakThrust StuckThrust",
+    "drift.drift_approach": "DriftApproach drift_approach passively_safe",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
     "planning.plan": "Avoidance Contact Plan Status TooWeak",

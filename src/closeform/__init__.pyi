@@ -41,6 +41,17 @@ from closeform.conflicts.two_paths import (
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
 )
+from closeform.drift.drift_approach import (
+    DriftApproach as DriftApproach,
+    drift_approach as drift_approach,
+    passively_safe as passively_safe,
+)
+from closeform.drift.failures import (
+    MissedBurns as MissedBurns,
+    StuckThrust as StuckThrust,
+    ThrustLost as ThrustLost,
+    WeakThrust as WeakThrust,
+)
 from closeform.fuel.arrivals import Arrivals as Arrivals, arrivals as arrivals
 from closeform.fuel.bound import (
     Bound as Bound,

@@ -1,0 +1,1 @@
+"""Failures of thrust and the drift after them, certified over all instants of failure at once."""

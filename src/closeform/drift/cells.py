@@ -1,0 +1,228 @@
+"""Cells: boxes of failures of one or two craft, and the motions that span what happens in each.
+
+A cell is a row of floats: the time from which it is still to be searched, and for each side (the craft
+of `path`, then that of `other`) a piece of its path and a low and a high end of each of its
+parameters.  A piece is an arc (2 i) or the impulse at its start (2 i + 1).  The parameters are
+
+    LOST     when thrust is lost [s]; of an impulse which share of it was given
+    WEAK     the same, and the share of thrust that is left from then on
+    STUCK    the same, and for how long thrust is stuck on [s]
+    MISSED   the share of each burn that is given
+
+Motions of the first three are natural: rows of arcs without thrust, from their own times on.
+"""
+
+from math import ceil
+from typing import Any, NamedTuple
+
+from numba import float64, int64, types
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.drift.remainders import lost_remainder, stuck_remainder, thrust_derivatives
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_at, thrusts
+from closeform.motion.hill import coast, pushed
+
+FLIES, LOST, WEAK, STUCK, MISSED = 0, 1, 2, 3, 4
+KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # of a side's `now`
+MEASURE, HELD, ACCELERATION = 0, 1, 2  # of a side's `numbers`
+FROM, SIDE = 0, 1  # first columns of a cell
+PIECE, LOW, HIGH = 0, 1, 2  # of a side of a cell; the next parameter's two columns on
+LONGEST = 0.5  # of a cell at first, in n t.  Half as long: twice as many cells, of which few are cut
+
+
+class Side(NamedTuple):
+    """One of the two craft, in every pair of a batch: its paths, their burns, and how it fails."""
+
+    arcs: Floats  # (M, 30)
+    offsets: Any  # (N + 1,)
+    burns: Floats  # (B, 2, 30): the natural motions before and after each burn, of MISSED alone
+    burn_offsets: Any  # (N + 1,)
+    now: Any  # (5,): kind of failure; first and last arc, first and last burn of the craft looked at
+    numbers: Floats  # (5,): least share or longest time; length and components of a given acceleration
+
+
+ROWS, BLOCKS, NUMBERS, INDICES = float64[:, ::1], float64[:, :, ::1], float64[::1], int64[::1]
+SIDE_TYPE = types.NamedTuple((ROWS, INDICES, BLOCKS, INDICES, INDICES, NUMBERS), Side)
+
+
+@kernel()
+def choose(side, craft):
+    """Look at one craft of a side."""
+    side.now[FIRST], side.now[LAST] = side.offsets[craft], side.offsets[craft + 1]
+    side.now[BURN], side.now[BURNS] = side.burn_offsets[craft], side.burn_offsets[craft + 1]
+
+
+@kernel()
+def parameter_count(side):
+    """How many parameters a failure has."""
+    kind = side.now[KIND]
+    if kind == MISSED:
+        return side.now[BURNS] - side.now[BURN]
+    return 0 if kind == FLIES else (1 if kind == LOST else 2)
+
+
+@kernel()
+def vertex_count(side):
+    """How many motions span a cell on one side."""
+    kind = side.now[KIND]
+    if kind == WEAK:
+        return 8
+    return 4 if kind == LOST or kind == STUCK else 1
+
+
+@kernel()
+def natural(row, s, n, x, y, z, vx, vy, vz):
+    """Make a row the natural motion through a state at time s."""
+    row[START], row[MEAN_MOTION] = s, n
+    row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
+    row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
+
+
+@kernel()
+def failed_row(side, piece, at, n, kick, u, stuck, row):
+    """Make a row the motion after a failure at parameter `at` of a piece; the epoch of the failure.
+
+    Its velocity there is changed by `kick` times the thrust u, which then is stuck on for a while.
+    """
+    arc = side.arcs[piece // 2]
+    if piece % 2 == 1:
+        s, left = arc[START], 1.0 - at
+        x, y, z = arc[STATE], arc[STATE + 1], arc[STATE + 2]
+        vx = arc[STATE + 3] - left * arc[IMPULSE]
+        vy = arc[STATE + 4] - left * arc[IMPULSE + 1]
+        vz = arc[STATE + 5] - left * arc[IMPULSE + 2]
+    else:
+        s = at
+        x, y, z, vx, vy, vz = state_at(arc, s)
+        vx, vy, vz = vx + kick * u[0, 0], vy + kick * u[0, 1], vz + kick * u[0, 2]
+    if stuck > 0.0:
+        push = stack_vector(12)
+        for k in range(12):
+            push[k] = u[0, k] if k < 3 else 0.0
+        x, y, z, vx, vy, vz = coast(n, stuck, x, y, z, vx, vy, vz)
+        dx, dy, dz, dvx, dvy, dvz = pushed(n, stuck, push, 0)
+        x, y, z, vx, vy, vz = x + dx, y + dy, z + dz, vx + dvx, vy + dvy, vz + dvz
+    natural(row, s + stuck, n, x, y, z, vx, vy, vz)
+    return s
+
+
+@kernel()
+def stuck_thrust(side, piece, at, n, u):
+    """Fill the first row of `u` with the thrust that is stuck on where it fails."""
+    if side.numbers[HELD] >= 0.0:
+        for axis in range(3):
+            u[0, axis] = side.numbers[ACCELERATION + axis]
+    elif piece % 2 == 1:
+        u[0, 0] = u[0, 1] = u[0, 2] = 0.0
+    else:
+        thrust_derivatives(side.arcs[piece // 2], n, at, u)
+
+
+@kernel()
+def single(side, cell, o, n, rows):
+    """Fill the first row with the motion of the low ends of a cell's side."""
+    kind = side.now[KIND]
+    if kind == FLIES or kind == MISSED:
+        return
+    u = stack_matrix(7, 3)
+    piece, at = int(cell[o + PIECE]), cell[o + LOW]
+    stuck = cell[o + LOW + 2] if kind == STUCK else 0.0
+    if stuck > 0.0:
+        stuck_thrust(side, piece, at, n, u)
+    failed_row(side, piece, at, n, 0.0, u, stuck, rows[0])
+
+
+@kernel()
+def span_cell(side, cell, o, n, rows):
+    """Fill four rows with the motions that span a cell's side, and say how far others are off them.
+
+    That is in place, in speed and for good, from the epoch of the cell's start on: four numbers.
+    """
+    kind = side.now[KIND]
+    if kind == FLIES or kind == MISSED:
+        return 0.0, 0.0, 0.0, cell[FROM]
+    piece, low, high = int(cell[o + PIECE]), cell[o + LOW], cell[o + HIGH]
+    arc = side.arcs[piece // 2]
+    u, w = stack_matrix(7, 3), stack_matrix(7, 3)
+    h = 0.0 if piece % 2 == 1 else high - low
+    if kind == STUCK:
+        short, long = cell[o + LOW + 2], cell[o + HIGH + 2]
+        stuck_thrust(side, piece, low, n, w)
+        failed_row(side, piece, low, n, 0.0, w, short, rows[0])
+        epoch = failed_row(side, piece, low, n, 0.0, w, long, rows[2])
+        stuck_thrust(side, piece, high, n, w)
+        failed_row(side, piece, high, n, 0.0, w, short, rows[1])
+        failed_row(side, piece, high, n, 0.0, w, long, rows[3])
+        for k in range(7):
+            u[k, 0] = u[k, 1] = u[k, 2] = 0.0
+        if h > 0.0:
+            thrust_derivatives(arc, n, low, u)
+        rest, speed = stuck_remainder(n, u, h, side.numbers[HELD], long, long - short)
+        return 0.0, speed, rest, epoch
+    if h > 0.0:
+        thrust_derivatives(arc, n, low, u)
+        thrust_derivatives(arc, n, high, w)
+    epoch = failed_row(side, piece, low, n, 0.0, u, 0.0, rows[0])
+    failed_row(side, piece, high, n, 0.0, w, 0.0, rows[3])
+    third = h / 3.0 if h > 0.0 else 0.0
+    failed_row(side, piece, low, n, third, u, 0.0, rows[1])
+    failed_row(side, piece, high, n, -third, w, 0.0, rows[2])
+    if not h > 0.0:
+        return 0.0, 0.0, 0.0, epoch
+    place, speed = lost_remainder(n, u, h)
+    share = 1.0 - cell[o + LOW + 2] if kind == WEAK else 1.0
+    return share * place, share * speed, 0.0, epoch
+
+
+@kernel()
+def first_cells(side, o, n, cells):
+    """Fill a side's columns of `cells` with the cells that hold all its failures; how many there are.
+
+    Beyond the last row they are counted only.
+    """
+    kind, count = side.now[KIND], 0
+    if kind == FLIES or kind == MISSED:
+        if len(cells) > 0:
+            cells[0, o + PIECE] = 2.0 * side.now[FIRST]
+            for k in range(side.now[BURNS] - side.now[BURN]):
+                cells[0, o + LOW + 2 * k], cells[0, o + HIGH + 2 * k] = side.numbers[MEASURE], 1.0
+        return 1
+    shortest = 0.0 if kind == STUCK else side.numbers[MEASURE]
+    longest = side.numbers[MEASURE] if kind == STUCK else 1.0
+    start, end = side.arcs[side.now[FIRST], START], side.arcs[side.now[LAST] - 1, END]
+    for i in range(side.now[FIRST], side.now[LAST]):
+        arc = side.arcs[i]
+        for jump in range(1, -1, -1):
+            low, high, parts = arc[START], arc[END], 1
+            if jump == 1:
+                if arc[IMPULSE] == 0.0 and arc[IMPULSE + 1] == 0.0 and arc[IMPULSE + 2] == 0.0:
+                    continue
+                low, high = 0.0, 1.0
+            elif thrusts(arc) or arc[MEAN_MOTION] != n or (kind == STUCK and side.numbers[HELD] >= 0.0):
+                shares = (high - low) * n / LONGEST if n > 0.0 else 4.0 * (high - low) / (end - start)
+                parts = max(1, ceil(shares))
+            else:
+                high = low  # natural motion goes on as it is
+            for k in range(parts):
+                if count < len(cells):
+                    cell = cells[count]
+                    cell[o + PIECE] = 2.0 * i + jump
+                    cell[o + LOW] = low + (high - low) * k / parts
+                    cell[o + HIGH] = low + (high - low) * (k + 1) / parts if k + 1 < parts else high
+                    if kind != LOST:
+                        cell[o + LOW + 2], cell[o + HIGH + 2] = shortest, longest
+                count += 1
+    return count
+
+
+@kernel()
+def earliest(side, cell, o):
+    """From when on the motions of a cell's side are what they say."""
+    kind = side.now[KIND]
+    if kind == FLIES or kind == MISSED:
+        return side.arcs[side.now[FIRST], START]
+    piece = int(cell[o + PIECE])
+    s = side.arcs[piece // 2, START] if piece % 2 == 1 else cell[o + LOW]
+    return s + cell[o + LOW + 2] if kind == STUCK else s

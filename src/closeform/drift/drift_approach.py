@@ -1,0 +1,253 @@
+"""Whether two paths stay passively safe, and how near a failure brings their craft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from closeform.arrays import Floats, broadcast, instance, number, shown
+from closeform.conflicts.two_paths import _comparable, _index
+from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, Side
+from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
+from closeform.drift.search import FAILURE, PLACE, RATIO, TIME, worst_failures
+from closeform.drift.sides import room_for, side_of
+from closeform.motion.arc import IMPULSE, START
+from closeform.motion.path import FORGIVEN, Path
+from closeform.zones.zone import Zone
+
+Failing = Literal["path", "other", "either", "both"]
+FAILURES = (ThrustLost, MissedBurns, WeakThrust, StuckThrust)
+
+
+@dataclass(frozen=True, eq=False)
+class DriftApproach:
+    """The closest approach of two craft, or of the pairs of two batches, when thrust fails.
+
+    Attributes
+    ----------
+    failed_at : float or array of shape (...) [s]
+        When thrust fails for the worst; of missed burns the first of which something is missing.  Where
+        both craft fail (..., 2), that of `path` first; nan without a common time.
+    time : float or array of shape (...) [s]
+        When the norm is least then; nan without a common time.
+    ratio : float or array of shape (...), no unit
+        The least norm over all instants of failure and all of the drift; inf without a common time.
+    distance : float or array of shape (...) [m]
+        Between the centres at that time, which need not be the least; inf without a common time.
+    failing : str or array of str of shape (...)
+        Who fails for the worst: "path", "other" or "both".
+    """
+
+    failed_at: Any
+    time: Any
+    ratio: Any
+    distance: Any
+    failing: Any
+
+
+def passively_safe(
+    path: Path,
+    other: Path,
+    zone: Zone,
+    until: float,
+    failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+    failing: Failing = "path",
+) -> Any:
+    """Whether a craft stays out of a zone for whatever instant its thrust fails at, and all of the drift.
+
+    Parameters
+    ----------
+    path : Path
+        Of one craft, or a batch.
+    other : Path
+        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+    zone : Zone
+        Of the pair.
+    until : float [s]
+        The end of the drift, on the clock of the paths: at the end of the path that fails, or later.
+    failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
+        What fails.
+    failing : {"path", "other", "either", "both"}, default "path"
+        Which craft: one of them while the other flies on as planned, either (the worse of the two), or both,
+        each at its own instant.
+
+    Returns
+    -------
+    bool or array of bool of shape (...)
+        True where it is certain that no failure leads into the zone; also without a common time.
+
+    Raises
+    ------
+    ValueError
+        If a path that flies on does not reach `until`, `until` is before the end of a path that fails,
+        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
+        of another kind.
+
+    References
+    ----------
+    docs/theory.md section 8; docs/passive_safety.md.
+    """
+    ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0)]
+    shape = broadcast(path=path.shape, other=other.shape)
+    safe = np.isinf(np.minimum.reduce(ratios))
+    return safe.reshape(shape) if shape else bool(safe[0])
+
+
+def drift_approach(
+    path: Path,
+    other: Path,
+    zone: Zone,
+    until: float,
+    failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+    failing: Failing = "path",
+) -> DriftApproach:
+    """The least norm that a failure at any instant leads to, over all of the drift after it.
+
+    Parameters
+    ----------
+    path : Path
+        Of one craft, or a batch.
+    other : Path
+        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+    zone : Zone
+        Whose norm is looked at.
+    until : float [s]
+        The end of the drift, on the clock of the paths: at the end of the path that fails, or later.
+    failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
+        What fails.
+    failing : {"path", "other", "either", "both"}, default "path"
+        Which craft: one of them while the other flies on as planned, either (the worse of the two), or both,
+        each at its own instant.
+
+    Returns
+    -------
+    DriftApproach
+        Floats for two craft, arrays for batches.  The ratio is certain to 1e-9 of itself (below a tenth, of
+        a tenth): no instant of failure, and none of the drift, leads any nearer.
+
+    Raises
+    ------
+    ValueError
+        If a path that flies on does not reach `until`, `until` is before the end of a path that fails,
+        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
+        of another kind.
+
+    References
+    ----------
+    docs/theory.md section 8; docs/passive_safety.md.
+    """
+    found = [
+        _told(who, rows, zone, sides, ends)
+        for who, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, 1)
+    ]
+    best = found[0]
+    for other_one in found[1:]:
+        best = [np.where(other_one[2] < best[2], b, a) for a, b in zip(best, other_one, strict=True)]
+    shape = broadcast(path=path.shape, other=other.shape)
+    if not shape:
+        at, time, ratio, distance, who = (column[0] for column in best)
+        failed_at = float(at) if np.ndim(at) == 0 else at
+        return DriftApproach(failed_at, float(time), float(ratio), float(distance), str(who))
+    return DriftApproach(*(column.reshape(shape + column.shape[1:]) for column in best))
+
+
+def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any) -> float:
+    """The end of the drift, of arguments that fit each other."""
+    _comparable(path, other, zone)
+    instance("failure", failure, *FAILURES)
+    if failing not in ("path", "other", "either", "both"):
+        raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
+    end = number("until", until)
+    if not np.isfinite(end):
+        raise ValueError(f"until: expected a finite time in s, got {end:g}")
+    fails = {"path": (True, False), "other": (False, True)}.get(failing, (True, True))
+    flies = {"path": (False, True), "other": (True, False), "either": (True, True)}.get(
+        failing, (False, False)
+    )
+    for name, one, fail, fly in zip(("path", "other"), (path, other), fails, flies, strict=True):
+        ends, slack = np.asarray(one.end), FORGIVEN * np.asarray(one.end - np.asarray(one.start))
+        if fail and not (ends <= end + slack).all():
+            raise ValueError(
+                f"until: {end:g} s is before the end of {name}, {ends.max():g} s; give that or later"
+            )
+        if fly and not (ends >= end - slack).all():
+            raise ValueError(
+                f"{name}: ends at {ends.min():g} s, and flies on while the other fails; "
+                f"carry it on to {end:g} s, such as by a coast"
+            )
+        known = not isinstance(failure, StuckThrust) or failure.acceleration is not None
+        if fail and not known and one.arcs[:, IMPULSE : IMPULSE + 3].any():
+            raise ValueError(f"failure: {name} has impulses, whose thrust is unknown; give an acceleration")
+    return end
+
+
+def _worst(
+    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any, certain: int
+) -> list[tuple[str, Floats, Zone, tuple[Side, Side], Any]]:
+    """Of each way to fail who does, and the rows of `search.worst_failures` of all pairs."""
+    end = _checked(path, other, zone, until, failure, failing)
+    shape = broadcast(path=path.shape, other=other.shape)
+    first, second = _index(path, shape), _index(other, shape)
+    found = []
+    for who in ("path", "other") if failing == "either" else (failing,):
+        one = side_of(path, None if who == "other" else failure, end)
+        two = side_of(other, None if who == "path" else failure, end)
+        rows = search_pairs(one, two, first, second, end, path.orbit.mean_motion, zone, certain)
+        found.append((who, rows, zone, (one, two), (first, second)))
+    return found
+
+
+def search_pairs(
+    one: Side, two: Side, first: Any, second: Any, end: float, n: float, zone: Zone, certain: int
+) -> Floats:
+    """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
+    room = room_for(one, two)
+    rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
+    scale = float(np.linalg.norm(zone.matrix, 2))
+    ends = np.full(len(first), end)
+    left = np.arange(len(first))
+    while len(left):
+        some = np.empty((len(left), rows.shape[1]))
+        worst_failures(
+            one, two, first[left], second[left], ends[left], n, zone.form, scale, certain, room, some
+        )
+        rows[left] = some
+        left = left[some[:, RATIO] == -np.inf]
+        if len(left):
+            room = room_for(one, two, 4 * int(rows[left, TIME].max()))
+    return rows
+
+
+def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
+    """Columns of a `DriftApproach`."""
+    width = (rows.shape[1] - FAILURE - 1) // 2
+    instants = [
+        _failed_at(side, rows[:, FAILURE + 1 + k * width : FAILURE + 1 + (k + 1) * width], craft[k])
+        for k, side in enumerate(sides)
+    ]
+    time, ratio = rows[:, TIME], rows[:, RATIO]
+    met = np.isfinite(time)
+    place = np.where(met[:, None], rows[:, PLACE : PLACE + 3], np.inf)
+    distance = np.full(len(rows), np.inf)
+    distance[met] = np.linalg.norm(place[met] @ np.linalg.inv(zone.matrix).T, axis=1)
+    at = np.stack(instants, axis=1) if who == "both" else instants[who == "other"]
+    at = np.where(met.reshape(-1, *[1] * (at.ndim - 1)), at, np.nan)
+    return [at, time, ratio, distance, np.full(len(rows), who)]
+
+
+def _failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
+    """When one side fails in each of some failures (M, W), columns of a cell; nan where it does not."""
+    kind, pieces = side.now[KIND], failures[:, PIECE].astype(np.int64)
+    if kind == MISSED:
+        instants = np.full(len(failures), np.nan)
+        for k, one in enumerate(craft):
+            first, last = side.burn_offsets[one], side.burn_offsets[one + 1]
+            weak = np.flatnonzero(failures[k, LOW : LOW + 2 * (last - first) : 2] < 1.0)
+            if len(weak):
+                instants[k] = side.burns[first + weak[0], 0, START]
+        return instants
+    if kind == FLIES:
+        return np.full(len(failures), np.nan)
+    return np.where(pieces % 2 == 1, side.arcs[pieces // 2, START], failures[:, LOW])

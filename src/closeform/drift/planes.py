@@ -1,0 +1,223 @@
+"""Planes between a fan of motions and a zone: certain that nothing that the fan spans meets it.
+
+A plane is between them while
+
+    min a.q_k - max a.w_m + sum min(0, a.g_j) > target + ball                          # theory (47)
+
+for the gradient `a` of a part of the zone's norm.  Each term is one arc's motion, so that each obeys
+theory (10), and the whole is concave in time as far as its bounds hold.
+"""
+
+from math import inf, sqrt
+
+from closeform.compiled import kernel
+from closeform.drift.cells import BURN, BURNS, FLIES, FROM, KIND, LOST, MISSED, STUCK
+from closeform.drift.fans import GENERATORS, OTHER, PATH, open_window, place_all
+from closeform.drift.remainders import growth
+from closeform.motion.certified_march import bound
+from closeform.motion.hill import oscillation
+from closeform.zones.shapes import part, part_count, time_to_level
+
+STEPS = 200  # in a window, before a cell is cut though planes still pass
+LEAST_STEP = 2.3e-16
+
+
+@kernel()
+def find_edges(one, two, room, generators):
+    """Fill the edges of the set, one for each parameter of one side, then of the other; how many."""
+    edges, places, count = room.edges, room.places, 0
+    for second in range(2):
+        kind = two.now[KIND] if second else one.now[KIND]
+        base = OTHER if second else 0
+        sign = -1.0 if second else 1.0
+        if kind == MISSED:
+            first = generators if second else GENERATORS
+            side = two if second else one
+            for j in range(side.now[BURNS] - side.now[BURN]):
+                for axis in range(3):
+                    edges[count, axis] = places[first + j, axis]
+                count += 1
+        elif kind != FLIES:
+            for k in range(1 if kind == LOST else 2):
+                corner = base + (k + 1 if kind == STUCK else (4 if k == 1 else 3))
+                for axis in range(3):
+                    edges[count, axis] = sign * (places[corner, axis] - places[base, axis])
+                count += 1
+    return count
+
+
+@kernel()
+def nearest(room, count):
+    """The point of a parallelotope that is nearest to the origin; `shares` are where on its edges."""
+    edges, shares = room.edges, room.shares
+    x = room.places[0, 0] - room.places[OTHER, 0]
+    y = room.places[0, 1] - room.places[OTHER, 1]
+    z = room.places[0, 2] - room.places[OTHER, 2]
+    for k in range(count):
+        x, y, z = x + shares[k] * edges[k, 0], y + shares[k] * edges[k, 1], z + shares[k] * edges[k, 2]
+    for _ in range(1 if count == 1 else 12):  # by one coordinate after another
+        moved = 0.0
+        for k in range(count):
+            ex, ey, ez = edges[k, 0], edges[k, 1], edges[k, 2]
+            square = ex * ex + ey * ey + ez * ez
+            if square > 0.0:
+                share = min(1.0, max(0.0, shares[k] - (x * ex + y * ey + z * ez) / square))
+                by = share - shares[k]
+                x, y, z = x + by * ex, y + by * ey, z + by * ez
+                shares[k] = share
+                moved = max(moved, abs(by))
+        if moved < 1e-3:
+            break
+    return x, y, z
+
+
+@kernel()
+def project(room, ones, twos, last, ax, ay, az):
+    """Fill the terms of every motion along a plane's normal; their least sum there."""
+    least, most, rest = inf, -inf, 0.0
+    for k in range(last):
+        if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
+            place, bend, q, term = room.places[k], room.bends[k], room.motions[k], room.terms[k]
+            x = ax * place[0] + ay * place[1] + az * place[2]
+            term[0] = x
+            term[1] = ax * place[3] + ay * place[4] + az * place[5]
+            term[2] = abs(ax) * bend[0] + abs(ay) * bend[1] + abs(az) * bend[2]
+            term[3] = ax * q[2, 0] + ay * q[2, 1] + az * q[2, 2]
+            term[4] = ax * q[3, 0] + ay * q[3, 1] + az * q[3, 2]
+            if k < OTHER:
+                least = min(least, x)
+            elif k < PATH:
+                most = max(most, x)
+            else:
+                rest += min(0.0, x)
+    return least - most + rest
+
+
+@kernel()
+def pair_step(gap, rate, bend, b, c, order, n, local, wanted):
+    """How long one motion certainly stays above a plane: as a parabola, or as a drifting oscillation."""
+    h = time_to_level(gap, rate, bend)
+    if h >= wanted or order == 8 or n * wanted < 1.0:
+        return h
+    nn = n * n
+    p0, p1, _ = oscillation(n, local)
+    cosine = 1.0 - nn * p1
+    drift = rate + (c * cosine - nn * b * p0) / nn
+    swing = sqrt(b * b + c * c / nn) / nn
+    clear = gap + (b * cosine + c * p0) / nn - swing * (1.0 + 1e-12)
+    if clear > 0.0:
+        h = max(h, inf if drift >= 0.0 else clear / -drift)
+    return h
+
+
+@kernel()
+def lowest(room, ones, twos, last, h):
+    """A lower bound of the sum of all terms after a time h, without the level."""
+    least, most, rest = inf, -inf, 0.0
+    for k in range(last):
+        term = room.terms[k]
+        if k < ones:
+            least = min(least, term[0] + h * (term[1] - 0.5 * h * term[2]))
+        elif OTHER <= k < OTHER + twos:
+            most = max(most, term[0] + h * (term[1] + 0.5 * h * term[2]))
+        elif k >= GENERATORS:
+            rest += min(0.0, term[0] + h * (term[1] - 0.5 * h * term[2]))
+    return least - most + rest
+
+
+@kernel()
+def plane_step(room, ones, twos, last, level, order, n, local, wanted):
+    """How long the whole set certainly stays above a plane of which the terms were filled."""
+    if last == GENERATORS:
+        h = inf
+        for k in range(ones):
+            one = room.terms[k]
+            for m in range(OTHER, OTHER + twos):
+                two = room.terms[m]
+                gap, rate, bend = one[0] - two[0] - level, one[1] - two[1], one[2] + two[2]
+                b, c = one[3] - two[3], one[4] - two[4]
+                h = min(h, pair_step(gap, rate, bend, b, c, order, n, local, wanted))
+        return h
+    low, high = 0.0, wanted
+    f, g = lowest(room, ones, twos, last, 0.0) - level, lowest(room, ones, twos, last, wanted) - level
+    if g >= 0.0:
+        return inf
+    for _ in range(8):  # a concave function lies above its chords
+        chord = low + (high - low) * f / (f - g)
+        h = min(2.0 * chord - low, 0.5 * (chord + high))
+        value = lowest(room, ones, twos, last, h) - level
+        if value >= 0.0:
+            low, f = h, value
+        else:
+            high, g = h, value
+            low = chord
+            f = max(0.0, lowest(room, ones, twos, last, chord) - level)
+    return low
+
+
+@kernel()
+def best_plane(room, ones, twos, last, form, level, x, y, z, order, n, local, wanted):
+    """The plane of a part of the zone's norm that lasts longest: for how long, and the gap there."""
+    shape, _, faces = form
+    longest, gap = 0.0, -inf
+    for k in range(part_count(shape, faces)):
+        _, ax, ay, az = part(shape, faces, k, x, y, z)
+        above = project(room, ones, twos, last, ax, ay, az) - level
+        gap = max(gap, above)
+        if above > 0.0:
+            longest = max(longest, plane_step(room, ones, twos, last, level, order, n, local, wanted))
+    return longest, gap
+
+
+@kernel()
+def march(one, two, cell, width, end, n, form, scale, target, rest, room):
+    """How far a cell is certainly clear of the zone enlarged by `target`: the time reached, and whether all.
+
+    `rest`: how far motions of each side are off those that span it (see `span_cell`).  Where it ends, the
+    edges of the set and its nearest point stand in `room`.
+    """
+    t = cell[FROM]
+    place, speed, still, epoch = (
+        rest[0] + rest[4],
+        rest[1] + rest[5],
+        rest[2] + rest[6],
+        min(rest[3], rest[7]),
+    )
+    while True:
+        order, stop, ones, twos, last = open_window(one, two, cell, width, t, end, n, 4, epoch, form, room)
+        generators = GENERATORS + one.now[BURNS] - one.now[BURN]
+        span = stop - t
+        for k in range(last):
+            if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
+                for axis in range(3):
+                    room.bends[k, axis] = bound(room.motions[k], order, n, span, axis)[0]
+        for_place, for_speed = growth(n, stop - epoch)
+        level = target + scale * (still + place * for_place + speed * for_speed)
+        local, steps = 0.0, 0
+        while True:
+            place_all(room, ones, twos, last, order, n, local)
+            count = find_edges(one, two, room, generators)
+            x, y, z = nearest(room, count)
+            wanted = span - local
+            h, gap = best_plane(room, ones, twos, last, form, level, x, y, z, order, n, local, wanted)
+            steps += 1
+            if h == 0.0 or (steps > STEPS and widest(room, count)[1] > gap):
+                return t + local, False
+            if h >= wanted:
+                break
+            local += max(h, LEAST_STEP * (t + local))
+        t = stop
+        if t >= end:
+            return t, True
+
+
+@kernel()
+def widest(room, count):
+    """Which of a set's edges is the longest, and its length."""
+    which, longest = 0, 0.0
+    for k in range(count):
+        x, y, z = room.edges[k, 0], room.edges[k, 1], room.edges[k, 2]
+        length = sqrt(x * x + y * y + z * z)
+        if length > longest:
+            which, longest = k, length
+    return which, longest
