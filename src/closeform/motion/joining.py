@@ -105,6 +105,8 @@ def stack(paths: Sequence[Path]) -> Path:
     chosen = _single(paths, "stack")
     if any(path.shape for path in chosen):
         raise ValueError("paths: stack takes paths of single craft; index the batches first")
+    if len(chosen) == 1:
+        return path_of(chosen[0].orbit, chosen[0].arcs, chosen[0].offsets, (1,))
     offsets = np.concatenate([[0], np.cumsum([len(path.arcs) for path in chosen])])
     arcs = np.concatenate([path.arcs for path in chosen])
     return path_of(chosen[0].orbit, arcs, offsets, (len(chosen),))

@@ -210,7 +210,7 @@ def within_limit(
         return (found, excess(found.path)) if found.path is not None else None
 
     path = direct(1.0)
-    for way in (path, transfer_of(path)):  # which is another one, of less thrust, only where `path` is clear
+    for way in dict.fromkeys((path, transfer_of(path))):  # of less thrust, where `path` is none and clear
         plan = task.plan(way, prove, fixed=True)
         if plan.path is None or (over := excess(plan.path)) <= FULL:
             return plan

@@ -73,8 +73,12 @@ def round_piece(rows: Floats, corners: Floats) -> Piece:
 
 def outside(zone: Zone) -> Piece:
     """All of the outside of a zone: that of the largest ball in it, which is exact for a ball alone."""
-    reach = np.linalg.norm(zone.faces, axis=1).max() if zone.shape == FACES else 1.0
-    return Piece(reach * np.eye(3), exact=zone.shape == BALL)
+    return Piece(inner_curvature(zone) * np.eye(3), exact=zone.shape == BALL)
+
+
+def inner_curvature(zone: Zone) -> float:
+    """One over the radius of the largest ball in a zone, in its coordinates."""
+    return float(np.linalg.norm(zone.faces, axis=1).max()) if zone.shape == FACES else 1.0
 
 
 def pieces(zone: Zone, compliance: Floats) -> list[Piece]:

@@ -95,14 +95,17 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
 
 def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
     """Contacts in metres, in order of time."""
-    paths, places = problem.path(flown), problem.motions(flown, contacts)[:, 0]
-    found = []
-    for k in np.argsort(contacts.times, kind="stable"):
-        which, time, normal = contacts.which[k], float(contacts.times[k]), contacts.normals[k]
-        first, second = map(int, problem.pairs[which])
-        push = problem.zones[problem.kinds[which]].matrix.T @ normal
-        size = float(np.linalg.norm(push))
-        multiplier, reach = float(contacts.multipliers[k] * size), float(normal @ places[k]) / size
-        place = paths[first].position(time)
-        found.append(Contact(time, first, second, place, push / size, multiplier, reach))
-    return tuple(found)
+    if not contacts.number:
+        return ()
+    contacts = contacts.some(np.argsort(contacts.times, kind="stable"))
+    pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
+    pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
+    sizes = np.sqrt((pushes * pushes).sum(axis=1))
+    reaches = (contacts.normals * problem.motions(flown, contacts)[:, 0]).sum(axis=1) / sizes
+    places = problem.path(flown)._at(pairs[:, 0], contacts.times)[:, :3]
+    columns = contacts.times, *pairs.T, (contacts.multipliers * sizes), reaches
+    rows = zip(*(column.tolist() for column in columns), places, pushes / sizes[:, None], strict=True)
+    return tuple(
+        Contact(time, first, second, place, normal, multiplier, reach)
+        for time, first, second, multiplier, reach, place, normal in rows
+    )

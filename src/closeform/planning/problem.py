@@ -3,13 +3,14 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.all_pairs import search_pairs
-from closeform.motion.arc import END, START, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
@@ -82,18 +83,18 @@ class Problem:
     @cached_property
     def windows(self) -> tuple[Floats, Floats]:
         """When contacts of each pair can lie, one of it can give way, and when both are there (P, 2)."""
-        never = np.full(len(self.other_offsets) - 1, np.inf)
-        margin = MARGIN * (self.base[:, END] - self.base[:, START])
-        starts = np.concatenate([self.base[:, START] + margin, never])[self.pairs].min(axis=1)
-        ends = np.concatenate([self.base[:, END] - margin, -never])[self.pairs].max(axis=1)
-        there = np.full(self.count, self.first), self.others[self.other_offsets[:-1], START]
-        gone = np.full(self.count, self.last), self.others[self.other_offsets[1:] - 1, END]
-        present = np.stack(
-            [np.concatenate(there)[self.pairs].max(axis=1), np.concatenate(gone)[self.pairs].min(axis=1)],
-            axis=1,
-        )
-        inner = np.stack([np.maximum(starts, present[:, 0]), np.minimum(ends, present[:, 1])], axis=1)
-        return inner, present
+        times = np.empty((self.count + len(self.other_offsets) - 1, 4))  # as `there` and `gone` below
+        own, others = times[: self.count], times[self.count :]
+        own[:, 0], own[:, 1] = self.first, -self.last
+        own[:, 2:] = self.base[:, [START, END]] * (1.0, -1.0)
+        own[:, 2:] += MARGIN * (self.base[:, END] - self.base[:, START])[:, None]
+        others[:, 0] = self.others[self.other_offsets[:-1], START]
+        others[:, 1] = -self.others[self.other_offsets[1:] - 1, END]
+        others[:, 2:] = np.inf
+        one, other = times[self.pairs[:, 0]], times[self.pairs[:, 1]]
+        present = np.maximum(one[:, :2], other[:, :2])
+        inner = np.maximum(np.minimum(one[:, 2:], other[:, 2:]), present)
+        return inner * (1.0, -1.0), present * (1.0, -1.0)
 
     @cached_property
     def direct(self) -> Flown:
@@ -153,10 +154,12 @@ class Problem:
 
     def samples(self) -> Floats:
         """Times that cover every craft's own time, and every turn of the orbit."""
-        spans = np.array(sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)}))
-        turns = self.orbit.mean_motion * np.ptp(spans, axis=1) / (2.0 * np.pi)
-        each = np.maximum(SAMPLES / np.sqrt(len(spans)), A_TURN * turns).astype(int) + 1
-        grids = [np.linspace(start, end, count) for (start, end), count in zip(spans, each, strict=True)]
+        spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
+        a_turn = A_TURN * self.orbit.mean_motion / (2.0 * pi)
+        grids = [
+            np.linspace(start, end, int(max(SAMPLES / sqrt(len(spans)), a_turn * (end - start))) + 1)
+            for start, end in spans
+        ]
         return np.unique(np.concatenate(grids)) if len(grids) > 1 else grids[0]
 
     def flown(self, contacts: Contacts) -> Flown:
@@ -250,7 +253,8 @@ class Problem:
         """
         found = []
         for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
-            table = search_pairs(*flown, *flown, zone if factor == 1.0 else zone.enlarged(factor), *pairs)
+            one = zone if factor == 1.0 else Zone(zone.shape, zone.matrix / factor, zone.faces)
+            table = search_pairs(*flown, *flown, one, *pairs)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found
 
@@ -260,6 +264,15 @@ def deepest(conflicts: Iterable[PairRow]) -> PairRow:
     return min(conflicts, key=lambda one: one[1][3])
 
 
+def is_optimum(path: Path) -> bool:
+    """Whether one craft's path is the unconstrained optimum: one arc, its thrust a natural motion."""
+    arc = path.arcs[0]
+    other = arc[IMPULSE : IMPULSE + 3].any() or arc[PUSH:].any()
+    return len(path.arcs) == 1 and arc[MEAN_MOTION] == path.orbit.mean_motion and not other
+
+
 def transfer_of(path: Path, factor: float = 1.0) -> Path:
     """The unconstrained optimum between the end states of a path, in so many times its duration."""
+    if factor == 1.0 and is_optimum(path):
+        return path
     return path.orbit.transfer(*ends_of(path), factor * (path.end - path.start), path.start)

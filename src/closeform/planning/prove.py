@@ -30,8 +30,7 @@ from closeform.planning.side_search import MARGINS
 GAP = 1e-3  # of the lower bound: at which a proof ends
 LEFT = 0.999 * GAP / (1.0 + GAP)  # of the energy, then
 PROVEN = 1e-6  # of the energy: a gap that is rounding
-CLOSED = 1e-6  # of the multipliers' own energy: a bound this near is enough
-ROUGH, NEARLY = 0.02, 0.05  # of the bound or what it lacks: how far it is climbed, for a plan and a node
+NEARLY = 0.05  # of the bound of a node, or of what it lacks: how far it is climbed
 LARGEST = 80  # contacts of craft that share some, of which a bound is worked out
 SETTLED = 0.02  # of a node's bound, by which its samples may fall short before other times are looked at
 DEEP, SAME = 1e-3, 5e-3  # of the zone, by which paths of a bound may miss; of all time, samples that are one
@@ -68,21 +67,8 @@ def lower_bound(problem: Problem, contacts: Sequence[Contact]) -> float:
     for group in _apart(problem, contacts):
         strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
         samples = _samples(problem, strongest)
-        everywhere = [outside(zone) for zone in samples.zones]
-        forces = np.array(
-            [
-                np.linalg.solve(zone.matrix.T, contact.multiplier * contact.normal)
-                * (1.0 if contact.first < contact.second else -1.0)
-                for zone, contact in zip(samples.zones, strongest, strict=True)
-            ]
-        )
-        if not samples.gram.diagonal().max() > 0.0:
-            continue  # at the very ends of their craft's time
-        enough = (1.0 - CLOSED) * 0.5 * forces.ravel() @ samples.gram @ forces.ravel()
-        exact = all(piece.exact for piece in everywhere)
-        start = np.linalg.norm(forces, axis=1) if exact else None
-        answer = samples.answer(range(len(strongest)), everywhere, enough, ROUGH, start)
-        total += max(answer.bound, 0.0)
+        if samples.gram.diagonal().max() > 0.0:  # else at the very ends of their craft's time
+            total += max(samples.bound(strongest), 0.0)
     return total
 
 

@@ -8,9 +8,14 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.planning.dual_bound import dual_bound
-from closeform.planning.pieces import Piece
+from closeform.planning.pieces import Piece, inner_curvature
+from closeform.planning.plan import Contact
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
+from closeform.zones.shapes import BALL
+
+CLOSED = 1e-6  # of the multipliers' own energy: a bound this near is enough
+ROUGH = 0.02  # of the bound of a plan, or of what it lacks: how far it is climbed
 
 
 class Answer(NamedTuple):
@@ -62,6 +67,29 @@ class Samples:
         bear = sizes > 0.0
         contacts = self.contacts.some(np.array(samples)[bear])
         return contacts._replace(normals=forces[bear] / sizes[bear, None], multipliers=sizes[bear])
+
+    def bound(self, contacts: Sequence[Contact]) -> float:
+        """The dual bound of samples outside of the largest balls in their zones, from contacts there."""
+        kinds = self.problem.kinds[self.contacts.which]
+        pushes = np.array([one.multiplier * one.normal for one in contacts])
+        pushes[[one.first > one.second for one in contacts]] *= -1.0
+        metres = self.problem.bare.matrices[kinds].transpose(0, 2, 1)
+        forces = np.linalg.solve(metres, pushes[:, :, None])[:, :, 0]
+        enough = (1.0 - CLOSED) * 0.5 * forces.ravel() @ self.gram @ forces.ravel()
+        round_ones = all(zone.shape == BALL for zone in self.zones)
+        start = np.sqrt((forces * forces).sum(axis=1)) if round_ones else np.zeros(len(forces))
+        curved = np.repeat([inner_curvature(zone) for zone in self.zones], 3)
+        bound: float = dual_bound(
+            curved * self.places.ravel(),
+            curved[:, None] * self.gram * curved,
+            3 * np.arange(len(forces) + 1),
+            np.empty(0),
+            enough,
+            ROUGH,
+            start,
+            np.zeros(3 * len(forces)),
+        )
+        return bound
 
     def answer(
         self,

@@ -147,8 +147,8 @@ class Search:
         """Whether no start was like it before."""
         windows = self.problem.windows[0][start.which]
         when = (start.times - windows[:, 0]) / (windows[:, 1] - windows[:, 0])
-        rows = np.rint(np.column_stack([start.which, when / ALIKE, start.normals / ALIKE])).astype(int)
-        like = frozenset(map(tuple, rows.tolist()))
+        rows = np.rint(np.concatenate([when[:, None], start.normals], axis=1) / ALIKE).tolist()
+        like = frozenset(zip(start.which.tolist(), map(tuple, rows), strict=True))
         before = len(self.starts)
         self.starts.add(like)
         return len(self.starts) > before

@@ -22,6 +22,8 @@ class Turn(NamedTuple):
     @property
     def start(self) -> Contacts:
         """The contacts that the local solver begins with."""
+        if self.contacts.number == 1:
+            return self.contacts._replace(normals=self.side[None], multipliers=np.ones(1))
         rest = self.contacts.some(self.contacts.which != self.contacts.which[self.k])
         one = self.contacts.some([self.k])._replace(normals=self.side[None], multipliers=np.ones(1))
         return rest.joined(one)

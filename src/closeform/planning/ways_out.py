@@ -31,7 +31,7 @@ def exit_normals(
     give = ((normals @ compliance) * normals).sum(axis=1)
     costs = 0.5 * np.maximum(aim - normals @ position, 0.0) ** 2 / give
     order = np.argsort(costs, kind="stable")
-    return [(float(costs[k]), np.ascontiguousarray(normals[k])) for k in order]
+    return list(zip(costs[order].tolist(), normals[order], strict=True))
 
 
 def round_normals(aim: float, position: Floats, velocity: Floats, compliance: Floats) -> Floats:
