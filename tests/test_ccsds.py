@@ -1,3 +1,4 @@
+# ruff: noqa: E501 (messages stand as they are printed)
 """Reading, writing and relating ephemerides; damaged files give one clear line."""
 
 import subprocess
@@ -13,7 +14,7 @@ from oem import OrbitEphemerisMessage
 
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.oem import read_oem, write_oem
+from closeform.exchange.oem import read_oem, read_oem_segments, write_oem
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU
 
@@ -173,6 +174,38 @@ def test_damaged_file_gives_one_line(tmp_path, case):
         read_oem(file)
     assert str(caught.value).startswith(f"{file}: ")
     assert "\n" not in str(caught.value)
+
+
+SECOND = (
+    (HEAD[HEAD.index("META_START") :] + ROWS)
+    .replace("2017-01-01", "2017-01-02")
+    .replace("2016-12-31", "2017-01-01")
+    .replace("59:60.5", "59:59.5")
+)
+
+
+def test_segments_are_read_one_by_one(tmp_path):
+    first, second = read_oem_segments(written(tmp_path, GOOD + SECOND))
+    assert (first.epoch, second.epoch) == ("2016-12-31T23:59:50", "2017-01-01T23:59:50")
+    np.testing.assert_array_equal(first.states, second.states)
+    (alone,) = read_oem_segments(written(tmp_path, GOOD))
+    np.testing.assert_array_equal(alone.times, first.times)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("2017-01-01T23:59:50", "2016-12-31T23:59:55"), "segment 2: begins 16 s before the one before"),
+        (lambda text: text.replace("DEPUTY", "OTHER"), "segment 2: is of OTHER, the one before of DEPUTY; give two files"),
+        (lambda text: text.replace("UTC", "TAI"), "segment 2: is of TAI, the one before of UTC"),
+        (lambda text: text.replace("75.0", "many"), "segment 2: line 31: 'many' is no number"),
+    ],
+)  # fmt: skip
+def test_segments_that_do_not_fit(tmp_path, change, message):
+    file = written(tmp_path, GOOD + change(SECOND.replace("23:59:60.5", "23:59:59.5")))
+    with pytest.raises(ValueError, match=message) as caught:
+        read_oem_segments(file)
+    assert str(caught.value).startswith(f"{file}: ")
 
 
 def test_absent_and_binary_files(tmp_path):

@@ -58,7 +58,7 @@ _NAMES = {
     "campaign": "study",
     "mission": "run",
     "exchange.ephemeris": "Ephemeris",
-    "exchange.oem": "read_oem write_oem",
+    "exchange.oem": "read_oem read_oem_segments write_oem",
     "exchange.covariance": "Covariances",
     "exchange.common_frame": "CommonFrame common_frame",
     "exchange.conjunction": "Conjunction ConjunctionObject",

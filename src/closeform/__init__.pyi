@@ -32,7 +32,11 @@ from closeform.exchange.conjunction import (
 )
 from closeform.exchange.covariance import Covariances as Covariances
 from closeform.exchange.ephemeris import Ephemeris as Ephemeris
-from closeform.exchange.oem import read_oem as read_oem, write_oem as write_oem
+from closeform.exchange.oem import (
+    read_oem as read_oem,
+    read_oem_segments as read_oem_segments,
+    write_oem as write_oem,
+)
 from closeform.conflicts.two_paths import (
     Approach as Approach,
     Conflict as Conflict,
