@@ -1,6 +1,7 @@
 """Own zones: what a region, an uncertainty and a body of two craft make of their pair."""
 
 import json
+import time
 from itertools import product
 from math import sqrt
 
@@ -12,6 +13,7 @@ from scipy.stats import chi2
 import closeform as cf
 from closeform import cli
 from closeform.scenario import ScenarioError, parse
+from closeform.zones.pair_zones import all_made
 from closeform.zones.sums import outer_sum
 
 SPACE = cf.Orbit(0.0)
@@ -363,3 +365,78 @@ def test_a_search_of_two_says_how_what_each_has_makes_their_zone(what):
     path = cf.Orbit(0.0).coast(np.zeros(6), 10.0)
     with pytest.raises(ValueError, match=r"^zone: .*make PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
         cf.find_conflicts(path, path, what)
+
+
+# As many unlike zones as craft
+
+
+def unlike(count: int, kind: str, seed: int = 5) -> list:
+    rng = np.random.default_rng(seed)
+    if kind == "spheres":
+        return [cf.Sphere(radius) for radius in rng.uniform(5.0, 20.0, count)]
+    own = [cf.Uncertainty(np.diag(rng.uniform(2.0, 8.0, 3) ** 2), 3.0) for _ in range(count)]
+    return (
+        own if kind == "covariances" else [*own[:-30], *[cf.Sphere(9.0 + k) for k in range(25)], *[None] * 5]
+    )
+
+
+def crowd(count: int) -> cf.Path:
+    rng = np.random.default_rng(7)
+    states = np.zeros((count, 6))
+    states[:, 1], states[:, 2] = rng.uniform(-20.0 * count, 20.0 * count, count), rng.normal(0.0, 60.0, count)
+    states[:, 5] = rng.normal(0.0, 0.1, count)
+    orbit = cf.Orbit.circular(500e3)
+    return orbit.coast(states, orbit.period)
+
+
+@pytest.mark.parametrize("kind", ["spheres", "covariances", "both"])
+def test_zones_that_are_made_by_need_are_those_of_each_two(kind: str) -> None:
+    """Against the zone of each pair by itself, of more unlike craft than zones are made at once for."""
+    count, paths = 90, crowd(90)
+    own = unlike(count, kind)
+    pairs = cf.PairZones.of(own)
+    assert len(pairs.zones) == 0  # nobody has asked
+    found = cf.screen(paths, pairs)
+    assert 20 < len(found) < 2000
+    assert len(pairs.zones) < count * (count - 1) // 8
+    told = {(met.first, met.second): met.start for met in found.conflicts[::-1]}
+    truth = {}
+    for i in range(count):
+        for j in range(i + 1, count):
+            two = cf.PairZones.of([own[i], own[j]])
+            zone = two.between(0, 1)
+            met = cf.find_conflicts(paths[i], paths[j], zone) if zone is not None else ()
+            if met:
+                truth[i, j] = met[0].start
+            assert two.rule(0, 1) == pairs.rule(i, j)
+    assert told == pytest.approx(truth, abs=1e-6)
+    assert pairs.pairs == sum(
+        one is not None or other is not None for k, one in enumerate(own) for other in own[k + 1 :]
+    )
+
+
+def test_thousands_of_unlike_zones_cost_what_near_pairs_do() -> None:
+    """Three thousand covariances make four million pairs, of which few come near."""
+    begun = time.process_time()
+    pairs = cf.PairZones.of(unlike(3000, "covariances"))
+    assert time.process_time() - begun < 1.0
+    found = cf.screen(crowd(3000), pairs)
+    assert len(found) > 100
+    assert len(pairs.zones) < 100_000
+
+
+def test_who_gathers_with_unlike_zones_keeps_those_of_each_two() -> None:
+    """As of few craft: the zones of all are in a table, by pairs."""
+    kept = all_made(cf.PairZones.of(unlike(70, "both")))
+    for i, j in ((0, 1), (3, 69), (40, 68), (68, 69), (41, 44)):
+        two = cf.PairZones.of([unlike(70, "both")[k] for k in (i, j)])
+        zone, alone = kept.between(i, j), two.between(0, 1)
+        assert (zone is None) == (alone is None)
+        assert zone is None or zone.matrix == pytest.approx(alone.matrix)
+    assert kept.table.shape == (len(set(kept.kinds.tolist()) - {-1}) + 1,) * 2
+
+
+def test_zones_that_cannot_be_made_are_refused_at_once_however_many() -> None:
+    own = [*unlike(80, "covariances"), cf.Uncertainty(np.eye(3), 2.0)]
+    with pytest.raises(ValueError, match="covariances of 3 and 2 sigmas"):
+        cf.PairZones.of(own)

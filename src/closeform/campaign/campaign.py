@@ -306,7 +306,7 @@ def gathered(
 def within_limits(scenario: Scenario, flown: Gatherings) -> dict[str, Any]:
     """In which gatherings (C,) each clearance and limit that the file asks for is kept."""
     kept: dict[str, Any] = {}
-    if scenario.zones.zones:
+    if scenario.zones.pairs:
         kept["clear"] = flown.met_unknown + flown.met_known == 0
     for k, craft in enumerate(scenario.craft):
         spent = flown.each_delta_v[:, k]

@@ -13,12 +13,21 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
-from closeform.conflicts.tracks import Tracks, follow
+from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
+from closeform.zones.pair_zones import (
+    PairZones,
+    by_zone,
+    made_by_need,
+    pair_zones,
+    pairs_of,
+    portions,
+    reach_of,
+)
+from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 CHUNK = 32_768  # pairs that one thread takes at a time
@@ -156,12 +165,19 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
     return Screening(who[order], *np.ascontiguousarray(table[order].T))
 
 
-def _jobs(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
+def _jobs(zone: Zone | PairZones, paths: Path) -> Iterator[tuple[Zone, Any, Any]]:
     """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
-    if isinstance(zone, PairZones):
+    if isinstance(zone, PairZones) and not made_by_need(zone):
         yield from portions(zone, CHUNK)
         return
-    for first, second in pairs_of(count, CHUNK):
+    if isinstance(zone, PairZones):  # as many zones as pairs: they are made for those that come near
+        reach = reach_of(zone)
+        if reach > 0.0:
+            first, second = np.unique(screen(paths, Sphere(reach)).pairs, axis=0).T
+            for k, some in by_zone(zone.which(first, second)):
+                yield zone.zones[k], first[some], second[some]
+        return
+    for first, second in pairs_of(len(paths), CHUNK):
         yield zone, first, second
         if not zone.symmetric:
             yield zone, second, first
@@ -171,10 +187,12 @@ def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone | PairZones) -> Ite
     """Results of the jobs in order, few of them under way at once."""
     waiting: deque[Any] = deque()
     bodies = paths.arcs, paths.offsets
-    zones = zone.zones if isinstance(zone, PairZones) else (zone,)
+    zones = (zone,) if isinstance(zone, Zone) else () if made_by_need(zone) else zone.zones
     tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2)
-    for one, first, second in _jobs(zone, len(paths)):
-        waiting.append(pool.submit(search_pairs, *bodies, *bodies, one, first, second, tracks[one]))
+    for one, first, second in _jobs(zone, paths):
+        waiting.append(
+            pool.submit(search_pairs, *bodies, *bodies, one, first, second, tracks.get(one, NO_TRACKS))
+        )
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
     while waiting:

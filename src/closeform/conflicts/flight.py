@@ -9,7 +9,8 @@ import numpy as np
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
-from closeform.zones.pair_zones import NONE, PairZones, by_zone, enlarged, portions
+from closeform.zones.made_table import NONE
+from closeform.zones.pair_zones import PairZones, by_zone, enlarged, portions
 from closeform.zones.zone import Zone
 
 ALL_PAIRS = 100_000  # of which every closest approach is looked for: 447 craft

@@ -13,7 +13,8 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.plots.given import crafts
 from closeform.plots.letters import short_names
-from closeform.zones.pair_zones import NONE, pair_zones
+from closeform.zones.made_table import NONE
+from closeform.zones.pair_zones import pair_zones
 from closeform.zones.zone import Zone
 
 SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict

@@ -128,7 +128,7 @@ def gatherings(campaign: GatherCampaign) -> Subject:
     stage: Any
     (stage,) = campaign.scenario.stages
     done, met = np.flatnonzero(campaign.leg >= 0), {}
-    if campaign.scenario.zones.zones:
+    if campaign.scenario.zones.pairs:
         counts = {"before they knew each other": campaign.met_unknown, "only after": campaign.met_known}
         met = {
             name: (estimate(int((pairs > 0).sum()), len(campaign)), int(pairs.sum()))

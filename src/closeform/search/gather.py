@@ -41,7 +41,7 @@ from closeform.search.schedule import Search
 from closeform.search.sensor import positive
 from closeform.search.sets import LOST
 from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones, pair_zones
+from closeform.zones.pair_zones import PairZones, all_made, pair_zones
 from closeform.zones.shapes import CUBE
 
 KINDS = tuple(EventKind)  # in the order of the kernel's
@@ -312,7 +312,7 @@ def _fleet(
     kept = None
     if keep_out is not None:
         cleared(keep_out)
-        kept = pair_zones("keep_out", keep_out, count)
+        kept = all_made(pair_zones("keep_out", keep_out, count))
         for zone in kept.zones:
             cleared(zone)
     speed = None if max_speed is None else positive("max_speed", max_speed)

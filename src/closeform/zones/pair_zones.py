@@ -10,10 +10,11 @@ import numpy as np
 
 from closeform.arrays import Floats, sequence, shown
 from closeform.zones.combined_zones import Body, OwnZone, Uncertainty, key, pair_zone
+from closeform.zones.made_table import NONE, MadeTable, never_refused
 from closeform.zones.zone import Zone
 
 AT_ONCE = 1 << 18  # pairs that are looked at together: some tens of megabytes
-NONE = -1  # the kind of a body without a zone of its own; and of a pair without one, in the table
+MANY = 64  # unlike own zones, up to which those of all pairs are made at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +31,8 @@ class PairZones:
     Attributes
     ----------
     zones : tuple of Zone
-        Each zone that some pair keeps, once.
+        Each zone that some pair keeps, once; of more than 64 unlike spheres or covariances those that some
+        pair was asked for.
     kinds : array of int of shape (N,)
         Which bodies have equal own zones: the same number; -1 without one.
     table : array of int of shape (K + 1, K + 1)
@@ -46,11 +48,11 @@ class PairZones:
     docs/theory.md section 3, zones of pairs.
     """
 
-    zones: tuple[Zone, ...]
+    zones: Sequence[Zone]
     kinds: Any  # (N,)
     table: Any  # (K + 1, K + 1), by the kinds of i < j; the last row and column are NONE's
     moves: Any  # (N,) of bool
-    rules: tuple[str, ...] = ()
+    rules: Sequence[str] = ()
 
     @classmethod
     def of(
@@ -97,8 +99,11 @@ class PairZones:
         order = {one: kind for kind, one in enumerate(given)}
         kinds = np.array([NONE if zone is None else order[key(zone)] for zone in zones], dtype=np.int64)
         mobile = np.ones(len(zones), dtype=bool) if moves is None else np.array(moves, dtype=bool)
-        members = [np.flatnonzero(kinds == kind) for kind in (*order.values(), NONE)]
         own: list[OwnZone | None] = [*given.values(), None]
+        if len(own) > MANY and never_refused(own):
+            made = MadeTable(own)
+            return cls(made.zones, kinds, made, mobile, made.rules)
+        members = [np.flatnonzero(kinds == kind) for kind in (*order.values(), NONE)]
         table = np.full((len(own), len(own)), NONE)
         held: dict[Any, tuple[int, Zone, str]] = {}
         for one, other in np.ndindex(table.shape):
@@ -199,12 +204,12 @@ class PairZones:
         iterator of tuple of a Zone and an array of int of shape (M, 2)
             The pairs i < j by index.
         """
-        found: list[list[Any]] = [[np.empty((0, 2), dtype=np.int64)] for _ in self.zones]
+        found: dict[int, list[Any]] = {k: [np.empty((0, 2), dtype=np.int64)] for k in range(len(self.zones))}
         for first, second in pairs_of(len(self)):
             for k, some in by_zone(self.which(first, second)):
-                found[k].append(np.stack([first[some], second[some]], axis=1))
-        for zone, pairs in zip(self.zones, found, strict=True):
-            yield zone, np.concatenate(pairs)
+                found.setdefault(k, []).append(np.stack([first[some], second[some]], axis=1))
+        for k in sorted(found):
+            yield self.zones[k], np.concatenate(found[k])
 
 
 def by_zone(which: Any) -> Iterator[tuple[int, Any]]:
@@ -250,7 +255,7 @@ def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, A
 
 def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any, Any]]:
     """As `portions`, of pairs of places (N, 3) in metres that are no further apart than a zone reaches."""
-    reach = max((zone.radius for zone in zones.zones), default=0.0)
+    reach = reach_of(zones)
     if zones.pairs <= AT_ONCE or not reach < np.inf:
         yield from portions(zones)
         return
@@ -262,8 +267,32 @@ def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any,
         yield zones.zones[k], first[some], second[some]
 
 
+def made_by_need(zones: PairZones) -> bool:
+    """Whether zones are made when a pair asks for its own, as there may be one for each."""
+    return isinstance(zones.table, MadeTable)
+
+
+def all_made(zones: PairZones) -> PairZones:
+    """The same with the zones of all kinds, for kernels that look them up in a table."""
+    if not isinstance(zones.table, MadeTable):
+        return zones
+    count = len(zones.table.own)
+    table = zones.table[np.arange(count)[:, None], np.arange(count)]
+    return replace(zones, zones=tuple(zones.zones), table=table, rules=tuple(zones.rules))
+
+
+def reach_of(zones: PairZones) -> float:
+    """A length [m] beyond which no pair is in its zone."""
+    if isinstance(zones.table, MadeTable):
+        return zones.table.reach
+    return max((zone.radius for zone in zones.zones), default=0.0)
+
+
 def enlarged(zones: PairZones, factor: float) -> PairZones:
     """Every zone `factor` times as large."""
+    if isinstance(zones.table, MadeTable):
+        made = zones.table.enlarged(factor)
+        return replace(zones, zones=made.zones, rules=made.rules, table=made)
     return replace(zones, zones=tuple(zone.enlarged(factor) for zone in zones.zones))
 
 
