@@ -782,12 +782,6 @@ craft.silent: is not built yet; remove it""",
         'stage[2]: method = "sauter-palmer" goes with cost = "energy" only; remove one of them',
     ),
     Bad(
-        "least delta-v within a thrust limit without thrusters",
-        'within = "0.1 orbits"',
-        'within = "0.1 orbits"\ncost = "delta-v"',
-        'stage[2].cost: "delta-v" within max_thrust is not built yet in "avoid"; give thrusters, whose burns keep it, or remove max_thrust',
-    ),
-    Bad(
         "a transfer that does not say of whom",
         'do = "avoid"\ncraft = "F3"',
         'do = "transfer"',
@@ -1242,6 +1236,16 @@ CALLS = (
         "thrusters in a plan of least energy",
         "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), thrusters=thrusters)",
         "thrusters: go with cost 'delta-v'; ask for that, or leave them out",
+    ),
+    Call(
+        "thrusters and a thrust limit beside theirs",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), cost='delta-v', thrusters=thrusters, max_acceleration=0.1)",
+        "max_acceleration: bounds thrust in any direction, which thrusters do not have; leave it out, they have their own",
+    ),
+    Call(
+        "thrusters and a thrust limit beside theirs, of one of several craft",
+        "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), names=['A'], cost='delta-v', thrusters=thrusters, max_acceleration=0.1)",
+        "max_acceleration: A: bounds thrust in any direction, which thrusters do not have; leave it out, or give inf for craft with thrusters, which have their own",
     ),
     Call(
         "thrusters of more craft than there are",

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from math import nan
+from math import inf, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,7 +104,13 @@ def planned(
     from closeform.planning.reconfigure import reconfigure
 
     scenario = start.scenario
-    limits = np.array([scenario.craft[k].max_acceleration for k in who])  # with the first mass
+    thrusters = [start.thrusters(k, stage.cost) for k in who]
+    limits = np.array(  # with the first mass
+        [
+            inf if own is not None else scenario.craft[k].max_acceleration
+            for k, own in zip(who, thrusters, strict=True)
+        ]
+    )
     order = None
     if stage.plan == "sequential":
         order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
@@ -123,12 +129,13 @@ def planned(
             assign=stage.assigns,
             start=start.time,
             obstacles=[start.coast(k, far_beyond(duration, start.orbit.mean_motion)) for k in rest],
-            max_acceleration=limits if np.isfinite(limits).any() and stage.cost == "energy" else None,
+            max_acceleration=limits if np.isfinite(limits).any() else None,
             if_blocked=stage.if_blocked,
             method=stage.plan,
             order=order,
             names=[scenario.names[k] for k in who + rest],
             cost=stage.cost,
+            thrusters=thrusters if any(own is not None for own in thrusters) else None,
         )
         measures += plan.measures
         punctual = punctual if attempt else plan.punctual  # of the duration asked for

@@ -19,6 +19,7 @@ Result = TypeVar("Result", bound=StageResult[Any, Any])
 TRIES = 8  # plans that are made for room that grows
 SPARE = 1.02  # times the time that burns stick out: another plan has other burns
 GROWTH = 1.5  # of what zones are larger by, where that was too little
+REMEDY = "give it more thrust or time, or cost 'energy', which spreads it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +54,7 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         try:
             firing = fired(start, found.after)
         except Overlap as overlap:
-            remedy = "give it more thrust or time, or cost 'energy', which spreads it"
-            failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {remedy}"
+            failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {REMEDY}"
             return replace(found, failure=failure, flown=False) if kept is None else kept
         if firing is None:
             return found
@@ -64,6 +64,9 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         if max(early, late) > 0.0:
             before, after = (SPARE * max(one, 0.0) for one in (early, late))
             room = replace(room, before=room.before + before, after=room.after + after)
+            asked = start.asked(found.stage)
+            if kept is None and room.time >= asked:
+                break
             continue
         flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
         paths = [flies.get(name, found.after.path(name)) for name in found.after.names]
@@ -74,7 +77,8 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         needed = wider(flight, dict(zip(names, np.ravel(shot.deviation).tolist(), strict=True)))
         room = replace(room, larger=max(needed, 1.0 + GROWTH * (room.larger - 1.0)))
     if kept is None:
-        raise ValueError("within: burns of thrusters find no room at its ends; give more time or thrust")
+        failure = f"burns at its ends take {room.time:.6g} s of the {asked:.6g} s that it has; {REMEDY}"
+        return replace(found, failure=failure, flown=False)
     return kept
 
 

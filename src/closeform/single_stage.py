@@ -12,6 +12,7 @@ from closeform.mission_result import AvoidResult, StageResult, TransferResult
 from closeform.motion.duration import far_beyond
 from closeform.motion.joining import join
 from closeform.motion.path import Path
+from closeform.motion.within_limit import TooLittleThrust
 from closeform.pulsed import pulsed
 from closeform.scenario import Avoid, Transfer
 from closeform.stage_start import StageStart, too_late
@@ -40,7 +41,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         k = names.index(name)
         if name not in targets:
             return start.coast(k, duration)
-        path = start.transfer(targets[name], k, asked, stage.cost)
+        own = start.transfer if stage.cost == "energy" else start.own_transfer  # which keeps limits
+        path = own(targets[name], k, asked, stage.cost)
         later = start.time + duration - path.end
         return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
 
@@ -59,11 +61,18 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     def way(factor: float) -> Path:
         if to is None:
             return start.coast(mover, factor * asked)
-        return start.transfer(to, mover, factor * asked, stage.cost)
+        task = to, mover, factor * asked, stage.cost
+        if stage.cost == "energy":
+            return start.transfer(*task)
+        try:
+            return start.own_transfer(*task)
+        except TooLittleThrust:
+            return start.transfer(*task)  # what the plan finds no thrust for
 
     craft, direct = start.scenario.craft[mover], way(1.0)
-    task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost)
-    if not craft.limited or stage.cost == "delta-v":
+    thrusters = start.thrusters(mover, stage.cost)
+    task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
+    if not craft.limited or thrusters is not None:
         avoidance = task.plan(direct)
     else:
         avoidance = task.keep(
@@ -100,21 +109,16 @@ def transfer(start: StageStart, stage: Transfer) -> StageResult[Transfer, Transf
 
 def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
     """The plan of one craft that moves alone."""
-    scenario, asked = start.scenario, start.asked(stage)
-    k = 0 if stage.craft is None else scenario.names.index(stage.craft)
+    names, asked = start.scenario.names, start.asked(stage)
+    k = 0 if stage.craft is None else names.index(stage.craft)
     to = start.settled(stage.to, k, asked, stage.cost)
-    craft, initial, final = scenario.craft[k], start.states[k], start.goal(to, asked)
+    initial, final = start.states[k], start.goal(to, asked)
     failure = None
     free = path = start.transfer(to, k, asked, stage.cost)
     try:
-        if craft.thrusters is not None and stage.cost == "delta-v":
-            thrusters = craft.fired(float(start.shares[k]))
-            path = start.orbit.impulsive(initial, final, asked, start.time, thrusters)
-        elif craft.limited:
-            limit = craft.max_acceleration / float(start.shares[k])
-            path = start.orbit.transfer(initial, final, asked, start.time, limit, stage.cost)
+        path = start.own_transfer(to, k, asked, stage.cost)
     except ValueError as error:
         failure = str(error)
     before, after = (start.mixed([k], one) for one in (free, path))
-    result = TransferResult(craft.name, initial, final, asked, free, to)
+    result = TransferResult(names[k], initial, final, asked, free, to)
     return StageResult(start.number, stage, start.time, before, after, result, failure, failure is None)

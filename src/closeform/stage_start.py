@@ -10,6 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import Flight, watch
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -146,9 +147,34 @@ class StageStart:
         return int(arrivals(self.orbit, self.states[k], slots, [duration]).slot[0])
 
     def transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
-        """Craft k's own way to a target, at the least cost."""
+        """Craft k's way to a target at the least cost, by thrust without limit in any direction."""
         final = self.goal(target, duration)
         return self.orbit.transfer(self.states[k], final, duration, self.time, cost=cost)
+
+    def thrusters(self, k: int, cost: Cost) -> Thrusters | None:
+        """Those that a plan for craft k is made for: with least delta-v its own, if it has some."""
+        return self.scenario.craft[k].fired(float(self.shares[k])) if cost == "delta-v" else None
+
+    def limit(self, k: int) -> float:
+        """What craft k's engine gives the mass that is left [m/s^2]; inf without a limit."""
+        return self.scenario.craft[k].max_acceleration / float(self.shares[k])
+
+    def own_transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
+        """Craft k's way to a target at the least cost, as its thrusters or its engine can.
+
+        Raises ValueError, which names the craft, where they cannot.
+        """
+        task = self.states[k], self.goal(target, duration), duration, self.time
+        thrusters = self.thrusters(k, cost)
+        try:
+            if thrusters is not None:
+                return self.orbit.impulsive(*task, thrusters)
+            limit = self.limit(k) if self.scenario.craft[k].limited else None
+            return self.orbit.transfer(*task, limit, cost)
+        except ValueError as error:
+            what, _, words = str(error).partition(": ")
+            error.args = (f"{what}: {self.scenario.names[k]}: {words}",)
+            raise
 
     def mixed(self, who: list[int], paths: Path) -> Flight:
         """The `paths` of the craft `who`; the others coast meanwhile."""

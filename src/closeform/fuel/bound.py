@@ -16,8 +16,9 @@ from closeform.motion.impulses import answers
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, path_of
 from closeform.motion.reduced import LOWER, PRIMER, UNIQUE, UPPER
-from closeform.motion.saturated import BOUND, PROOF, WORST, limited
+from closeform.motion.saturated import BOUND, PROOF, WORST
 from closeform.motion.steering import steer
+from closeform.motion.within_limit import limited
 
 PROVEN = 1e-9  # gap between the bounds, relative
 

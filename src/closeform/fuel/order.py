@@ -16,10 +16,10 @@ from closeform.motion.path import Path, ends_of
 FULL = 1.0 + 1e-6  # of a thruster's acceleration, that a plan may ask for
 CLOCK = 1e-12  # of all times: no pulse is briefer
 JOINED = 1e-9  # of a pulse: the next one follows at once
-# Of the length of two burns, by which their impulses are apart at least: linear programs share one impulse
-# among times beside each other.  Nearer ones are one burn, of the same F bound: their own F, of impulses
-# apart by that at most, is below that of the burn, and of its sign.
-APART = 0.01
+# Of the length of two burns that overlap if their impulses are nearer, and of the plan's: linear programs
+# share one impulse among times beside each other.  Such are one burn, of the same F bound: it is as long as
+# both, about their centroid, and no part of it is nearer to that than what it replaces: F keeps its sign.
+APART, BESIDE = 0.5, 0.02
 # Of q w x: F of two pulses of one delta-v q, centroid and length w, of which one is constant and the other
 # grows by the share x on the way.  It is 1/64 where all growth is in the middle, 1/125 where it is steady.
 RAMP = 1.0 / 32.0
@@ -87,7 +87,7 @@ def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust:
     _check_period(cells, path, thrusters)
     chunks = gathered(cells, path.start, thrusters.period, bits)
     _check_strength(chunks, thrusters)
-    chunks = _together(_without_gaps(chunks, thrusters), thrusters)
+    chunks = _together(_without_gaps(chunks, thrusters), thrusters, BESIDE * (path.end - path.start))
     fired = _fired(chunks, path, thrusters, bits)
     shot, force = chunks[fired], kilograms * thrusters.acceleration
     begin, over, masses = fired_within(shot, force[shot.thruster], kilograms, speed)
@@ -153,12 +153,12 @@ def _without_gaps(chunks: Chunks, thrusters: Thrusters) -> Chunks:
     return chunks.joined(np.flatnonzero(~goes_on))
 
 
-def _together(chunks: Chunks, thrusters: Thrusters) -> Chunks:
-    """Impulses of one thruster that are so near that their burns would be one, as one."""
+def _together(chunks: Chunks, thrusters: Thrusters, beside: float) -> Chunks:
+    """Impulses of one thruster that are `beside` [s] each other, as one where their burns would overlap."""
     while len(chunks) > 1:
         width = chunks.impulse / thrusters.acceleration[chunks.thruster]
         near = (chunks.thruster[1:] == chunks.thruster[:-1]) & np.isinf(chunks.peak[1:] + chunks.peak[:-1])
-        near &= np.diff(chunks.centroid) < APART * (width[1:] + width[:-1])
+        near &= np.diff(chunks.centroid) < np.minimum(APART * (width[1:] + width[:-1]), beside)
         if not near.any():
             break
         chunks = chunks.joined(np.flatnonzero(~np.concatenate([[False], near])))

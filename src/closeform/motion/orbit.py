@@ -15,8 +15,8 @@ from closeform.motion.ends import arcs_between, arcs_from, checked_below
 from closeform.motion.lambert import drifts
 from closeform.motion.path import Path, path_of
 from closeform.motion.sampling import arcs_through
-from closeform.motion.saturated import limited
 from closeform.motion.steering import fix_inertially, steer
+from closeform.motion.within_limit import limited
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters

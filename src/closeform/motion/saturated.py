@@ -8,13 +8,9 @@ it is judged.
 """
 
 from math import inf, sqrt
-from typing import Any
 
-import numpy as np
 from numba import boolean, float64, int64, void
-from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, state_at
@@ -22,9 +18,7 @@ from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, downhill,
 from closeform.motion.costates import COASTING, RISING, piece_end, side, sum_up
 from closeform.motion.hill import coast, oscillation
 from closeform.motion.linear import dot
-from closeform.motion.mean_motion import checked
 from closeform.motion.primer import NARROWEST, functional
-from closeform.motion.short_burns import short_burns
 
 # By how much a piece may be off, as a share of the limit.  Ten times as much: half as many pieces,
 # and a limit exceeded by more than the 1e-9 that is promised.
@@ -33,7 +27,7 @@ ROUNDING = 1e-14  # of |p|, in thrust of size (|p| - 1) / e
 NOISE = 1e-13  # of states, by rounding
 FREE = 1e200  # a limit that nothing reaches
 CLOSE = 1e-6  # of the least limit: so well it is told
-WORST, DEARER = 1e-6, 1e-3  # a path's cost over its lower bound, and that of short burns over impulses
+WORST = 1e-6  # a path's cost over its lower bound
 
 
 @kernel()
@@ -289,61 +283,3 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         if not facts[p, COST] <= facts[p, BOUND] + WORST * facts[p, COST] + noise:  # nan neither
             facts[p, NEEDED], offsets[p + 1] = UNDECIDED, -1
             break
-
-
-ROOM = 40  # arcs a path, of which a batch is given room at first
-
-
-def limited(
-    n: float, arcs: Floats, finals: Floats, max_acceleration: ArrayLike, sparing: bool
-) -> tuple[Floats, Any, tuple[int, ...], Floats]:
-    """Arcs, offsets, shape and facts of transfers within limits, of the least delta-v if `sparing`.
-
-    `arcs` (..., 30) are the optima without a limit, to `finals` (..., 6).
-    """
-    limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
-    shape = broadcast(arguments=arcs.shape[:-1], max_acceleration=limits.shape)
-    rows, ends = (np.broadcast_to(a, shape + a.shape[-1:]).reshape(-1, a.shape[-1]) for a in (arcs, finals))
-    limits = np.broadcast_to(limits, shape).ravel()
-    pieces, counts = [np.empty((0, WIDTH))], [np.zeros(1, dtype=np.int64)]
-    told, first, room = [np.empty((0, PROOF + 6))], 0, ROOM * len(rows) + 500
-    while first < len(rows):
-        made, facts = np.empty((room, WIDTH)), np.zeros((len(rows) - first, PROOF + 6))
-        offsets = np.full(len(facts) + 1, -1)
-        offsets[0] = 0
-        task = (np.ascontiguousarray(a[first:]) for a in (rows, ends, limits))
-        limit_thrust(n, *task, sparing, made, offsets, facts)
-        done = int((offsets[1:] >= 0).sum())
-        if done < len(facts) and facts[done, NEEDED] != POSSIBLE:
-            k = first + done
-            undecided = sparing and facts[done, NEEDED] == UNDECIDED
-            burns = short_burns(n, rows[k], ends[k], limits[k]) if undecided else None
-            if burns is not None and burns.delta_v <= (1.0 + DEARER) * burns.bound:
-                facts[done] = [POSSIBLE, 0.0, burns.bound, burns.delta_v, *burns.primer]
-                pieces += [made[: offsets[done]], burns.arcs]
-                counts += [np.diff(offsets[: done + 1]), np.array([len(burns.arcs)])]
-                told.append(facts[: done + 1])
-                first += done + 1
-                continue
-            name = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
-            raise ValueError(f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[done])}")
-        pieces.append(made[: offsets[done]])
-        counts.append(np.diff(offsets[: done + 1]))
-        told.append(facts[:done])
-        first += done
-        room = room if done else 4 * room
-    return np.concatenate(pieces), np.cumsum(np.concatenate(counts)), shape, np.concatenate(told)
-
-
-def refusal(arc: Floats, limit: float, facts: Floats) -> str:
-    """Why a transfer is refused."""
-    duration = arc[END] - arc[START]
-    if facts[NEEDED] == UNDECIDED:
-        return (
-            f"{limit:.10g} m/s^2 in {duration:g} s is shown to be neither enough nor too little; "
-            "give a little more of it, or of time"
-        )
-    return (
-        f"no thrust within {limit:g} m/s^2 makes the transfer in {duration:g} s; "
-        f"{facts[ENOUGH] * (1.0 + CLOSE):.7g} m/s^2 is enough"
-    )

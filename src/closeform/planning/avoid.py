@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
-from typing import Any, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
@@ -14,9 +14,10 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.planning.impulse_search import solve_impulses, unconstrained
+from closeform.motion.within_limit import TooLittleThrust
+from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
 from closeform.planning.limits import FULL, longest, stretched
-from closeform.planning.obstacles import end_inside, obstacle_batch, obstacle_names
+from closeform.planning.obstacles import Zones, end_inside, obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
 from closeform.planning.planner import check_cost, check_effort, outcome, solve
 from closeform.planning.problem import Problem, transfer_of
@@ -24,14 +25,12 @@ from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
 from closeform.planning.side_search import MARGINS, Found
-from closeform.zones.combined_zones import OwnZone, pair_zone
-from closeform.zones.pair_zones import PairZones, pair_zones
-from closeform.zones.zone import Zone
-
-Zones = tuple[tuple[Zone, Any], ...]  # each with the pairs (M, 2) that it holds for
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.pair_zones import PairZones
 
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
 ROUNDING = 1e-9  # of a duration
+BOTH = "bounds thrust in any direction, which thrusters do not have; leave it out, they have their own"
 CHEAPER = 1e-6  # of its delta-v: by less, a clear path is left as it is
 
 
@@ -83,11 +82,12 @@ def avoid(
     names : sequence of str, optional
         The obstacles', for reasons; "obstacle 0" and so on unless given.
     cost : "energy" or "delta-v", default "energy"
-        What is least.  With "delta-v" the path has impulses, few but where it slides along a zone; `budget`
-        counts starts, and `max_acceleration`, `prove` and "sauter-palmer" are not for it.
+        What is least.  With "delta-v" the path has impulses, few but where it slides along a zone, with
+        `max_acceleration` burns within it; `budget` counts starts, and `prove` and "sauter-palmer" are not
+        for it.
     thrusters : Thrusters, optional
         Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both
-        do.  Also a clear path is planned anew then.
+        do.  Also a clear path is planned anew then.  Not with `max_acceleration`.
 
     Returns
     -------
@@ -112,11 +112,12 @@ def avoid(
         return path if factor == 1.0 else transfer_of(path, factor)
 
     check_effort(budget, prove)
-    limited = max_acceleration is not None
-    check_cost(cost, thrusters, max_acceleration=limited, prove=prove > 0.0, method=method != "exact")
+    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact")
     instance("longer", longer, bool, np.bool_)
     if thrusters is not None:
         instance("thrusters", thrusters, Thrusters)
+        if max_acceleration is not None:
+            raise ValueError(f"max_acceleration: {BOTH}")
     task = Around.of(path.orbit, obstacles, zone, method, budget, names, cost, thrusters)
     return (
         task.plan(path, prove)
@@ -136,6 +137,7 @@ class Around:
     budget: int | None
     cost: Cost = "energy"
     thrusters: Thrusters | None = None
+    limit: float | None = None  # [m/s^2], with cost "delta-v": within it every plan is
 
     @classmethod
     def of(
@@ -172,10 +174,11 @@ class Around:
             least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
             return refused(problem, Status.END_INSIDE, reason, least=least)
         if by_delta_v and self.thrusters is not None:
-            return impulsive(None, problem, self.thrusters, self.budget)
+            return impulsive(None, problem, self)
         clear = not problem.conflicts(problem.with_path(path))
         if by_delta_v:
-            return impulsive(path if clear else None, problem, None, self.budget)
+            within = self.limit is None or beyond(path, self.limit) <= FULL
+            return impulsive(path if clear and within else None, problem, self)
         if clear:
             energy, bound = path.energy, min(float(optimum.energy), path.energy)
             extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
@@ -194,7 +197,8 @@ class Around:
         limit = numbers("max_acceleration", max_acceleration)
         if limit.shape or not limit > 0.0:
             raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
-        return within_limit(self, direct, float(limit), longer, prove)
+        task = replace(self, limit=float(limit)) if self.cost == "delta-v" else self
+        return within_limit(task, direct, float(limit), longer, prove)
 
 
 def within_limit(
@@ -202,34 +206,45 @@ def within_limit(
 ) -> Avoidance:
     """A way around that keeps a thrust limit [m/s^2], in the shortest longer duration found where it must."""
 
-    def excess(found: Path) -> Floats:
-        return np.array([inf if found.impulses else found.peak_thrust / limit])
+    sparing = task.cost == "delta-v"
+
+    def excess(found: Avoidance) -> Floats:
+        if found.weak is not None:
+            return np.array([found.weak.needed / limit])
+        return np.array([0.0 if found.path is None else beyond(found.path, limit)])
 
     def attempt(factor: float) -> tuple[Avoidance, Floats] | None:
         found = task.plan(direct(factor))
-        return (found, excess(found.path)) if found.path is not None else None
+        return (found, excess(found)) if found.ok or found.weak is not None else None
+
+    def free(factor: float) -> Floats:  # of least energy: burns of least delta-v are told by planning them
+        return np.array([0.0 if sparing else beyond(direct(factor), limit)])
 
     path = direct(1.0)
-    for way in dict.fromkeys((path, transfer_of(path))):  # of less thrust, where `path` is none and clear
+    # the optimum is another path, of less thrust, where `path` is none and clear
+    for way in (path,) if sparing else dict.fromkeys((path, transfer_of(path))):
         plan = task.plan(way, prove, fixed=True)
-        if plan.path is None or (over := excess(plan.path)) <= FULL:
+        over = excess(plan)
+        if over <= FULL:  # as of no path
             return plan
+    first, proven = float(over[0]) * limit, 0.0 if plan.weak is None else plan.weak.proven
     asked = float(path.end - path.start)
-    plan = replace(plan, punctual=float(over[0]) * limit)
+    plan = replace(plan, punctual=first)
 
-    def refused(remedy: str, excess: Floats = over, duration: float = asked) -> Avoidance:
-        weak = TooWeak(0, float(excess[0]) * limit, limit, duration, remedy, asked, float(over[0]) * limit)
+    def refused(remedy: str, needed: float = first, duration: float = asked, least: float = 0.0) -> Avoidance:
+        weak = TooWeak(0, needed, limit, duration, remedy, asked, first, least)
         return too_weak(plan, weak, "path")
 
     if not longer:
-        return refused("allow longer, or give more time")
+        return refused("allow longer, or give more time", least=proven)
     there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * asked]
     most = min(float(min(there, default=inf)) - path.start, longest(path.orbit, asked)) / asked
     if most <= 1.0 + ROUNDING:
-        return refused(f"give more time, or obstacles that are known beyond {path.end:.6g} s")
-    later = stretched(over, lambda factor: excess(direct(factor)), attempt, most)
+        remedy = f"give more time, or obstacles that are known beyond {path.end:.6g} s"
+        return refused(remedy, least=proven)
+    later = stretched(over, free, attempt, most)
     if later.found is None:
-        tried = refused("give it more", later.excess, later.factor * asked)
+        tried = refused("give it more", float(later.excess[0]) * limit, later.factor * asked)
         return replace(tried, measures=(later.measure,))
     found = task.plan(direct(later.factor), prove, fixed=True) if prove else later.found
     return replace(found, measures=(later.measure,), punctual=plan.punctual)
@@ -272,15 +287,28 @@ def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) ->
     )
 
 
-def impulsive(
-    clear: Path | None, problem: Problem, thrusters: Thrusters | None, budget: int | None
-) -> Avoidance:
+def beyond(path: Path, limit: float) -> float:
+    """Peak thrust over a limit."""
+    return inf if path.impulses else float(path.peak_thrust / limit)
+
+
+def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
     """`avoid` by least delta-v; a `clear` path is left as it is where none found is cheaper."""
-    found, free = solve_impulses(problem, (thrusters,), ("",), budget)
+    limits = None if task.limit is None else np.array([task.limit])
+    try:
+        found, free = solve_impulses(problem, (task.thrusters,), ("",), task.budget, limits=limits)
+    except TooLittleThrust as little:
+        assert limits is not None
+        least = unconstrained(problem, (None,), ("",)).least
+        none = refused(problem, Status.TOO_WEAK, str(little), least=least)
+        return replace(none, weak=shortage(problem, limits, little))
     ways = f"{found.tried} starts examined"
     if found.flown is None and clear is None:
         reason = f"no clear path among {ways}; raise budget for more"
-        return refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
+        none = refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
+        if found.enough is None or limits is None:
+            return none
+        return replace(none, status=Status.TOO_WEAK, weak=shortage(problem, limits, found.enough))
     number, path, spent = len(found.contacts), clear, found.delta_v
     if found.flown is not None and (clear is None or spent < (1.0 - CHEAPER) * clear.delta_v):
         path = problem.path(found.flown)[0]
@@ -314,21 +342,3 @@ def refused(
     if least is not None:
         return replace(none, lower_bound=least, cost="delta-v")
     return replace(none, lower_bound=problem.energy(problem.direct))
-
-
-def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:
-    """Zones of a craft, which has none unless given, and `count` obstacles, each with its pairs."""
-    if isinstance(zone, PairZones):
-        return tuple(pair_zones("zone", zone, 1, count).groups())
-    given = [zone] * count if isinstance(zone, OwnZone) else list(zone) if isinstance(zone, Sequence) else []
-    if not given or not all(isinstance(one, OwnZone) for one in given):
-        raise ValueError(f"zone: expected a zone, or one for each obstacle, got {shown(zone)}")
-    if len(given) != count:
-        raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
-    alike: dict[int, list[int]] = {}
-    for k, own in enumerate(given):
-        alike.setdefault(id(own), []).append(k)
-    return tuple(
-        (pair_zone(given[those[0]], None)[0], np.array([[0, 1 + k] for k in those]))
-        for those in alike.values()
-    )

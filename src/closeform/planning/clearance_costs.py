@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, numbers, shown
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
-from closeform.planning.avoid import avoid, zones_around
-from closeform.planning.obstacles import obstacle_batch
+from closeform.planning.avoid import avoid
+from closeform.planning.obstacles import obstacle_batch, zones_around
 from closeform.planning.plan import Avoidance, Cost, Plan
 from closeform.planning.problem import transfer_of
 from closeform.planning.reconfigure import reconfigure

@@ -7,7 +7,6 @@ from typing import Literal
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.path import Path
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.plan import Plan, TooWeak, too_weak
 from closeform.planning.request import Request
@@ -51,30 +50,32 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
 
     TOO_WEAK where none does, or where `longer` is not allowed.
     """
-    excess = _excess(request, plan.paths)
+    excess = _excess(request, plan)
     if excess.max() <= FULL or request.limits is None:
         return request, plan
     limits = request.limits
     if not plan.measures:  # else craft take longer for another reason
         plan = replace(plan, punctual=excess * limits)
 
-    def refused(remedy: str, over: Floats = excess, factor: float = 1.0) -> Plan:
+    proven = 0.0 if plan.weak is None else plan.weak.proven
+
+    def refused(remedy: str, over: Floats = excess, factor: float = 1.0, least: float = 0.0) -> Plan:
         worst = int(np.argmax(over))
         needed, first = (float(one[worst] * limits[worst]) for one in (over, excess))
         shortest = float(request.durations[worst])
-        weak = TooWeak(worst, needed, float(limits[worst]), factor * shortest, remedy, shortest, first)
+        weak = TooWeak(worst, needed, float(limits[worst]), factor * shortest, remedy, shortest, first, least)
         return too_weak(plan, weak, request.names[worst])
 
     if not longer:
-        return request, refused('allow "longer", or give more time')
+        return request, refused('allow "longer", or give more time', least=proven)
 
     def attempted(factor: float) -> tuple[Plan, Floats] | None:
         other = attempt(request.longer(factor), False)
-        return (other, _excess(request, other.paths)) if other.ok else None
+        return (other, _excess(request, other)) if other.ok or other.weak is not None else None
 
-    def free(factor: float) -> Floats:
-        changed = request.longer(factor)
-        return _excess(changed, changed.direct)
+    def free(factor: float) -> Floats:  # of least energy: burns of least delta-v are told by planning them
+        sparing = request.cost == "delta-v"
+        return np.zeros(1) if sparing else np.asarray(request.longer(factor).direct.peak_thrust / limits)
 
     asked = float(request.durations.max())
     later = stretched(excess, free, attempted, longest(request.orbit, asked) / asked)
@@ -84,6 +85,10 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
     return request.longer(later.factor), replace(later.found, measures=measures, punctual=plan.punctual)
 
 
-def _excess(request: Request, paths: Path | None) -> Floats:
-    """Peak thrust over its limit (N,)."""
-    return np.zeros(1) if paths is None else np.asarray(paths.peak_thrust / request.limits)
+def _excess(request: Request, plan: Plan) -> Floats:
+    """Peak thrust over its limit (N,), or what the one who lacks most needs."""
+    if plan.weak is not None:
+        needed = np.zeros(len(request.initial))
+        needed[plan.weak.craft] = plan.weak.needed / plan.weak.limit
+        return needed
+    return np.zeros(1) if plan.paths is None else np.asarray(plan.paths.peak_thrust / request.limits)

@@ -1,14 +1,24 @@
 """From impulses at many times to paths with few: ends met to rounding, no more impulses than they need."""
 
+from math import inf
+
 import numpy as np
 from numba import int64, void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, state_at
 from closeform.motion.linear import triangle
-from closeform.motion.primer import position_rows
-from closeform.planning.impulse_scene import FLEET, PLANES, coast_state, forces, gain, is_free, project
+from closeform.planning.impulse_scene import (
+    FLEET,
+    PLANES,
+    coast_state,
+    forces,
+    gain,
+    is_free,
+    mean_rows,
+    project,
+)
 from closeform.planning.scene import BLOCKS, INDICES, ROWS
 
 REPAIRS = 3  # of the ends, which rounding leaves open
@@ -34,7 +44,7 @@ def repair(fleet, i, impulses):
             weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
             if weight == 0.0:
                 continue
-            position_rows(n, fleet.times[i, j] - fleet.base[i, START], psi)
+            mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
             project(fleet.along[i, j], psi)
             for a in range(6):
                 for axis in range(3):
@@ -55,7 +65,7 @@ def repair(fleet, i, impulses):
             weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
             if weight == 0.0:
                 continue
-            position_rows(n, fleet.times[i, j] - fleet.base[i, START], psi)
+            mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
             project(fleet.along[i, j], psi)
             change = stack_vector(3)
             for axis in range(3):
@@ -66,6 +76,14 @@ def repair(fleet, i, impulses):
             pulls = grown < 0.0 and not is_free(fleet.along[i, j])
             for axis in range(3):
                 v[axis] = 0.0 if pulls else v[axis] + change[axis]
+
+
+@kernel()
+def begin_arc(n, row, start, end, state):
+    """Set times, mean motion and first state of an arc."""
+    row[START], row[END], row[MEAN_MOTION] = start, end, n
+    for a in range(6):
+        row[STATE + a] = state[a]
 
 
 @kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
@@ -84,22 +102,30 @@ def fly_impulses(fleet, impulses, arcs, offsets):
             last = j == fleet.counts[i]
             if not last and not (impulses[i, j, 0] or impulses[i, j, 1] or impulses[i, j, 2]):
                 continue
-            there = fleet.span[1] if last else fleet.times[i, j]
-            arcs[row, START], arcs[row, END], arcs[row, MEAN_MOTION] = t, there, n
-            for a in range(6):
-                arcs[row, STATE + a] = state[a]
+            there = fleet.span[1] if last else max(fleet.times[i, j], t)
+            begin_arc(n, arcs[row], t, there, state)
             coast_state(n, there - t, state, state)
             if there > t:
                 row += 1
                 arcs[row] = 0.0
             if last:
-                if t >= there:  # an impulse at the very end
-                    row += 1
+                if t >= there and (arcs[row, IMPULSE] or arcs[row, IMPULSE + 1] or arcs[row, IMPULSE + 2]):
+                    row += 1  # an impulse at the very end
                 break
-            for axis in range(3):
-                state[3 + axis] += impulses[i, j, axis]
-                arcs[row, IMPULSE + axis] += impulses[i, j, axis]
             t = there
+            if fleet.widths[i, j] == 0.0:
+                for axis in range(3):
+                    state[3 + axis] += impulses[i, j, axis]
+                    arcs[row, IMPULSE + axis] += impulses[i, j, axis]
+                continue
+            t = min(fleet.times[i, j] + fleet.widths[i, j], fleet.base[i, END])
+            begin_arc(n, arcs[row], there, t, state)
+            for axis in range(3):
+                arcs[row, PUSH + axis] = impulses[i, j, axis] / (t - there)
+            x, y, z, vx, vy, vz = state_at(arcs[row], t)
+            state[0], state[1], state[2], state[3], state[4], state[5] = x, y, z, vx, vy, vz
+            row += 1
+            arcs[row] = 0.0
     offsets[len(fleet.base)] = row
     return row
 
@@ -143,7 +169,8 @@ def keep_fewest(fleet, planes, impulses):
     """Leave each craft no more impulses than ends and planes need, with the same effect on them, for no more.
 
     What many impulses along fixed directions do is a sum in few dimensions, so that some of them can be
-    made up for by others (Caratheodory), in the direction in which the sum of sizes does not grow.
+    made up for by others (Caratheodory), in the direction in which the sum of sizes does not grow.  Of burns
+    within a limit few are left that are neither nothing nor the most they can be.
     """
     fleet, planes = lent(fleet), lent(planes)
     number, most = len(planes.times), fleet.times.shape[1]
@@ -161,12 +188,12 @@ def keep_fewest(fleet, planes, impulses):
         for j in range(fleet.counts[i]):
             v = impulses[i, j]
             size = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) ** 0.5
-            if size == 0.0:
-                continue
             sizes[j] = size
+            if size == 0.0 or size >= fleet.most[i, j]:
+                continue
             used[count] = j
             count += 1
-            position_rows(n, fleet.times[i, j] - start, psi)
+            mean_rows(n, fleet.times[i, j] - start, fleet.widths[i, j], psi)
             for a in range(6):
                 effects[a, j] = (psi[0, a] * v[0] + psi[1, a] * v[1] + psi[2, a] * v[2]) / size
             row = 6
@@ -175,7 +202,7 @@ def keep_fewest(fleet, planes, impulses):
                     ahead = planes.times[k] - fleet.times[i, j]
                     effects[row, j] = 0.0
                     if ahead > 0.0:
-                        forces(n, ahead, planes.rows[k], psi, pushed)
+                        forces(n, ahead, fleet.widths[i, j], planes.rows[k], psi, pushed)
                         effects[row, j] = (pushed[0] * v[0] + pushed[1] * v[1] + pushed[2] * v[2]) / size
                     row += 1
         scale_rows(effects, height, used, count)
@@ -187,10 +214,10 @@ def keep_fewest(fleet, planes, impulses):
             null_vector(work, height, columns, z, order)
             if not is_null(effects, height, used, columns, z):
                 break
-            drop_one(impulses[i], sizes, used, columns, z)
+            drop_one(impulses[i], sizes, fleet.most[i], used, columns, z)
             left = 0
             for c in range(count):
-                if sizes[used[c]] > 0.0:
+                if 0.0 < sizes[used[c]] < fleet.most[i, used[c]]:
                     used[left] = used[c]
                     left += 1
             count = left
@@ -224,19 +251,21 @@ def is_null(matrix, size, used, columns, z):
 
 
 @kernel()
-def drop_one(impulses, sizes, used, columns, z):
-    """Change sizes along z, or against it, whichever makes their sum no larger, until one is zero."""
+def drop_one(impulses, sizes, most, used, columns, z):
+    """Change sizes along z, or against it, whichever makes their sum no larger, until one is zero or most."""
     total = 0.0
     for c in range(columns):
         total += z[c]
     sign = 1.0 if total <= 0.0 else -1.0
-    step, gone = -1.0, 0
+    step, gone, left = inf, 0, 0.0
     for c in range(columns):
-        if sign * z[c] < 0.0 and (step < 0.0 or sizes[used[c]] < -sign * z[c] * step):
-            step, gone = sizes[used[c]] / (-sign * z[c]), c
+        pull, j = sign * z[c], used[c]
+        room = sizes[j] if pull < 0.0 else most[j] - sizes[j]
+        if pull != 0.0 and room < abs(pull) * step:
+            step, gone, left = room / abs(pull), c, 0.0 if pull < 0.0 else most[j]
     for c in range(columns):
         j = used[c]
-        size = max(sizes[j] + sign * step * z[c], 0.0) if c != gone else 0.0
+        size = min(max(sizes[j] + sign * step * z[c], 0.0), most[j]) if c != gone else left
         for axis in range(3):
             impulses[j, axis] *= size / sizes[j]
         sizes[j] = size

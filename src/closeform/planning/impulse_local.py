@@ -46,6 +46,7 @@ ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
 SETTLED = 1e-5  # of the cost, by which a clear round must be cheaper than the one before
 ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
+INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
 DEARER = 1.0002  # times the cost, that few impulses may cost
 
 
@@ -94,6 +95,8 @@ class ImpulseSolver:
     def __init__(self, problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> None:
         self.problem, self.thrusters, self.names = problem, thrusters, names
         self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
+        self.limits = np.zeros(problem.count)  # [m/s^2], of burns
+        self.needed = inf  # times these limits, where burns within them were shown to be too weak
         self.aim = AIM
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
@@ -124,7 +127,7 @@ class ImpulseSolver:
             impulses[i, : len(table)] = table[:, 1:]
         which = self.pushes.nearest(times, impulses)
         fired = [
-            Moments(row[: len(table)], own[: len(table)])
+            Moments.instants(row[: len(table)], own[: len(table)])
             for row, own, table in zip(times, which, tables, strict=True)
         ]
         fleet = self.fleet(fired)
@@ -138,7 +141,7 @@ class ImpulseSolver:
         best, self.aim, tolerance = None, AIM, WIDEST
         moments = self.grid
         for _ in range(ROUNDS):
-            found = self.priced(moments, contacts, tolerance, bar)
+            found = self.priced(moments, contacts, tolerance, (1.0 + tolerance) * bar)
             if found is None:
                 break
             if not found.missed:
@@ -146,10 +149,13 @@ class ImpulseSolver:
                 best = found if gained > 0.0 else best
                 if tolerance == LAST and gained < SETTLED * found.delta_v:
                     break
-            contacts = self.turned(found)
-            moments = list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
+            contacts, moments = self.turned(found), self.following(found)
             tolerance = max(LAST, FINER * tolerance)
         return best
+
+    def following(self, found: Spent) -> list[Moments]:
+        """When each craft may fire in the round after one."""
+        return list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
 
     def focused(self, best: Spent) -> Spent:
         """The same fired at few times, those at which primers peak, if that costs hardly more."""
@@ -214,14 +220,15 @@ class ImpulseSolver:
         count = self.problem.count
         dual = Dual(np.zeros((count, 6)), np.zeros(len(planes.times)))
         impulses = np.zeros((*fleet.times.shape, 3))
-        cost = price(fleet, planes, tolerance, bar, dual, impulses)
+        cost, needed = price(fleet, planes, tolerance, bar, dual, impulses)
         if cost == inf:
+            self.needed = min(self.needed, needed) if needed > 1.0 else self.needed
             return None
         instants, which = np.empty((count, ROOM)), np.empty((count, ROOM), dtype=np.int64)
         counts = np.zeros(count, dtype=np.int64)
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
         peaks = [
-            Moments(row[:number], own[:number])
+            Moments.instants(row[:number], own[:number])
             for row, own, number in zip(instants, which, counts, strict=True)
         ]
         return Priced(cost, dual.multipliers, impulses, longest, peaks)
@@ -229,11 +236,14 @@ class ImpulseSolver:
     def fleet(self, moments: list[Moments]) -> Fleet:
         """All craft, with moments at which they may fire."""
         counts = np.array([len(own.times) for own in moments])
-        times, which = np.zeros((len(counts), counts.max())), np.zeros((len(counts), counts.max()), dtype=int)
+        times, widths = np.zeros((2, len(counts), counts.max()))
+        which = np.zeros((len(counts), counts.max()), dtype=int)
         for i, own in enumerate(moments):
-            times[i, : counts[i]], which[i, : counts[i]] = own
+            times[i, : counts[i]], which[i, : counts[i]], widths[i, : counts[i]] = own
+        most = np.where(widths > 0.0, INSIDE * self.limits[:, None] * widths, inf)
         along, span = self.pushes.along(which, times), np.array([self.problem.first, self.problem.last])
-        return Fleet(self.problem.bare.base, self.finals, times, along, counts, span, *self.pushes)
+        given = self.problem.bare.base, self.finals, times, along, widths, most, counts, span
+        return Fleet(*given, *self.pushes)
 
     def planes(self, contacts: Contacts) -> Planes:
         """The planes of contacts, and by how much craft that coast on miss them."""
@@ -267,7 +277,7 @@ class ImpulseSolver:
     def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
         """The paths of all bodies under impulses."""
         count = self.problem.count
-        arcs = np.empty((count * (fleet.times.shape[1] + 2), WIDTH))
+        arcs = np.empty((count * (2 * fleet.times.shape[1] + 2), WIDTH))
         offsets = np.empty(count + 1, dtype=np.int64)
         number = fly_impulses(fleet, impulses, arcs, offsets)
         return self.problem.with_obstacles(arcs[:number], offsets)

@@ -10,28 +10,41 @@ from closeform.fuel.thrusters import Thrusters
 
 
 class Moments(NamedTuple):
-    """Times (J,) in order, and which direction (J,) an impulse has there; the only one is free."""
+    """Times (J,) in order, and which direction (J,) an impulse has there; the only one is free.
+
+    Where `widths` (J,) [s] are above 0 it is a burn that begins then.
+    """
 
     times: Floats
     which: Any
+    widths: Floats
+
+    @classmethod
+    def instants(cls, times: Floats, which: Any) -> Self:
+        """Of impulses."""
+        return cls(times, which, np.zeros(len(times)))
+
+    @classmethod
+    def slots(cls, edges: Floats) -> Self:
+        """Of burns in any direction between edges (J + 1,), each up to the next."""
+        return cls(edges[:-1], np.zeros(len(edges) - 1, dtype=np.int64), np.diff(edges))
 
     @classmethod
     def every(cls, times: Floats, count: int) -> Self:
         """All of `count` directions at each time."""
-        return cls(np.repeat(times, count), np.tile(np.arange(count), len(times)))
+        return cls.instants(np.repeat(times, count), np.tile(np.arange(count), len(times)))
 
     def some(self, chosen: Any) -> "Moments":
         """Those at places or in a mask."""
-        return Moments(self.times[chosen], self.which[chosen])
+        return Moments(*(column[chosen] for column in self))
 
     def joined(self, *others: "Moments") -> "Moments":
         """All of them, in order, each once."""
-        times, which = (np.concatenate(columns) for columns in zip(self, *others, strict=True))
-        order = np.lexsort((which, times))
-        times, which = times[order], which[order]
-        new = np.ones(len(times), dtype=bool)
-        new[1:] = (np.diff(times) != 0.0) | (np.diff(which) != 0)
-        return Moments(times[new], which[new])
+        every = Moments(*map(np.concatenate, zip(self, *others, strict=True)))
+        every = every.some(np.lexsort((every.which, every.times)))
+        new = np.ones(len(every.times), dtype=bool)
+        new[1:] = (np.diff(every.times) != 0.0) | (np.diff(every.which) != 0)
+        return every.some(new)
 
     def merged(self, peaks: "Moments", apart: float, fixed: bool) -> "Moments":
         """Those that stand for all no further apart, of one direction: the peaks where there are some.
@@ -46,7 +59,7 @@ class Moments(NamedTuple):
             for group in np.split(times, np.flatnonzero(np.diff(times) > apart) + 1):
                 near = tops[(tops >= group[0] - apart) & (tops <= group[-1] + apart)]
                 near = near if len(near) else group[[len(group) // 2]]
-                found.append(Moments(near, np.full(len(near), one)))
+                found.append(Moments.instants(near, np.full(len(near), one)))
         return found[0].joined(*found[1:], *([self] if fixed else []))
 
 

@@ -6,8 +6,7 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import MEAN_MOTION, START
 from closeform.motion.linear import triangle
-from closeform.motion.primer import position_rows
-from closeform.planning.impulse_scene import forces, is_free
+from closeform.planning.impulse_scene import forces, is_free, mean_rows
 
 REACHED = 1e-9  # of what is to be gained, that must be
 FIRST_PULL = 0.3  # length of a primer by the planes alone, to start with
@@ -36,8 +35,8 @@ def fill_rows(fleet, planes, i, members, size, rows):
     n = fleet.base[i, MEAN_MOTION]
     psi, pushed = stack_matrix(3, 6), stack_vector(3)
     for j in range(fleet.counts[i]):
-        t = fleet.times[i, j]
-        position_rows(n, t - fleet.base[i, START], psi)
+        t, width = fleet.times[i, j], fleet.widths[i, j]
+        mean_rows(n, t - fleet.base[i, START], width, psi)
         for axis in range(3):
             for k in range(6):
                 rows[j, axis, k] = psi[axis, k]
@@ -46,7 +45,7 @@ def fill_rows(fleet, planes, i, members, size, rows):
             ahead = planes.times[k] - t
             sign = 1.0 if planes.first[k] == i else -1.0
             if ahead > 0.0:
-                forces(n, ahead, planes.rows[k], psi, pushed)
+                forces(n, ahead, width, planes.rows[k], psi, pushed)
             for axis in range(3):
                 rows[j, axis, 6 + m] = sign * pushed[axis] if ahead > 0.0 else 0.0
         along = fleet.along[i, j]

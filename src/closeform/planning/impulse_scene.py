@@ -6,23 +6,33 @@ from numba import types
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
 from closeform.motion.primer import functional, position_rows
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
+
+# Four points of Gauss and their weights on [0, 1]: over a tenth of a radian exact to rounding.
+POINTS: tuple[float, ...] = (0.06943184420297371, 0.33000947820757187)
+POINTS += (0.6699905217924281, 0.9305681557970263)
+WEIGHTS: tuple[float, ...] = (0.17392742256872692, 0.3260725774312731)
+WEIGHTS += (0.3260725774312731, 0.17392742256872692)
 
 
 class Fleet(NamedTuple):
     """N craft that fire at some of their moments: mean motion, base arcs, final states, what is gained.
 
     `times` (N, J) are in order, `counts` (N,) of them valid; an impulse is `along` (N, J, 3), a unit vector,
-    or free in direction where that is zero.  `span` (2,) is the time that is flown.
+    or free in direction where that is zero.  It is a burn of constant thrust that begins then where `widths`
+    (N, J) [s] are above 0, and `most` (N, J) [m/s] at most.  `span` (2,) is the time that is flown.
     """
 
     base: Floats  # (N, 21): a row with each craft's times and initial state
     finals: Floats  # (N, 6)
     times: Floats
     along: Floats
+    widths: Floats
+    most: Floats
     counts: Any
     span: Floats
     directions: Floats  # (N, M, 3) of each craft's thrusters at time 0; zero: free
@@ -50,7 +60,9 @@ class Dual(NamedTuple):
     multipliers: Floats  # (K,)
 
 
-FLEET = types.NamedTuple((ROWS, ROWS, ROWS, BLOCKS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet)
+FLEET = types.NamedTuple(
+    (ROWS, ROWS, ROWS, BLOCKS, ROWS, ROWS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet
+)
 PLANES = types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES), Planes)
 DUAL = types.NamedTuple((ROWS, NUMBERS), Dual)
 
@@ -66,11 +78,35 @@ def gain(fleet, i, g):
 
 
 @kernel()
-def forces(n, dt, row, psi, out):
-    """Fill `out` (3,): Phi_rv(dt)^T a, what a push of a plane adds to the primer dt before it."""
-    position_rows(n, dt, psi)
+def mean_rows(n, t, width, psi):
+    """Fill `psi` (3, 6): Psi at time t, or its mean over a `width` from there on."""
+    if width == 0.0:
+        position_rows(n, t, psi)
+        return
+    one = stack_matrix(3, 6)
     for axis in range(3):
-        out[axis] = psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]
+        for k in range(6):
+            psi[axis, k] = 0.0
+    for q in range(4):
+        position_rows(n, t + width * POINTS[q], one)
+        for axis in range(3):
+            for k in range(6):
+                psi[axis, k] += WEIGHTS[q] * one[axis, k]
+
+
+@kernel()
+def forces(n, dt, width, row, psi, out):
+    """Fill `out` (3,): Phi_rv(dt)^T a, what a push of a plane adds to the primer dt before it.
+
+    In the mean over a `width` from there on, in which the plane may come.
+    """
+    active = min(dt, width)
+    mean_rows(n, dt - active, active, psi)
+    share = active / width if width > 0.0 else 1.0
+    for axis in range(3):
+        out[axis] = share * (
+            psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]
+        )
 
 
 @kernel()

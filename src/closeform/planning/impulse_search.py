@@ -7,8 +7,15 @@ from math import inf, nan
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START
+from closeform.motion.saturated import CLOSE
+from closeform.motion.within_limit import TooLittleThrust
+from closeform.planning.burn_local import BurnSolver
 from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
+from closeform.planning.limits import FULL
+from closeform.planning.plan import TooWeak
 from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
@@ -25,14 +32,24 @@ def solve_impulses(
     names: Sequence[str],
     budget: int | None = None,
     more: bool = False,
+    limits: Floats | None = None,
 ) -> tuple[Outcome, Spent]:
     """The paths of least delta-v found, and the unconstrained optima; `budget`: starts at most.
 
-    Where no impulses are clear, of craft without thrusters the paths of least energy, which cost delta-v too.
-    Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go.
+    By burns within `limits` (N,) [m/s^2] where there are some.  Where no impulses are clear, of craft
+    without thrusters the paths of least energy, which cost delta-v too.
+    Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go, and
+    TooLittleThrust for one whose limit cannot.
     """
     by_energy = cache(lambda: solve(problem, more=more))
-    return solved(ImpulseSolver(problem, thrusters, names), by_energy, budget, more)
+    if limits is None:
+        return solved(ImpulseSolver(problem, thrusters, names), by_energy, budget, more)
+    found, free = solved(BurnSolver(problem, limits, thrusters, names), by_energy, budget, more)
+    if found.flown is not None:
+        peaks = problem.path(found.flown).peak_thrust
+        if (peaks > FULL * limits).any():  # of least energy
+            return Outcome(None, (), nan, 1.0, False, found.tried, enough=peaks), free
+    return found, free
 
 
 def unconstrained(problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> Spent:
@@ -67,15 +84,30 @@ def solved(
     return replace(other, proven=False, tried=tried + other.tried, delta_v=spent, priced=False), free
 
 
+def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> TooWeak:
+    """Who lacks most thrust, by what was shown of the first that does, or by what would be enough (N,)."""
+    peaks = problem.path(problem.direct).peak_thrust
+    if isinstance(shown, TooLittleThrust):
+        craft, proven = shown.which, shown.needed
+        needed = min(shown.enough * (1.0 + CLOSE), float(peaks[craft]))
+    else:
+        craft = int(np.argmax(shown / limits))
+        needed, proven = float(shown[craft]), 0.0
+    duration = float(problem.base[craft, END] - problem.base[craft, START])
+    remedy = "give it more, or more time"
+    return TooWeak(craft, needed, float(limits[craft]), duration, remedy, duration, needed, proven)
+
+
 def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome]) -> Iterator[Contacts]:
     """Contacts to begin with: sides of other plans, the nearer ones, and each way out of a conflict.
 
-    Of many craft the plan of least energy, for thrusters that of impulses in any direction.
+    Of many craft, or within a limit, the plan of least energy; for thrusters, or of one craft within a
+    limit, that of impulses in any direction.
     """
-    problem = solver.problem
-    if problem.count > 1:
+    problem, limited = solver.problem, solver.limits.any()
+    if problem.count > 1 or limited:
         yield from touched(problem, by_energy())
-    if solver.pushes.fixed.any():
+    if solver.pushes.fixed.any() or (limited and problem.count == 1):
         anywhere = ImpulseSolver(problem, (None,) * problem.count, ("",) * problem.count)
         yield from touched(problem, solved(anywhere, by_energy)[0])
     near = beside(problem, free.flown, problem.met(free.missed))

@@ -1,6 +1,7 @@
-"""Obstacles: paths that do not give way, as one batch, with names, and ends that are inside their zones."""
+"""Obstacles: paths that do not give way, as one batch, with names and zones, and ends inside of these."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,11 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.problem import Problem
+from closeform.zones.combined_zones import OwnZone, pair_zone
+from closeform.zones.pair_zones import PairZones, pair_zones
+from closeform.zones.zone import Zone
+
+Zones = tuple[tuple[Zone, Any], ...]  # each with the pairs (M, 2) that it holds for
 
 ON = 1.0 + 1e-9  # of a zone: an end there counts as inside
 
@@ -54,3 +60,21 @@ def end_inside(problem: Problem) -> tuple[str, float, int] | None:
         return None
     k = inside[0]
     return ("start", "end")[end_of[k]], float(ratios[k]), int(problem.pairs[which[k], 1]) - 1
+
+
+def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:
+    """Zones of a craft, which has none unless given, and `count` obstacles, each with its pairs."""
+    if isinstance(zone, PairZones):
+        return tuple(pair_zones("zone", zone, 1, count).groups())
+    given = [zone] * count if isinstance(zone, OwnZone) else list(zone) if isinstance(zone, Sequence) else []
+    if not given or not all(isinstance(one, OwnZone) for one in given):
+        raise ValueError(f"zone: expected a zone, or one for each obstacle, got {shown(zone)}")
+    if len(given) != count:
+        raise ValueError(f"zone: give one zone, or one for each of {count} obstacles, not {len(given)}")
+    alike: dict[int, list[int]] = {}
+    for k, own in enumerate(given):
+        alike.setdefault(id(own), []).append(k)
+    return tuple(
+        (pair_zone(given[those[0]], None)[0], np.array([[0, 1 + k] for k in those]))
+        for those in alike.values()
+    )

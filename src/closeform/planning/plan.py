@@ -75,7 +75,7 @@ class TooWeak:
     craft : int
         By index.
     needed : float [m/s^2]
-        Peak thrust in the duration that was tried last.
+        Peak thrust in the duration that was tried last; of a plan of least delta-v a limit that is enough.
     limit : float [m/s^2]
         What is allowed.
     duration : float [s]
@@ -86,6 +86,8 @@ class TooWeak:
         Duration that was tried first; the same where no longer one was.
     first : float [m/s^2]
         Peak thrust in that.
+    proven : float [m/s^2]
+        It is proven that less than this does not do, in the duration that was tried last; 0 where nothing is.
     """
 
     craft: int
@@ -95,6 +97,7 @@ class TooWeak:
     remedy: str
     shortest: float
     first: float
+    proven: float = 0.0
 
 
 def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
@@ -103,8 +106,9 @@ def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
     tried = ""
     if weak.duration > weak.shortest:
         tried = f"no longer is tried, and {weak.shortest:.6g} s take {size * weak.first:.4g} {unit}: "
+    least = f", and at least {size * weak.proven:.4g} {unit} by proof" if weak.proven else ""
     return (
-        f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s, "
+        f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s{least}, "
         f"{has} {size * weak.limit:.4g} {unit}; {tried}{weak.remedy}"
     )
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import number, shown, whole
+from closeform.arrays import Floats, number, shown, whole
 from closeform.planning.certify import LocalSolver, nearer
 from closeform.planning.plan import Contact
 from closeform.planning.problem import Flown, Problem, deepest
@@ -21,7 +21,8 @@ class Outcome:
     `extra` is the energy beyond the unconstrained optima; `margin`: the paths were made for zones so many
     times as large.
     `order`: that in which craft planned one after another, where it is not the one asked for.
-    `delta_v` [m/s] is told where it was least, summed over thrusters.
+    `delta_v` [m/s] is told where it was least, summed over thrusters.  `enough` (N,) [m/s^2]: thrust of clear
+    paths, where none was found within limits.
     `priced`: multipliers of contacts are the slopes of what was to be least.
     """
 
@@ -35,6 +36,7 @@ class Outcome:
     order: tuple[int, ...] = ()
     delta_v: float = nan
     priced: bool = True
+    enough: Floats | None = None
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:

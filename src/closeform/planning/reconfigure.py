@@ -15,10 +15,11 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
 from closeform.planning.impulse_local import Spent
-from closeform.planning.impulse_search import solve_impulses, unconstrained
-from closeform.planning.plan import Cost, Plan, Status
+from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
+from closeform.planning.plan import Cost, Plan, Status, weakness
 from closeform.planning.planner import Outcome, check_cost, check_effort, joined, outcome, solve
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
@@ -93,11 +94,13 @@ def reconfigure(
         For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
         and takes a cheaper plan where it finds one (not with `max_acceleration`).
     cost : "energy" or "delta-v", default "energy"
-        What is least.  With "delta-v" craft fire impulses, few but where they slide along a zone; `budget`
-        counts starts, and `max_acceleration`, `prove` and "sequential" are not for it.
+        What is least.  With "delta-v" craft fire impulses, few but where they slide along a zone, with
+        `max_acceleration` burns within it; `budget` counts starts, and `prove` and "sequential" are not for
+        it.
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
-        which is summed over them: two that fire at once spend what both do.
+        which is summed over them: two that fire at once spend what both do.  Their
+        `max_acceleration` is inf.
 
     Returns
     -------
@@ -118,8 +121,7 @@ def reconfigure(
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
-    limited = max_acceleration is not None
-    check_cost(cost, thrusters, max_acceleration=limited, prove=prove > 0.0, method=method != "joint")
+    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint")
     request = Request.of(
         instance("orbit", orbit, Orbit),
         initial,
@@ -157,7 +159,7 @@ def _followed(
     """A plan after what is to be done where it is blocked or beyond a limit, and what it answers."""
     if plan.status == Status.NOT_FOUND:
         request, plan = tried_openly(request, plan, attempt, if_blocked)
-    if plan.ok and request.limits is not None:
+    if (plan.ok or plan.weak is not None) and request.limits is not None:
         request, plan = within_limits(request, plan, attempt, "longer" in if_blocked)
     return request, plan
 
@@ -218,9 +220,19 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
 
 def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, more: bool) -> Plan:
     """A plan of least delta-v, if one is found."""
-    names = request.names
-    found, free = solve_impulses(problem, request.thrusters, names, budget, more)
+    names, limits = request.names, request.limits
+    try:
+        found, free = solve_impulses(problem, request.thrusters, names, budget, more, limits)
+    except TooLittleThrust as little:
+        assert limits is not None
+        weak = shortage(problem, limits, little)
+        plan = _beside(plan, problem, unconstrained(problem, request.thrusters, names))
+        reason = f"{names[weak.craft]}: {little}"
+        return replace(plan, status=Status.TOO_WEAK, weak=weak, reason=reason)
     plan = replace(_beside(plan, problem, free), tried=found.tried)
+    if found.enough is not None and limits is not None:
+        weak = shortage(problem, limits, found.enough)
+        return replace(plan, status=Status.TOO_WEAK, weak=weak, reason=weakness(weak, names[weak.craft]))
     if found.flown is None:
         return replace(plan, blocked=found.blocked, reason=_blocked(names, found.blocked, found.tried))
     paths, number, spent = problem.path(found.flown), len(found.contacts), found.delta_v

@@ -86,6 +86,13 @@ class Request:
             if max_acceleration is None
             else _each("max_acceleration", max_acceleration, count, greatest=np.inf)
         )
+        own = each_set(thrusters, count)
+        for k, called_so in enumerate(called[:count]):
+            if own[k] is not None and limits is not None and limits[k] < np.inf:
+                raise ValueError(
+                    f"max_acceleration: {called_so}: bounds thrust in any direction, which thrusters do not "
+                    "have; leave it out, or give inf for craft with thrusters, which have their own"
+                )
         return cls(
             orbit,
             begins,
@@ -100,7 +107,7 @@ class Request:
             called,
             assign,
             cost,
-            each_set(thrusters, count),
+            own,
         ).cheapest()
 
     @property

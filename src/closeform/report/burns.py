@@ -82,7 +82,8 @@ class Burns:
             return []
         found, firing = [], self.result.pulsed.firing
         for k, name in enumerate(self.result.pulsed.names):
-            planned, spent = (float(one[k]) for one in (firing.planned.delta_v, firing.delta_v))
+            planned = effort.asked(self.mission, self.result, name, firing.planned[k])
+            spent = float(firing.delta_v[k])
             burnt = self.mission.burnt(self.result.number, self.mission.scenario.names.index(name), spent)
             dropped = float(firing.dropped.impulse[firing.dropped.craft == k].sum())
             number, off, most = (
@@ -128,7 +129,7 @@ class Burns:
         return {"burns": Table("", BURN, self.rows if self.result.flown else [])}
 
 
-def lines(result: StageResult[Any, Any]) -> Iterator[str]:
+def lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
     """What room pulses were given, and whether they keep clear."""
     if result.pulsed is None:
         return
@@ -137,7 +138,8 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
     where = f"{firing.deviation[k]:.4g} m off the plan ({result.pulsed.names[k]})"
     if result.after.approaches:
         where += ", into zones" if result.after.conflicts else ", certified clear"
-    planned, fired = (float(np.sum(one)) for one in (firing.planned.delta_v, firing.delta_v))
+    names, fired = result.pulsed.names, float(np.sum(firing.delta_v))
+    planned = sum(effort.asked(mission, result, name, firing.planned[k]) for k, name in enumerate(names))
     yield f"Delta-v fired {fired:.6g} m/s, for {planned:.6g} m/s planned"
     yield f"Pulses lead up to {where}"
     if room.time:

@@ -80,14 +80,11 @@ class Choices:
         told.append(("least delta-v, impulses", lambda: self.least.upper))
         found = [self.row(name, tried(spent)) for name, spent in told]
         found = sorted(found, key=lambda row: -(row[1] or np.inf))
-        planned, flown = (
-            [paths[k] for k in self.places]
-            for paths in (self.result.planned.paths.delta_v, self.result.delta_v)
-        )
         if self.result.flown:
+            planned = [effort.asked(self.mission, self.result, name, self.plan(name)) for name in self.movers]
             found.append(self.row("this plan", planned))
             if self.result.pulsed is not None:
-                found.append(self.row("this plan, as fired", flown))
+                found.append(self.row("this plan, as fired", self.result.delta_v[self.places]))
         return found
 
     @property

@@ -28,13 +28,25 @@ def in_grams(mission: Mission, column: Column) -> Column:
     return replace(column, heading=column.heading.replace("[kg]", "[g]"), form="{:.2f}".format, scale=1e3)
 
 
+def asked(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> float:
+    """Delta-v [m/s] of a craft's planned path: summed over its thrusters where the plan is made for them."""
+    table = next(craft for craft in mission.scenario.craft if craft.name == name)
+    thrusters = table.fired(1.0) if getattr(result.stage, "cost", None) == "delta-v" else None
+    if thrusters is None or not result.flown:
+        return float(path.delta_v)
+    from closeform.fuel.chunks import cells_of  # whose kernels only thrusters need
+
+    return float(cells_of(path, thrusters).impulse.sum())
+
+
 def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> tuple[Any, ...]:
-    """A row of COST: of one craft on a path in this stage; None where not known."""
+    """A row of COST: of one craft on a planned path in this stage; None where not known."""
     k = mission.scenario.names.index(name)
-    mass, burnt = mission.scenario.force_mass(name), mission.burnt(result.number, k, path.delta_v)
+    speed = asked(mission, result, name, path)
+    mass, burnt = mission.scenario.force_mass(name), mission.burnt(result.number, k, speed)
     force = None if mass is None else mass * path.peak_thrust
     energy, fuel = (one if isfinite(one) else None for one in (path.energy, burnt))
-    return energy, path.delta_v, path.peak_thrust, force, fuel
+    return energy, speed, path.peak_thrust, force, fuel
 
 
 def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:

@@ -43,7 +43,7 @@ def section(mission: Mission, result: Move) -> Section:
         heading(result, f"{moved.craft} moves"),
         (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
-        (*arrivals(result), *how(result.stage.method, moved), *burns.lines(result), *closing),
+        (*arrivals(result), *how(mission, result), *burns.lines(mission, result), *closing),
         conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(choices),
         {"change": figures(mission, result, choices, fired)},
         fired.files,
@@ -111,9 +111,9 @@ def arrivals(result: Move) -> Iterator[str]:
         yield from arrival.lines(fellow.craft, fellow.to, goals[fellow.craft])
 
 
-def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
+def how(mission: Mission, result: Move) -> tuple[str, ...]:
     """How the way around was found, where it touches zones, and whether it is the best there is."""
-    avoidance = moved.avoidance
+    method, moved, avoidance = result.stage.method, result.result, result.result.avoidance
     if not avoidance.ok:
         return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
     if not avoidance.contacts:
@@ -127,16 +127,18 @@ def how(method: str, moved: AvoidResult) -> tuple[str, ...]:
     touched = many if len(where) > MOST_CONTACTS else f"the zone of {', '.join(where)}"
     return (
         f"Method {method}: touches {touched}",
-        f"Extra {extra(moved)} beyond the free optimum{over}; {optimum.best(avoidance)}",
+        f"Extra {extra(mission, result)} beyond the free optimum{over}; {optimum.best(avoidance)}",
         *optimum.bounds(avoidance),
         *optimum.clearance(avoidance, (moved.craft, *moved.others)),
     )
 
 
-def extra(moved: AvoidResult) -> str:
+def extra(mission: Mission, result: Move) -> str:
     """What the way around costs more than the free optimum."""
+    moved = result.result
     if moved.avoidance.cost == "delta-v":
-        return f"delta-v {moved.avoidance.delta_v - moved.plain.delta_v:.6g} m/s"
+        free = effort.asked(mission, result, moved.craft, moved.plain)
+        return f"delta-v {moved.avoidance.delta_v - free:.6g} m/s"
     return f"energy {moved.avoidance.extra_energy:.6g} m²/s³"
 
 

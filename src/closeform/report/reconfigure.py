@@ -40,7 +40,12 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
         heading(result, who),
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
         (*tables, *costs(mission, result), *asked(choices, fired), *contacts(moved), *near),
-        (*worth(result), *burns.lines(result), *closing, *([reached] if reached and moved.plan.ok else [])),
+        (
+            *worth(result),
+            *burns.lines(mission, result),
+            *closing,
+            *([reached] if reached and moved.plan.ok else []),
+        ),
         conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(choices),
         {"plan": figures(mission, result, slots, choices, fired)},
         {**effort.files(mission, result, slots), **fired.files},
@@ -90,11 +95,19 @@ def regather(mission: Mission, result: StageResult[Regather, ReconfigureResult])
 
 def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     """What every craft flies and what that costs."""
+    from closeform.fuel.burns import burns_of
+
     moved, plan = result.result, result.result.plan
     who = [result.after.names.index(name) for name in moved.movers]
     paths, by_delta_v = result.planned.paths[who], result.stage.cost == "delta-v"
-    values = (one.delta_v if by_delta_v else one.energy for one in (paths, plan.direct))
-    cost, direct = (np.append(one, one.sum()) for one in values)
+
+    def spent_on(flown: Path) -> Any:
+        if not by_delta_v:
+            return flown.energy
+        return [effort.asked(mission, result, name, flown[k]) for k, name in enumerate(moved.movers)]
+
+    values = spent_on(paths), spent_on(plan.direct)
+    cost, direct = (np.append(one, np.sum(one)) for one in values)
     columns: dict[Column, list[Any]] = {Column("craft", words=True): [*moved.movers, "all"]}
     if result.stage.assigns:
         columns[Column("slot", absent="")] = [*(k + 1 for k in plan.slots.tolist()), None]
@@ -108,8 +121,9 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     spent = [effort.spent(mission, result, name, result.planned.path(name)) for name in moved.movers]
     _, speed, push, force, fuel = zip(*spent, strict=True)
     if by_delta_v:
-        pushes = [len(paths[k].impulses) for k in range(len(who))]
-        columns[Column("impulses")] = [*pushes, sum(pushes)]
+        pushes = [len(burns_of(paths[k]).start) for k in range(len(who))]
+        title = "impulses" if any(paths[k].impulses for k in range(len(who))) else "burns"
+        columns[Column(title)] = [*pushes, sum(pushes)]
     else:
         columns[effort.SPEED] = [*speed, sum(speed)]
         if mission.scenario.newtons:

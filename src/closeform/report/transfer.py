@@ -28,7 +28,7 @@ def section(mission: Mission, result: Flown) -> Section:
         heading(result, f"{name} moves"),
         lines,
         (*met, Table(title, columns, [row]), *choices.table(zones=False), *fired.tables),
-        (*arrived, *worth(result, choices), *burns.lines(result)),
+        (*arrived, *worth(mission, result, choices), *burns.lines(mission, result)),
         conflicts.film(result, mission.scenario.zones) + pictures(mission, result, choices),
         {
             "transfer": {
@@ -45,14 +45,15 @@ def section(mission: Mission, result: Flown) -> Section:
     )
 
 
-def worth(result: Flown, choices: Choices) -> Iterator[str]:
+def worth(mission: Mission, result: Flown, choices: Choices) -> Iterator[str]:
     """How far from the least it is."""
     if not result.flown:
         yield "No such transfer: this is the path without a limit, which is not flown"
         return
     if choices.least is None:
         return
-    spent, lower = float(result.planned.path(result.result.craft).delta_v), choices.lower
+    path = result.planned.path(result.result.craft)
+    spent, lower = effort.asked(mission, result, result.result.craft, path), choices.lower
     if lower > 0.0:
         planned = " planned" if result.pulsed is not None else ""
         yield (

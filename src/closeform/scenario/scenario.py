@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stages import Avoid, Gather, Joint, StageTable
+from closeform.scenario.stages import Gather, StageTable
 from closeform.scenario.study import BUILT, Study
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -141,15 +141,6 @@ class Scenario:
             f"craft.{key}: is not built yet; remove it"
             for key in Craft.not_built
             if any(np.any(getattr(craft, key)) for craft in self.craft)
-        ]
-        lines += [
-            f'stage[{number}].cost: "delta-v" within {key} is not built yet in "{stage.verb}"; '
-            f"give thrusters, whose burns keep it, or remove {key}"
-            for number, stage in enumerate(self.stages, 1)
-            if isinstance(stage, Avoid | Joint) and stage.cost == "delta-v"
-            for craft in self.craft
-            if craft.limited and craft.thrusters is None
-            for key in ("max_acceleration" if craft.max_thrust is None else "max_thrust",)
         ]
         return tuple(dict.fromkeys(lines))
 

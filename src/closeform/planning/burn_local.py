@@ -1,0 +1,167 @@
+"""Burns of least delta-v within thrust limits that keep all pairs clear: in slots, cut where thrust begins.
+
+As with impulses, but a craft's time is cut into slots, in each of which it may thrust within its limit,
+constantly.  Where a slot is used in part it is cut there for the next round, where it is used it is cut
+fine, so that thrust comes to be full or none, along the primer.                              # theory 6
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import ceil, inf, pi
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.pulses import extended
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START
+from closeform.motion.impulses import flown_arcs
+from closeform.motion.path import Path
+from closeform.motion.reduced import LOWER
+from closeform.motion.saturated import BOUND
+from closeform.motion.within_limit import TooLittleThrust, limited
+from closeform.planning.impulse_alone import answers_alone
+from closeform.planning.impulse_local import LAST, WIDEST, ImpulseSolver, Spent
+from closeform.planning.impulse_moments import Moments
+from closeform.planning.problem import Problem
+from closeform.planning.scene import Contacts
+
+SLOTS, A_TURN = 24, 60  # of a craft's time, and more of them for each orbit
+FINE = 0.03  # rad of the orbit: slots in which thrust is to follow a primer that turns
+FINEST = 1.0 / 64.0  # of a craft's time, of which they are no more
+BRIEFEST = 1e-6  # of a craft's time: no slot is shorter
+USED, FULL = 1e-6, 0.98  # of what a slot allows: more is thrust, or all of it
+BESIDE = 0.1  # of a burn: the slots next to it
+TOUCHING = 1e-9  # of a craft's time: burns no further apart are one
+ALONE = 8  # rounds in which burns settle where nothing is in the way
+
+
+class BurnSolver(ImpulseSolver):
+    """Solves one problem from any contacts, by burns within limits (N,) [m/s^2], where inf by impulses."""
+
+    def __init__(
+        self, problem: Problem, limits: Floats, thrusters: Sequence[Thrusters | None], names: Sequence[str]
+    ) -> None:
+        super().__init__(problem, thrusters, names)
+        self.limits = np.where(np.isfinite(limits), limits, 0.0)
+        spans = problem.base[:, [START, END]]
+        self.times = np.ptp(spans, axis=1)
+        turns = problem.orbit.mean_motion * self.times / (2.0 * pi)
+        self.edges = [
+            np.linspace(start, end, SLOTS + ceil(A_TURN * own) + 1)
+            for (start, end), own in zip(spans, turns, strict=True)
+        ]
+        slots = map(Moments.slots, self.edges)
+        self.grid = [
+            own if limit else times for own, times, limit in zip(slots, self.grid, self.limits, strict=True)
+        ]
+
+    def unconstrained(self) -> Spent:
+        """The least delta-v of each craft by itself within its limit, whatever is in the way.
+
+        Raises TooLittleThrust for a craft whose limit is shown to be too low, and ValueError for one whose
+        thrusters cannot make its transfer.
+        """
+        problem, paths, least = self.problem, [], 0.0
+        for i, limit in enumerate(self.limits):
+            task = problem.orbit.mean_motion, problem.base[i : i + 1], self.finals[i : i + 1]
+            found = answers_alone(*task, self.thrusters[i : i + 1], self.names[i : i + 1])
+            if limit:
+                try:
+                    arcs, _, _, facts = limited(*task, limit, sparing=True)
+                except TooLittleThrust as weak:
+                    weak.which = i
+                    alone = None if weak.needed > 0.0 else self.alone()
+                    if alone is None:
+                        raise
+                    return alone
+                least += float(max(facts[0, BOUND], found[0, LOWER]))
+            else:
+                arcs, _ = flown_arcs(*task, found)
+                least += float(found[0, LOWER])
+            path = Path(problem.orbit, arcs, np.array([0, len(arcs)]), ())
+            paths.append(extended(path, problem.first, problem.last))
+        flown, spent = problem.with_path(*paths), float(sum(path.delta_v for path in paths))
+        none = [Moments.slots(np.empty(1))] * problem.count
+        impulses = np.empty((problem.count, 0, 3))
+        return Spent(
+            flown, spent, least, problem.conflicts(flown), Contacts.none(), 1.0, none, impulses, none
+        )
+
+    def alone(self) -> Spent | None:
+        """The same by slots, with the bound of impulses, where the limit is not shown to be enough."""
+        found = self.priced(self.grid, Contacts.none(), WIDEST, inf)
+        for _ in range(ALONE):
+            if found is None:
+                return None
+            found = self.priced(self.following(found), Contacts.none(), LAST, inf)
+        return found and replace(found, least=super().unconstrained().least)
+
+    def following(self, found: Spent) -> list[Moments]:
+        """The slots of the next round, cut where thrust begins and ends."""
+        sizes, following = np.linalg.norm(found.impulses, axis=2), super().following(found)
+        for i, slots in enumerate(found.moments):
+            if self.limits[i]:
+                shares = sizes[i, : len(slots.times)] / (self.limits[i] * slots.widths)
+                edges = self.cut(i, burns(slots, shares, found.peaks[i].times))
+                following[i] = Moments.slots(edges)
+        return following
+
+    def cut(self, i: int, burns: Floats) -> Floats:
+        """The edges (J + 1,) of a craft's slots, fine in and beside its `burns` (B, 2)."""
+        whole, brief = self.times[i], BRIEFEST * self.times[i]
+        first, last = self.edges[i][[0, -1]]
+        n = self.problem.orbit.mean_motion
+        fine = min(FINEST * whole, FINE / n) if n > 0.0 else FINEST * whole
+        edges, open_edges = [], self.edges[i]
+        for start, end in joined(burns, TOUCHING * whole):
+            if end - start < brief:
+                start, end = 0.5 * (start + end) + np.array([-0.5, 0.5]) * brief
+            beside = min(max(BESIDE * (end - start), brief), fine)
+            edges += [np.linspace(start, end, ceil((end - start) / fine) + 1), [start - beside, end + beside]]
+            open_edges = open_edges[(open_edges < start - 1.5 * beside) | (open_edges > end + 1.5 * beside)]
+        every = np.unique(np.clip(np.concatenate([[first, last], open_edges, *edges]), first, last))
+        kept: Floats = every[np.diff(every, prepend=-inf) > 0.5 * brief]
+        kept[-1] = last
+        return kept
+
+    def focused(self, best: Spent) -> Spent:
+        """As it is: what rounds come to is full or none."""
+        return best
+
+    def settled(self, best: Spent) -> Contacts:
+        """The contacts with the multipliers of the last round, whose slots are fine where craft burn."""
+        return best.contacts
+
+
+def burns(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
+    """Where a craft burns (B, 2): slots as far as they are used, on the side of their neighbour.
+
+    Without one about the time, of `peaks`, when its primer is longest.
+    """
+    around = np.pad(shares, 1)
+    found = []
+    for j in np.flatnonzero(shares > USED):
+        start, width = slots.times[j], slots.widths[j]
+        length = width * (shares[j] if shares[j] < FULL else 1.0)
+        before, after = around[j], around[j + 2]
+        if after > max(before, USED):
+            start += width - length
+        elif before <= USED:
+            inside = peaks[(peaks >= start) & (peaks <= start + width)]
+            middle = inside[0] if len(inside) else start + 0.5 * width
+            start = min(max(middle - 0.5 * length, start), start + width - length)
+        found.append((start, start + length))
+    return np.array(found).reshape(-1, 2)
+
+
+def joined(burns: Floats, apart: float) -> list[list[Any]]:
+    """Burns (B, 2) in order, those no further apart as one."""
+    found: list[list[Any]] = []
+    for start, end in burns:
+        if found and start - found[-1][1] <= apart:
+            found[-1][1] = end
+        else:
+            found.append([start, end])
+    return found

@@ -1,0 +1,258 @@
+"""Least delta-v within thrust limits around zones: against convex programs, flown by an integrator."""
+
+from contextlib import suppress
+from math import inf, pi
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.integrate import quad_vec, solve_ivp
+from scipy.linalg import expm
+
+import closeform as cf
+from formations import LOW_ORBIT
+from test_least_delta_v_plans import NEAR, passage, rates
+
+ORBIT = LOW_ORBIT
+SLOTS = 160  # of the convex program: thrust is constant in each
+BY_BURNS = 2e-3  # share by which it may be cheaper: its planes are those of our own path
+FACTORS = (30.0, 2.0, 0.85)  # of the peak thrust of the plan of least energy
+
+
+def pushed(n, h):
+    """What a constant thrust over a time h does to the state at its end (6, 3), by Van Loan's exponential."""
+    block = np.zeros((9, 9))
+    block[:6, :6], block[3:6, 6:] = rates(n), np.eye(3)
+    return expm(block * h)[:6, 6:]
+
+
+def least_on_planes(path, obstacle, radius, a, b, duration, limit):
+    """What thrust within a limit, constant in slots, costs at least on a path's planes (SOCP)."""
+    n, h = ORBIT.mean_motion, duration / SLOTS
+    one, step = pushed(n, h), expm(rates(n) * h)
+    powers = [np.eye(6)]
+    for _ in range(SLOTS):
+        powers.append(step @ powers[-1])
+    equal = np.hstack([powers[SLOTS - 1 - j] @ one for j in range(SLOTS)])
+    target = b - powers[SLOTS] @ a
+    rows, floors = [], []
+    for k in range(1, SLOTS):
+        t = k * h
+        apart = path.position(t) - obstacle.position(t)
+        size = np.linalg.norm(apart)
+        if size < NEAR * radius:
+            normal = apart / size
+            ways = [normal @ (powers[k - 1 - j] @ one)[:3] if j < k else np.zeros(3) for j in range(SLOTS)]
+            rows.append(np.concatenate(ways))
+            floors.append(min(radius, size) - normal @ ((powers[k] @ a)[:3] - obstacle.position(t)))
+    scale = np.array([1.0 / duration] * 3 + [1.0] * 3)
+    matrix = np.vstack([scale[:, None] * equal, -np.array(rows).reshape(-1, 3 * SLOTS) / duration])
+    right = np.concatenate([scale * target, -np.array(floors) / duration])
+    wide, cones = np.zeros((len(matrix) + SLOTS, 4 * SLOTS)), -np.eye(4 * SLOTS)
+    for j in range(SLOTS):  # thrust in shares of the limit; its size comes first
+        wide[: len(matrix), 4 * j + 1 : 4 * j + 4] = limit * matrix[:, 3 * j : 3 * j + 3]
+        wide[len(matrix) + j, 4 * j] = 1.0
+    cost = np.zeros(4 * SLOTS)
+    cost[::4] = 1.0
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    kinds = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows) + SLOTS)]
+    kinds += [clarabel.SecondOrderConeT(4)] * SLOTS
+    offsets = np.concatenate([right, np.ones(SLOTS), np.zeros(4 * SLOTS)])
+    nothing = sparse.csc_matrix((4 * SLOTS, 4 * SLOTS))
+    task = sparse.csc_matrix(np.vstack([wide, cones]))
+    found = clarabel.DefaultSolver(nothing, cost, task, offsets, kinds, settings).solve()
+    assert str(found.status) in ("Solved", "PrimalInfeasible")
+    return found.obj_val * limit * h if str(found.status) == "Solved" else inf
+
+
+def flown(path, times):
+    """Positions (T, 3) and the end state of a path, from its first state and its thrust, integrated."""
+    motion = rates(path.orbit.mean_motion)
+    edges = np.unique(np.concatenate([path.arcs[:, 0], [path.end]]))
+    state, places = path.state(path.start), np.empty((len(times), 3))
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        inner = begin + np.clip(1e-9 * (end - begin), 0.0, None)  # of this arc, not the one before
+
+        def rate(t, x, inner=inner, end=end):
+            slope = motion @ x
+            slope[3:] += path.thrust(min(max(t, inner), end - 1e-9 * (end - inner)))
+            return slope
+
+        way = solve_ivp(rate, (begin, end), state, method="DOP853", rtol=1e-9, atol=1e-10, dense_output=True)
+        here = (times >= begin) & (times <= end)
+        if here.any():
+            places[here] = way.sol(times[here]).T[:, :3]
+        state = way.y[:, -1]
+    return places, state
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("seed", [4, 11, 14])
+def test_one_sphere(seed, factor):
+    """Within the limit, clear, where it is to be, and hardly dearer than a convex program's."""
+    a, b, duration, obstacle, radius = passage(seed)
+    path, zone = ORBIT.transfer(a, b, duration), cf.Sphere(radius)
+    by_energy = cf.avoid(path, obstacle, zone)
+    limit = factor * by_energy.path.peak_thrust
+    found = cf.avoid(path, obstacle, zone, cost="delta-v", max_acceleration=limit, longer=False)
+    assert found.status == cf.Status.AVOIDED
+    assert found.cost == "delta-v"
+    assert not found.path.impulses
+    assert found.path.end == duration
+    times = np.linspace(0.0, duration, 3001)
+    strength = np.linalg.norm(found.path.thrust(times), axis=1)
+    assert strength.max() <= found.path.peak_thrust <= limit
+    places, end = flown(found.path, times)
+    assert np.abs(end[:3] - b[:3]).max() < 1e-4  # [m]: the integrator's
+    assert np.abs(end[3:] - b[3:]).max() < 1e-7
+    assert np.linalg.norm(places - obstacle.position(times), axis=1).min() > radius * (1.0 - 1e-6)
+    free = cf.least_delta_v(ORBIT, a, b, duration)
+    within = free.lower
+    with suppress(ValueError):  # shown to be neither enough nor too little
+        within = max(within, cf.least_delta_v(ORBIT, a, b, duration, limit).lower)
+    assert free.lower <= found.lower_bound == pytest.approx(within, rel=1e-7)
+    assert found.lower_bound <= found.delta_v
+    assert factor < 1.0 or found.delta_v < by_energy.delta_v
+    least = least_on_planes(found.path, obstacle, radius, a, b, duration, limit)
+    assert found.delta_v <= (1.0 + BY_BURNS) * least
+
+
+def test_no_limit_is_the_limit_of_high_ones():
+    """The higher the limit, the cheaper, down to what impulses cost."""
+    a, b, duration, obstacle, radius = passage(7)
+    path, zone = ORBIT.impulsive(a, b, duration), cf.Sphere(radius)
+    impulses = cf.avoid(path, obstacle, zone, cost="delta-v")
+    costs = []
+    for limit in (1.0, 0.1, 1e-2, 1e-3, 3e-4):
+        found = cf.avoid(path, obstacle, zone, cost="delta-v", max_acceleration=limit, longer=False)
+        assert found.ok
+        assert found.path.peak_thrust <= limit * (1.0 + 1e-9)
+        costs.append(found.delta_v)
+    assert costs == sorted(costs)
+    assert costs[0] == pytest.approx(impulses.delta_v, rel=1e-4)
+    assert costs[-1] > 1.05 * impulses.delta_v
+
+
+@pytest.mark.parametrize("factor", [3.0, 0.8])
+def test_swap_of_twelve(factor):
+    """Twelve on a ring cross its middle in a quarter of an orbit, by burns within a limit."""
+    angles = 2.0 * pi * np.arange(12) / 12
+    ring = np.zeros((12, 6))
+    ring[:, 1], ring[:, 2] = 120.0 * np.cos(angles), 120.0 * np.sin(angles)
+    duration, zone = ORBIT.period / 4.0, cf.Sphere(15.0)
+    by_energy = cf.reconfigure(ORBIT, ring, -ring, duration, zone)
+    limit = factor * by_energy.paths.peak_thrust.max()
+    plan = cf.reconfigure(ORBIT, ring, -ring, duration, zone, cost="delta-v", max_acceleration=limit)
+    assert plan.ok
+    assert plan.measures == ()
+    assert plan.paths.peak_thrust.max() <= limit
+    assert plan.delta_v == pytest.approx(plan.paths.delta_v.sum(), rel=1e-9)
+    assert len(cf.screen(plan.paths, zone)) == 0
+    assert np.abs(plan.paths.state(duration) + ring)[:, :3].max() < 1e-6
+    alone = cf.least_delta_v(ORBIT, ring, -ring, duration, limit).lower.sum()
+    assert plan.lower_bound == pytest.approx(alone, rel=1e-9)
+    assert plan.lower_bound < plan.delta_v < by_energy.delta_v
+    assert plan.gap < 0.08
+    places, end = flown(plan.paths[3], np.linspace(0.0, duration, 50))
+    assert np.abs(places - plan.paths[3].position(np.linspace(0.0, duration, 50))).max() < 1e-4
+    assert np.abs(end + ring[3])[:3].max() < 1e-4
+
+
+def test_too_little_thrust():
+    """What no thrust does is proved, with a limit that does; a longer plan keeps the one there is."""
+    a, b = np.array([0.0, -150.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 150.0, 0.0, 0.0, 0.0, 0.0])
+    orbit, duration = cf.Orbit(0.0), 600.0
+    least = 4.0 * 300.0 / duration**2  # rest to rest in deep space: half the time ahead, half back
+    obstacle = orbit.coast([5.0, 0.0, 0.0, 0.0, 0.0, 0.0], 6000.0)
+    task = orbit.transfer(a, b, duration), obstacle, cf.Sphere(40.0)
+    weak = cf.avoid(*task, cost="delta-v", max_acceleration=0.9 * least, longer=False)
+    assert weak.status == cf.Status.TOO_WEAK
+    assert weak.path is None
+    assert weak.weak.proven == pytest.approx(least, rel=1e-5)
+    assert weak.weak.proven <= least * (1.0 + 1e-12)
+    assert weak.weak.needed == pytest.approx(least, rel=1e-5)
+    assert "by proof" in weak.reason
+    longer = cf.avoid(*task, cost="delta-v", max_acceleration=0.9 * least)
+    assert longer.ok
+    assert longer.measures
+    assert longer.path.peak_thrust <= 0.9 * least
+    assert 1.0 < longer.path.end / duration < 1.3
+    assert not cf.find_conflicts(longer.path, obstacle, cf.Sphere(40.0))
+    both = cf.reconfigure(
+        orbit,
+        [a, b],
+        [b, a],
+        duration,
+        cf.Sphere(40.0),
+        cost="delta-v",
+        max_acceleration=[1.0, 0.9 * least],
+        if_blocked=["more sides"],
+        names=["A", "B"],
+    )
+    assert both.status == cf.Status.TOO_WEAK
+    assert both.weak.craft == 1
+    assert both.reason.startswith("B needs")
+    later = cf.reconfigure(
+        orbit, [a, b], [b, a], duration, cf.Sphere(40.0), cost="delta-v", max_acceleration=0.9 * least
+    )
+    assert later.ok
+    assert (later.durations > duration).all()
+    assert later.paths.peak_thrust.max() <= 0.9 * least
+
+
+def test_some_craft_have_limits_some_thrusters():
+    """Each craft in one plan pushes as it can: within a limit, along its thrusters, or as it likes."""
+    angles = 2.0 * pi * np.arange(6) / 6
+    ring = np.zeros((6, 6))
+    ring[:, 1], ring[:, 2] = 120.0 * np.cos(angles), 120.0 * np.sin(angles)
+    limit = 8e-4
+    limits, six = [limit, inf, inf] * 2, cf.Thrusters.rtn()
+    plan = cf.reconfigure(
+        ORBIT,
+        ring,
+        -ring,
+        ORBIT.period / 4.0,
+        cf.Sphere(15.0),
+        cost="delta-v",
+        max_acceleration=limits,
+        thrusters=[None, six, None] * 2,
+    )
+    assert plan.ok
+    assert len(cf.screen(plan.paths, cf.Sphere(15.0))) == 0
+    for k, path in enumerate(plan.paths):
+        assert bool(path.impulses) == (limits[k] == inf)
+        if k % 3 == 0:
+            assert path.peak_thrust <= limit
+    assert np.abs(plan.paths.state(ORBIT.period / 4.0) + ring)[:, :3].max() < 1e-6
+
+
+def test_a_clear_path_beyond_the_limit_is_exchanged():
+    """Impulses, and thrust of least energy, for burns within the limit; those are left as they are."""
+    a, b = np.array([0.0, -300.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, -100.0, 50.0, 0.0, 0.0, 0.0])
+    far = ORBIT.coast([0.0, 5000.0, 0.0, 0.0, 0.0, 0.0], 3000.0)
+    free = ORBIT.transfer(a, b, 3000.0)
+    limit = 2.0 * free.peak_thrust
+    task = far, cf.Sphere(50.0)
+    burns = ORBIT.transfer(a, b, 3000.0, max_acceleration=limit, cost="delta-v")
+    for path in (ORBIT.impulsive(a, b, 3000.0), free):
+        found = cf.avoid(path, *task, cost="delta-v", max_acceleration=limit)
+        assert found.status == cf.Status.CLEAR
+        assert found.proven
+        assert found.delta_v == pytest.approx(burns.delta_v, rel=1e-8)
+    assert cf.avoid(burns, *task, cost="delta-v", max_acceleration=limit).path is burns
+
+
+def test_thrust_adds_up():
+    """What a path of burns says it costs is the integral of its thrust."""
+    a, b, duration, obstacle, radius = passage(4)
+    limit = 2e-4
+    path = ORBIT.transfer(a, b, duration)
+    found = cf.avoid(path, obstacle, cf.Sphere(radius), cost="delta-v", max_acceleration=limit, longer=False)
+    edges = np.unique(np.concatenate([found.path.arcs[:, 0], [duration]]))
+    total = sum(
+        quad_vec(lambda t: float(np.linalg.norm(found.path.thrust(t))), begin, end, points=[])[0]
+        for begin, end in zip(edges[:-1] + 1e-7, edges[1:] - 1e-7, strict=True)
+    )
+    assert found.delta_v == pytest.approx(total, rel=1e-6)
