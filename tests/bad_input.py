@@ -602,6 +602,18 @@ craft.silent: is not built yet; remove it""",
         "stage[1]: slots goes with assign = true and a named formation only; remove slots",
     ),
     Bad(
+        "a phase that is none",
+        TO,
+        'to = { safety_ellipse = { radial = "90 m", cross_track = "90 m", phase = "dearest" } }',
+        'stage[2].to.safety_ellipse.phase: "dearest" is not one number and one unit; write for example "10 deg", or "cheapest"',
+    ),
+    Bad(
+        "the cheapest phase of many",
+        COAST,
+        'do = "reconfigure"\nto = { projected_circular = { radius = "90 m", first_phase = "cheapest" } }\nwithin = "1 orbit"',
+        'stage[1].to: first_phase = "cheapest" is for the one craft of avoid and transfer; give an angle',
+    ),
+    Bad(
         "an order for a joint plan",
         COAST,
         PEARLS + 'order = ["F1"]',
@@ -1177,6 +1189,21 @@ class Call:
 
 
 CALLS = (
+    Call(
+        "a budget of nothing",
+        "cf.most_clearance(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), 0.0)",
+        "budget: must be positive and finite, got 0.0",
+    ),
+    Call(
+        "clearance from nobody",
+        "cf.most_clearance(plan, (), cf.Sphere(25.0), 1e-4)",
+        "obstacles: give at least one path",
+    ),
+    Call(
+        "zones without a size",
+        "cf.clearance_costs(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), [1.0, 0.0])",
+        "factors: expected shape (D,), positive and finite, got [1.0, 0.0]",
+    ),
     Call(
         "thrusters whose directions are not unit vectors",
         "cf.Thrusters([[1, 0, 0], [1, 1, 0]])",

@@ -11,9 +11,8 @@ def lines(craft: str, asked: Destination | None, goal: Destination | None) -> It
     """Where a craft that was `asked` to go somewhere goes: its phase, where it has one."""
     if asked is None or goal is None or goal.shape is None or goal.shape.phase_angle is None:
         return
-    how = (
-        "the cheapest" if asked.is_open else f'as given; {goal.shape.phased} = "cheapest" finds the cheapest'
-    )
+    other = f'as given ({goal.shape.phased} = "cheapest" finds that)'
+    how = "the cheapest" if asked.is_open else other
     orbit = str(goal.called).replace("_", " ")
     yield f"{craft} arrives on the {orbit} at {degrees(goal.shape.phase_angle):.2f} deg, {how}"
 

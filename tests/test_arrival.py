@@ -1,0 +1,155 @@
+"""One craft that goes to a relative orbit by its name: the phase that is given, or the cheapest of all."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import expm
+
+import closeform as cf
+from closeform.mission import fly
+from closeform.report.run import RunReport
+from closeform.scenario import ScenarioError, parse
+from test_least_delta_v_plans import rates
+
+FILE = """\
+closeform = 1
+title = "Onto an ellipse"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["Target", "Inspector"]
+position = ["0 0 0 m", "10 -900 30 m"]
+velocity = ["0 0 0 m/s", "0 0.02 0 m/s"]
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+name = "approach"
+do = "DO"
+craft = "Inspector"
+to = TO
+within = "0.8 orbits"
+cost = "COST"
+"""
+ELLIPSE = '{ safety_ellipse = { radial = "80 m", cross_track = "60 m", along_track = "5 m"PHASE } }'
+ORBIT = cf.Orbit.circular(500e3)
+DURATION = 0.8 * ORBIT.period
+START = np.array([10.0, -900.0, 30.0, 0.0, 0.02, 0.0])
+
+
+def mission(do, cost, phase="", to=ELLIPSE):
+    return fly(parse(FILE.replace("DO", do).replace("COST", cost).replace("TO", to.replace("PHASE", phase))))
+
+
+def lines(flown):
+    return [line for section in RunReport(flown).sections for line in (*section.lines, *section.closing)]
+
+
+def state_at(phase):
+    return cf.targets.safety_ellipse(ORBIT, 1, 80.0, 60.0, 5.0, phase)[0]
+
+
+@cache
+def gramian():
+    """That of the whole duration, by quadrature of each of its entries."""
+    motion, push = rates(ORBIT.mean_motion), np.eye(6)[:, 3:]
+
+    def reached(t):
+        return expm(motion * t) @ push
+
+    def entry(i, j):
+        return quad(lambda t: reached(t)[i] @ reached(t)[j], 0.0, DURATION)[0]
+
+    return np.array([[entry(i, j) for j in range(6)] for i in range(6)])
+
+
+def least_energy(final):
+    """Half of d W^-1 d, d being what a coast misses."""
+    missed = final - expm(rates(ORBIT.mean_motion) * DURATION) @ START
+    return 0.5 * missed @ np.linalg.solve(gramian(), missed)
+
+
+@pytest.mark.parametrize("do", ["avoid", "transfer"])
+def test_a_phase_that_is_given(do):
+    flown = mission(do, "energy", ', phase = "70 deg"')
+    assert flown.clear
+    end = flown.results[0].after.path("Inspector").state(DURATION)
+    np.testing.assert_allclose(end, state_at(np.radians(70.0)), atol=1e-6)
+    told = [line for line in lines(flown) if "arrives" in line]
+    assert told == [
+        'Inspector arrives on the safety ellipse at 70.00 deg, as given (phase = "cheapest" finds that)'
+    ]
+    first = mission(do, "energy")
+    np.testing.assert_allclose(
+        first.results[0].after.path("Inspector").state(DURATION), state_at(0.0), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("do", ["avoid", "transfer"])
+def test_the_cheapest_phase_by_energy(do):
+    flown = mission(do, "energy", ', phase = "cheapest"')
+    end = flown.results[0].after.path("Inspector").state(DURATION)
+    phases = np.linspace(0.0, 2 * np.pi, 3601)
+    costs = [least_energy(state_at(phase)) for phase in phases]
+    best = phases[int(np.argmin(costs))]
+    np.testing.assert_allclose(end, state_at(best), atol=80 * np.radians(0.1))  # the grid of this test
+    assert least_energy(end) <= min(costs) * (1.0 + 1e-9)
+    assert least_energy(end) < 0.9 * least_energy(state_at(0.0))
+    figures = RunReport(flown).sections[0].figures["change" if do == "avoid" else "transfer"]["arrival"]
+    assert figures["cheapest"]
+    assert figures["orbit"] == "safety_ellipse"
+    assert np.radians(figures["phase_deg"]) == pytest.approx(best, abs=np.radians(0.1))
+    assert f"{figures['phase_deg']:.2f} deg, the cheapest" in "\n".join(lines(flown))
+
+
+def test_the_cheapest_phase_by_delta_v():
+    flown = mission("transfer", "delta-v", ', phase = "cheapest"')
+    spent = flown.results[0].after.path("Inspector").delta_v
+    finals = np.array([state_at(phase) for phase in np.linspace(0.0, 2 * np.pi, 721)])
+    every = cf.least_delta_v(ORBIT, START, finals, DURATION)
+    assert spent <= every.lower.min() * (1.0 + 1e-7)
+    assert spent >= every.lower.min() * (1.0 - 1e-4)  # half a degree beside the least costs no more
+
+
+def test_not_where_somebody_is():
+    """A third craft waits at the cheapest phase: another one is taken, outside of its zone."""
+    alone = mission("avoid", "energy", ', phase = "cheapest"')
+    end = alone.results[0].after.path("Inspector").state(DURATION)
+    x, y, z, vx, vy, vz = ORBIT.transition(-DURATION) @ end
+    third = (
+        FILE.replace('["Target", "Inspector"]', '["Target", "Inspector", "Third"]')
+        .replace('"10 -900 30 m"]', f'"10 -900 30 m", "{x} {y} {z} m"]')
+        .replace('"0 0.02 0 m/s"]', f'"0 0.02 0 m/s", "{vx} {vy} {vz} m/s"]')
+        .replace("TO", ELLIPSE.replace("PHASE", ', phase = "cheapest"'))
+        .replace("COST", "energy")
+        .replace("DO", "avoid")
+    )
+    flown = fly(parse(third))
+    assert flown.clear, flown.stopped
+    apart = flown.results[0].after.path("Inspector").state(DURATION)[:3] - end[:3]
+    assert 20.0 < np.linalg.norm(apart) < 25.0  # no farther than it must
+
+
+def test_fellows_go_to_relative_orbits_too():
+    text = FILE.replace("DO", "avoid").replace("COST", "energy")
+    text = text.replace("TO", '{ position = "0 -300 0 m", velocity = "0 0 0 m/s" }')
+    to = ELLIPSE.replace("PHASE", ', phase = "cheapest"').replace("5 m", "600 m")
+    flown = fly(parse(f'{text}meanwhile = [{{ craft = "Target", to = {to} }}]\n'))
+    assert flown.clear, flown.stopped
+    assert "Target arrives on the safety ellipse" in "\n".join(lines(flown))
+
+
+@pytest.mark.parametrize(
+    ("to", "message"),
+    [
+        (ELLIPSE.replace("PHASE", ', phase = "dearest"'), 'or "cheapest"'),
+        ('{ line = { spacing = "9 m", direction = [1, 0, 0] } }', "a line is at rest in deep space only"),
+        ('{ pendulum = { spacing = "9 m" } }', "cross_track"),
+    ],
+)
+def test_bad_goals(to, message):
+    with pytest.raises(ScenarioError, match=message):
+        parse(FILE.replace("DO", "avoid").replace("COST", "energy").replace("TO", to))
