@@ -1175,6 +1175,8 @@ plan = orbit.transfer(start, end, 3000.0)
 thrusters = cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=1e-4, period=30.0)
 fired = cf.fire(plan, thrusters, mass=12.0, specific_impulse=60.0)
 primary = [6.9e6, 0, 0, 0, 7600.0, 0]  # inertial
+other = orbit.coast([0, 60, 0, 0, 0, 0], 3000.0)
+errors = cf.Errors([[4.0 * (i == j) * (1e-6 if i > 2 else 1) for j in range(6)] for i in range(6)])
 known = [[100.0 * (i == j) * (0.001 if i > 2 else 1) for j in range(6)] for i in range(6)]
 """
 
@@ -1313,5 +1315,45 @@ CALLS = (
         "axes of a message that are unknown",
         "cf.Encounter.of(primary, primary, known, known, axes='LVLH')",
         'axes: expected "rtn" or "inertial", got \'LVLH\'',
+    ),
+    Call(
+        "a method of collision probability that is unknown",
+        "cf.collision_probability(plan, other, cf.Sphere(9.0), errors, method='foster')",
+        "method: expected entries, bound, monte-carlo, short-encounter, got 'foster'",
+    ),
+    Call(
+        "entries into a box",
+        "cf.collision_probability(plan, other, cf.Box([9.0, 9.0, 9.0]), errors)",
+        'zone: "entries" holds for spheres and ellipsoids; use method="monte-carlo"',
+    ),
+    Call(
+        "a collision probability of what is known exactly",
+        "cf.collision_probability(plan, other, cf.Sphere(9.0), cf.Errors())",
+        "errors: nothing is uncertain; give what is, or use find_conflicts",
+    ),
+    Call(
+        "errors of two different times",
+        "cf.collision_probability(plan, orbit.coast(start, 3000.0, start=60.0), cf.Sphere(9.0), errors)",
+        "other: starts at 60 s, path at 0 s; errors are those of the start, so begin both at one time",
+    ),
+    Call(
+        "histories of white noise",
+        "cf.collision_probability(plan, other, cf.Sphere(9.0), cf.Errors(noise=1e-9))",
+        'errors: "entries" draws errors, white noise has no finite number of them; use method="bound"',
+    ),
+    Call(
+        "a collision probability from a handful of samples",
+        "cf.collision_probability(plan, other, cf.Sphere(9.0), errors, samples=10)",
+        "samples: expected a whole number from 100 on, got 10",
+    ),
+    Call(
+        "a short encounter that is none",
+        "cf.collision_probability(other, other, cf.Sphere(9.0), errors, method='short-encounter')",
+        'path, other: are closest at the start, and do not pass each other; use method="entries"',
+    ),
+    Call(
+        "a collision probability of many craft at once",
+        "cf.collision_probability(cf.stack([plan, plan]), other, cf.Sphere(9.0), errors)",
+        "path, other: of one craft each, got shapes (2,) and (); index them",
     ),
 )

@@ -20,6 +20,7 @@ _NAMES = {
     "uncertainty.encounter": "Encounter",
     "drift.failures": "ThrustLost MissedBurns WeakThrust StuckThrust",
     "drift.drift_approach": "DriftApproach drift_approach passively_safe",
+    "uncertainty.probability": "Probability collision_probability",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
     "planning.plan": "Avoidance Contact Plan Status TooWeak",

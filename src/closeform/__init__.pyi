@@ -127,6 +127,10 @@ from closeform.search.theorem import (
 )
 from closeform.uncertainty.encounter import Encounter as Encounter
 from closeform.uncertainty.errors import Errors as Errors
+from closeform.uncertainty.probability import (
+    Probability as Probability,
+    collision_probability as collision_probability,
+)
 from closeform.zones.combined_zones import Body as Body
 from closeform.zones.combined_zones import Uncertainty as Uncertainty
 from closeform.zones.pair_zones import PairZones as PairZones

@@ -1,0 +1,309 @@
+"""The mean rate of entries over the surface of a ball.
+
+In zone coordinates, and turned to the principal axes of the position's covariance, least first, a
+position is q = b + s d, with d three independent standard normals.  Given q the velocity is normal,
+about v + G d with a covariance C that does not depend on q, and so is the speed inward, -n . velocity,
+about mu(q) with deviation sigma(n).  The mean rate of entries is
+
+    nu = integral over the surface of (density at q) E[(-n . velocity)+ | q]                     # theory (60)
+
+over what lies within `TAIL` of the greatest density: a band of heights on the least axis, and there
+arcs of each quadrant, all by Gauss's rule, so that the thinnest covariance takes as many nodes as a
+round one.  Both are cut where mu changes sign, an edge where sigma is small.
+"""
+
+from math import acos, asin, cos, erfc, exp, inf, pi, sin, sqrt
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_vector
+from closeform.uncertainty.whitened import GAIN, MEAN, NEAREST, SIGMA, SPREAD, VELOCITY
+
+TAIL = 40.0  # of the squared distance in deviations: densities down to 2e-9 of the greatest
+SHARP = 4.0  # speed inward over its deviation, beyond which it has an edge where it changes sign
+UNDERFLOW = 1400.0  # squared distance in deviations, beyond which densities are below 1e-300
+PARTS = 4  # of an arc, at whose ends signs are compared
+NODE = 4  # columns of a node: q in principal axes, and its share of the rate
+
+
+@kernel()
+def nearer(frame, radius, x, y, z, best):
+    """Squared distance, in deviations, from the mean to the sphere's point along (x, y, z), if below `best`.
+
+    Then it is noted in the frame.
+    """
+    scale = radius / sqrt(x * x + y * y + z * z)
+    dx = (x * scale - frame[MEAN, 0]) / frame[SIGMA, 0]
+    dy = (y * scale - frame[MEAN, 1]) / frame[SIGMA, 1]
+    dz = (z * scale - frame[MEAN, 2]) / frame[SIGMA, 2]
+    square = dx * dx + dy * dy + dz * dz
+    if square < best:
+        frame[NEAREST, 0], frame[NEAREST, 1], frame[NEAREST, 2] = dx, dy, dz
+    return min(square, best)
+
+
+@kernel()
+def nearest_square(frame, radius):
+    """The least of these over the sphere: by Lagrange's condition, q_i = b_i / (1 + x s_i^2)."""
+    b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
+    s0, s1, s2 = frame[SIGMA, 0] ** 2, frame[SIGMA, 1] ** 2, frame[SIGMA, 2] ** 2
+    out = sqrt(b0 * b0 + b1 * b1 + b2 * b2) / radius - 1.0
+    best = inf
+    for axis in range(6):  # for a mean at the centre
+        sign = 1.0 if axis < 3 else -1.0
+        k = axis % 3
+        best = nearer(frame, radius, sign * (k == 0), sign * (k == 1), sign * (k == 2), best)
+    if out == -1.0:
+        return best
+    best = nearer(frame, radius, b0, b1, b2, best)
+    # outside x > 0, in steps of its logarithm; inside -1 / s2 < x < 0
+    low, high = (out / s2, out / s0) if out > 0.0 else (0.0, 1.0)
+    for _ in range(60):
+        middle = sqrt(low * high) if out > 0.0 else 0.5 * (low + high)
+        x = middle if out > 0.0 else -middle / s2
+        qx, qy, qz = b0 / (1.0 + x * s0), b1 / (1.0 + x * s1), b2 / (1.0 + x * s2)
+        larger = qx * qx + qy * qy + qz * qz > radius * radius
+        if larger == (out > 0.0):
+            low = middle
+        else:
+            high = middle
+    if qx * qx + qy * qy + qz * qz > 0.0:
+        best = nearer(frame, radius, qx, qy, qz, best)
+    return best
+
+
+@kernel()
+def inward(frame, x, y, z, nx, ny, nz):
+    """Mean speed inward at q = (x, y, z), where n points outward."""
+    dx = (x - frame[MEAN, 0]) / frame[SIGMA, 0]
+    dy = (y - frame[MEAN, 1]) / frame[SIGMA, 1]
+    dz = (z - frame[MEAN, 2]) / frame[SIGMA, 2]
+    vx = frame[VELOCITY, 0] + frame[GAIN, 0] * dx + frame[GAIN, 1] * dy + frame[GAIN, 2] * dz
+    vy = frame[VELOCITY, 1] + frame[GAIN + 1, 0] * dx + frame[GAIN + 1, 1] * dy + frame[GAIN + 1, 2] * dz
+    vz = frame[VELOCITY, 2] + frame[GAIN + 2, 0] * dx + frame[GAIN + 2, 1] * dy + frame[GAIN + 2, 2] * dz
+    return -(nx * vx + ny * vy + nz * vz)
+
+
+@kernel()
+def deviation(frame, nx, ny, nz):
+    """Deviation of the speed along n, given the position."""
+    xx, yy, zz = frame[SPREAD, 0], frame[SPREAD + 1, 1], frame[SPREAD + 2, 2]
+    xy, xz, yz = frame[SPREAD, 1], frame[SPREAD, 2], frame[SPREAD + 1, 2]
+    square = nx * nx * xx + ny * ny * yy + nz * nz * zz + 2.0 * (nx * ny * xy + nx * nz * xz + ny * nz * yz)
+    return sqrt(max(square, 0.0))
+
+
+@kernel()
+def inflow(mu, sigma):
+    """Mean of what is positive of a normal number."""
+    if abs(mu) > 30.0 * sigma:
+        return max(mu, 0.0)
+    u = mu / sigma
+    return sigma * exp(-0.5 * u * u) / sqrt(2.0 * pi) + 0.5 * mu * erfc(-u / sqrt(2.0))
+
+
+@kernel()
+def inward_on_arc(frame, radius, height, e, f, angle):
+    """Mean speed inward at an angle of a quadrant, on the circle of some height."""
+    width = sqrt(max(1.0 - height * height, 0.0))
+    x, y = e * width * cos(angle), f * width * sin(angle)
+    return inward(frame, radius * height, radius * x, radius * y, height, x, y)
+
+
+@kernel()
+def sign_change(frame, radius, height, e, f, low, high, at_low, at_high):
+    """Where between two angles the mean speed inward changes sign: by secants (Illinois)."""
+    for _ in range(14):
+        angle = low + (high - low) * at_low / (at_low - at_high)
+        mu = inward_on_arc(frame, radius, height, e, f, angle)
+        if mu * at_low > 0.0:
+            low, at_low, at_high = angle, mu, 0.5 * at_high
+        else:
+            high, at_high, at_low = angle, mu, 0.5 * at_low
+        if mu == 0.0 or high - low < 1e-9:
+            break
+    return 0.5 * (low + high)
+
+
+@kernel()
+def is_sharp(frame):
+    """Whether the speed's least deviation is small beside its mean, where the density is greatest."""
+    square = 0.0
+    for i in range(3):
+        speed = frame[VELOCITY, i]
+        for k in range(3):
+            speed += frame[GAIN + i, k] * frame[NEAREST, k]
+        square += speed * speed
+    least = min(frame[SPREAD, 0], frame[SPREAD + 1, 1], frame[SPREAD + 2, 2])
+    return square > SHARP * SHARP * least
+
+
+@kernel()
+def inward_on_meridian(frame, radius, quadrant, height):
+    """Mean speed inward at a height, in the middle of a quadrant."""
+    e = 1.0 if quadrant % 2 == 0 else -1.0
+    f = 1.0 if quadrant < 2 else -1.0
+    return inward_on_arc(frame, radius, height, e, f, 0.25 * pi)
+
+
+@kernel()
+def fill_panels(frame, radius, bottom, top, sharp, panels):
+    """Heights between which the rate is smooth, and how many: signs change there on four meridians."""
+    panels[0] = bottom
+    count = 1
+    for quadrant in range(4 if sharp else 0):
+        low, at_low = bottom, inward_on_meridian(frame, radius, quadrant, bottom)
+        for k in range(1, PARTS + 1):
+            high = bottom + (top - bottom) * k / PARTS
+            at_high = inward_on_meridian(frame, radius, quadrant, high)
+            if at_low * at_high < 0.0:
+                u, w, at_u, at_w = low, high, at_low, at_high
+                for _ in range(10):
+                    middle = u + (w - u) * at_u / (at_u - at_w)
+                    mu = inward_on_meridian(frame, radius, quadrant, middle)
+                    if mu * at_u > 0.0:
+                        u, at_u, at_w = middle, mu, 0.5 * at_w
+                    else:
+                        w, at_w, at_u = middle, mu, 0.5 * at_u
+                place = 0.5 * (u + w)
+                j = count
+                while panels[j - 1] > place:  # sort it in
+                    panels[j] = panels[j - 1]
+                    j -= 1
+                panels[j] = place
+                count += 1
+            low, at_low = high, at_high
+    panels[count] = top
+    return count
+
+
+@kernel()
+def gap(mean, reach, sigma):
+    """Squared deviations from the mean to the nearest place within `reach` of the centre."""
+    away = max(0.0, abs(mean) - reach) / sigma
+    return away * away
+
+
+@kernel()
+def node_count(fineness, base, deviations, most):
+    """How many nodes a stretch of so many deviations takes."""
+    return min(most, int(fineness * (base + 0.6 * deviations)) + 1)
+
+
+@kernel()
+def side(mean, reach, sigma, width):
+    """The part of [0, width] within `reach` deviations of the mean, as a share of it."""
+    low = (mean - reach * sigma) / width
+    high = (mean + reach * sigma) / width
+    return min(1.0, max(0.0, low)), max(0.0, min(1.0, high))
+
+
+@kernel()
+def arc_rate(frame, radius, height, weight, e, f, begin, end, rules, fineness, nodes, count):
+    """Density and rate along an arc of a quadrant at one height, and the new count of nodes."""
+    density, rate = 0.0, 0.0
+    width = sqrt(max(1.0 - height * height, 1e-300))
+    b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
+    along = (cos(begin) - cos(end)) / s1 + (sin(end) - sin(begin)) / s2
+    size = node_count(fineness, 2.5, radius * width * along, len(rules) - 1)
+    for k in range(size):
+        angle = 0.5 * (begin + end) + 0.5 * (end - begin) * rules[size, k, 0]
+        x, y = e * width * cos(angle), f * width * sin(angle)
+        d1, d2 = (radius * x - b1) / s1, (radius * y - b2) / s2
+        share = 0.5 * (end - begin) * rules[size, k, 1] * weight * exp(-0.5 * (d1 * d1 + d2 * d2))
+        mu = inward(frame, radius * height, radius * x, radius * y, height, x, y)
+        part = share * inflow(mu, deviation(frame, height, x, y))
+        density += share
+        rate += part
+        if count < len(nodes) and part > 0.0:
+            nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = height, x, y, part
+            count += 1
+    return density, rate, count
+
+
+@kernel()
+def circle_rate(frame, radius, height, weight, left, sharp, rules, fineness, nodes, count):
+    """Density and rate around the circle at one height, and the new count of nodes.
+
+    Looked at are arcs of each quadrant, where both coordinates are monotone, on which the squared distance
+    across the height is up to `left`; cut where the inflow has an edge.
+    """
+    density, rate = 0.0, 0.0
+    width = radius * sqrt(max(1.0 - height * height, 1e-300))
+    b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
+    reach1, reach2 = left - gap(b2, width, s2), left - gap(b1, width, s1)
+    if not (reach1 > 0.0 and reach2 > 0.0):
+        return density, rate, count
+    reach1, reach2 = sqrt(reach1), sqrt(reach2)
+    for quadrant in range(4):
+        e = 1.0 if quadrant % 2 == 0 else -1.0
+        f = 1.0 if quadrant < 2 else -1.0
+        x_low, x_high = side(e * b1, reach1, s1, width)
+        y_low, y_high = side(f * b2, reach2, s2, width)
+        begin, end = max(acos(x_high), asin(y_low)), min(acos(x_low), asin(y_high))
+        if not begin < end:
+            continue
+        first = begin
+        before = inward_on_arc(frame, radius, height, e, f, begin) if sharp else 0.0
+        for k in range(1, PARTS + 1 if sharp else 2):
+            last = end
+            if sharp:
+                here = begin + (end - begin) * k / PARTS
+                after = inward_on_arc(frame, radius, height, e, f, here)
+                if before * after < 0.0:
+                    step = (end - begin) / PARTS
+                    last = sign_change(frame, radius, height, e, f, here - step, here, before, after)
+                elif k < PARTS:
+                    last = first
+                before = after
+            if first < last:
+                more, faster, count = arc_rate(
+                    frame, radius, height, weight, e, f, first, last, rules, fineness, nodes, count
+                )
+                density += more
+                rate += faster
+                first = last
+        if first < end:
+            more, faster, count = arc_rate(
+                frame, radius, height, weight, e, f, first, end, rules, fineness, nodes, count
+            )
+            density += more
+            rate += faster
+    return density, rate, count
+
+
+@kernel()
+def ball_rate(frame, radius, rules, fineness, nodes):
+    """(density integrated over the sphere, the rate of entries, how many nodes were noted in `nodes`).
+
+    `rules` (K, K, 2) are Gauss's places in (-1, 1) and weights by their number; nodes are noted where
+    there is room.
+    """
+    density, rate, count = 0.0, 0.0, 0
+    least = nearest_square(frame, radius)
+    if least > UNDERFLOW:
+        return density, rate, count
+    b0, s0 = frame[MEAN, 0], frame[SIGMA, 0]
+    left = least + TAIL
+    across = gap(frame[MEAN, 1], radius, frame[SIGMA, 1]) + gap(frame[MEAN, 2], radius, frame[SIGMA, 2])
+    reach = sqrt(left - across)
+    bottom, top = max(-1.0, (b0 - reach * s0) / radius), min(1.0, (b0 + reach * s0) / radius)
+    sharp = is_sharp(frame)
+    panels = stack_vector(18)  # the ends, and for each meridian what each part may have
+    count_of_panels = fill_panels(frame, radius, bottom, top, sharp, panels)
+    scale = radius * radius / ((2.0 * pi) ** 1.5 * s0 * frame[SIGMA, 1] * frame[SIGMA, 2])
+    for panel in range(count_of_panels):
+        low, high = panels[panel], panels[panel + 1]
+        if not high - low > 1e-6 * (top - bottom):
+            continue
+        base = 1.0 + 3.0 * min(1.0, 2.0 * (high - low))
+        size = node_count(fineness, base, radius * (high - low) / s0, len(rules) - 1)
+        for a in range(size):
+            height = 0.5 * (low + high) + 0.5 * (high - low) * rules[size, a, 0]
+            d0 = (radius * height - b0) / s0
+            weight = 0.5 * (high - low) * rules[size, a, 1] * scale * exp(-0.5 * d0 * d0)
+            more, faster, count = circle_rate(
+                frame, radius, height, weight, left - d0 * d0, sharp, rules, fineness, nodes, count
+            )
+            density += more
+            rate += faster
+    return density, rate, count

@@ -1,0 +1,135 @@
+"""Entries of a random motion into a ball: their mean rate at given times, and histories drawn from it."""
+
+from math import erfc, exp, inf, pi, sqrt
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, stack_matrix
+from closeform.uncertainty.ball_surface import NODE, ball_rate, deviation, inward, nearest_square
+from closeform.uncertainty.whitened import MEAN, SIGMA, principal
+
+
+@kernel(
+    void(
+        float64[:, ::1],
+        float64[:, :, ::1],
+        float64[:, ::1],
+        float64[::1],
+        float64[:, :, ::1],
+        float64,
+        float64[:, ::1],
+    )
+)
+def surface_integrals(means, factors, matrix, radii, rules, fineness, out):
+    """For each time: the density over a sphere of some radius, the rate of entries, the mean's distance.
+
+    Of states (T, 6) and factors (T, 6, M) of their covariance, at times or (one row) at one; radii (T,)
+    in zone coordinates.  The distance is that to the sphere in deviations, 0 from inside; with a fineness
+    of 0 it is all that is found.
+    """
+    means, factors, matrix, out = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(out)
+    rules = borrowed(rules)
+    frame = stack_matrix(13, 3)
+    rows = np.empty((6, factors.shape[2]))
+    nodes = np.empty((0, NODE))
+    for k in range(len(out)):
+        if k == 0 or len(means) > 1:
+            principal(means[k], factors[k], matrix, frame, rows)
+        radius = radii[k]
+        b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
+        out[k, 2] = 0.0
+        if b0 * b0 + b1 * b1 + b2 * b2 > radius * radius:
+            out[k, 2] = sqrt(nearest_square(frame, radius))
+        out[k, 0], out[k, 1] = 0.0, 0.0
+        if fineness > 0.0:
+            out[k, 0], out[k, 1], _ = ball_rate(frame, radius, rules, fineness, nodes)
+
+
+@kernel()
+def speed_of_entry(mu, sigma, share):
+    """The speed inward that this share of entries exceeds: of density ~ w N(w; mu, sigma), w > 0."""
+    if sigma <= 1e-12 * abs(mu):
+        return abs(mu)
+    u = mu / sigma
+    total = exp(-0.5 * u * u) / sqrt(2.0 * pi) + 0.5 * u * erfc(-u / sqrt(2.0))
+    low, high = 0.0, max(u, 0.0) + 40.0
+    w = 0.5 * (u + sqrt(u * u + 4.0))  # the most frequent
+    for _ in range(60):
+        y = w - u
+        density = exp(-0.5 * y * y) / sqrt(2.0 * pi)
+        excess = (density + 0.5 * u * erfc(y / sqrt(2.0))) / total - share
+        if excess > 0.0:
+            low = w
+        else:
+            high = w
+        slope = w * density / total
+        step = excess / slope if slope > 0.0 else inf
+        if abs(step) <= 1e-12 * w:
+            break
+        w = w + step if low < w + step < high else 0.5 * (low + high)
+    return sigma * w
+
+
+@kernel(
+    void(
+        float64[:, ::1],
+        float64[:, :, ::1],
+        float64[:, ::1],
+        float64[:, :, ::1],
+        float64,
+        int64[::1],
+        float64[:, ::1],
+        float64[:, ::1],
+    )
+)
+def draw_entries(means, factors, matrix, rules, fineness, first, shares, errors):
+    """Make of standard normals (N, M) in `errors` the errors of histories that enter at given times.
+
+    Those of time k are `first[k]` to `first[k + 1]`.  `shares` (N, 2) say where on the surface, rising
+    from 0 to 1 for each time, and how fast.  Given position and speed inward, all else keeps its
+    distribution: errors are moved along what those two depend on, and along nothing else.  # theory (63)
+    """
+    means, factors, matrix, errors = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(errors)
+    rules = borrowed(rules)
+    frame = stack_matrix(13, 3)
+    size = factors.shape[2]
+    rows = np.empty((6, size))
+    along = np.empty(size)
+    nodes = np.empty((24 * len(rules) ** 2, NODE))
+    for k in range(len(means)):
+        if first[k] == first[k + 1]:
+            continue
+        principal(means[k], factors[k], matrix, frame, rows)
+        _, rate, count = ball_rate(frame, 1.0, rules, fineness, nodes)
+        node, reached = 0, nodes[0, 3]
+        for p in range(first[k], first[k + 1]):
+            while reached < shares[p, 0] * rate and node + 1 < count:
+                node += 1
+                reached += nodes[node, 3]
+            x, y, z = nodes[node, 0], nodes[node, 1], nodes[node, 2]
+            place_errors(frame, rows, errors[p], along, x, y, z, shares[p, 1])
+
+
+@kernel()
+def place_errors(frame, rows, xi, along, x, y, z, share):
+    """Move errors to those of a history that is at q = (x, y, z), and enters there."""
+    size = len(xi)
+    for i in range(3):
+        q = x if i == 0 else (y if i == 1 else z)
+        move = (q - frame[MEAN, i]) / frame[SIGMA, i]
+        for j in range(size):
+            move -= rows[i, j] * xi[j]
+        for j in range(size):
+            xi[j] += move * rows[i, j]
+    mu = inward(frame, x, y, z, x, y, z)
+    sigma = deviation(frame, x, y, z)
+    here = mu
+    for j in range(size):
+        along[j] = -(x * rows[3, j] + y * rows[4, j] + z * rows[5, j])
+        here += along[j] * xi[j]
+    if sigma > 0.0:
+        lift = (speed_of_entry(mu, sigma, share) - here) / (sigma * sigma)
+        for j in range(size):
+            xi[j] += lift * along[j]

@@ -1,0 +1,227 @@
+"""Histories of a random relative motion: the mean path and columns, seen in windows that all share.
+
+A history is the mean's motion plus each column's times its error.  Derivatives at a window's start add
+as motions do, so that a history costs one sum for a window, and the march that finds conflicts counts
+its entries.
+"""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.conflicts.entries import ENTERED, cross
+from closeform.kernel_loans import borrowed, stack_matrix
+from closeform.motion.arc import ANGLE, END, MEAN_MOTION, PUSH, START, THRUST, derivatives_at
+from closeform.motion.certified_march import (
+    COAST_ANGLE,
+    LESS_PATIENCE,
+    PATIENCE,
+    locate,
+    relative_state,
+    store,
+)
+from closeform.motion.path import Path
+from closeform.uncertainty.errors import Errors
+from closeform.zones.shapes import FORM, norm
+from closeform.zones.zone import Zone
+
+CHUNK = 16_384  # histories that one thread takes at a time; each chunk has random numbers of its own
+CORES = os.cpu_count() or 1
+
+
+@kernel()
+def advance(q, order, n, t):
+    """Derivatives (8, 3) as they are a time t later."""
+    more = stack_matrix(14, 3)
+    for k in range(order):
+        for i in range(3):
+            more[k, i] = q[k, i]
+    for k in range(order, 14):  # each axis solves D^2 (D^2 + n^2) r = 0, or D^4 (D^2 + n^2)^2 r = 0
+        for i in range(3):
+            if order == 4:
+                more[k, i] = -n * n * more[k - 2, i]
+            else:
+                more[k, i] = -n * n * (2.0 * more[k - 2, i] + n * n * more[k - 4, i])
+    for k in range(0, order, 2):
+        x, y, z, vx, vy, vz = relative_state(more[k:], order, n, t)
+        q[k, 0], q[k, 1], q[k, 2] = x, y, z
+        q[k + 1, 0], q[k + 1, 1], q[k + 1, 2] = vx, vy, vz
+
+
+@kernel()
+def count_entries(q, order, n, stop, form, inside):
+    """March one window: (whether inside at its end, how often it was entered).  Spoils `q`."""
+    shape, _, faces = form
+    count, patience = 0, PATIENCE
+    while True:
+        t = 0.0
+        while True:
+            t, crossed = cross(shape, faces, q, order, n, t, stop, inside, patience)
+            if not crossed:
+                break
+            inside = not inside
+            if inside:
+                count += 1
+        if t >= stop:
+            return inside, count
+        advance(q, order, n, t)
+        stop -= t
+        patience = LESS_PATIENCE
+
+
+@kernel(
+    void(
+        float64[:, ::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        int64[::1],
+        float64[::1],
+        int64[::1],
+        float64[:, ::1],
+        float64[:, :, :, ::1],
+    )
+)
+def fill_windows(arcs, others, columns, offsets, times, orders, matrix, out):
+    """Derivatives (W, 1 + m, 8, 3) in zone coordinates of mean and columns at the starts of windows."""
+    q = stack_matrix(8, 3)
+    for w in range(len(orders)):
+        t, order = times[w], orders[w]
+        for j in range(len(offsets)):
+            for k in range(8):
+                q[k, 0], q[k, 1], q[k, 2] = 0.0, 0.0, 0.0
+            if j == 0:
+                derivatives_at(arcs[locate(arcs, 0, len(arcs), t)], t, order, q, 1.0)
+                derivatives_at(others[locate(others, 0, len(others), t)], t, order, q, -1.0)
+            else:
+                arc = columns[locate(columns, offsets[j - 1], offsets[j], t)]
+                derivatives_at(arc, t, order, q, 1.0)
+            for k in range(8):
+                store(out[w, j], k, matrix, q[k, 0], q[k, 1], q[k, 2])
+
+
+@kernel(void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], FORM, float64[:, ::1], int64[:, ::1]))
+def count_histories(times, orders, n, windows, form, errors, out):
+    """Whether each history (errors (N, m)) begins inside, and how often it enters after: `out` (N, 2)."""
+    windows, errors, out = borrowed(windows), borrowed(errors), borrowed(out)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    q = stack_matrix(8, 3)
+    for p in range(len(errors)):
+        inside, count = False, 0
+        for w in range(len(orders)):
+            order = orders[w]
+            for k in range(order):
+                for i in range(3):
+                    q[k, i] = windows[w, 0, k, i]
+            for j in range(errors.shape[1]):
+                for k in range(order):
+                    for i in range(3):
+                        q[k, i] += errors[p, j] * windows[w, j + 1, k, i]
+            if w == 0:
+                inside = norm(form[0], form[2], q[0, 0], q[0, 1], q[0, 2]) <= ENTERED
+                out[p, 0] = inside
+            inside, more = count_entries(q, order, n, times[w + 1] - times[w], form, inside)
+            count += more
+        out[p, 1] = count
+
+
+@dataclass(frozen=True, eq=False)
+class Histories:
+    """The relative motion of two craft, and what each of M independent errors adds to it.
+
+    `edges` are the times between which all of it is smooth, from the start of the common time to its end.
+    """
+
+    path: Path
+    other: Path
+    columns: Path
+    noise: float  # white noise of acceleration [m^2/s^3], of which histories have none
+    zone: Zone
+    edges: Floats
+    times: Floats  # (W + 1,) edges of windows
+    orders: Any  # (W,)
+    windows: Floats  # (W, 1 + M, 8, 3)
+
+    @classmethod
+    def of(cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone) -> Histories:
+        """Look at all arcs in windows as long as the march's bounds allow."""
+        n = path.orbit.mean_motion
+        rows = np.concatenate([path.arcs, other.arcs, columns.arcs])
+        start = max(path.start, other.start)
+        end = min(path.end, other.end)
+        joints = rows[:, START]
+        edges = np.unique(np.concatenate([[start, end], joints[(joints > start) & (joints < end)]]))
+        thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n)
+        cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1)
+        times, orders = [start], []
+        for begin, stop in zip(edges[:-1], edges[1:], strict=True):
+            here = (rows[:, START] <= begin) & (rows[:, END] >= stop)
+            natural = n > 0.0 and not thrusting[here].any()
+            order = 4 if natural or cubic[here].all() else 8
+            pieces = max(1, int(np.ceil(n * (stop - begin) / (COAST_ANGLE if natural else ANGLE))))
+            times += np.linspace(begin, stop, pieces + 1)[1:].tolist()
+            orders += [order] * pieces
+        windows = np.zeros((len(orders), 1 + len(columns), 8, 3))
+        held = np.array(times), np.array(orders)
+        fill_windows(path.arcs, other.arcs, columns.arcs, columns.offsets, *held, zone.matrix, windows)
+        return cls(path, other, columns, noise, zone, edges, *held, windows)
+
+    @property
+    def mean_motion(self) -> float:
+        """The greatest of all arcs' [rad/s]."""
+        return self.path.orbit.mean_motion
+
+    def states(self, times: Floats) -> tuple[Floats, Floats]:
+        """Mean (T, 6) and factor (T, 6, M) of the relative state's covariance at some times."""
+        at = np.ascontiguousarray(times).reshape(1, -1)
+        mean = self.path._evaluate_rows(at)[0] - self.other._evaluate_rows(at)[0]
+        factor = self.columns._evaluate_rows(at).transpose(1, 2, 0)
+        if self.noise:
+            factor = np.concatenate([factor, self._noise(times)], axis=2)
+        return mean, np.ascontiguousarray(factor)
+
+    def _noise(self, times: Floats) -> Floats:
+        """Factors (T, 6, 6) of what white noise has added to the state's covariance."""
+        covariance = Errors(noise=self.noise).covariance(self.path, times)
+        sizes = np.sqrt(np.einsum("tii->ti", covariance))
+        sizes[sizes == 0.0] = 1.0  # at the start
+        values, vectors = np.linalg.eigh(covariance / (sizes[:, :, None] * sizes[:, None, :]))
+        return np.asarray(sizes[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+
+    def counted(self, errors: Floats) -> Any:
+        """Whether histories of errors (N, M) begin inside, and how often each enters after: (N, 2)."""
+        out = np.empty((len(errors), 2), dtype=np.int64)
+        with ThreadPoolExecutor(CORES) as pool:
+            jobs = [slice(k, k + CHUNK // 4) for k in range(0, len(errors), CHUNK // 4)]
+            list(pool.map(lambda part: self._count(errors[part], out[part]), jobs))
+        return out
+
+    def drawn(self, samples: int, seed: int) -> tuple[int, int, int, int]:
+        """Of random histories how many begin inside, are ever inside, their entries, how many enter again.
+
+        Chunk k has a stream of Philox's of its own: the same numbers however many threads.
+        """
+
+        def chunk(k: int) -> Any:
+            philox = np.random.Philox(key=seed, counter=[0, 0, 0, k])
+            count = min(CHUNK, samples - k * CHUNK)
+            errors = np.random.Generator(philox).standard_normal((count, len(self.columns)))
+            out = np.empty((count, 2), dtype=np.int64)
+            self._count(errors, out)
+            began, entries = out.T
+            met = (began > 0) | (entries > 0)
+            return np.array([began.sum(), met.sum(), entries.sum(), (entries > 1).sum()])
+
+        with ThreadPoolExecutor(CORES) as pool:
+            began, met, entries, again = sum(pool.map(chunk, range(-(-samples // CHUNK)))).tolist()
+        return began, met, entries, again
+
+    def _count(self, errors: Floats, out: Any) -> None:
+        count_histories(self.times, self.orders, self.mean_motion, self.windows, self.zone.form, errors, out)

@@ -1,0 +1,168 @@
+"""How many entries into a zone are expected of a random motion, and when: the rate integrated over time."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.uncertainty.entry_rate import surface_integrals
+from closeform.uncertainty.histories import CORES, Histories
+from closeform.uncertainty.quadrature import Integral, integral
+
+TOLERANCE = 5e-5  # of an integral, over time or radius
+ROUND = 5e-5  # of a rate, over the surface
+FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # of nodes on the surface
+MOST = 96  # nodes in height, or along an arc
+ZOOMS = 10  # each to a quarter, of where a passage is looked for
+SAMPLES = 128  # an orbit (or a piece, in deep space), among which the nearest times are looked for
+LADDER = np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0])  # times the width of a passage
+NEAR = 60.0  # of the squared distance in deviations, above its least: passages that count
+CHECKED = 12  # times at which a rate is compared with one of more nodes
+
+
+@dataclass(frozen=True, eq=False)
+class Flux:
+    """Entries that are expected from the start on: how many, how far off that may be, and when.
+
+    `of_time` holds the times looked at, with the rate and the part of all entries of each.
+    """
+
+    value: float
+    error: float
+    of_time: Integral
+    fineness: float
+
+
+@cache
+def rules() -> Floats:
+    """Gauss's places in (-1, 1) and weights (MOST + 1, MOST, 2): a rule for each number of nodes."""
+    out = np.zeros((MOST + 1, MOST, 2))
+    for k in range(1, MOST + 1):
+        out[k, :k] = np.stack(np.polynomial.legendre.leggauss(k), axis=1)
+    return out
+
+
+@cache
+def pool() -> ThreadPoolExecutor:
+    """Threads for all cores."""
+    return ThreadPoolExecutor(CORES)
+
+
+def surface(mean: Floats, factor: Floats, matrix: Floats, radii: Floats, fineness: float) -> Floats:
+    """Density on the sphere, rate of entries, distance in deviations (T, 3), on all cores; see the kernel."""
+    out = np.empty((len(radii), 3))
+
+    def some(part: slice) -> None:
+        whole = part if len(mean) > 1 else slice(None)
+        surface_integrals(mean[whole], factor[whole], matrix, radii[part], rules(), fineness, out[part])
+
+    size = max(24, -(-len(radii) // (4 * CORES)))
+    parts = [slice(k, k + size) for k in range(0, len(radii), size)]
+    if len(parts) == 1:
+        some(parts[0])
+    else:
+        list(pool().map(some, parts))
+    return out
+
+
+def rates(histories: Histories, times: Floats, fineness: float) -> Floats:
+    """Those of `surface` of the zone at some times."""
+    return surface(*histories.states(times), histories.zone.matrix, np.ones(len(times)), fineness)
+
+
+def inside(histories: Histories, time: float, fineness: float) -> tuple[float, float]:
+    """Probability to be within the zone at a time, and what it may be off by: shells of one sphere."""
+    mean, factor = histories.states(np.array([time]))
+    matrix = histories.zone.matrix
+    centre = float(np.linalg.norm(matrix @ mean[0, :3]))
+    widths = np.linalg.svd(matrix @ factor[0, :3], compute_uv=False)
+    about = [centre + reach * width for width in widths for reach in (-6.0, -2.0, 0.0, 2.0, 6.0)]
+    edges = np.unique(np.clip([0.0, 0.5, 1.0, *about], 0.0, 1.0))
+
+    def shells(radii: Floats) -> Floats:
+        return surface(mean, factor, matrix, radii, fineness)[:, 0]
+
+    found = integral(shells, edges, TOLERANCE)
+    return found.value, found.error + ROUND * found.value
+
+
+def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
+    """When the mean is nearest to the zone, in deviations, of all minima that count, and that distance."""
+    n = histories.mean_motion
+    grid = []
+    for begin, end in zip(histories.edges[:-1], histories.edges[1:], strict=True):
+        turns = n * (end - begin) / (2.0 * np.pi)
+        grid.append(np.linspace(begin, end, max(9, int(np.ceil(SAMPLES * (turns if n else 1.0))) + 1)))
+    times = np.unique(np.concatenate(grid))
+    distances = rates(histories, times, 0.0)[:, 2]
+    around = np.concatenate([[np.inf], distances, [np.inf]])
+    least = (distances <= around[:-2]) & (distances <= around[2:])
+    (low,) = np.nonzero(least & ((distances > 0.0) | (around[:-2] > 0.0) | (around[2:] > 0.0)))
+    before, after = times[np.maximum(low - 1, 0)], times[np.minimum(low + 1, len(times) - 1)]
+    for _ in range(ZOOMS):
+        inner = before + (after - before) * np.linspace(0.0, 1.0, 9)[:, None]
+        found = rates(histories, inner.ravel(), 0.0)[:, 2].reshape(inner.shape)
+        place, each = found.argmin(axis=0), np.arange(len(low))
+        before, after = inner[np.maximum(place - 1, 0), each], inner[np.minimum(place + 1, 8), each]
+    best = np.concatenate([times[low], 0.5 * (before + after)])
+    reached = rates(histories, best, 0.0)[:, 2]
+    counts = reached**2 < reached.min() ** 2 + NEAR
+    return best[counts], reached[counts]
+
+
+def passages(histories: Histories, nearest: Floats) -> Floats:
+    """Times between which the rate changes little by little: about each of the nearest."""
+    mean, factor = histories.states(nearest)
+    matrix = histories.zone.matrix
+    velocity = mean[:, 3:] @ matrix.T
+    speed = np.linalg.norm(velocity, axis=1)
+    spread = np.linalg.norm(matrix @ factor[:, :3], axis=(1, 2))
+    with np.errstate(divide="ignore"):
+        width = (1.0 + spread) / speed
+    start, end = histories.edges[0], histories.edges[-1]
+    width = np.minimum(width, end - start)
+    n = histories.mean_motion
+    even = np.linspace(start, end, 9 + int(np.ceil(8 * n * (end - start) / (2.0 * np.pi))))
+    about = (nearest[:, None] + width[:, None] * LADDER).ravel()
+    about = about[(about > start) & (about < end)]
+    return np.unique(np.concatenate([histories.edges, even, about]))
+
+
+def expected_entries(histories: Histories) -> Flux:
+    """Integrate the rate over time, with as many nodes on the surface as its largest values need."""
+    nearest, _ = nearest_times(histories)
+    edges = passages(histories, nearest)
+    some = np.concatenate([nearest, 0.5 * (edges[1:] + edges[:-1])])
+    found = rates(histories, some, FINENESS[0])[:, 1]
+    level, off = _enough(histories, some[np.argsort(found)[-CHECKED:]], 0)
+    while True:
+        fineness = FINENESS[level]
+        flux = integral(partial(_entries, histories, fineness), edges, TOLERANCE)
+        if flux.value == 0.0:
+            return Flux(0.0, 0.0, flux, fineness)
+        reached = np.cumsum(flux.parts) / flux.value
+        checked = flux.times[np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED)]
+        finer, off = _enough(histories, checked, level)
+        if finer == level:
+            return Flux(flux.value, flux.error + off * flux.value, flux, fineness)
+        level = finer
+
+
+def _entries(histories: Histories, fineness: float, times: Floats) -> Floats:
+    """The rate of entries at some times."""
+    return rates(histories, times, fineness)[:, 1]
+
+
+def _enough(histories: Histories, times: Floats, level: int) -> tuple[int, float]:
+    """The first level from which on more nodes change next to nothing, and how much: of all rates' sum."""
+    few = rates(histories, times, FINENESS[level])[:, 1]
+    while True:
+        many = rates(histories, times, FINENESS[level + 1])[:, 1]
+        off = float(np.abs(many - few).sum() / many.sum()) if many.any() else 0.0
+        if off <= ROUND or level + 2 == len(FINENESS):
+            return level, off
+        level, few = level + 1, many

@@ -1,0 +1,287 @@
+"""The probability of a collision over a time, with an interval that holds all that it may be off by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import betaincinv, ndtri
+
+from closeform.arrays import Floats, shown, whole
+from closeform.motion.path import Path
+from closeform.uncertainty.entry_rate import draw_entries
+from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.histories import CORES, Histories
+from closeform.uncertainty.mean_entries import Flux, expected_entries, inside, nearest_times, pool, rules
+from closeform.uncertainty.relative_errors import relative_errors
+from closeform.uncertainty.short_encounter import passes_through
+from closeform.zones.shapes import BALL
+from closeform.zones.zone import Zone
+
+CONFIDENCE = 0.95
+FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
+LEAST = 100  # samples
+COARSER = 0.5  # nodes from which entries are drawn, as few histories enter more than once
+Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
+METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
+NONE = np.empty(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Probability:
+    """How probable it is that two craft come within a zone, made by `collision_probability`.
+
+    `value` counts histories that are ever inside, however often they enter: those that begin inside too.
+    `mean_entries` counts entries after the start, more than one of a history if it enters again.
+
+    Attributes
+    ----------
+    value : float, no unit
+        Probability to be ever inside, over the common time of both paths.
+    low, high : float, no unit
+        Between them it lies: for "bound" certainly, otherwise with 95 % confidence; errors of quadrature
+        and of sampling are both in it.
+    at_start : float, no unit
+        Probability to be inside at the start, a part of `value`; nan for "short-encounter".
+    mean_entries : float, no unit
+        Expected number of entries after the start.
+    repeated : float, no unit
+        Share of the drawn histories that enter more than once; nan where none are drawn.
+    rate_times : array of shape (K,) [s]
+        Times at which the mean rate of entries was looked at; none where it was not.
+    rates : array of shape (K,) [1/s]
+        The mean rate of entries then.
+    method : "entries", "bound", "monte-carlo" or "short-encounter"
+        How `value` was found.
+    samples : int
+        How many histories were drawn.
+    """
+
+    value: float
+    low: float
+    high: float
+    at_start: float
+    mean_entries: float
+    repeated: float
+    rate_times: Floats
+    rates: Floats
+    method: Method
+    samples: int
+
+    def __str__(self) -> str:
+        interval = f"{self.low:.5g} to {self.high:.5g}"
+        if self.method == "short-encounter":
+            return f"passes through the zone with probability {self.value:.5g}, if the encounter is short"
+        sure = "certainly" if self.method == "bound" else "95 %:"
+        return (
+            f"ever inside with probability {self.value:.5g} ({sure} {interval}), inside at the start with "
+            f"{self.at_start:.5g}; {self.mean_entries:.5g} entries expected"
+        )
+
+
+def collision_probability(
+    path: Path,
+    other: Path,
+    zone: Zone,
+    errors: Errors,
+    other_errors: Errors | None = None,
+    method: Method = "entries",
+    samples: int = 20_000,
+    seed: int = 0,
+) -> Probability:
+    """The probability that one craft comes within the zone around another, over their common time.
+
+    Parameters
+    ----------
+    path : Path
+        Of one craft, as planned.
+    other : Path
+        Of the craft that the zone is around, in the same orbit and from the same time on.
+    zone : Zone
+        Of the pair: a sphere of both radii for bodies.  "entries" and "bound" need a sphere or an
+        ellipsoid, "short-encounter" too.
+    errors : Errors
+        Of the first craft, or of the relative motion of both.
+    other_errors : Errors, optional
+        Of the other craft, independent of the first's.
+    method : "entries", "bound", "monte-carlo" or "short-encounter", default "entries"
+        "entries" integrates the mean rate of entries, draws entries from it and counts how often their
+        histories enter: as precise for 1e-20 as for 0.1.  "bound" stops at that rate, and gives an interval
+        that is certain up to quadrature.  "monte-carlo" draws histories.  "short-encounter" is Foster's
+        integral in two dimensions, of straight motion past each other with the covariance of that moment.
+    samples : int, default 20000
+        Histories to draw, at least 100.
+    seed : int, default 0
+        Of the random numbers: the same for any number of cores.
+
+    Returns
+    -------
+    Probability
+        Its interval is one of 95 % confidence.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, orbits or starts differ, there is no common time, a method is unknown or does
+        not hold for the zone or the errors (the message names one that does), or the errors are so small
+        that the zone's surface cannot be resolved.
+
+    Notes
+    -----
+    Histories are counted by the certified march: no entry between time steps is missed.  White noise of
+    thrust has no finite number of columns, so that histories with it cannot be drawn: "bound" counts it.
+
+    References
+    ----------
+    docs/theory.md section 9; Rice 1944; Foster and Estes 1992.
+    """
+    if not isinstance(method, str) or method not in METHODS:
+        raise ValueError(f"method: expected {', '.join(METHODS)}, got {shown(method)}")
+    whole("samples", samples, LEAST)
+    whole("seed", seed)
+    columns, noise = relative_errors(path, other, zone, errors, other_errors)
+    if noise and method in ("entries", "monte-carlo"):
+        raise ValueError(
+            f'errors: "{method}" draws errors, white noise has no finite number of them; use method="bound"'
+        )
+    histories = Histories.of(path, other, columns, noise, zone)
+    if method == "monte-carlo":
+        return _monte_carlo(histories, samples, seed)
+    if zone.shape != BALL:
+        raise ValueError(f'zone: "{method}" holds for spheres and ellipsoids; use method="monte-carlo"')
+    if method == "short-encounter":
+        value, off = passes_through(histories)
+        nan = float("nan")
+        return Probability(value, value - off, value + off, nan, value, nan, NONE, NONE, method, 0)
+    return _by_entries(histories, method, samples, seed)
+
+
+def _by_entries(histories: Histories, method: Method, samples: int, seed: int) -> Probability:
+    """By the mean rate of entries: a bound, or entries drawn from it."""
+    flux = expected_entries(histories)
+    start = float(histories.edges[0])
+    at_start, off = inside(histories, start, flux.fineness)
+    off += flux.error
+    known = at_start, flux.value
+    if method == "bound":
+        times = nearest_times(histories)[0][:8]
+        low = max(at_start, *(inside(histories, float(time), flux.fineness)[0] for time in times))
+        high = at_start + flux.value
+        nan = float("nan")
+        return _told(high, low, high, off, known, nan, flux, method, 0)
+    if flux.value == 0.0:
+        return _told(at_start, at_start, at_start, off, known, 0.0, flux, method, 0)
+    counts = histories.counted(drawn(histories, flux, samples, seed))
+    lost = lost_of(counts)
+    low, high = interval_of_mean(lost)
+    value = at_start + flux.value * (1.0 - float(lost.mean()))
+    return _told(
+        value,
+        at_start + flux.value * (1.0 - high),
+        at_start + flux.value * (1.0 - low),
+        off,
+        known,
+        float((counts[:, 1] > 1).mean()),
+        flux,
+        method,
+        samples,
+    )
+
+
+def _told(
+    value: float,
+    low: float,
+    high: float,
+    off: float,
+    known: tuple[float, float],
+    repeated: float,
+    flux: Flux,
+    method: Method,
+    samples: int,
+) -> Probability:
+    some = flux.of_time.parts > 0.0
+    return Probability(
+        min(value, 1.0),
+        max(low - off, 0.0),
+        min(high + off, 1.0),
+        *known,
+        repeated,
+        flux.of_time.times[some],
+        flux.of_time.values[some],
+        method,
+        samples,
+    )
+
+
+def drawn(histories: Histories, flux: Flux, samples: int, seed: int) -> Floats:
+    """Errors (samples, M) of histories that enter, drawn from the rate; one in each of equal parts of it."""
+    random = np.random.Generator(np.random.Philox(key=seed))
+    shares = random.uniform(size=(samples, 2))
+    errors = random.standard_normal((samples, len(histories.columns)))
+    parts = flux.of_time.parts
+    some = parts > 0.0
+    times, parts = flux.of_time.times[some], parts[some]
+    reached = np.concatenate([[0.0], np.cumsum(parts)])
+    place = (np.arange(samples) + shares[:, 0]) / samples * reached[-1]
+    first = np.searchsorted(place, reached)
+    first[0], first[-1] = 0, samples
+    owner = np.repeat(np.arange(len(parts)), np.diff(first))
+    shares[:, 0] = (place - reached[owner]) / parts[owner]
+    states, matrix = histories.states(times), histories.zone.matrix
+
+    def some_times(some: slice) -> None:
+        held = slice(first[some.start], first[min(some.stop, len(times))])
+        mean, factor = (np.ascontiguousarray(one[some]) for one in states)
+        from_zero = first[some.start : some.stop + 1] - first[some.start]
+        draw_entries(
+            mean, factor, matrix, rules(), COARSER * flux.fineness, from_zero, shares[held], errors[held]
+        )
+
+    size = max(1, -(-len(times) // (4 * CORES)))
+    list(pool().map(some_times, [slice(k, k + size) for k in range(0, len(times), size)]))
+    return errors
+
+
+def lost_of(counts: Any) -> Floats:
+    """What each drawn entry (began inside, entries) counts less than one history.  # theory (62)"""
+    entries = np.maximum(counts[:, 1], 1)  # a graze can be lost to rounding
+    return np.where(counts[:, 0] > 0, 1.0, 1.0 - 1.0 / entries)
+
+
+def interval_of_mean(lost: Floats) -> tuple[float, float]:
+    """Of the mean of numbers from 0 to 1, one from each of many strata: neighbours tell their variance."""
+    count, mean = int((lost > 0.0).sum()), float(lost.mean())
+    if count <= FEW:
+        low, high = _clopper_pearson(count, len(lost))
+        return low * (mean * len(lost) / max(count, 1)), high
+    even = lost[: len(lost) // 2 * 2]
+    deviation = float(np.sqrt(((even[::2] - even[1::2]) ** 2).sum())) / len(even)
+    half = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * deviation
+    return mean - half, mean + half
+
+
+def _clopper_pearson(count: int, total: int) -> tuple[float, float]:
+    """The exact interval of a share (Clopper and Pearson 1934), which holds for 0 too."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
+    return low, high
+
+
+def _monte_carlo(histories: Histories, samples: int, seed: int) -> Probability:
+    """The share of drawn histories that are ever inside."""
+    began, met, entries, again = histories.drawn(samples, seed)
+    low, high = _clopper_pearson(met, samples)
+    return Probability(
+        met / samples,
+        low,
+        high,
+        began / samples,
+        entries / samples,
+        again / samples,
+        NONE,
+        NONE,
+        "monte-carlo",
+        samples,
+    )

@@ -1,0 +1,61 @@
+"""The errors of a relative motion: the columns of both craft, as few as will do."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from closeform.arrays import instance
+from closeform.conflicts.two_paths import _comparable
+from closeform.motion.arc import IMPULSE, MEAN_MOTION, THRUST
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
+from closeform.uncertainty.columns import columns_of
+from closeform.uncertainty.errors import Errors
+from closeform.zones.zone import Zone
+
+
+def relative_errors(
+    path: Path, other: Path, zone: Zone, errors: Errors, other_errors: Errors | None
+) -> tuple[Path, float]:
+    """Columns (M,) of the relative motion, those that move naturally as six, and its white noise [m^2/s^3].
+
+    Raises ValueError where the two cannot be compared, or nothing is uncertain.
+    """
+    _comparable(path, other, zone)
+    if path.shape or other.shape:
+        raise ValueError(
+            f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them"
+        )
+    instance("errors", errors, Errors)
+    if path.start != other.start:
+        raise ValueError(
+            f"other: starts at {other.start:g} s, path at {path.start:g} s; errors are those of the start, "
+            "so begin both at one time"
+        )
+    columns, noise = [columns_of(path, errors)], errors.noise
+    if other_errors is not None:
+        instance("other_errors", other_errors, Errors)
+        columns.append(columns_of(other, other_errors))
+        noise += other_errors.noise
+    every = [each[k] for each in columns for k in range(len(each))]
+    if every:
+        return merged(stack(every), path.start, min(path.end, other.end)), noise
+    if not noise:
+        raise ValueError("errors: nothing is uncertain; give what is, or use find_conflicts")
+    return columns[0], noise
+
+
+def merged(columns: Path, start: float, end: float) -> Path:
+    """The same errors by fewer columns: all that move naturally from the start on make a state's six."""
+    rows = columns.arcs
+    forced = rows[:, IMPULSE : IMPULSE + 3].any(axis=1) | rows[:, THRUST:].any(axis=1)
+    forced |= rows[:, MEAN_MOTION] != columns.orbit.mean_motion
+    natural = ~np.logical_or.reduceat(forced, columns.offsets[:-1])
+    if not natural.any():
+        return columns
+    states = columns[natural]._evaluate_rows(np.array([[start]]))[:, 0]
+    root = np.linalg.qr(states, mode="r")  # of the covariance states.T @ states
+    coasts = columns.orbit.coast(root, end - start, start=start)
+    rest = columns[~natural]
+    every = [coasts[k] for k in range(len(coasts))] + [rest[k] for k in range(len(rest))]
+    return stack(every) if every[len(coasts) :] else coasts

@@ -1,0 +1,54 @@
+"""The short encounter: straight motion past each other, with the position's covariance of one moment."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtr
+
+from closeform.conflicts.two_paths import closest_approach
+from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.whitened import THINNEST
+
+REACH = 39.0  # deviations: as far as densities are numbers
+NODES = 200
+EDGE = 1e-6  # of the common time: nearer than that to its end nobody has passed
+
+
+def passes_through(histories: Histories) -> tuple[float, float]:
+    """Probability to pass through an ellipsoid, and what quadrature may be off by: Foster's integral.
+
+    In zone coordinates, over the disc that the unit ball shows along the velocity at closest approach.
+    """
+    approach = closest_approach(histories.path, histories.other, histories.zone)
+    start, end = histories.edges[0], histories.edges[-1]
+    if not start + EDGE * (end - start) < approach.time < end - EDGE * (end - start):
+        edge = "start" if approach.time < 0.5 * (start + end) else "end"
+        raise ValueError(
+            f'path, other: are closest at the {edge}, and do not pass each other; use method="entries"'
+        )
+    mean, factor = histories.states(np.array([approach.time]))
+    matrix = histories.zone.matrix
+    position, velocity = matrix @ mean[0, :3], matrix @ mean[0, 3:]
+    across = np.linalg.svd(velocity[None])[2][1:]
+    axes, widths, _ = np.linalg.svd(across @ matrix @ factor[0, :3])
+    ways = axes.T @ across  # the greatest deviation first
+    (far, near), (wide, thin) = ways @ position, np.maximum(widths, THINNEST)
+    few, many = (_disc(near, thin, far, wide, nodes) for nodes in (NODES // 2, NODES))
+    return many, abs(many - few)
+
+
+def _disc(near: float, thin: float, far: float, wide: float, nodes: int) -> float:
+    """A normal distribution over the unit disc: strips across the thinner direction, at sin(angle)."""
+    low, high = np.arcsin(np.clip([near - REACH * thin, near + REACH * thin], -1.0, 1.0))
+    if not low < high:
+        return 0.0
+    edges = np.linspace(low, high, 9)
+    middle, half = 0.5 * (edges[1:] + edges[:-1]), 0.5 * np.diff(edges)
+    places, weights = np.polynomial.legendre.leggauss(nodes)
+    angle = (middle[:, None] + half[:, None] * places).ravel()
+    weight = (half[:, None] * weights).ravel() * np.cos(angle)
+    d = (np.sin(angle) - near) / thin
+    reach = np.cos(angle)
+    side = -1.0 if far > 0.0 else 1.0  # the smaller tail keeps its digits
+    strip = ndtr((reach + side * far) / wide) - ndtr((-reach + side * far) / wide)
+    return float((weight * np.exp(-0.5 * d * d) * strip).sum() / (np.sqrt(2.0 * np.pi) * thin))

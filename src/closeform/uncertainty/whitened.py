@@ -1,0 +1,111 @@
+"""A random state at one time, in zone coordinates along the principal axes of its position.
+
+`principal` fills the frame (13, 3): deviations, mean position and mean velocity, the axes (rows), how
+the velocity goes with the position's standard normals (GAIN), and what spread it has left (SPREAD); and
+rows (6, M), unit and at right angles: which errors make each standard normal, and what is left of those
+that make each component of the velocity.
+"""
+
+from math import sqrt
+
+from closeform.compiled import kernel
+
+SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
+NEAREST = 12  # set by `entry_rate`: the nearest point, in standard normals
+THINNEST = 1e-9  # of the zone: a deviation below it is taken for it, as of errors that are all in one plane
+
+
+@kernel()
+def principal(mean, factor, matrix, frame, rows):
+    """See a state (6,) and a factor (6, M) of its covariance along the principal axes of its position."""
+    size = factor.shape[1]
+    for i in range(3):
+        frame[SPREAD, i], frame[SPREAD + 1, i] = 0.0, 0.0
+        for k in range(3):
+            frame[SPREAD, i] += matrix[i, k] * mean[k]
+            frame[SPREAD + 1, i] += matrix[i, k] * mean[3 + k]
+            frame[AXES + i, k] = 1.0 if i == k else 0.0
+        for j in range(size):
+            rows[i, j], rows[3 + i, j] = 0.0, 0.0
+            for k in range(3):
+                rows[i, j] += matrix[i, k] * factor[k, j]
+                rows[3 + i, j] += matrix[i, k] * factor[3 + k, j]
+    make_orthogonal(frame, rows, size)
+    for p in range(2):  # least deviation first
+        for r in range(p + 1, 3):
+            if frame[SIGMA, r] < frame[SIGMA, p]:
+                frame[SIGMA, p], frame[SIGMA, r] = frame[SIGMA, r], frame[SIGMA, p]
+                for k in range(3):
+                    frame[AXES + p, k], frame[AXES + r, k] = frame[AXES + r, k], frame[AXES + p, k]
+                for j in range(size):
+                    rows[p, j], rows[r, j] = rows[r, j], rows[p, j]
+    for i in range(3):
+        frame[MEAN, i], frame[VELOCITY, i] = 0.0, 0.0
+        for k in range(3):
+            frame[MEAN, i] += frame[AXES + i, k] * frame[SPREAD, k]
+            frame[VELOCITY, i] += frame[AXES + i, k] * frame[SPREAD + 1, k]
+        for j in range(size):
+            if frame[SIGMA, i] > 0.0:
+                rows[i, j] /= frame[SIGMA, i]
+        frame[SIGMA, i] = max(frame[SIGMA, i], THINNEST)
+    for j in range(size):
+        x, y, z = rows[3, j], rows[4, j], rows[5, j]
+        for i in range(3):
+            rows[3 + i, j] = frame[AXES + i, 0] * x + frame[AXES + i, 1] * y + frame[AXES + i, 2] * z
+    part_velocity(frame, rows, size)
+
+
+@kernel()
+def make_orthogonal(frame, rows, size):
+    """Turn axes until the three rows of positions are at right angles; their lengths are the deviations.
+
+    Jacobi's rotations of the factor's rows: the least deviation keeps its digits, which it would lose
+    in the covariance.
+    """
+    for _ in range(30):
+        turned = False
+        for p in range(2):
+            for r in range(p + 1, 3):
+                a, b, g = 0.0, 0.0, 0.0
+                for j in range(size):
+                    a += rows[p, j] * rows[p, j]
+                    b += rows[r, j] * rows[r, j]
+                    g += rows[p, j] * rows[r, j]
+                if abs(g) <= 1e-15 * sqrt(a * b):
+                    continue
+                turned = True
+                zeta = (b - a) / (2.0 * g)
+                t = (1.0 if zeta >= 0.0 else -1.0) / (abs(zeta) + sqrt(1.0 + zeta * zeta))
+                c = 1.0 / sqrt(1.0 + t * t)
+                s = c * t
+                for j in range(size):
+                    x, y = rows[p, j], rows[r, j]
+                    rows[p, j], rows[r, j] = c * x - s * y, s * x + c * y
+                for k in range(3):
+                    x, y = frame[AXES + p, k], frame[AXES + r, k]
+                    frame[AXES + p, k], frame[AXES + r, k] = c * x - s * y, s * x + c * y
+        if not turned:
+            break
+    for i in range(3):
+        square = 0.0
+        for j in range(size):
+            square += rows[i, j] * rows[i, j]
+        frame[SIGMA, i] = sqrt(square)
+
+
+@kernel()
+def part_velocity(frame, rows, size):
+    """Part the velocity's rows into what goes with the position and what does not."""
+    for i in range(3):
+        for k in range(3):
+            share = 0.0
+            for j in range(size):
+                share += rows[3 + i, j] * rows[k, j]
+            for j in range(size):
+                rows[3 + i, j] -= share * rows[k, j]
+            frame[GAIN + i, k] = share
+    for i in range(3):
+        for k in range(3):
+            frame[SPREAD + i, k] = 0.0
+            for j in range(size):
+                frame[SPREAD + i, k] += rows[3 + i, j] * rows[3 + k, j]

@@ -1,0 +1,333 @@
+"""Probabilities against plain Monte Carlo by matrices, integrals of others, and each other.
+
+Nothing of the package flies the histories here: states are drawn, moved by matrix exponentials and looked
+at on dense times.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad, quad
+from scipy.linalg import expm
+from scipy.optimize import brentq
+from scipy.stats import norm
+
+import closeform as cf
+from closeform.uncertainty.columns import columns_of
+from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.mean_entries import rates
+from closeform.uncertainty.relative_errors import relative_errors
+
+ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
+N, PERIOD = ORBIT.mean_motion, ORBIT.period
+ZONE = cf.Sphere(15.0)
+AHEAD = [0, 120, 0, 0, 0, 0]
+SLOW = np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2  # a hold 120 m ahead: 4 % enter twice in two orbits
+
+
+def hill(n):
+    matrix = np.zeros((6, 6))
+    matrix[:3, 3:] = np.eye(3)
+    matrix[3, 0], matrix[5, 2], matrix[3, 4], matrix[4, 3] = 3 * n * n, -n * n, 2 * n, -2 * n
+    return matrix
+
+
+def coasts(state, duration, orbit=ORBIT):
+    return orbit.coast(state, duration), orbit.coast(np.zeros(6), duration)
+
+
+def counted(positions, zone):
+    """Of histories (S, T, 3): who begin inside, who are ever inside, and all entries."""
+    inside = zone.norm(positions) <= 1.0
+    entries = (inside[:, 1:] & ~inside[:, :-1]).sum(axis=1)
+    return inside[:, 0], inside.any(axis=1), entries
+
+
+def flown(mean, covariance, duration, zone, samples=12_000, times=800, n=N, seed=5):
+    """Plain Monte Carlo of coasting craft: shares inside at the start and ever, and mean entries."""
+    random = np.random.default_rng(seed)
+    states = random.multivariate_normal(mean, covariance, size=samples, method="eigh")
+    moved = np.array([expm(hill(n) * t)[:3] for t in np.linspace(0.0, duration, times)])
+    began, ever, entries = [], [], []
+    for some in np.array_split(states, 20):
+        found = counted(np.einsum("tij,sj->sti", moved, some), zone)
+        for held, one in zip((began, ever, entries), found, strict=True):
+            held.append(one)
+    return tuple(np.concatenate(one) for one in (began, ever, entries))
+
+
+def agree(found, sample, least=0.0):
+    """A figure against the mean of drawn ones, to four standard errors."""
+    error = max(np.std(sample) / np.sqrt(len(sample)), least)
+    assert abs(found - np.mean(sample)) < 4.0 * error
+
+
+@pytest.mark.parametrize(
+    ("mean", "covariance", "zone", "n"),
+    [
+        (AHEAD, SLOW, ZONE, N),
+        ([0, 14, 0, 0, 0, 0], SLOW, ZONE, N),  # many begin inside, and come again
+        ([5, 30, -10, 0, -0.01, 0.01], 4 * SLOW, cf.Ellipsoid([10, 30, 15]), N),
+        ([30, 30, 0, -0.01, -0.01, 0], SLOW, ZONE, 0.0),
+    ],
+)
+def test_plain_monte_carlo(mean, covariance, zone, n):
+    duration = 2 * PERIOD
+    path, other = coasts(mean, duration, cf.Orbit(n))
+    began, ever, entries = flown(mean, covariance, duration, zone, n=n)
+    figure = cf.collision_probability(path, other, zone, cf.Errors(covariance))
+    agree(figure.value, ever)
+    agree(figure.at_start, began, 1.0 / len(began))
+    agree(figure.mean_entries, entries)
+    drawn_figure = cf.collision_probability(
+        path, other, zone, cf.Errors(covariance), method="monte-carlo", samples=50_000
+    )
+    assert drawn_figure.low < figure.high
+    assert figure.low < drawn_figure.high
+    bound = cf.collision_probability(path, other, zone, cf.Errors(covariance), method="bound")
+    assert bound.low < figure.low < figure.high <= bound.high
+    assert bound.high == pytest.approx(figure.at_start + figure.mean_entries, rel=2e-4)
+
+
+def test_errors_of_both_craft_add():
+    """Two craft, independent: as one with the sum of both; and of burns and impulses, twelve columns."""
+    path, other = coasts(AHEAD, 2 * PERIOD)
+    half = cf.Errors(0.5 * SLOW)
+    one = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    both = cf.collision_probability(path, other, ZONE, half, half)
+    assert both.mean_entries == pytest.approx(one.mean_entries, rel=2e-4)
+    assert both.low < one.high
+    assert one.low < both.high
+
+
+def test_errors_of_burns_and_impulses():
+    """More than six errors: all of a history is drawn, not its state at the entry alone."""
+    path = cf.join(
+        [
+            ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0),
+            ORBIT.coast([0, 60, 0, 0, 0.02, 0], 1500.0, start=2000.0),
+        ]
+    )
+    path = cf.join([path, ORBIT.transfer(path.state(3500.0), [0, 60, 0, 0, 0, 0], 2000.0, start=3500.0)])
+    other = ORBIT.coast(np.zeros(6), 5500.0)
+    errors = cf.Errors(0.3 * SLOW, magnitude=0.05, pointing=0.03, impulse=(2e-3, 0.05, 2e-3, 0.02))
+    zone = cf.Sphere(30.0)
+    columns = columns_of(path, errors)
+    assert len(columns) > 12
+    times = np.linspace(0.0, 5500.0, 500)
+    random = np.random.default_rng(8)
+    sizes = random.standard_normal((12_000, len(columns)))
+    began, ever, entries = [], [], []
+    for some in np.array_split(sizes, 20):
+        histories = path.position(times) + np.einsum("sm,mti->sti", some, columns.position(times))
+        for held, one in zip((began, ever, entries), counted(histories, zone), strict=True):
+            held.append(one)
+    figure = cf.collision_probability(path, other, zone, errors)
+    assert figure.repeated > 0.01
+    agree(figure.value, np.concatenate(ever))
+    agree(figure.mean_entries, np.concatenate(entries))
+
+
+def test_white_noise_is_in_the_bound():
+    """Acceleration noise, drawn with the exact covariance of each short step."""
+    density, duration, steps = 1e-8, PERIOD, 1000
+    step = duration / steps
+    inner = np.linspace(0.0, step, 41)
+    pushed = np.array([expm(hill(N) * t)[:, 3:] for t in inner])
+    covariance = density * np.trapezoid(pushed @ pushed.transpose(0, 2, 1), inner, axis=0)
+    root = np.linalg.cholesky(covariance)
+    moved = expm(hill(N) * step)
+    random = np.random.default_rng(3)
+    states = random.multivariate_normal(AHEAD, SLOW, size=12_000)
+    inside = np.linalg.norm(states[:, :3], axis=1) <= 15.0
+    ever, entries = inside.copy(), np.zeros(len(states))
+    for _ in range(steps):
+        states = states @ moved.T + random.standard_normal(states.shape) @ root.T
+        now = np.linalg.norm(states[:, :3], axis=1) <= 15.0
+        entries += now & ~inside
+        inside, ever = now, ever | now
+    path, other = coasts(AHEAD, duration)
+    errors = cf.Errors(SLOW, noise=density)
+    figure = cf.collision_probability(path, other, ZONE, errors, method="bound")
+    agree(figure.mean_entries, entries)
+    assert figure.low < ever.mean() < figure.high
+    assert figure.high < 2.0 * ever.mean()
+    without = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW), method="bound")
+    assert figure.mean_entries < 0.9 * without.mean_entries  # it carries craft away, too
+
+
+def slab(width):
+    return cf.Ellipsoid([width, 1e6, 1e6])
+
+
+def test_rate_is_rices_in_one_dimension():
+    """Into a slab: both levels of one Gaussian motion (Rice 1944); its surface is flat to 1e-9 here."""
+    width, mean, speed = 10.0, 14.0, -0.02
+    root = np.array([[4.0, 0.0], [0.01, 0.03]])
+    covariance = np.diag([16.0, 9.0, 9.0, 1e-3, 1e-4, 1e-4])
+    covariance[np.ix_([0, 3], [0, 3])] = root @ root.T
+    path, other = coasts([mean, 0, 0, speed, 0, 0], 800.0, DEEP)
+    columns, _ = relative_errors(path, other, slab(width), cf.Errors(covariance), None)
+    seen = Histories.of(path, other, columns, 0.0, slab(width))
+    times = np.linspace(1.0, 799.0, 9)
+    found = rates(seen, times, 4.0)[:, 1]
+    for time, rate in zip(times, found, strict=True):
+        moved = np.array([[1.0, time], [0.0, 1.0]])
+        spread = moved @ root @ root.T @ moved.T
+        expected = 0.0
+        for level in (-width, width):
+            centre = mean + speed * time
+            gain = spread[0, 1] / spread[0, 0]
+            inward = -np.sign(level) * (speed + gain * (level - centre))
+            sigma = np.sqrt(spread[1, 1] - gain * spread[0, 1])
+            flow = sigma * norm.pdf(inward / sigma) + inward * norm.cdf(inward / sigma)
+            expected += norm.pdf(level, centre, np.sqrt(spread[0, 0])) * flow
+        assert rate == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("miss", [0.0, 25.0, 60.0])
+def test_known_velocity_is_fosters_integral(miss):
+    """In deep space, where velocities are known, everybody who passes through enters once."""
+    radius, speed = 15.0, 0.5
+    deviations = np.array([8.0, 20.0, 3.0])
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    covariance = np.zeros((6, 6))
+    covariance[:3, :3] = turn @ np.diag(deviations**2) @ turn.T
+    path, other = coasts([miss, -300 * speed, 0.3 * miss, 0, speed, 0], 600.0, DEEP)
+    flat = covariance[np.ix_([0, 2], [0, 2])]
+    inverse, scale = np.linalg.inv(flat), 2 * np.pi * np.sqrt(np.linalg.det(flat))
+
+    def density(z, x):
+        gap = np.array([x - miss, z - 0.3 * miss])
+        return np.exp(-0.5 * gap @ inverse @ gap) / scale
+
+    expected, _ = dblquad(
+        density, -radius, radius, lambda x: -np.sqrt(radius**2 - x**2), lambda x: np.sqrt(radius**2 - x**2)
+    )
+    errors = cf.Errors(covariance)
+    figure = cf.collision_probability(path, other, cf.Sphere(radius), errors)
+    assert figure.value == pytest.approx(expected, rel=2e-4)
+    assert figure.low <= expected <= figure.high
+    assert figure.repeated == 0.0
+    short = cf.collision_probability(path, other, cf.Sphere(radius), errors, method="short-encounter")
+    assert short.value == pytest.approx(expected, rel=1e-7)
+
+
+def test_thin_covariances_take_no_more():
+    """A deviation of a millimetre beside 100 m, and errors that are all in one plane."""
+    for thin in (1e-3, 0.0):
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = np.diag([100.0, 50.0, thin]) ** 2
+        path, other = coasts([30, -400, 4.0, 0, 1.0, 0], 800.0, DEEP)
+        figure = cf.collision_probability(path, other, cf.Sphere(10.0), cf.Errors(covariance))
+        half = np.sqrt(10.0**2 - 4.0**2)
+        expected = norm.cdf((half - 30) / 100.0) - norm.cdf((-half - 30) / 100.0)
+        assert figure.value == pytest.approx(expected, rel=3e-4)
+
+
+def test_units_and_axes_do_not_matter():
+    """Turned in space and a thousand times as large: an ellipsoid in deep space."""
+    mean = np.array([40.0, -20.0, 10.0, -0.05, 0.02, 0.0])
+    factor = np.random.default_rng(4).normal(size=(6, 6)) * np.repeat([8.0, 0.02], 3)[:, None]
+    one = cf.Ellipsoid([10.0, 25.0, 18.0])
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    both = 1e3 * np.kron(np.eye(2), turn)
+    figure = cf.collision_probability(*coasts(mean, 2000.0, DEEP), one, cf.Errors(factor @ factor.T))
+    turned = cf.collision_probability(
+        *coasts(both @ mean, 2000.0, DEEP),
+        cf.Ellipsoid([1e4, 2.5e4, 1.8e4], turn.T),
+        cf.Errors(both @ factor @ factor.T @ both.T),
+    )
+    assert turned.mean_entries == pytest.approx(figure.mean_entries, rel=2e-4)
+    assert turned.at_start == pytest.approx(figure.at_start, rel=2e-4)
+    assert turned.low < figure.high
+    assert figure.low < turned.high
+
+
+def nearest_errors(centre, root, radius):
+    """The shortest standard normals that bring a position onto a sphere, by Lagrange's condition."""
+    variances, axes = np.linalg.eigh(root @ root.T)
+    b = axes.T @ centre
+
+    def outside(x):
+        return ((b / (1 + x * variances)) ** 2).sum() - radius**2
+
+    x = brentq(outside, 0.0, np.linalg.norm(b) / radius / variances[0])
+    place = axes @ (b / (1 + x * variances))
+    return root.T @ np.linalg.solve(root @ root.T, place - centre)
+
+
+def test_one_in_1e17_by_importance_sampling():
+    """Normals shifted to the nearest points over time, weighed back: nothing of entries or their rate."""
+    mean = np.array([60, 0, 0, 0, -2 * N * 60, N * 60])
+    deviations = np.array([3, 6, 3, 3e-3, 3e-3, 3e-3])
+    duration, radius = 2 * PERIOD, 15.0
+    times = np.linspace(0.0, duration, 1200)
+    moved = np.array([expm(hill(N) * t)[:3] for t in times])
+    points = [nearest_errors(m @ mean, m * deviations, radius) for m in moved[::8]]
+    points = sorted(points, key=np.linalg.norm)
+    chosen = []
+    for point in points:
+        if np.linalg.norm(point) < np.linalg.norm(points[0]) + 1.5 and all(
+            np.linalg.norm(point - one) > 0.7 for one in chosen
+        ):
+            chosen.append(point)
+    centres = np.array(chosen[:24])
+    weights = np.exp(-0.5 * ((centres**2).sum(axis=1) - (centres[0] ** 2).sum()))
+    weights /= weights.sum()
+    random = np.random.default_rng(7)
+    worth = []
+    for _ in range(12):
+        xi = centres[random.choice(len(centres), 2000, p=weights)] + random.standard_normal((2000, 6))
+        logs = centres @ xi.T - 0.5 * (centres**2).sum(axis=1)[:, None]
+        ratio = 1.0 / (weights @ np.exp(logs))
+        positions = np.einsum("tij,sj->sti", moved, mean + xi * deviations)
+        worth.append(ratio * (np.linalg.norm(positions, axis=2) <= radius).any(axis=1))
+    path, other = coasts(mean, duration)
+    figure = cf.collision_probability(path, other, cf.Sphere(radius), cf.Errors(np.diag(deviations**2)))
+    assert 1e-17 < figure.value < 3e-17
+    agree(figure.value, np.concatenate(worth))
+    assert figure.high - figure.low < 2e-3 * figure.value
+
+
+def test_other_shapes_by_monte_carlo():
+    zone = cf.Box([10, 30, 15])
+    path, other = coasts(AHEAD, 2 * PERIOD)
+    _, ever, _ = flown(AHEAD, SLOW, 2 * PERIOD, zone)
+    figure = cf.collision_probability(
+        path, other, zone, cf.Errors(SLOW), method="monte-carlo", samples=100_000
+    )
+    assert abs(figure.value - ever.mean()) < 4 * np.sqrt(ever.mean() / len(ever)) + figure.high - figure.low
+    assert figure.mean_entries >= figure.value - figure.at_start
+
+
+def test_where_nobody_can_be():
+    path, other = coasts([0, 1e6, 0, 0, 0, 0], 100.0)
+    figure = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    assert (figure.value, figure.low, figure.high, figure.mean_entries) == (0.0, 0.0, 0.0, 0.0)
+    assert len(figure.rates) == 0
+
+
+def test_rates_sum_to_entries():
+    path, other = coasts(AHEAD, 2 * PERIOD)
+    figure = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    assert (np.diff(figure.rate_times) > 0).all()
+    assert np.trapezoid(figure.rates, figure.rate_times) == pytest.approx(figure.mean_entries, rel=0.01)
+    assert f"{figure.value:.5g}" in str(figure)
+    assert "ever inside" in str(figure)
+    assert "entries expected" in str(figure)
+
+
+def test_passage_of_seconds_in_half_a_day_is_found():
+    """Two sharp passages, minutes apart, in 43 200 s: each as the short encounter says."""
+    path = cf.join([DEEP.coast([0, -20_000.0, 0, 0, 1.0, 0], 43_200.0)])
+    other = DEEP.coast(np.zeros(6), 43_200.0)
+    covariance = np.diag([1.0, 0.5, 0.8, 1e-9, 1e-9, 1e-9]) ** 2
+    figure = cf.collision_probability(path, other, cf.Sphere(0.5), cf.Errors(covariance))
+    inner = quad(
+        lambda x: (
+            norm.pdf(x) * (norm.cdf(np.sqrt(0.25 - x * x) / 0.8) - norm.cdf(-np.sqrt(0.25 - x * x) / 0.8))
+        ),
+        -0.5,
+        0.5,
+    )[0]
+    assert figure.value == pytest.approx(inner, rel=2e-4)
