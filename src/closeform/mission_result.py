@@ -85,6 +85,11 @@ class AvoidResult:
     asked: float
     goals: Mapping[str, Destination]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The craft as the avoidance counts them."""
+        return self.craft, *self.others
+
 
 @dataclass(frozen=True, eq=False)
 class TransferResult:

@@ -33,7 +33,7 @@ def section(mission: Mission, result: Move) -> Section:
         *before,
         efforts(mission, result),
         *meanwhile(mission, result),
-        *clearance(moved),
+        *clearance(result),
         *asked(choices, fired),
         *after,
         *conflicts.approaches("Closest approaches before", result.before),
@@ -97,10 +97,10 @@ def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
     return (Table("Meanwhile", columns, rows),) if rows else ()
 
 
-def clearance(moved: AvoidResult) -> tuple[Table, ...]:
+def clearance(result: Move) -> tuple[Table, ...]:
     """What more clearance costs, where zones are touched."""
-    found = moved.avoidance
-    return (optimum.prices(found, (moved.craft, *moved.others)),) if found.prices else ()
+    found = result.result.avoidance
+    return (optimum.prices(found, result.result.names, result.after.names),) if found.prices else ()
 
 
 def arrivals(result: Move) -> Iterator[str]:
@@ -129,7 +129,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
         f"Method {method}: touches {touched}",
         f"Extra {extra(mission, result)} beyond the free optimum{over}; {optimum.best(avoidance)}",
         *optimum.bounds(avoidance),
-        *optimum.clearance(avoidance, (moved.craft, *moved.others)),
+        *optimum.clearance(avoidance, moved.names, result.after.names),
     )
 
 
@@ -152,7 +152,7 @@ def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Burns
     return {
         "craft": moved.craft,
         "method": result.stage.method,
-        **optimum.figures(avoidance, (moved.craft, *moved.others)),
+        **optimum.figures(avoidance, moved.names, result.after.names),
         "measures": list(avoidance.measures),
         "asked_s": moved.asked,
         "arrival": arrival.figures(result.stage.to, moved.goals.get(moved.craft)),

@@ -31,30 +31,36 @@ def bounds(found: Avoidance | Plan) -> Iterator[str]:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
 
 
-def clearance(found: Avoidance | Plan, names: Sequence[str]) -> Iterator[str]:
+def clearance(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Iterator[str]:
     """What a metre more of all zones costs, and of whose most."""
     if not found.prices:
         return
     share = f" ({100.0 * found.price / found.spent:+.3g} %)" if found.spent > 0.0 else ""
-    dearest = found.prices[0]
-    whose = f"{names[dearest.first]} - {names[dearest.second]}"
-    most = f", {100.0 * dearest.per_metre / found.price:.3g} % of it {whose}" if len(found.prices) > 1 else ""
+    (one, other), dearest, _ = prices(found, names, order).rows[0]
+    most = f", {100.0 * dearest / found.price:.3g} % of it {one} - {other}" if len(found.prices) > 1 else ""
     yield f"A metre more clearance costs about {found.price:.4g} {UNITS[found.cost]}{share}{most}"
 
 
-def prices(found: Avoidance | Plan, names: Sequence[str]) -> Table:
-    """What more clearance costs, pair by pair."""
+def prices(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Table:
+    """What more clearance costs, by pairs of craft, which the plan counts as `names`, in their `order`."""
     unit, (metre, factor) = UNITS[found.cost], KEYS[found.cost]
     columns = (
         PAIR,
         Column(f"a metre more [{unit}]", metre, "{:#.4g}".format),
         Column(f"a zone 1 % larger [{unit}]", factor, "{:#.4g}".format, 0.01),
     )
-    rows = [((names[one.first], names[one.second]), one.per_metre, one.per_factor) for one in found.prices]
+    rows = [
+        (
+            tuple(sorted((names[one.first], names[one.second]), key=order.index)),
+            one.per_metre,
+            one.per_factor,
+        )
+        for one in found.prices
+    ]
     return Table("What more clearance costs", columns, rows, folded=True)
 
 
-def figures(found: Avoidance | Plan, names: Sequence[str]) -> dict[str, Any]:
+def figures(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> dict[str, Any]:
     """The same for `summary.json`."""
     return {
         "ok": found.ok,
@@ -67,5 +73,5 @@ def figures(found: Avoidance | Plan, names: Sequence[str]) -> dict[str, Any]:
         "proven": found.proven,
         "margin": found.margin,
         "tried": found.tried,
-        "clearance": prices(found, names).records if found.priced else None,
+        "clearance": prices(found, names, order).records if found.priced else None,
     }

@@ -39,7 +39,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
     return Section(
         heading(result, who),
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
-        (*tables, *costs(mission, result), *asked(choices, fired), *contacts(moved), *near),
+        (*tables, *costs(mission, result), *asked(choices, fired), *contacts(result), *near),
         (
             *worth(result),
             *burns.lines(mission, result),
@@ -151,13 +151,14 @@ def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float]]:
     return [((names[at.first], names[at.second]), at.time) for at in moved.plan.contacts]
 
 
-def contacts(moved: ReconfigureResult) -> Iterator[Table]:
+def contacts(result: Moved) -> Iterator[Table]:
     """Where paths of the plan touch zones."""
+    moved = result.result
     if rows := touching(moved):
         columns = PAIR, Column("at [s]", form="{:.3f}".format)
         yield Table("Where the plan touches zones", columns, rows, folded=True)
     if moved.plan.prices:
-        yield optimum.prices(moved.plan, moved.names)
+        yield optimum.prices(moved.plan, moved.names, result.after.names)
 
 
 def worth(result: Moved) -> Iterator[str]:
@@ -177,7 +178,7 @@ def worth(result: Moved) -> Iterator[str]:
         yield f"Touches zones {len(where)} times, from {where[0]} to {where[-1]}"
     elif where:
         yield f"Touches zones: {', '.join(where)}"
-    yield from optimum.clearance(plan, moved.names)
+    yield from optimum.clearance(plan, moved.names, result.after.names)
 
 
 def figures(
@@ -191,7 +192,7 @@ def figures(
 
     efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
     return {
-        **optimum.figures(plan, moved.names),
+        **optimum.figures(plan, moved.names, result.after.names),
         "method": result.stage.plan,
         "measures": list(moved.measures),
         "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
