@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance, number, whole
 from closeform.fuel.arrivals import Arrivals
 from closeform.fuel.bound import least_delta_v
+from closeform.fuel.burns import burns_of
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
 from closeform.planning.plan import Avoidance, Plan
@@ -19,7 +20,9 @@ from closeform.plots.look import (
     AFTER,
     BEFORE,
     DASHED,
+    HALO,
     INK,
+    OTHER,
     SMALL,
     TEXT,
     ZONE,
@@ -47,7 +50,8 @@ BESIDE = 0.12  # of the duration: labels nearer than that stand above each other
 def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
     """The length of a primer against time: 1 where impulses pay, nowhere more.
 
-    Dots mark the impulses with their sizes, at what each metre per second of them is worth: p . v/|v|.
+    Dots mark the impulses with their sizes, at what each metre per second of them is worth: p . v/|v|; burns
+    that last are grey.
     Of a path the primer is that of its ends with nothing in the way: on the least plan all dots stand at 1,
     on another path those below are wasted by as much.  A plan around zones has a primer of its own, whose
     rate jumps where the plan touches a zone; give the plan itself to see it.
@@ -115,8 +119,9 @@ def _of_ends(path: Path) -> Figure:
         least = f"{f'within {LEAST} % of the least' if near else share}, {speed(float(bound.lower))}"
         words = "" if near else "by the primer of the ends alone, with nothing in the way"
         look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK}
+        look |= {"path_effects": HALO, "zorder": 6}
         figure.axes[0].annotate(words, (0.0, 0.0), (6, 5), "axes fraction", **look)
-    headline(figure, f"{_spent(spent, sizes)}: {least}")
+    headline(figure, f"{_spent(path, spent)}: {least}")
     return figure
 
 
@@ -143,13 +148,16 @@ def _of_plan(path: Path, planes: Planes, thrusters: Thrusters | None) -> Figure:
     above = 100.0 * (spent / least - 1.0)
     told = f"the least{sides}" if above < LEAST else f"at most {above:.2g} % above the least{sides}"
     made = ", by its thrusters" if thrusters is not None else ""
-    headline(figure, f"{_spent(spent, sizes)}{made}: {told}")
+    headline(figure, f"{_spent(path, spent)}{made}: {told}")
     return figure
 
 
-def _spent(spent: float, sizes: list[float]) -> str:
-    """What impulses cost, and how many there are."""
-    return f"{speed(spent)} with {len(sizes)} impulse{'s' * (len(sizes) != 1)}"
+def _spent(path: Path, spent: float) -> str:
+    """What impulses and burns cost, and how many there are."""
+    burns, impulses = len(burns_of(path).size), len(path.impulses)
+    if burns > impulses:
+        return f"{speed(spent)} with {burns} burn{'s' * (burns != 1)}"
+    return f"{speed(spent)} with {impulses} impulse{'s' * (impulses != 1)}"
 
 
 def _drawn(
@@ -162,6 +170,10 @@ def _drawn(
     dress(axes)
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
     axes.plot(ticks(times), lengths, color=AFTER, linewidth=2.0)
+    burns = burns_of(path)
+    for begin, lasts in zip(burns.start.tolist(), burns.duration.tolist(), strict=True):
+        if lasts > 0.0:
+            axes.axvspan(ticks(begin), ticks(begin + lasts), color=OTHER, alpha=0.35, linewidth=0, zorder=1)
     times_of, large = np.array([time for time, _ in path.impulses]), np.array(sizes)
     axes.plot(ticks(times_of), heights, "o", color=INK, markersize=7, linestyle="", zorder=5)
     last, row = -np.inf, 0

@@ -150,13 +150,11 @@ class Choices:
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
         """What is drawn of a craft's primer: its plan around zones, or its path to its end."""
-        done = self.result.result
+        scenario, done = self.mission.scenario, self.result.result
+        own = {"thrusters": scenario.craft[scenario.names.index(name)].fired(1.0)}
         if isinstance(done, ReconfigureResult):
-            return (done.plan, done.movers.index(name)), {}
-        if isinstance(done, AvoidResult):
-            return (done.avoidance,), {}
-        thrusters = self.mission.scenario.craft[self.places[0]].fired(1.0)
-        return (self.plan(name),), {"thrusters": thrusters}
+            return (done.plan, done.movers.index(name)), own
+        return (done.avoidance if isinstance(done, AvoidResult) else self.plan(name),), own
 
     def plan(self, name: str) -> Path:
         """The planned path of a craft."""

@@ -30,7 +30,7 @@ class PairZones:
 
     Attributes
     ----------
-    zones : tuple of Zone
+    zones : sequence of Zone
         Each zone that some pair keeps, once; of more than 64 unlike spheres or covariances those that some
         pair was asked for.
     kinds : array of int of shape (N,)
@@ -40,7 +40,7 @@ class PairZones:
         of bodies without one.  Nothing here grows with the number of pairs.
     moves : array of bool of shape (N,)
         Which bodies move.
-    rules : tuple of str
+    rules : sequence of str
         How each zone was made, in words.
 
     References
