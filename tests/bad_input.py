@@ -1041,7 +1041,7 @@ MISUSES = (
     Misuse(
         "an unknown command",
         "fly good.toml",
-        'closeform: Unknown command "fly". Available commands: run, check, screen, study, view; see closeform --help',
+        'closeform: Unknown command "fly". Available commands: run, check, screen, encounter, study, view; see closeform --help',
     ),
     Misuse(
         "an unknown option",
@@ -1162,6 +1162,61 @@ MISUSES = (
         "a covariance in an unknown frame",
         'screen a.oem lvlh.oem --sphere "20 m"',
         "lvlh.oem: line 26: COV_REF_FRAME LVLH is not supported; give covariances in one of RTN, RSW, TNW, EME2000",
+    ),
+    Misuse(
+        "a conjunction message that is not there",
+        "encounter nowhere.cdm",
+        "nowhere.cdm: no such file; check the path",
+    ),
+    Misuse(
+        "an ephemeris as a conjunction message",
+        "encounter a.oem",
+        "a.oem: line 1: not a CDM, which starts with CCSDS_CDM_VERS; give another file",
+    ),
+    Misuse(
+        "a conjunction message without a radius",
+        "encounter no_radius.cdm",
+        'no_radius.cdm: tells no hard-body radius; give one: --radius "15 m", say',
+    ),
+    Misuse(
+        "a conjunction message in metres",
+        "encounter metres.cdm",
+        "metres.cdm: line 18: X in [m], where the standard has [km]; convert it, or correct the unit",
+    ),
+    Misuse(
+        "a conjunction message that lacks a keyword",
+        "encounter no_state.cdm",
+        "no_state.cdm: keyword Y_DOT is missing in OBJECT1; correct the file or ask its originator for it again",
+    ),
+    Misuse(
+        "a conjunction message whose covariance is indefinite",
+        "encounter indefinite.cdm",
+        "indefinite.cdm: PRIMARY: covariance: no covariance, its least eigenvalue, scaled by its diagonal, is -0.119; none may be below 0; were digits or signs lost?",
+    ),
+    Misuse(
+        "a conjunction of eccentric orbits",
+        "encounter ellipse.cdm",
+        "ellipse.cdm: primary: eccentricity 0.308 with states in m and m/s; Hill's equations are those of a circle, and of use here up to 0.1",
+    ),
+    Misuse(
+        "a conjunction in two frames",
+        "encounter fixed.cdm",
+        "fixed.cdm: objects: are in different frames, ITRF and EME2000; convert the states of one",
+    ),
+    Misuse(
+        "a radius in the wrong unit",
+        'encounter slow.cdm --radius "15 s"',
+        '--radius: "15 s" is a time, not a length; use m, km, cm, mm',
+    ),
+    Misuse(
+        "a window in the wrong unit",
+        'encounter slow.cdm --window "15 m"',
+        '--window: "15 m" is a length, not a time; use s, min, h, d, ms',
+    ),
+    Misuse(
+        "a limit that is no probability",
+        "encounter slow.cdm --limit 2",
+        "--limit: a probability is from 0 to 1, got 2; give for example 1e-4",
     ),
 )
 

@@ -1,7 +1,8 @@
 """Conjunction data messages for tests, made of published figures.
 
-`SLOW`: case 1 of S. Alfano, Satellite conjunction Monte Carlo analysis, AAS 09-233 (2009), as NASA's CARA
-turned its covariances to each object's own axes (github nasa/CARA_Analysis_Tools).  `FAST`: a real message in
+`SLOW`, `MEDIUM`: cases 1 (geostationary, e = 0.012) and 8 (medium orbit, e = 0.001) of S. Alfano, Satellite
+conjunction Monte Carlo analysis, AAS 09-233 (2009), as NASA's CARA turned its covariances to each object's
+own axes (github nasa/CARA_Analysis_Tools).  `FAST`: a real message in
 Earth-fixed axes, ION SCV-008 and STARLINK-1233, 5 July 2023 (in the tests of Orekit, github CS-SI/Orekit).
 Figures only; the words are our own.
 """
@@ -120,6 +121,73 @@ SLOW_HEAD = {
     "rest": "COMMENT HBR = 15.0\n",
 }
 SLOW = message(SLOW_HEAD, SLOW_FIRST, SLOW_SECOND)
+
+MEDIUM_FIRST = {
+    "designator": "1001",
+    "name": "PRIMARY",
+    "frame": "EME2000",
+    "state": [14971.649317, -20270.398212, 4076.385114, 1.012256512, 1.46081147, 3.527393801],
+    "covariance": [
+        2.730011483545464,
+        -77.98527087944655,
+        2665.962873957034,
+        -6.338020386298382e-13,
+        -7.062822549031012e-12,
+        0.4153963500401933,
+        0.0123690957702804,
+        -0.4231359693614241,
+        -2.164934898019055e-15,
+        6.71604006409586e-05,
+        -0.0002571249003192227,
+        0.006349450656572673,
+        -7.650130529057719e-16,
+        -1.006380241812109e-06,
+        2.647996559553895e-08,
+        3.662067538115162e-17,
+        8.139144884122492e-15,
+        -4.462582933106138e-06,
+        -9.668380419587341e-19,
+        1.012633213417709e-19,
+        1.010877072761882e-09,
+    ],
+}
+MEDIUM_SECOND = {
+    "designator": "1002",
+    "name": "SECONDARY",
+    "frame": "EME2000",
+    "state": [14971.649363, -20270.399371, 4076.387829, 1.012257401, 1.460811597, 3.52739384],
+    "covariance": [
+        2.729944919062438,
+        -77.98412102927176,
+        2665.964447851581,
+        -6.731837309814637e-12,
+        1.225114454328491e-11,
+        0.4153969295672138,
+        0.01236891188305445,
+        -0.4231361477847755,
+        -2.664535259100376e-15,
+        6.71604175982068e-05,
+        -0.000257119336737169,
+        0.006349347939254263,
+        -3.018418848199644e-16,
+        -1.00636388178019e-06,
+        2.647950745124417e-08,
+        6.566873857099588e-16,
+        2.509339341405601e-15,
+        -4.462006508683164e-06,
+        -1.248075816908863e-18,
+        3.626323099292791e-19,
+        1.010863277947521e-09,
+    ],
+}
+MEDIUM_HEAD = {
+    "id": "A09_8",
+    "tca": "2000-01-01T00:00:00.000",
+    "miss": 2.952799,
+    "speed": 0.000898467,
+    "rest": "COMMENT HBR = 4.0\n",
+}
+MEDIUM = message(MEDIUM_HEAD, MEDIUM_FIRST, MEDIUM_SECOND)
 
 FAST_HEAD = {
     "id": "000055051_conj_000045214_2023186203115_18614093864417",

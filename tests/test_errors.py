@@ -17,6 +17,7 @@ from closeform.cli import main
 from closeform.result_folder import Folder
 from closeform.scenario import Craft, Scenario, ScenarioError, parse
 from closeform.scenario.table import Table
+from messages import SLOW
 
 ROOT = Path(__file__).parents[1]
 
@@ -101,6 +102,13 @@ def desk(tmp_path, monkeypatch):
     (tmp_path / "indefinite.oem").write_text(oem("B", 1e-4) + COVARIANCE.replace("9e-5", "2e-4"))
     (tmp_path / "lvlh.oem").write_text(oem("B", 1e-4) + COVARIANCE.replace("RTN", "LVLH"))
     (tmp_path / "empty.oem").write_text("")
+    (tmp_path / "slow.cdm").write_text(SLOW)
+    (tmp_path / "no_radius.cdm").write_text(SLOW.replace("HBR", "size"))
+    (tmp_path / "metres.cdm").write_text(SLOW.replace("[km]", "[m]"))
+    (tmp_path / "no_state.cdm").write_text(SLOW.replace("Y_DOT = ", "COMMENT ", 1))
+    (tmp_path / "indefinite.cdm").write_text(SLOW.replace("CT_R = -352.4140813027809", "CT_R = -400"))
+    (tmp_path / "ellipse.cdm").write_text(SLOW.replace("= 3.0668", "= 2.5668"))
+    (tmp_path / "fixed.cdm").write_text(SLOW.replace("EME2000", "ITRF", 1))
     (tmp_path / "damaged.oem").write_text(oem("B", 1e-4).replace("-0.", "-o."))
     (tmp_path / "short.oem").write_text("\n".join(oem("B", 1e-4).splitlines()[:13]) + "\n")
     monkeypatch.chdir(tmp_path)

@@ -25,7 +25,7 @@ from closeform.console import (
 )
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.numba_import import collect_rarely, import_numba
-from closeform.screens import screen
+from closeform.screens import encounter, screen
 
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
 
@@ -86,7 +86,7 @@ def make_haste(tokens: list[str]) -> None:
         from closeform.report import drawing
 
         drawing.begin()
-    if tokens[:1] in (["run"], ["check"], ["screen"], ["study"]):
+    if tokens[:1] in (["run"], ["check"], ["screen"], ["encounter"], ["study"]):
         import_numba()
 
 
@@ -171,6 +171,7 @@ def check(scenario: Path, /) -> int:
 
 
 app.command(screen, sort_key=2)
+app.command(encounter, sort_key=2)
 
 
 @app.command(sort_key=3)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from closeform.report.encounter import EncounterReport
     from closeform.report.run import RunReport
     from closeform.report.screening import ScreenReport
     from closeform.report.study import StudyReport
@@ -148,8 +149,8 @@ def tell_run(report: "RunReport", place: Path) -> None:
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
-def tell_screen(report: "ScreenReport") -> None:
-    """Print what a screening found."""
+def tell_screen(report: "ScreenReport | EncounterReport") -> None:
+    """Print what a screening found, or what a conjunction message comes to."""
     console = stdout()
     say(console, *report.opening, *report.lines)
     for table in report.tables:

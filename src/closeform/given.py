@@ -10,6 +10,7 @@ from closeform.console import complain
 if TYPE_CHECKING:
     from closeform.exchange.common_frame import CommonFrame
     from closeform.scenario import Scenario
+    from closeform.scenario.quantity import Kind
 
 
 CLEAR, BAD_INPUT = 0, 2  # exit status; 1 is of what was asked for and is not met
@@ -33,24 +34,29 @@ def read(file: Path, command: str) -> "Scenario | None":
         return None
 
 
-def length(option: str, text: str | None) -> float | None:
-    """A length [m] that an option gives."""
-    from closeform.scenario.quantity import LENGTH, Reader
+def quantity(option: str, kind: "Kind", text: str | None) -> float | None:
+    """A positive number in SI that an option gives with its unit."""
+    from closeform.scenario.quantity import Reader
 
     if text is None:
         return None
     try:
-        return Reader(LENGTH, least="positive")(text)  # type: ignore[return-value]
+        return Reader(kind, least="positive")(text)  # type: ignore[return-value]
     except ValueError as error:
         raise UsageError(f"--{option}: {error}") from None
+
+
+def check_present(*files: Path) -> None:
+    """Refuse a file that is not there."""
+    if missing := next((file for file in files if not os.path.exists(file)), None):
+        raise UsageError(f"{missing}: no such file; check the path")
 
 
 def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "CommonFrame":
     """What ephemeris files say, in a common frame."""
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
-    if missing := next((file for file in files if not os.path.exists(file)), None):
-        raise UsageError(f"{missing}: no such file; check the path")
+    check_present(*files)
     from closeform.exchange.common_frame import common_frame
     from closeform.exchange.oem import read_oem
 

@@ -1,12 +1,16 @@
-"""What the command line does with files of real orbits: `screen`."""
+"""What the command line does with files of real orbits: `screen` and `encounter`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from closeform.console import complain, tell_screen
-from closeform.given import BAD_INPUT, UsageError, ephemerides, length
+from closeform.given import BAD_INPUT, UsageError, check_present, ephemerides, quantity
+
+if TYPE_CHECKING:
+    from closeform.exchange.conjunction import Conjunction
+    from closeform.report.encounter import EncounterReport
 
 
 def screen(
@@ -53,11 +57,12 @@ def screen(
     """
     from closeform.scenario import ScenarioError
     from closeform.scenario.options import AskedZones
+    from closeform.scenario.quantity import LENGTH
 
     shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
     try:
         asked = AskedZones.of(shapes | {"covariance": covariance}, axis, sigmas, body, zones)
-        frame = ephemerides(files, length("interpolate", interpolate))
+        frame = ephemerides(files, quantity("interpolate", LENGTH, interpolate))
         kept = asked.of_pairs(frame.names)
     except ScenarioError as error:
         complain(*error.lines)
@@ -72,3 +77,67 @@ def screen(
     report = ScreenReport(frame, watch(paths, frame.names, kept))
     tell_screen(report)
     return report.verdict.status
+
+
+def encounter(
+    message: Path,
+    /,
+    *,
+    radius: str | None = None,
+    window: str | None = None,
+    limit: float | None = None,
+) -> int:
+    """Tell how probable a collision is that a conjunction message warns of, however slow the two pass.
+
+    Parameters
+    ----------
+    message
+        CCSDS conjunction data message, key-value or XML.
+    radius
+        Of both bodies together: "15 m"; that of the message unless given.
+    window
+        How long before and after closest approach both are followed: "1420 s"; a quarter of an orbit, or as
+        long as they are near each other.
+    limit
+        The largest probability that is accepted: 1e-4.  Above it the exit status is 1.
+    """
+    from closeform.exchange.cdm import read_cdm
+    from closeform.exchange.message import within
+    from closeform.scenario.quantity import LENGTH, TIME
+
+    half = quantity("window", TIME, window)
+    if limit is not None and not 0.0 <= limit <= 1.0:
+        raise UsageError(f"--limit: a probability is from 0 to 1, got {limit:g}; give for example 1e-4")
+    bodies = quantity("radius", LENGTH, radius)
+    check_present(message)
+    try:
+        told = read_cdm(message)
+        bodies = bodies or told.hard_body_radius
+        if bodies is None:
+            remedy = '--radius "15 m", say'
+            if told.exclusion_radii:
+                remedy = (
+                    f'--radius "{sum(told.exclusion_radii):g} m" is what its screening excludes about both'
+                )
+            raise ValueError(f"{message}: tells no hard-body radius; give one: {remedy}")
+        with within(message):
+            report = judged(told, bodies, half, limit)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    tell_screen(report)
+    return report.verdict.status
+
+
+def judged(
+    told: "Conjunction", radius: float, half_window: float | None, limit: float | None
+) -> "EncounterReport":
+    """The report of a message, with bodies of some radius [m] together."""
+    from closeform.report.encounter import EncounterReport
+    from closeform.uncertainty.probability import collision_probability
+    from closeform.zones.solids import Sphere
+
+    met, zone = told.encounter(half_window), Sphere(radius)
+    pair = met.path, met.other, zone, met.errors, met.other_errors
+    entries = collision_probability(*pair)
+    short = collision_probability(*pair, method="short-encounter")
+    return EncounterReport(told, radius, met, entries, short, limit)

@@ -138,10 +138,10 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction) -> None:
         *([("MESSAGE_FOR", told.message_for, "")] if told.message_for else []),
         ("MESSAGE_ID", told.message_id, ""),
         ("TCA", told.tca, ""),
-        ("MISS_DISTANCE", told.miss_distance, "m"),
-        ("RELATIVE_SPEED", told.relative_speed, "m/s"),
-        *zip((f"RELATIVE_POSITION_{part}" for part in "RTN"), relative[:3], ["m"] * 3, strict=True),
-        *zip((f"RELATIVE_VELOCITY_{part}" for part in "RTN"), relative[3:], ["m/s"] * 3, strict=True),
+        ("MISS_DISTANCE", f"{told.miss_distance:.6f}", "m"),
+        ("RELATIVE_SPEED", f"{told.relative_speed:.9f}", "m/s"),
+        *((f"RELATIVE_POSITION_{part}", f"{relative[k]:.6f}", "m") for k, part in enumerate("RTN")),
+        *((f"RELATIVE_VELOCITY_{part}", f"{relative[3 + k]:.9f}", "m/s") for k, part in enumerate("RTN")),
     ]
     if told.collision_probability is not None:
         lines.append(("COLLISION_PROBABILITY", told.collision_probability, ""))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from closeform.exchange.epochs import seconds_of
 from closeform.exchange.interpolation import interpolated
 from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
 
 # Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
 # and TEME follow its pole: below 1e-11 rad/s, nothing beside a mean motion.
@@ -58,6 +62,13 @@ class CommonFrame:
     covariances: tuple[Floats | None, ...]
     ages: tuple[float | None, ...]
     interpolation_errors: Floats
+
+    @property
+    def errors(self) -> tuple[Errors | None, ...]:
+        """Of each path from the first of `times` on, by its covariance; None of who has none."""
+        from closeform.uncertainty.errors import Errors  # with kernels, which states alone can spare
+
+        return tuple(None if held is None else Errors(held) for held in self.covariances)
 
 
 def common_frame(
