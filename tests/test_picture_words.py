@@ -274,3 +274,58 @@ within = "0.4 orbits"
     shown = {picture.plot: picture for picture in told.pictures}
     assert {"distances", "formation_paths", "thrust"} == set(shown)
     assert shown["thrust"].arguments[0][0].delta_v > 0.0
+
+
+EVERY = """
+closeform = 1
+title = "Every stage that moves"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["A", "B", "C"]
+start = [{ palmer = "0 -60 0 0 0 120 m" }, { palmer = "0 60 0 0 0 -120 m" }, { palmer = "0 0 0 -300 0 0 m" }]
+keep_out = { sphere = "10 m" }
+[[stage]]
+do = "coast"
+for = "0.1 orbits"
+animation = true
+[[stage]]
+do = "transfer"
+craft = "C"
+to = { palmer = "0 0 0 -200 0 0 m" }
+within = "0.3 orbits"
+animation = true
+[[stage]]
+do = "avoid"
+craft = "C"
+to = { palmer = "0 0 0 0 0 0 m" }
+within = "0.4 orbits"
+animation = true
+[[stage]]
+name = "threat"
+do = "scatter"
+factor = 1.5
+within = "0.3 orbits"
+animation = true
+[[stage]]
+do = "regather"
+as_before = "threat"
+within = "0.5 orbits"
+cost = "delta-v"
+animation = true
+[[stage]]
+do = "reconfigure"
+to = { projected_circular = { radius = "100 m" } }
+within = "0.6 orbits"
+animation = true
+"""
+
+
+def test_every_stage_that_moves_has_its_film():
+    mission = fly(parse(EVERY))
+    assert mission.stopped is None
+    for told in RunReport(mission).sections:
+        (film,) = [picture for picture in told.pictures if picture.moves]
+        file = io.BytesIO()
+        getattr(plots, film.plot)(*film.arguments, file, frames=2, **film.options)
+        assert file.getvalue().startswith(b"GIF89a")

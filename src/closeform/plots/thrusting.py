@@ -41,6 +41,7 @@ from closeform.plots.look import (
 from closeform.plots.tracks import colours
 
 FEW = 12  # craft up to which each stands in the legend
+WIDEST = 5.0  # of the first of few curves, so that those that are the same are seen below each other
 FAR = 3.0  # times the greatest value: a limit beyond that would flatten all curves
 LOW = 0.12  # of the greatest value: words of a limit below that stand above it
 ROUNDING = 1e-9  # of a limit
@@ -178,10 +179,11 @@ def formation_thrust(
     figure = sheet((8.0 if unlike else 5.5) + 0.3 * rows)
     panels = column(figure, [1.0] * (1 + unlike), 0.75 + 0.3 * rows)
     lines = []
-    for path, tint, mass, limit in zip(flown, colours(count), kilograms, most, strict=True):
+    widths = np.linspace(WIDEST, 2.0, count) if few else np.full(count, 2.0 if count == 1 else 1.0)
+    for path, tint, mass, limit, wide in zip(flown, colours(count), kilograms, most, widths, strict=True):
         times = instants(path.start, path.end, path)
         push = np.linalg.norm(path.thrust(times), axis=1) * mass
-        look: dict[str, Any] = {"color": tint, "linewidth": 2.0 if few or count == 1 else 1.0}
+        look: dict[str, Any] = {"color": tint, "linewidth": wide}
         lines += panels[0].plot(ticks(times), push / unit.size, **look)
         if unlike and np.isfinite(limit):
             panels[1].plot(ticks(times), 100.0 * push / limit, **look)
