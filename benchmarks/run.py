@@ -30,6 +30,7 @@ SECTIONS = {
     "gathering": None,
     "fuel": None,
     "fuel_zones": 1,
+    "probability": None,
     "start": None,
 }  # cores; None: all
 LIMIT = 600  # seconds a section may take

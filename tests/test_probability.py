@@ -212,6 +212,21 @@ def test_known_velocity_is_fosters_integral(miss):
     assert short.value == pytest.approx(expected, rel=1e-7)
 
 
+@pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6])
+def test_errors_that_are_small_beside_the_zone(share):
+    """A keep-out sphere of 1 km that is grazed: what crosses the limb of its disc, velocities known."""
+    sigma = 1000.0 * share
+    covariance = np.diag([sigma, 2 * sigma, 3 * sigma, 0, 0, 0]) ** 2
+    path, other = coasts([1000.0 + sigma, -500, 0, 0, 1.0, 0], 1000.0, DEEP)
+    figure = cf.collision_probability(path, other, cf.Sphere(1000.0), cf.Errors(covariance))
+
+    def strip(d):
+        depth = (1000.0 - np.sqrt(1e6 - (3 * sigma * d) ** 2)) / sigma
+        return norm.pdf(d) * norm.cdf(-1.0 - depth)
+
+    assert figure.value == pytest.approx(quad(strip, -9.0, 9.0)[0], rel=3e-4)
+
+
 def test_thin_covariances_take_no_more():
     """A deviation of a millimetre beside 100 m, and errors that are all in one plane."""
     for thin in (1e-3, 0.0):

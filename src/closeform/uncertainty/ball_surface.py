@@ -102,19 +102,19 @@ def inflow(mu, sigma):
 
 
 @kernel()
-def inward_on_arc(frame, radius, height, e, f, angle):
-    """Mean speed inward at an angle of a quadrant, on the circle of some height."""
-    width = sqrt(max(1.0 - height * height, 0.0))
+def inward_on_arc(frame, radius, tilt, e, f, angle):
+    """Mean speed inward at an angle of a quadrant, on the circle at some tilt from the least axis."""
+    height, width = cos(tilt), sin(tilt)
     x, y = e * width * cos(angle), f * width * sin(angle)
     return inward(frame, radius * height, radius * x, radius * y, height, x, y)
 
 
 @kernel()
-def sign_change(frame, radius, height, e, f, low, high, at_low, at_high):
+def sign_change(frame, radius, tilt, e, f, low, high, at_low, at_high):
     """Where between two angles the mean speed inward changes sign: by secants (Illinois)."""
     for _ in range(14):
         angle = low + (high - low) * at_low / (at_low - at_high)
-        mu = inward_on_arc(frame, radius, height, e, f, angle)
+        mu = inward_on_arc(frame, radius, tilt, e, f, angle)
         if mu * at_low > 0.0:
             low, at_low, at_high = angle, mu, 0.5 * at_high
         else:
@@ -138,22 +138,22 @@ def is_sharp(frame):
 
 
 @kernel()
-def inward_on_meridian(frame, radius, quadrant, height):
-    """Mean speed inward at a height, in the middle of a quadrant."""
+def inward_on_meridian(frame, radius, quadrant, tilt):
+    """Mean speed inward at a tilt, in the middle of a quadrant."""
     e = 1.0 if quadrant % 2 == 0 else -1.0
     f = 1.0 if quadrant < 2 else -1.0
-    return inward_on_arc(frame, radius, height, e, f, 0.25 * pi)
+    return inward_on_arc(frame, radius, tilt, e, f, 0.25 * pi)
 
 
 @kernel()
-def fill_panels(frame, radius, bottom, top, sharp, panels):
-    """Heights between which the rate is smooth, and how many: signs change there on four meridians."""
-    panels[0] = bottom
+def fill_panels(frame, radius, begin, end, sharp, panels):
+    """Tilts between which the rate is smooth, and how many: signs change there on four meridians."""
+    panels[0] = begin
     count = 1
     for quadrant in range(4 if sharp else 0):
-        low, at_low = bottom, inward_on_meridian(frame, radius, quadrant, bottom)
+        low, at_low = begin, inward_on_meridian(frame, radius, quadrant, begin)
         for k in range(1, PARTS + 1):
-            high = bottom + (top - bottom) * k / PARTS
+            high = begin + (end - begin) * k / PARTS
             at_high = inward_on_meridian(frame, radius, quadrant, high)
             if at_low * at_high < 0.0:
                 u, w, at_u, at_w = low, high, at_low, at_high
@@ -172,7 +172,7 @@ def fill_panels(frame, radius, bottom, top, sharp, panels):
                 panels[j] = place
                 count += 1
             low, at_low = high, at_high
-    panels[count] = top
+    panels[count] = end
     return count
 
 
@@ -198,10 +198,10 @@ def side(mean, reach, sigma, width):
 
 
 @kernel()
-def arc_rate(frame, radius, height, weight, e, f, begin, end, rules, fineness, nodes, count):
-    """Density and rate along an arc of a quadrant at one height, and the new count of nodes."""
+def arc_rate(frame, radius, tilt, weight, e, f, begin, end, rules, fineness, nodes, count):
+    """Density and rate along an arc of a quadrant at one tilt, and the new count of nodes."""
     density, rate = 0.0, 0.0
-    width = sqrt(max(1.0 - height * height, 1e-300))
+    height, width = cos(tilt), sin(tilt)
     b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
     along = (cos(begin) - cos(end)) / s1 + (sin(end) - sin(begin)) / s2
     size = node_count(fineness, 2.5, radius * width * along, len(rules) - 1)
@@ -221,14 +221,14 @@ def arc_rate(frame, radius, height, weight, e, f, begin, end, rules, fineness, n
 
 
 @kernel()
-def circle_rate(frame, radius, height, weight, left, sharp, rules, fineness, nodes, count):
-    """Density and rate around the circle at one height, and the new count of nodes.
+def circle_rate(frame, radius, tilt, weight, left, sharp, rules, fineness, nodes, count):
+    """Density and rate around the circle at one tilt, and the new count of nodes.
 
     Looked at are arcs of each quadrant, where both coordinates are monotone, on which the squared distance
-    across the height is up to `left`; cut where the inflow has an edge.
+    across the least axis is up to `left`; cut where the inflow has an edge.
     """
     density, rate = 0.0, 0.0
-    width = radius * sqrt(max(1.0 - height * height, 1e-300))
+    width = radius * sin(tilt)
     b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
     reach1, reach2 = left - gap(b2, width, s2), left - gap(b1, width, s1)
     if not (reach1 > 0.0 and reach2 > 0.0):
@@ -243,32 +243,50 @@ def circle_rate(frame, radius, height, weight, left, sharp, rules, fineness, nod
         if not begin < end:
             continue
         first = begin
-        before = inward_on_arc(frame, radius, height, e, f, begin) if sharp else 0.0
+        before = inward_on_arc(frame, radius, tilt, e, f, begin) if sharp else 0.0
         for k in range(1, PARTS + 1 if sharp else 2):
             last = end
             if sharp:
                 here = begin + (end - begin) * k / PARTS
-                after = inward_on_arc(frame, radius, height, e, f, here)
+                after = inward_on_arc(frame, radius, tilt, e, f, here)
                 if before * after < 0.0:
                     step = (end - begin) / PARTS
-                    last = sign_change(frame, radius, height, e, f, here - step, here, before, after)
+                    last = sign_change(frame, radius, tilt, e, f, here - step, here, before, after)
                 elif k < PARTS:
                     last = first
                 before = after
             if first < last:
                 more, faster, count = arc_rate(
-                    frame, radius, height, weight, e, f, first, last, rules, fineness, nodes, count
+                    frame, radius, tilt, weight, e, f, first, last, rules, fineness, nodes, count
                 )
                 density += more
                 rate += faster
                 first = last
         if first < end:
             more, faster, count = arc_rate(
-                frame, radius, height, weight, e, f, first, end, rules, fineness, nodes, count
+                frame, radius, tilt, weight, e, f, first, end, rules, fineness, nodes, count
             )
             density += more
             rate += faster
     return density, rate, count
+
+
+@kernel()
+def band(frame, radius, left):
+    """Tilts from the least axis between which the squared distance is up to `left`."""
+    b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
+    across = gap(b1, radius, frame[SIGMA, 1]) + gap(b2, radius, frame[SIGMA, 2])
+    reach = sqrt(left - across)
+    bottom = max(-1.0, (b0 - reach * frame[SIGMA, 0]) / radius)
+    top = min(1.0, (b0 + reach * frame[SIGMA, 0]) / radius)
+    begin, end = acos(top), acos(bottom)
+    centre, side_reach = sqrt(b1 * b1 + b2 * b2) / radius, sqrt(left) * frame[SIGMA, 2] / radius
+    narrow, wide = asin(min(1.0, max(0.0, centre - side_reach))), asin(min(1.0, centre + side_reach))
+    if bottom > 0.0:  # all on one side of the equator
+        begin, end = max(begin, narrow), min(end, wide)
+    elif top < 0.0:
+        begin, end = max(begin, pi - wide), min(end, pi - narrow)
+    return begin, end
 
 
 @kernel()
@@ -282,27 +300,27 @@ def ball_rate(frame, radius, rules, fineness, nodes):
     least = nearest_square(frame, radius)
     if least > UNDERFLOW:
         return density, rate, count
-    b0, s0 = frame[MEAN, 0], frame[SIGMA, 0]
+    b0, s0, s1 = frame[MEAN, 0], frame[SIGMA, 0], frame[SIGMA, 1]
     left = least + TAIL
-    across = gap(frame[MEAN, 1], radius, frame[SIGMA, 1]) + gap(frame[MEAN, 2], radius, frame[SIGMA, 2])
-    reach = sqrt(left - across)
-    bottom, top = max(-1.0, (b0 - reach * s0) / radius), min(1.0, (b0 + reach * s0) / radius)
+    begin, end = band(frame, radius, left)
     sharp = is_sharp(frame)
     panels = stack_vector(18)  # the ends, and for each meridian what each part may have
-    count_of_panels = fill_panels(frame, radius, bottom, top, sharp, panels)
-    scale = radius * radius / ((2.0 * pi) ** 1.5 * s0 * frame[SIGMA, 1] * frame[SIGMA, 2])
+    count_of_panels = fill_panels(frame, radius, begin, end, sharp, panels)
+    scale = radius * radius / ((2.0 * pi) ** 1.5 * s0 * s1 * frame[SIGMA, 2])
+    most = 2.0 * sqrt(left)
     for panel in range(count_of_panels):
         low, high = panels[panel], panels[panel + 1]
-        if not high - low > 1e-6 * (top - bottom):
+        if not high - low > 1e-6 * (end - begin):
             continue
-        base = 1.0 + 3.0 * min(1.0, 2.0 * (high - low))
-        size = node_count(fineness, base, radius * (high - low) / s0, len(rules) - 1)
+        along = min(most, radius * (cos(low) - cos(high)) / s0)
+        along += min(most, radius * abs(sin(high) - sin(low)) / s1)
+        size = node_count(fineness, 1.0 + 3.0 * min(1.0, high - low), along, len(rules) - 1)
         for a in range(size):
-            height = 0.5 * (low + high) + 0.5 * (high - low) * rules[size, a, 0]
-            d0 = (radius * height - b0) / s0
-            weight = 0.5 * (high - low) * rules[size, a, 1] * scale * exp(-0.5 * d0 * d0)
+            tilt = 0.5 * (low + high) + 0.5 * (high - low) * rules[size, a, 0]
+            d0 = (radius * cos(tilt) - b0) / s0
+            weight = 0.5 * (high - low) * rules[size, a, 1] * sin(tilt) * scale * exp(-0.5 * d0 * d0)
             more, faster, count = circle_rate(
-                frame, radius, height, weight, left - d0 * d0, sharp, rules, fineness, nodes, count
+                frame, radius, tilt, weight, left - d0 * d0, sharp, rules, fineness, nodes, count
             )
             density += more
             rate += faster

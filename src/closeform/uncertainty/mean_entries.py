@@ -13,14 +13,15 @@ from closeform.uncertainty.entry_rate import surface_integrals
 from closeform.uncertainty.histories import CORES, Histories
 from closeform.uncertainty.quadrature import Integral, integral
 
-TOLERANCE = 5e-5  # of an integral, over time or radius
+TOLERANCE = 1e-4  # of an integral, over time or radius
 ROUND = 5e-5  # of a rate, over the surface
 FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # of nodes on the surface
 MOST = 96  # nodes in height, or along an arc
 ZOOMS = 10  # each to a quarter, of where a passage is looked for
 SAMPLES = 128  # an orbit (or a piece, in deep space), among which the nearest times are looked for
-LADDER = np.array([-30.0, -10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0, 30.0])  # times the width of a passage
+LADDER = np.array([-10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0])  # times the width of a passage
 NEAR = 60.0  # of the squared distance in deviations, above its least: passages that count
+SURE = 6.0  # deviations: who comes nearer than that to a zone enters it at some rate
 CHECKED = 12  # times at which a rate is compared with one of more nodes
 
 
@@ -134,7 +135,7 @@ def passages(histories: Histories, nearest: Floats) -> Floats:
 
 def expected_entries(histories: Histories) -> Flux:
     """Integrate the rate over time, with as many nodes on the surface as its largest values need."""
-    nearest, _ = nearest_times(histories)
+    nearest, distances = nearest_times(histories)
     edges = passages(histories, nearest)
     some = np.concatenate([nearest, 0.5 * (edges[1:] + edges[:-1])])
     found = rates(histories, some, FINENESS[0])[:, 1]
@@ -143,7 +144,7 @@ def expected_entries(histories: Histories) -> Flux:
         fineness = FINENESS[level]
         flux = integral(partial(_entries, histories, fineness), edges, TOLERANCE)
         if flux.value == 0.0:
-            return Flux(0.0, 0.0, flux, fineness)
+            return Flux(0.0, float(distances.min() < SURE), flux, fineness)
         reached = np.cumsum(flux.parts) / flux.value
         checked = flux.times[np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED)]
         finer, off = _enough(histories, checked, level)

@@ -20,8 +20,10 @@ from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 CONFIDENCE = 0.95
+SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
 FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
 LEAST = 100  # samples
+UNRESOLVED = 0.05  # of a probability, that quadrature may be off by
 COARSER = 0.5  # nodes from which entries are drawn, as few histories enter more than once
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
 METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
@@ -87,7 +89,7 @@ def collision_probability(
     errors: Errors,
     other_errors: Errors | None = None,
     method: Method = "entries",
-    samples: int = 20_000,
+    samples: int = 40_000,
     seed: int = 0,
 ) -> Probability:
     """The probability that one craft comes within the zone around another, over their common time.
@@ -110,7 +112,7 @@ def collision_probability(
         histories enter: as precise for 1e-20 as for 0.1.  "bound" stops at that rate, and gives an interval
         that is certain up to quadrature.  "monte-carlo" draws histories.  "short-encounter" is Foster's
         integral in two dimensions, of straight motion past each other with the covariance of that moment.
-    samples : int, default 20000
+    samples : int, default 40000
         Histories to draw, at least 100.
     seed : int, default 0
         Of the random numbers: the same for any number of cores.
@@ -164,6 +166,11 @@ def _by_entries(histories: Histories, method: Method, samples: int, seed: int) -
     at_start, off = inside(histories, start, flux.fineness)
     off += flux.error
     known = at_start, flux.value
+    if off > UNRESOLVED * (at_start + flux.value):
+        raise ValueError(
+            "errors: so small beside the zone, or so nearly known, that its surface is not resolved; "
+            'use method="monte-carlo"'
+        )
     if method == "bound":
         times = nearest_times(histories)[0][:8]
         low = max(at_start, *(inside(histories, float(time), flux.fineness)[0] for time in times))
@@ -254,7 +261,8 @@ def interval_of_mean(lost: Floats) -> tuple[float, float]:
     count, mean = int((lost > 0.0).sum()), float(lost.mean())
     if count <= FEW:
         low, high = _clopper_pearson(count, len(lost))
-        return low * (mean * len(lost) / max(count, 1)), high
+        each = mean * len(lost) / max(count, 1)
+        return low * each, high * (each if count >= SEEN else 1.0)
     even = lost[: len(lost) // 2 * 2]
     deviation = float(np.sqrt(((even[::2] - even[1::2]) ** 2).sum())) / len(even)
     half = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * deviation

@@ -25,6 +25,7 @@ WEIGHTS = np.array([*_WEIGHTS[:-1], *_WEIGHTS[::-1]])
 LESS = np.zeros(15)
 LESS[1::2] = np.polynomial.legendre.leggauss(7)[1]
 ROUNDS = 48
+ROUGH = 3.0  # times the tolerance: a piece whose error is below that share of itself is left whole
 MOST = 4000  # pieces
 
 
@@ -54,7 +55,7 @@ def integral(function: Callable[[Floats], Floats], edges: Floats, tolerance: flo
             break
         # the worst, as long as the rest together is too much
         order = np.argsort(errors)
-        wide = (high - low > 1e-13 * (np.abs(high) + np.abs(low))) & (errors > tolerance * sums)
+        wide = (high - low > 1e-13 * (np.abs(high) + np.abs(low))) & (errors > ROUGH * tolerance * sums)
         worst = np.zeros(len(sums), dtype=bool)
         worst[order[np.cumsum(errors[order]) > 0.5 * allowed]] = True
         worst &= wide

@@ -1,0 +1,58 @@
+"""How often the intervals of collision probabilities hold the truth: of 1000 seeds, 930 to 970 should.
+
+    python tools/coverage.py --seeds 1000
+
+By entries where 4 % of histories enter twice, and where nobody does; by Monte Carlo with Clopper and
+Pearson's interval, which should hold it at least 930 times.  The truth is a million drawn entries.
+"""
+
+import argparse
+import sys
+
+import numpy as np
+
+import closeform as cf
+from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.mean_entries import expected_entries
+from closeform.uncertainty.probability import drawn, interval_of_mean, lost_of
+from closeform.uncertainty.relative_errors import relative_errors
+
+ORBIT = cf.Orbit.circular(500e3)
+ZONE = cf.Sphere(15.0)
+SLOW = cf.Errors(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2)
+AHEAD = {"a hold 120 m ahead": 120.0, "a hold 200 m ahead": 200.0}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Coverage of the intervals of collision probabilities.")
+    parser.add_argument("--seeds", type=int, default=1000)
+    seeds = parser.parse_args().seeds
+    good = True
+    for name, ahead in AHEAD.items():
+        path = ORBIT.coast([0, ahead, 0, 0, 0, 0], 2 * ORBIT.period)
+        other = ORBIT.coast(np.zeros(6), 2 * ORBIT.period)
+        columns, _ = relative_errors(path, other, ZONE, SLOW, None)
+        seen = Histories.of(path, other, columns, 0.0, ZONE)
+        flux = expected_entries(seen)
+        counts = seen.counted(drawn(seen, flux, 1_000_000, seeds))
+        truth = lost_of(counts).mean()
+        held = 0
+        for seed in range(seeds):
+            low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 4000, seed))))
+            held += low < truth < high
+        value = flux.value * (1.0 - truth)
+        twice = 100.0 * (counts[:, 1] > 1).mean()
+        shares = 0
+        for seed in range(seeds):
+            figure = cf.collision_probability(
+                path, other, ZONE, SLOW, method="monte-carlo", samples=2000, seed=seed
+            )
+            shares += figure.low < value < figure.high
+        said = f"{twice:.1f} % enter twice: entries {held} of {seeds}, Monte Carlo {shares} of {seeds}"
+        print(f"{name}, {value:.5g}, {said}", flush=True)
+        good &= 0.93 * seeds <= held <= 0.97 * seeds and shares >= 0.93 * seeds
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
