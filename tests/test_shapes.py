@@ -10,7 +10,7 @@ from scipy.optimize import linprog, minimize_scalar
 
 import closeform as cf
 from closeform.zones.containment import containing_zone, greatest_norm
-from closeform.zones.shapes import FORM, norm, part, part_count, rank, rate
+from closeform.zones.shapes import norm, part, part_count, rank, rate
 
 N = 1.1e-3
 ORBIT, DEEP = cf.Orbit(N), cf.Orbit(0.0)
@@ -141,7 +141,7 @@ def test_open_zones_have_no_end():
 # --- kernels ----------------------------------------------------------------------------------
 
 
-@numba.njit(numba.float64[:, ::1](FORM, numba.float64[::1], numba.float64[::1]))
+@numba.njit  # at its first call: not by everybody who collects tests
 def kernels(form, q, v):
     """Rows of the parts: value, gradient, rank; and one of the norm and its rate."""
     shape, _, faces = form
