@@ -20,7 +20,7 @@ from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import Zones, end_inside, obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
 from closeform.planning.planner import check_cost, check_effort, outcome, solve
-from closeform.planning.problem import Problem, transfer_of
+from closeform.planning.problem import Problem, deepest, transfer_of
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
@@ -30,6 +30,7 @@ from closeform.zones.pair_zones import PairZones
 
 TOO_DEAR = 1e8  # times the optimum: no plan to fly
 ROUNDING = 1e-9  # of a duration
+DEEP = 1.0 - 1e-6  # ratio with a zone that is larger by the least margin, below which it is one with the zone
 BOTH = "bounds thrust in any direction, which thrusters do not have; leave it out, they have their own"
 CHEAPER = 1e-6  # of its delta-v: by less, a clear path is left as it is
 
@@ -175,7 +176,9 @@ class Around:
             return refused(problem, Status.END_INSIDE, reason, least=least)
         if by_delta_v and self.thrusters is not None:
             return impulsive(None, problem, self)
-        clear = not problem.conflicts(problem.with_path(path))
+        met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too
+        deep = bool(met) and deepest(met)[1][3] < DEEP
+        clear = not deep and not problem.conflicts(problem.with_path(path))
         if by_delta_v:
             within = self.limit is None or beyond(path, self.limit) <= FULL
             return impulsive(path if clear and within else None, problem, self)

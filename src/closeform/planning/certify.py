@@ -65,6 +65,8 @@ class LocalSolver:
 
     def aimed(self, power: float, rounding: float) -> Scene:
         """The scene with its edges rounded by a power, to balls that are `rounding` times as large."""
+        if self.problem.round:
+            return self.scene._replace(aims=np.full(len(self.scene.shapes), self.margin))
         edged = self.scene.shapes != BALL
         powers = np.where(edged, power, inf)
         return self.scene._replace(powers=powers, aims=np.where(edged, self.margin * rounding, self.margin))

@@ -54,7 +54,7 @@ class Contact:
         contact it is twice the extra energy per metre of push.  Obstacles do not feel it, nor, planned one
         after another, does the second.
     reach : float [m]
-        How far the zone reaches along the normal: so far beyond the second the first is.
+        How far the zone reaches along the normal: so far beyond the second the first is, but for the margin.
     """
 
     time: float

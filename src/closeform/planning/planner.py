@@ -103,9 +103,9 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
     pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
     pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
     sizes = np.sqrt((pushes * pushes).sum(axis=1))
-    reaches = (contacts.normals * problem.motions(flown, contacts)[:, 0]).sum(axis=1) / sizes
     places = problem.path(flown)._at(pairs[:, 0], contacts.times)[:, :3]
-    columns = contacts.times, *pairs.T, (contacts.multipliers * sizes), reaches
+    # normals are means of gradients of the norm, of which a zone reaches 1 along each where they meet
+    columns = contacts.times, *pairs.T, contacts.multipliers * sizes, 1.0 / sizes
     rows = zip(*(column.tolist() for column in columns), places, pushes / sizes[:, None], strict=True)
     return tuple(
         Contact(time, first, second, place, normal, multiplier, reach)

@@ -47,6 +47,7 @@ def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[Price, ...]:
     found: dict[tuple[int, int], tuple[float, float]] = {}
     for one in contacts:
         metre, factor = found.get((one.first, one.second), (0.0, 0.0))
-        found[one.first, one.second] = metre + margin * one.multiplier, factor + one.multiplier * one.reach
+        own = margin * one.multiplier
+        found[one.first, one.second] = metre + own, factor + own * one.reach
     prices = (Price(*pair, *slopes) for pair, slopes in found.items())
     return tuple(sorted(prices, key=lambda price: -price.per_metre))

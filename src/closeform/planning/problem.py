@@ -246,6 +246,16 @@ class Problem:
         """The pairs (2, P) that each zone holds for."""
         return [np.ascontiguousarray(self.pairs[self.kinds == kind].T) for kind in range(len(self.zones))]
 
+    def direct_conflicts(self, factor: float) -> list[PairRow]:
+        """Those of the unconstrained optima, looked for once for zones `factor` times as large."""
+        if factor not in self._of_direct:
+            self._of_direct[factor] = self.conflicts(self.direct, factor)
+        return self._of_direct[factor]
+
+    @cached_property
+    def _of_direct(self) -> dict[float, list[PairRow]]:
+        return {}
+
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
         """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
 

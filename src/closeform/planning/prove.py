@@ -61,14 +61,18 @@ class Node(NamedTuple):
     answer: Answer
 
 
-def lower_bound(problem: Problem, contacts: Sequence[Contact]) -> float:
-    """What every clear plan costs at least beyond the unconstrained optima, from the contacts of one plan."""
-    total = 0.0
-    for group in _apart(problem, contacts):
+def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | None = None) -> float:
+    """What every clear plan costs at least beyond the unconstrained optima, from the contacts of one plan.
+
+    `extra`: what that plan costs beyond them, where it is known.
+    """
+    total, groups = 0.0, _apart(problem, contacts)
+    for group in groups:
         strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
         samples = _samples(problem, strongest)
         if samples.gram.diagonal().max() > 0.0:  # else at the very ends of their craft's time
-            total += max(samples.bound(strongest), 0.0)
+            energy = extra if len(groups) == 1 and len(strongest) == len(contacts) else None
+            total += max(samples.bound(strongest, energy), 0.0)
     return total
 
 
@@ -87,7 +91,7 @@ def prove(
     Raised by the search for so many seconds, or nodes, until a GAP is left; `fixed`: without looking for a
     cheaper plan.
     """
-    bound = lower_bound(problem, contacts)
+    bound = lower_bound(problem, contacts, extra)
     if seconds == 0.0 or extra - bound <= LEFT * energy:
         return Proof(min(bound, extra), 0, None)
     search = _Search(problem, _samples(problem, contacts), extra, energy - extra, fixed)

@@ -68,26 +68,31 @@ class Samples:
         contacts = self.contacts.some(np.array(samples)[bear])
         return contacts._replace(normals=forces[bear] / sizes[bear, None], multipliers=sizes[bear])
 
-    def bound(self, contacts: Sequence[Contact]) -> float:
-        """The dual bound of samples outside of the largest balls in their zones, from contacts there."""
-        kinds = self.problem.kinds[self.contacts.which]
-        pushes = np.array([one.multiplier * one.normal for one in contacts])
-        pushes[[one.first > one.second for one in contacts]] *= -1.0
-        metres = self.problem.bare.matrices[kinds].transpose(0, 2, 1)
-        forces = np.linalg.solve(metres, pushes[:, :, None])[:, :, 0]
-        enough = (1.0 - CLOSED) * 0.5 * forces.ravel() @ self.gram @ forces.ravel()
+    def bound(self, contacts: Sequence[Contact], energy: float | None) -> float:
+        """The dual bound of samples outside of the largest balls in their zones, from contacts there.
+
+        `energy`: what their multipliers spend, worked out unless given.
+        """
+        sizes = np.array([one.multiplier * one.reach for one in contacts])
+        if energy is None:
+            kinds = self.problem.kinds[self.contacts.which]
+            pushes = np.array([one.multiplier * one.normal for one in contacts])
+            pushes[[one.first > one.second for one in contacts]] *= -1.0
+            metres = self.problem.bare.matrices[kinds].transpose(0, 2, 1)
+            forces = np.linalg.solve(metres, pushes[:, :, None]).ravel()
+            energy = 0.5 * float(forces @ self.gram @ forces)
         round_ones = all(zone.shape == BALL for zone in self.zones)
-        start = np.sqrt((forces * forces).sum(axis=1)) if round_ones else np.zeros(len(forces))
+        start = sizes if round_ones else np.zeros(len(sizes))
         curved = np.repeat([inner_curvature(zone) for zone in self.zones], 3)
         bound: float = dual_bound(
             curved * self.places.ravel(),
             curved[:, None] * self.gram * curved,
-            3 * np.arange(len(forces) + 1),
+            3 * np.arange(len(sizes) + 1),
             np.empty(0),
-            enough,
+            (1.0 - CLOSED) * energy,
             ROUGH,
             start,
-            np.zeros(3 * len(forces)),
+            np.zeros(3 * len(sizes)),
         )
         return bound
 

@@ -127,8 +127,7 @@ def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Pa
                 size = float(np.linalg.norm(push))
                 where = legs.state(time)[:3]
                 pushed = float(multiplier * scale)
-                far = float(normal @ gap + pushed * (normal @ compliance @ normal)) / size
-                best = legs, Contact(time, *pair, where, push / size, pushed * size, far)
+                best = legs, Contact(time, *pair, where, push / size, pushed * size, 1.0 / size)
                 break
     return best
 

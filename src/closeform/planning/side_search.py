@@ -68,7 +68,7 @@ class Search:
 
     def run(self) -> Found:
         """Examine candidates until one is proven, none is left, or the budget is over."""
-        conflicts = self.problem.conflicts(self.problem.direct, self.solver.margin)
+        conflicts = self.problem.direct_conflicts(self.solver.margin)
         self.alone = len(conflicts) == 1
         if self.alone:
             self.push_exits(*conflicts[0])
