@@ -7,7 +7,7 @@ about mu(q) with deviation sigma(n).  The mean rate of entries is
 
     nu = integral over the surface of (density at q) E[(-n . velocity)+ | q]                     # theory (60)
 
-over what lies within `TAIL` of the greatest density: a band of heights on the least axis, and there
+over what lies within `TAIL` of the greatest density: a band of tilts from the least axis, and there
 arcs of each quadrant, all by Gauss's rule, so that the thinnest covariance takes as many nodes as a
 round one.  Both are cut where mu changes sign, an edge where sigma is small.
 """

@@ -23,6 +23,7 @@ CONFIDENCE = 0.95
 SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
 FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
 LEAST = 100  # samples
+PASSAGES = 8  # nearest ones, at which a bound looks at who is inside
 UNRESOLVED = 0.05  # of a probability, that quadrature may be off by
 COARSER = 0.5  # nodes from which entries are drawn, as few histories enter more than once
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
@@ -172,7 +173,8 @@ def _by_entries(histories: Histories, method: Method, samples: int, seed: int) -
             'use method="monte-carlo"'
         )
     if method == "bound":
-        times = nearest_times(histories)[0][:8]
+        nearest, distances = nearest_times(histories)
+        times = nearest[np.argsort(distances, kind="stable")[:PASSAGES]]
         low = max(at_start, *(inside(histories, float(time), flux.fineness)[0] for time in times))
         high = at_start + flux.value
         nan = float("nan")
