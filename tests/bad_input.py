@@ -1411,4 +1411,54 @@ CALLS = (
         "cf.collision_probability(cf.stack([plan, plan]), other, cf.Sphere(9.0), errors)",
         "path, other: of one craft each, got shapes (2,) and (); index them",
     ),
+    Call(
+        "a drift that ends before the plan does",
+        "cf.passively_safe(plan, orbit.coast([9, 0, 0, 0, 0, 0], 9000.0), cf.Sphere(25.0), 2000.0)",
+        "until: 2000 s is before the end of path, 3000 s; give that or later",
+    ),
+    Call(
+        "another craft whose path ends before the drift",
+        "cf.drift_approach(plan, orbit.coast([9, 0, 0, 0, 0, 0], 4000.0), cf.Sphere(25.0), 9000.0)",
+        "other: ends at 4000 s, and flies on while the other fails; carry it on to 9000 s, such as by a coast",
+    ),
+    Call(
+        "a drift without an end in deep space",
+        "cf.passively_safe(cf.Orbit(0.0).coast(start, 9.0), cf.Orbit(0.0).coast(end, 9.0), cf.Sphere(2.0), float('inf'))",
+        "until: inf needs an orbit; in deep space give a time",
+    ),
+    Call(
+        "a drift without an end beside a craft that thrusts",
+        "cf.passively_safe(plan, plan, cf.Sphere(25.0), float('inf'))",
+        "until: inf needs other to coast, which flies on while the other fails",
+    ),
+    Call(
+        "a share of thrust of one and more",
+        "cf.WeakThrust(1.0)",
+        "least: a share of thrust from 0 on, below 1, got 1",
+    ),
+    Call(
+        "thrust that is stuck on for no time",
+        "cf.StuckThrust(0.0)",
+        "longest: must be positive and finite, got 0 s",
+    ),
+    Call(
+        "thrust that is stuck on along two axes",
+        "cf.StuckThrust(9.0, [0.0, 1e-3])",
+        "acceleration: expected three finite numbers in m/s^2, got [0.0, 0.001]",
+    ),
+    Call(
+        "impulses that are stuck on",
+        "cf.passively_safe(orbit.two_impulse(start, end, 3000.0), orbit.coast([9, 0, 0, 0, 0, 0], 9000.0), cf.Sphere(25.0), 9000.0, cf.StuckThrust(9.0))",
+        "failure: path has impulses, whose thrust is unknown; give an acceleration",
+    ),
+    Call(
+        "a craft that fails by a name of its own",
+        "cf.passively_safe(plan, orbit.coast([9, 0, 0, 0, 0, 0], 9000.0), cf.Sphere(25.0), 9000.0, failing='chaser')",
+        "failing: expected 'path', 'other', 'either' or 'both', got 'chaser'",
+    ),
+    Call(
+        "a failure that is none",
+        "cf.drift_approach(plan, orbit.coast([9, 0, 0, 0, 0, 0], 9000.0), cf.Sphere(25.0), 9000.0, failure='thrust')",
+        "failure: expected ThrustLost or MissedBurns or WeakThrust or StuckThrust, got 'thrust'",
+    ),
 )

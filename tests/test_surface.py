@@ -24,7 +24,7 @@ RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.arou
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses"}
 RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
-RESULTS |= {"DriftApproach"}
+RESULTS |= {"DriftApproach", "DriftScreening"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 
 

@@ -21,6 +21,7 @@ _NAMES = {
     "drift.failures": "ThrustLost MissedBurns WeakThrust StuckThrust",
     "drift.drift_approach": "DriftApproach drift_approach passively_safe",
     "uncertainty.probability": "Probability collision_probability",
+    "drift.drift_screen": "DriftScreening drift_screen",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
     "planning.plan": "Avoidance Contact Plan Status TooWeak",

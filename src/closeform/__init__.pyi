@@ -50,6 +50,10 @@ from closeform.drift.drift_approach import (
     drift_approach as drift_approach,
     passively_safe as passively_safe,
 )
+from closeform.drift.drift_screen import (
+    DriftScreening as DriftScreening,
+    drift_screen as drift_screen,
+)
 from closeform.drift.failures import (
     MissedBurns as MissedBurns,
     StuckThrust as StuckThrust,

@@ -13,11 +13,15 @@ from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, Side
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
 from closeform.drift.search import FAILURE, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
-from closeform.motion.arc import IMPULSE, START
+from closeform.motion.arc import IMPULSE, START, THRUST
+from closeform.motion.duration import MOST_ORBITS
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path
-from closeform.zones.zone import Zone
+from closeform.zones.shapes import BALL
+from closeform.zones.zone import Zone, enclosing
 
 Failing = Literal["path", "other", "either", "both"]
+SOON = 100.0  # orbits of a drift without end that are searched as they are
 FAILURES = (ThrustLost, MissedBurns, WeakThrust, StuckThrust)
 
 
@@ -31,11 +35,12 @@ class DriftApproach:
         When thrust fails for the worst; of missed burns the first of which something is missing.  Where
         both craft fail (..., 2), that of `path` first; nan without a common time.
     time : float or array of shape (...) [s]
-        When the norm is least then; nan without a common time.
+        When the norm is least then; nan without a common time, and inf where drift is so slow that
+        nobody knows when.
     ratio : float or array of shape (...), no unit
         The least norm over all instants of failure and all of the drift; inf without a common time.
     distance : float or array of shape (...) [m]
-        Between the centres at that time, which need not be the least; inf without a common time.
+        Between the centres at that time, which need not be the least; inf where there is none.
     failing : str or array of str of shape (...)
         Who fails for the worst: "path", "other" or "both".
     """
@@ -66,7 +71,8 @@ def passively_safe(
     zone : Zone
         Of the pair.
     until : float [s]
-        The end of the drift, on the clock of the paths: at the end of the path that fails, or later.
+        The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
+        is a million orbits, beside a craft that coasts.
     failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
         What fails.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -114,7 +120,8 @@ def drift_approach(
     zone : Zone
         Whose norm is looked at.
     until : float [s]
-        The end of the drift, on the clock of the paths: at the end of the path that fails, or later.
+        The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
+        is a million orbits, beside a craft that coasts.
     failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
         What fails.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -124,8 +131,8 @@ def drift_approach(
     Returns
     -------
     DriftApproach
-        Floats for two craft, arrays for batches.  The ratio is certain to 1e-9 of itself (below a tenth, of
-        a tenth): no instant of failure, and none of the drift, leads any nearer.
+        Floats for two craft, arrays for batches.  The ratio is certain to 1e-9, or to that share of itself
+        where it is above 1: no instant of failure, and none of the drift, leads any nearer.
 
     Raises
     ------
@@ -159,27 +166,50 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
     instance("failure", failure, *FAILURES)
     if failing not in ("path", "other", "either", "both"):
         raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
-    end = number("until", until)
-    if not np.isfinite(end):
-        raise ValueError(f"until: expected a finite time in s, got {end:g}")
+    end = drift_end(until, path.orbit)
     fails = {"path": (True, False), "other": (False, True)}.get(failing, (True, True))
     flies = {"path": (False, True), "other": (True, False), "either": (True, True)}.get(
         failing, (False, False)
     )
     for name, one, fail, fly in zip(("path", "other"), (path, other), fails, flies, strict=True):
         ends, slack = np.asarray(one.end), FORGIVEN * np.asarray(one.end - np.asarray(one.start))
-        if fail and not (ends <= end + slack).all():
-            raise ValueError(
-                f"until: {end:g} s is before the end of {name}, {ends.max():g} s; give that or later"
-            )
-        if fly and not (ends >= end - slack).all():
+        if fail:
+            checked_end(name, one, end, failure)
+        if fly and end == np.inf:
+            if one.arcs[:, THRUST:].any() or one.arcs[:, IMPULSE : IMPULSE + 3].any():
+                raise ValueError(f"until: inf needs {name} to coast, which flies on while the other fails")
+        elif fly and not (ends >= end - slack).all():
             raise ValueError(
                 f"{name}: ends at {ends.min():g} s, and flies on while the other fails; "
                 f"carry it on to {end:g} s, such as by a coast"
             )
-        known = not isinstance(failure, StuckThrust) or failure.acceleration is not None
-        if fail and not known and one.arcs[:, IMPULSE : IMPULSE + 3].any():
-            raise ValueError(f"failure: {name} has impulses, whose thrust is unknown; give an acceleration")
+    return end
+
+
+def drift_end(until: float, orbit: Orbit) -> float:
+    """The end of a drift in an orbit."""
+    end = number("until", until)
+    if np.isnan(end) or end == -np.inf:
+        raise ValueError(f"until: expected a time in s, or inf, got {end:g}")
+    if end == np.inf and orbit.mean_motion == 0.0:
+        raise ValueError("until: inf needs an orbit; in deep space give a time")
+    return end
+
+
+def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
+    """The end of the drift of a path that can fail like that, and ends before it."""
+    end = drift_end(until, path.orbit)
+    ends, slack = np.asarray(path.end), FORGIVEN * np.asarray(path.end - np.asarray(path.start))
+    if not (ends <= end + slack).all():
+        raise ValueError(
+            f"until: {end:g} s is before the end of {name}, {ends.max():g} s; give that or later"
+        )
+    known = (
+        not isinstance(instance("failure", failure, *FAILURES), StuckThrust)
+        or failure.acceleration is not None
+    )
+    if not known and path.arcs[:, IMPULSE : IMPULSE + 3].any():
+        raise ValueError(f"failure: {name} has impulses, whose thrust is unknown; give an acceleration")
     return end
 
 
@@ -188,56 +218,80 @@ def _worst(
 ) -> list[tuple[str, Floats, Zone, tuple[Side, Side], Any]]:
     """Of each way to fail who does, and the rows of `search.worst_failures` of all pairs."""
     end = _checked(path, other, zone, until, failure, failing)
+    soon = end if np.isfinite(end) else soon_after(path, other)
     shape = broadcast(path=path.shape, other=other.shape)
     first, second = _index(path, shape), _index(other, shape)
     found = []
     for who in ("path", "other") if failing == "either" else (failing,):
-        one = side_of(path, None if who == "other" else failure, end)
-        two = side_of(other, None if who == "path" else failure, end)
-        rows = search_pairs(one, two, first, second, end, path.orbit.mean_motion, zone, certain)
+        one = side_of(path, None if who == "other" else failure, soon, end == np.inf)
+        two = side_of(other, None if who == "path" else failure, soon, end == np.inf)
+        rows = search_pairs(one, two, first, second, soon, path.orbit, zone, certain, end == np.inf)
         found.append((who, rows, zone, (one, two), (first, second)))
     return found
 
 
 def search_pairs(
-    one: Side, two: Side, first: Any, second: Any, end: float, n: float, zone: Zone, certain: int
+    one: Side,
+    two: Side,
+    first: Any,
+    second: Any,
+    end: float,
+    orbit: Orbit,
+    zone: Zone,
+    certain: int,
+    for_ever: bool = False,
 ) -> Floats:
     """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
     room = room_for(one, two)
     rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
     scale = float(np.linalg.norm(zone.matrix, 2))
+    far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
+    rest = orbit.mean_motion, zone.form, scale, certain, far * for_ever, tube_form(zone), room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):
         some = np.empty((len(left), rows.shape[1]))
-        worst_failures(
-            one, two, first[left], second[left], ends[left], n, zone.form, scale, certain, room, some
-        )
+        worst_failures(one, two, first[left], second[left], ends[left], *rest, some)
         rows[left] = some
         left = left[some[:, RATIO] == -np.inf]
         if len(left):
             room = room_for(one, two, 4 * int(rows[left, TIME].max()))
+            rest = *rest[:-1], room
     return rows
+
+
+def soon_after(path: Path, other: Path) -> float:
+    """Until when a drift without end is searched as one that has an end."""
+    return float(max(np.max(path.end), np.max(other.start)) + SOON * path.orbit.period)
+
+
+def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
+    """The shadow along the track of an ellipsoid that holds a zone, as the form of a zone without an end."""
+    matrix = enclosing(zone)
+    along = matrix[:, 1]
+    square = float(along @ along)
+    shadow = matrix - np.outer(along, along @ matrix) / square if square > 0.0 else matrix
+    return BALL, np.ascontiguousarray(shadow), np.empty((0, 3))
 
 
 def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
     """Columns of a `DriftApproach`."""
     width = (rows.shape[1] - FAILURE - 1) // 2
     instants = [
-        _failed_at(side, rows[:, FAILURE + 1 + k * width : FAILURE + 1 + (k + 1) * width], craft[k])
+        failed_at(side, rows[:, FAILURE + 1 + k * width : FAILURE + 1 + (k + 1) * width], craft[k])
         for k, side in enumerate(sides)
     ]
     time, ratio = rows[:, TIME], rows[:, RATIO]
-    met = np.isfinite(time)
+    met = np.isfinite(time)  # not in a slow drift, of which only the ratio is known
     place = np.where(met[:, None], rows[:, PLACE : PLACE + 3], np.inf)
     distance = np.full(len(rows), np.inf)
     distance[met] = np.linalg.norm(place[met] @ np.linalg.inv(zone.matrix).T, axis=1)
     at = np.stack(instants, axis=1) if who == "both" else instants[who == "other"]
-    at = np.where(met.reshape(-1, *[1] * (at.ndim - 1)), at, np.nan)
+    at = np.where(np.isnan(time).reshape(-1, *[1] * (at.ndim - 1)), np.nan, at)
     return [at, time, ratio, distance, np.full(len(rows), who)]
 
 
-def _failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
+def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
     """When one side fails in each of some failures (M, W), columns of a cell; nan where it does not."""
     kind, pieces = side.now[KIND], failures[:, PIECE].astype(np.int64)
     if kind == MISSED:

@@ -16,7 +16,7 @@ from closeform.drift.fans import GENERATORS, OTHER, PATH, open_window, place_all
 from closeform.drift.remainders import growth
 from closeform.motion.certified_march import bound
 from closeform.motion.hill import oscillation
-from closeform.zones.shapes import part, part_count, time_to_level
+from closeform.zones.shapes import BALL, norm, part, part_count, time_to_level
 
 STEPS = 200  # in a window, before a cell is cut though planes still pass
 LEAST_STEP = 2.3e-16
@@ -128,55 +128,164 @@ def lowest(room, ones, twos, last, h):
 @kernel()
 def plane_step(room, ones, twos, last, level, order, n, local, wanted):
     """How long the whole set certainly stays above a plane of which the terms were filled."""
-    if last == GENERATORS:
-        h = inf
-        for k in range(ones):
-            one = room.terms[k]
-            for m in range(OTHER, OTHER + twos):
-                two = room.terms[m]
-                gap, rate, bend = one[0] - two[0] - level, one[1] - two[1], one[2] + two[2]
+    rest, slower, bends, h = 0.0, 0.0, 0.0, inf
+    for j in range(GENERATORS, last):
+        term = room.terms[j]
+        rest, slower, bends = rest + min(0.0, term[0]), slower + min(0.0, term[1]), bends + term[2]
+    for k in range(ones):
+        one = room.terms[k]
+        for m in range(OTHER, OTHER + twos):
+            two = room.terms[m]
+            gap, rate, bend = one[0] - two[0] - level + rest, one[1] - two[1], one[2] + two[2]
+            if last == GENERATORS:
                 b, c = one[3] - two[3], one[4] - two[4]
                 h = min(h, pair_step(gap, rate, bend, b, c, order, n, local, wanted))
-        return h
-    low, high = 0.0, wanted
-    f, g = lowest(room, ones, twos, last, 0.0) - level, lowest(room, ones, twos, last, wanted) - level
-    if g >= 0.0:
-        return inf
-    for _ in range(8):  # a concave function lies above its chords
-        chord = low + (high - low) * f / (f - g)
-        h = min(2.0 * chord - low, 0.5 * (chord + high))
-        value = lowest(room, ones, twos, last, h) - level
-        if value >= 0.0:
-            low, f = h, value
-        else:
-            high, g = h, value
-            low = chord
-            f = max(0.0, lowest(room, ones, twos, last, chord) - level)
-    return low
+            else:
+                h = min(h, time_to_level(gap, rate + slower, bend + bends))
+    if last > GENERATORS:  # not all of them turn at once; the sum is concave
+        while 0.0 < h < wanted and lowest(room, ones, twos, last, 2.0 * h) >= level:
+            h *= 2.0
+    return h
 
 
 @kernel()
-def best_plane(room, ones, twos, last, form, level, x, y, z, order, n, local, wanted):
-    """The plane of a part of the zone's norm that lasts longest: for how long, and the gap there."""
+def mixed_plane(room, count, form, x, y, z):
+    """The normal, of those of some parts mixed, along which the parallelotope is farthest at its worst.
+
+    One part after another is mixed in, as much as levels some edge: at a kink of the norm no part alone
+    keeps what a cell spans as far away as it is.
+    """
     shape, _, faces = form
-    longest, gap = 0.0, -inf
-    for k in range(part_count(shape, faces)):
-        _, ax, ay, az = part(shape, faces, k, x, y, z)
+    edges = room.edges
+    for k in range(count):  # from the centre
+        share = 0.5 - room.shares[k]
+        x, y, z = x + share * edges[k, 0], y + share * edges[k, 1], z + share * edges[k, 2]
+    best, bx, by, bz = -inf, 0.0, 0.0, 0.0
+    for turn in range(2):
+        for k in range(part_count(shape, faces)):
+            _, gx, gy, gz = part(shape, faces, k, x, y, z)
+            ox, oy, oz = bx, by, bz
+            for j in range(-1, count if turn > 0 else 0):
+                mu = 1.0
+                if j >= 0:
+                    e = edges[j]
+                    old = ox * e[0] + oy * e[1] + oz * e[2]
+                    turned = old - (gx * e[0] + gy * e[1] + gz * e[2])
+                    mu = old / turned if turned != 0.0 else 1.0
+                    if not 0.0 < mu < 1.0:
+                        continue
+                ax, ay, az = ox + mu * (gx - ox), oy + mu * (gy - oy), oz + mu * (gz - oz)
+                value = ax * x + ay * y + az * z
+                for m in range(count):
+                    value -= 0.5 * abs(ax * edges[m, 0] + ay * edges[m, 1] + az * edges[m, 2])
+                if value > best:
+                    best, bx, by, bz = value, ax, ay, az
+    return bx, by, bz
+
+
+@kernel()
+def best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, local, wanted):
+    """The plane that lasts longest, of a norm's parts and of these mixed: for how long, and the gap there."""
+    shape, _, faces = form
+    longest, gap, parts = 0.0, -inf, part_count(shape, faces)
+    for k in range(parts + 1):
+        if k < parts:
+            _, ax, ay, az = part(shape, faces, k, x, y, z)
+        elif parts > 1:
+            ax, ay, az = mixed_plane(room, count, form, x, y, z)
+        else:
+            break
         above = project(room, ones, twos, last, ax, ay, az) - level
         gap = max(gap, above)
         if above > 0.0:
             longest = max(longest, plane_step(room, ones, twos, last, level, order, n, local, wanted))
+            if longest >= wanted:
+                break
     return longest, gap
 
 
 @kernel()
-def march(one, two, cell, width, end, n, form, scale, target, rest, room):
+def norm_at(room, count, form):
+    """The norm of the parallelotope's point at `shares`."""
+    x = room.places[0, 0] - room.places[OTHER, 0]
+    y = room.places[0, 1] - room.places[OTHER, 1]
+    z = room.places[0, 2] - room.places[OTHER, 2]
+    for k in range(count):
+        share = room.shares[k]
+        x, y, z = x + share * room.edges[k, 0], y + share * room.edges[k, 1], z + share * room.edges[k, 2]
+    shape, _, faces = form
+    return norm(shape, faces, x, y, z)
+
+
+@kernel()
+def deepest(one, two, room, window, local, form):
+    """Least norm of the parallelotope at one time of a window, or near it; `shares` are where."""
+    ones, twos, last, order, n, generators = window
+    place_all(room, ones, twos, last, order, n, local)
+    count = find_edges(one, two, room, generators)
+    nearest(room, count)
+    best = norm_at(room, count, form)
+    if form[0] == BALL:
+        return best
+    for _ in range(3 if count > 1 else 1):
+        for k in range(count):  # a norm is convex along an edge
+            low, high = 0.0, 1.0
+            for _ in range(45):
+                third = (high - low) / 3.0
+                room.shares[k] = low + third
+                lower = norm_at(room, count, form)
+                room.shares[k] = high - third
+                if lower < norm_at(room, count, form):
+                    high = high - third
+                else:
+                    low = low + third
+            room.shares[k] = 0.5 * (low + high)
+    return norm_at(room, count, form)
+
+
+@kernel()
+def valley(one, two, room, window, local, span, form):
+    """From a time of a window on along the deepest of the parallelotope to where that is least: the time."""
+    n = window[4]
+    low, value = local, deepest(one, two, room, window, local, form)
+    step = 1e-3 / n if n > 0.0 else 1e-4 * span
+    middle, high = local, local
+    while high < span:  # downhill, in longer and longer steps
+        high = min(span, middle + step)
+        there = deepest(one, two, room, window, high, form)
+        if there >= value:
+            break
+        low, middle, value = middle, high, there
+        step *= 2.0
+    for _ in range(60):
+        if high - low <= 1e-9 * (span + local):
+            break
+        upper = high - middle > middle - low
+        at = middle + 0.381966 * (high - middle) if upper else middle - 0.381966 * (middle - low)
+        there = deepest(one, two, room, window, at, form)
+        if there < value:
+            if upper:
+                low = middle
+            else:
+                high = middle
+            middle, value = at, there
+        elif upper:
+            high = at
+        else:
+            low = at
+    deepest(one, two, room, window, middle, form)
+    return middle
+
+
+@kernel()
+def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, room):
     """How far a cell is certainly clear of the zone enlarged by `target`: the time reached, and whether all.
 
     `rest`: how far motions of each side are off those that span it (see `span_cell`).  Where it ends, the
-    edges of the set and its nearest point stand in `room`.
+    edges of the set and its nearest point stand in `room`; where that is nearer than `best` they do so
+    for the time, the third answer, at which it is nearest.  At most `most` steps, if that is not negative.
     """
-    t = cell[FROM]
+    t, taken = cell[FROM], 0
     place, speed, still, epoch = (
         rest[0] + rest[4],
         rest[1] + rest[5],
@@ -199,16 +308,22 @@ def march(one, two, cell, width, end, n, form, scale, target, rest, room):
             count = find_edges(one, two, room, generators)
             x, y, z = nearest(room, count)
             wanted = span - local
-            h, gap = best_plane(room, ones, twos, last, form, level, x, y, z, order, n, local, wanted)
+            h, gap = best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, local, wanted)
             steps += 1
+            taken += 1
+            if taken == most:
+                return t + local, False, t + local
             if h == 0.0 or (steps > STEPS and widest(room, count)[1] > gap):
-                return t + local, False
+                when, window = local, (ones, twos, last, order, n, generators)
+                if deepest(one, two, room, window, local, form) < best:
+                    when = valley(one, two, room, window, local, span, form)
+                return t + local, False, t + when
             if h >= wanted:
                 break
             local += max(h, LEAST_STEP * (t + local))
         t = stop
         if t >= end:
-            return t, True
+            return t, True, t
 
 
 @kernel()

@@ -11,8 +11,6 @@ from numba import float64, int64, void
 from closeform.compiled import kernel
 from closeform.drift.cells import (
     FROM,
-    HIGH,
-    LOW,
     SIDE_TYPE,
     choose,
     earliest,
@@ -22,97 +20,16 @@ from closeform.drift.cells import (
     span_cell,
 )
 from closeform.drift.fans import ROOM_TYPE, open_window
+from closeform.drift.flown import MEETS, SMALLEST, aim, cut, fly, has_extent, note, target_below
+from closeform.drift.for_ever import search_tail
 from closeform.drift.planes import march, widest
 from closeform.kernel_loans import borrowed, lent, stack_vector
 from closeform.motion.arc import START
-from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
-from closeform.motion.extrema import NIL, minimum_norm
+from closeform.motion.extrema import NIL
 from closeform.zones.shapes import FACES, FORM
 
 NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
-SAME = 3e-10  # of a least ratio, or of a tenth: what cells may hide of it
-MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
-SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
 TIME, RATIO, PLACE, FAILURE = 0, 1, 2, 5  # columns of what is told of a pair: in zone coordinates; a cell
-
-
-@kernel()
-def fly(one, two, cell, width, begin, end, n, form, room, best):
-    """Least norm and its time of the failure at a cell's low ends, over [begin, end], if below `best`."""
-    shape, _, faces = form
-    single(one, cell, 1, n, room.rows[0])
-    single(two, cell, 1 + width, n, room.rows[1])
-    when, t, patience = nan, begin, PATIENCE
-    while True:
-        order, stop, _, _, _ = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
-        motion = room.motions[0]
-        best, local, reached = minimum_norm(
-            shape, faces, motion, order, n, 0.0, stop - t, patience, best, nan
-        )
-        if local == local:
-            when = min(t + local, stop)
-        if reached < stop - t:
-            patience = LESS_PATIENCE
-            t += reached
-        else:
-            t = stop
-        if t >= end or (best == 0.0 and shape != FACES):
-            return best, when
-
-
-@kernel()
-def aim(one, two, cell, width, at_middle, room):
-    """Make `room.point` the failure of a cell that is nearest where its planes end, or its middle."""
-    point, k = room.point[0], 0
-    for c in range(len(cell)):
-        point[c] = cell[c]
-    for second in range(2):
-        side, o = (two, 1 + width) if second else (one, 1)
-        for j in range(parameter_count(side)):
-            share = 0.5 if at_middle else room.shares[k]
-            low, high = cell[o + LOW + 2 * j], cell[o + HIGH + 2 * j]
-            at = min(max(low + share * (high - low), low), high)
-            point[o + LOW + 2 * j], point[o + HIGH + 2 * j] = at, at
-            k += 1
-    return max(earliest(one, point, 1), earliest(two, point, 1 + width))
-
-
-@kernel()
-def has_extent(side, cell, o):
-    """Whether a cell holds more than one failure of a side."""
-    for k in range(parameter_count(side)):
-        if cell[o + LOW + 2 * k] < cell[o + HIGH + 2 * k]:
-            return True
-    return False
-
-
-@kernel()
-def note(room, cell):
-    """Keep a failure as the worst that was met."""
-    for c in range(len(cell)):
-        room.point[1, c] = cell[c]
-
-
-@kernel()
-def cut(one, two, width, top, t, room, count):
-    """Put a cell's two halves in its place, to go on from time t; the half to be searched first is last."""
-    cells = room.cells
-    which, _ = widest(room, count)
-    mine = parameter_count(one)
-    column = 1 + LOW + 2 * which if which < mine else 1 + width + LOW + 2 * (which - mine)
-    low, high = cells[top, column], cells[top, column + 1]
-    middle = 0.5 * (low + high)
-    if not low < middle < high:
-        return top
-    for c in range(cells.shape[1]):
-        cells[top + 1, c] = cells[top, c]
-    upper = room.shares[which] > 0.5
-    cells[top, column], cells[top, column + 1] = (low, middle) if upper else (middle, high)
-    cells[top + 1, column], cells[top + 1, column + 1] = (middle, high) if upper else (low, middle)
-    for k in range(2):
-        cell = cells[top + k]
-        cell[FROM] = max(t, earliest(one, cell, 1), earliest(two, cell, 1 + width))
-    return top + 2
 
 
 @kernel()
@@ -166,7 +83,7 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
     for k in range(count):
         room.shares[k] = 0.5
     while top > 0:
-        target = best - SAME * max(abs(best), 0.1) if certain else best
+        target = target_below(best, certain)
         if target <= NIL and shape != FACES:
             break
         top -= 1
@@ -175,9 +92,9 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
             continue
         rest[0], rest[1], rest[2], rest[3] = span_cell(one, cell, 1, n, room.rows[0])
         rest[4], rest[5], rest[6], rest[7] = span_cell(two, cell, 1 + width, n, room.rows[1])
-        t, extended = cell[FROM], has_extent(one, cell, 1) or has_extent(two, cell, 1 + width)
+        t, near, extended = cell[FROM], 0.0, has_extent(one, cell, 1) or has_extent(two, cell, 1 + width)
         if extended:
-            t, clear = march(one, two, cell, width, end, n, form, scale, target, rest, room)
+            t, clear, near = march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, room)
             if clear:
                 continue
         s = aim(one, two, cell, width, False, room)
@@ -186,16 +103,22 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
         else:
             _, size = widest(room, count)
             reach = NEAR / n if n > 0.0 else 0.05 * (end - s)
-            begin = max(cell[FROM], s, t - reach)
-            until = min(end, max(t, begin) + reach)
+            begin = max(cell[FROM], s, near - reach)
+            until = min(end, max(near, begin) + reach)
         least, time = fly(one, two, room.point[0], width, begin, until, n, form, room, best)
         if least < best:
             best, when = least, time
             note(room, room.point[0])
             if not certain:
                 break
+            if extended:  # perhaps it is clear of what is asked now
+                cell[FROM] = t
+                top += 1
+                continue
         if extended:
-            if size > SMALLEST and top + 2 <= len(room.cells):
+            if top + 2 > len(room.cells):
+                return -inf, float(top)
+            if size > SMALLEST:
                 top = cut(one, two, width, top, t, room, count)
             elif until < end:  # of a motion by itself all up to there is known
                 cell[FROM] = until
@@ -214,18 +137,22 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
         FORM,
         float64,
         int64,
+        float64,
+        FORM,
         ROOM_TYPE,
         float64[:, ::1],
     )
 )
-def worst_failures(one, two, first, second, ends, n, form, scale, certain, room, out):
+def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, tube, room, out):
     """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
 
     With 0 for `certain` the first that meets the zone, or inf.  A pair without a common time has nan and
-    inf; one that needs more room than there is has minus as many cells for a ratio.
+    inf; one that needs more room than there is has -inf, and how many cells there were for a time.
+    With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
+    tube = tube[0], borrowed(tube[1]), borrowed(tube[2])
     width = (room.cells.shape[1] - 1) // 2
     for p in range(len(first)):
         choose(one, first[p])
@@ -241,12 +168,23 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, room,
             out[p, TIME] = top
             continue
         ratio, when = search(one, two, top, width, end, n, form, scale, certain == 1, room)
-        if when != when:
+        if far > 0.0 and ratio > -inf and (certain == 1 or when != when):
+            top = fill_cells(one, two, end, width, n, room.cells)
+            ratio, found, full = search_tail(
+                one, two, top, width, far, n, form, scale, tube, certain == 1, room, ratio
+            )
+            when = inf if found else when
+            if full:
+                ratio, when = -inf, float(2 * len(room.cells))
+        if ratio == -inf:
+            out[p, TIME], out[p, RATIO] = when, ratio
+        if ratio == -inf or when != when:
             continue
         worst = room.point[1]
         single(one, worst, 1, n, room.rows[0])
         single(two, worst, 1 + width, n, room.rows[1])
-        open_window(one, two, worst, width, when, end, n, 1, when, form, room)
+        seen = min(when, end)
+        open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
         out[p, TIME], out[p, RATIO] = when, ratio
         for axis in range(3):
             out[p, PLACE + axis] = room.motions[0, 0, axis]

@@ -16,7 +16,7 @@ CELLS = 2048  # of which a pair is given room at first; as many parts of a path 
 NO_BURNS = np.empty((0, 2, WIDTH))
 
 
-def side_of(path: Path, failure: Failure | None, until: float) -> Side:
+def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = False) -> Side:
     """A path that fails, or flies on, with room for the numbers of the craft looked at."""
     kind = FLIES if failure is None else KINDS[type(failure)]
     numbers = np.array([0.0, -1.0, 0.0, 0.0, 0.0])
@@ -28,7 +28,7 @@ def side_of(path: Path, failure: Failure | None, until: float) -> Side:
             numbers[HELD] = np.linalg.norm(failure.acceleration)
             numbers[ACCELERATION:] = failure.acceleration
     arcs, offsets = path.arcs, path.offsets
-    if kind in (WEAK, MISSED):
+    if kind in (WEAK, MISSED) or (kind == FLIES and carry_on):
         arcs, offsets = carried_on(path, until)
     burns, burn_offsets = NO_BURNS, np.zeros_like(offsets)
     if kind == MISSED:

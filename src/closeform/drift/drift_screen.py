@@ -1,0 +1,121 @@
+"""All pairs of a formation: who comes into whose zone when thrust fails."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.all_pairs import _jobs
+from closeform.drift.drift_approach import checked_end, failed_at, search_pairs
+from closeform.drift.failures import Failure, ThrustLost
+from closeform.drift.search import FAILURE, RATIO, TIME
+from closeform.drift.sides import side_of
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones
+from closeform.zones.zone import Zone
+
+CHUNK = 256  # pairs that one thread takes at a time
+
+
+@dataclass(frozen=True, eq=False)
+class DriftScreening:
+    """Who comes into whose zone when thrust fails, one row for each such pair, sorted by pair.
+
+    Attributes
+    ----------
+    pairs : array of int of shape (M, 2)
+        The craft that fails, and the one that it meets.
+    failed_at : array of shape (M,) [s]
+        When thrust fails for the worst.
+    time : array of shape (M,) [s]
+        When the norm is least then.
+    ratio : array of shape (M,), no unit
+        The least norm, at most 1.
+    """
+
+    pairs: Any
+    failed_at: Floats
+    time: Floats
+    ratio: Floats
+
+    def __len__(self) -> int:
+        return len(self.ratio)
+
+
+def drift_screen(
+    paths: Path | Sequence[Path],
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones,
+    until: float,
+    failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+) -> DriftScreening:
+    """Every pair of many craft in which the failure of one leads it into the zone of the other, on all cores.
+
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), or N of single craft, in one orbit.  Who does not fail flies on as planned,
+        and coasts on after that.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+        As of `screen`.
+    until : float [s]
+        The end of the drift, at the last end of the paths or later; finite.
+    failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
+        What fails, in one craft at a time.
+
+    Returns
+    -------
+    DriftScreening
+        Certified as by `drift_approach`: all other pairs are passively safe.
+
+    Raises
+    ------
+    ValueError
+        If `paths` are no Path of shape (N,) or in different orbits, `until` is before their ends or not
+        finite, impulses would be stuck on, or `zone` is of another kind, of another number of craft, or
+        makes none for a pair.
+
+    References
+    ----------
+    docs/theory.md section 8; docs/passive_safety.md.
+    """
+    batch = paths if isinstance(paths, Path) else stack(paths)
+    if len(batch.shape) != 1:
+        raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
+    end = checked_end("paths", batch, until, failure)
+    if end == np.inf:
+        raise ValueError("until: expected a finite time in s, got inf; ask drift_approach pair by pair")
+    held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
+
+    def search(job: tuple[Zone, Any, Any]) -> tuple[Any, Floats]:
+        one, first, second = job
+        sides = side_of(batch, failure, end), side_of(batch, None, end, carry_on=True)
+        verdicts = search_pairs(*sides, first, second, end, batch.orbit, one, 0)
+        unsafe = np.isfinite(verdicts[:, RATIO])
+        first, second = first[unsafe], second[unsafe]
+        rows = search_pairs(*sides, first, second, end, batch.orbit, one, 1)
+        at = failed_at(sides[0], rows[:, FAILURE + 1 :], first)
+        return np.stack([first, second], axis=1), np.stack([at, rows[:, TIME], rows[:, RATIO]], axis=1)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(pool.map(search, _directed(held, len(batch))))
+    pairs = np.concatenate([np.empty((0, 2), dtype=np.int64), *(one for one, _ in found)])
+    rows = np.concatenate([np.empty((0, 3)), *(row for _, row in found)])
+    order = np.lexsort(pairs.T[::-1])
+    return DriftScreening(pairs[order], *np.ascontiguousarray(rows[order].T))
+
+
+def _directed(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
+    """Zones, who fails, and who flies on: each pair of `screen` both ways."""
+    for one, first, second in _jobs(zone, count):
+        for k in range(0, len(first), CHUNK):
+            some, others = first[k : k + CHUNK], second[k : k + CHUNK]
+            yield one, some, others
+            yield one.mirrored, others, some

@@ -1,0 +1,100 @@
+"""Failures flown one by one, and cells that are cut where nothing else tells."""
+
+from math import nan
+
+from closeform.compiled import kernel
+from closeform.drift.cells import FROM, HIGH, LOW, earliest, parameter_count, single
+from closeform.drift.fans import open_window
+from closeform.drift.planes import widest
+from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
+from closeform.motion.extrema import minimum_norm
+from closeform.zones.shapes import FACES
+
+SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
+MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
+SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
+
+
+@kernel()
+def target_below(best, certain):
+    """Up to which norm cells must be clear, for the least that was met to be that of all."""
+    return best - SAME * max(abs(best), 1.0) if certain else best
+
+
+@kernel()
+def fly(one, two, cell, width, begin, end, n, form, room, best):
+    """Least norm and its time of the failure at a cell's low ends, over [begin, end], if below `best`."""
+    shape, _, faces = form
+    single(one, cell, 1, n, room.rows[0])
+    single(two, cell, 1 + width, n, room.rows[1])
+    when, t, patience = nan, begin, PATIENCE
+    while True:
+        order, stop, _, _, _ = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
+        motion = room.motions[0]
+        best, local, reached = minimum_norm(
+            shape, faces, motion, order, n, 0.0, stop - t, patience, best, nan
+        )
+        if local == local:
+            when = min(t + local, stop)
+        if reached < stop - t:
+            patience = LESS_PATIENCE
+            t += reached
+        else:
+            t = stop
+        if t >= end or (best == 0.0 and shape != FACES):
+            return best, when
+
+
+@kernel()
+def aim(one, two, cell, width, at_middle, room):
+    """Make `room.point` the failure of a cell that is nearest where its planes end, or its middle."""
+    point, k = room.point[0], 0
+    for c in range(len(cell)):
+        point[c] = cell[c]
+    for second in range(2):
+        side, o = (two, 1 + width) if second else (one, 1)
+        for j in range(parameter_count(side)):
+            share = 0.5 if at_middle else room.shares[k]
+            low, high = cell[o + LOW + 2 * j], cell[o + HIGH + 2 * j]
+            at = min(max(low + share * (high - low), low), high)
+            point[o + LOW + 2 * j], point[o + HIGH + 2 * j] = at, at
+            k += 1
+    return max(earliest(one, point, 1), earliest(two, point, 1 + width))
+
+
+@kernel()
+def has_extent(side, cell, o):
+    """Whether a cell holds more than one failure of a side."""
+    for k in range(parameter_count(side)):
+        if cell[o + LOW + 2 * k] < cell[o + HIGH + 2 * k]:
+            return True
+    return False
+
+
+@kernel()
+def note(room, cell):
+    """Keep a failure as the worst that was met."""
+    for c in range(len(cell)):
+        room.point[1, c] = cell[c]
+
+
+@kernel()
+def cut(one, two, width, top, t, room, count):
+    """Put a cell's two halves in its place, to go on from time t; the half to be searched first is last."""
+    cells = room.cells
+    which, _ = widest(room, count)
+    mine = parameter_count(one)
+    column = 1 + LOW + 2 * which if which < mine else 1 + width + LOW + 2 * (which - mine)
+    low, high = cells[top, column], cells[top, column + 1]
+    middle = 0.5 * (low + high)
+    if not low < middle < high:
+        return top
+    for c in range(cells.shape[1]):
+        cells[top + 1, c] = cells[top, c]
+    upper = room.shares[which] > 0.5
+    cells[top, column], cells[top, column + 1] = (low, middle) if upper else (middle, high)
+    cells[top + 1, column], cells[top + 1, column + 1] = (middle, high) if upper else (low, middle)
+    for k in range(2):
+        cell = cells[top + k]
+        cell[FROM] = max(t, earliest(one, cell, 1), earliest(two, cell, 1 + width))
+    return top + 2

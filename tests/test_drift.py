@@ -1,0 +1,167 @@
+"""Failures of thrust and the drift after them, against dense sampling of both with refinement."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import minimize
+
+import closeform as cf
+
+ORBIT = cf.Orbit.circular(500e3)
+N, PERIOD = ORBIT.mean_motion, ORBIT.period
+ZONES = [
+    cf.Ellipsoid([20.0, 40.0, 20.0]),
+    cf.Box([20.0, 40.0, 30.0]),
+    cf.Cylinder(20.0, 40.0, axis=[0.3, 1.0, 0.2]),
+    cf.HalfSpaces([[1, 0.1, 0], [-1, 0.1, 0], [0, 0.1, 1], [0, 0.1, -1], [0, -1, 0]], [30, 30, 30, 30, 40]),
+]
+
+
+def hill(n):
+    a = np.zeros((6, 6))
+    a[:3, 3:] = np.eye(3)
+    a[3, 0], a[3, 4], a[4, 3], a[5, 2] = 3 * n * n, 2 * n, -2 * n, -n * n
+    return a
+
+
+def some_states(rng):
+    state = rng.normal(size=6) * np.r_[60, 250, 60, 0.05, 0.1, 0.05]
+    state[4] = -2 * N * state[0] + rng.normal() * 2e-3
+    return state
+
+
+def failed(path, s, t):
+    """Positions at times t of a craft that lost its thrust at s, by matrix exponentials alone."""
+    state = path.state(s)
+    a = hill(path.orbit.mean_motion)
+    return np.array([(expm(a * (one - s)) @ state)[:3] for one in np.atleast_1d(t)])
+
+
+def sampled_least(path, other, zone, until, instants=160, times=1200):
+    """Least norm of a grid over instants of failure and times, its lowest places refined."""
+    s = np.linspace(path.start, path.end, instants)
+    t = np.linspace(path.start, until, times)
+    a = hill(path.orbit.mean_motion)
+    flow = np.array([expm(a * (one - path.start)) for one in t])
+    back = np.array([expm(-a * (one - path.start)) for one in s])
+    states = np.einsum("sij,sj->si", back, path.state(s))
+    there = np.einsum("tij,sj->sti", flow[:, :3], states) - other.position(t)
+    norms = zone.norm(there)
+    norms[t[None] < s[:, None]] = np.inf
+
+    def norm_at(p):
+        at = min(max(p[0], path.start), path.end)
+        when = min(max(p[1], at), until)
+        return float(zone.norm(failed(path, at, when)[0] - other.position(when)))
+
+    best = np.inf
+    for k in np.argsort(norms, axis=None)[:40:8]:
+        i, j = np.unravel_index(k, norms.shape)
+        fine = {"xatol": 1e-7, "fatol": 1e-12, "maxiter": 400}
+        found = minimize(norm_at, [s[i], t[j]], method="Nelder-Mead", options=fine)
+        best = min(best, found.fun)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("zone", ZONES, ids=lambda zone: type(zone).__name__)
+def test_least_norm_of_lost_thrust(zone, seed):
+    """Never above what sampling finds, and attained by the failure that it names."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    duration = rng.uniform(0.3, 1.5) * PERIOD
+    until = duration + rng.uniform(0.2, 2.0) * PERIOD
+    path = ORBIT.transfer(some_states(rng), some_states(rng), duration)
+    if seed % 2:
+        other = ORBIT.coast(some_states(rng) * 0.1, until)
+    else:
+        other = ORBIT.transfer(0.1 * some_states(rng), 0.1 * some_states(rng), until)
+    found = cf.drift_approach(path, other, zone, until)
+    gap = failed(path, found.failed_at, found.time)[0] - other.position(found.time)
+    # 1e-9 of itself (of a tenth below it), and 1e-9 of rounding of matrix exponentials
+    assert abs(zone.norm(gap) - found.ratio) <= 2e-9 * max(1.0, abs(found.ratio))
+    assert abs(np.linalg.norm(gap) - found.distance) <= 1e-6
+    assert found.ratio <= sampled_least(path, other, zone, until) + 1e-9
+    assert cf.passively_safe(path, other, zone, until) == (found.ratio > 1.0)
+
+
+def flown(path, until, rng, failure, t):
+    """Positions at times t of a random failure of each kind, by superposition of matrix exponentials."""
+    n = path.orbit.mean_motion
+    a = hill(n)
+    s = rng.uniform(path.start, path.end)
+    whole = cf.join([path, path.orbit.coast(path.state(path.end), until - path.end + 1.0, start=path.end)])
+    nominal = whole.position(t)
+    drifts = failed(path, s, t)
+    if isinstance(failure, cf.ThrustLost):
+        return np.where(t[:, None] >= s, drifts, nominal)
+    if isinstance(failure, cf.WeakThrust):
+        share = rng.uniform(failure.least, 1.0)
+        return np.where(t[:, None] >= s, share * nominal + (1.0 - share) * drifts, nominal)
+    if isinstance(failure, cf.MissedBurns):
+        gone = nominal.copy()
+        for time, jump in path.impulses:
+            lost = rng.choice([0.0, 1.0, rng.random()]) * (1.0 - failure.least)
+            kick = np.r_[np.zeros(3), jump]
+            for k in np.flatnonzero(t >= time):
+                gone[k] -= lost * (expm(a * (t[k] - time)) @ kick)[:3]
+        return gone
+    stuck = rng.uniform(0.0, failure.longest)
+    held = path.thrust(s) if failure.acceleration is None else failure.acceleration
+    wide = np.zeros((9, 9))  # constant thrust as three more states
+    wide[:6, :6], wide[3:6, 6:] = a, np.eye(3)
+    after = (expm(wide * stuck) @ np.r_[path.state(s), held])[:6]
+    return np.array(
+        [
+            nominal[k]
+            if one < s
+            else (expm(wide * (one - s)) @ np.r_[path.state(s), held])[:3]
+            if one < s + stuck
+            else (expm(a * (one - s - stuck)) @ after)[:3]
+            for k, one in enumerate(t)
+        ]
+    )
+
+
+FAILURES = [
+    cf.ThrustLost(),
+    cf.MissedBurns(),
+    cf.MissedBurns(0.6),
+    cf.WeakThrust(0.3),
+    cf.StuckThrust(300.0),
+    cf.StuckThrust(60.0, [1e-4, -2e-4, 5e-5]),
+]
+
+
+@pytest.mark.parametrize("failing", ["path", "other", "either", "both"])
+@pytest.mark.parametrize("failure", FAILURES, ids=repr)
+def test_no_random_failure_comes_nearer(failure, failing):
+    """One thousand failures of each kind, at random instants and by random shares, are all farther away."""
+    rng = np.random.Generator(np.random.Philox(7))
+    duration, until = 0.8 * PERIOD, 1.7 * PERIOD
+    ends = np.array([some_states(rng) for _ in range(4)])
+    impulsive = isinstance(failure, cf.MissedBurns)
+    fly = ORBIT.two_impulse if impulsive else ORBIT.transfer
+    path, other = (fly(ends[k], ends[k + 2], 0.4 * PERIOD if impulsive else duration) for k in (0, 1))
+    flies_on = [
+        cf.join([one, ORBIT.coast(one.state(one.end), until - one.end, start=one.end)])
+        for one in (path, other)
+    ]
+    given = [path, other]
+    if failing in ("path", "either"):
+        given[1] = flies_on[1]
+    if failing in ("other", "either"):
+        given[0] = flies_on[0]
+    zone = ZONES[0]
+    found = cf.drift_approach(*given, zone, until, failure, failing)
+    assert cf.passively_safe(*given, zone, until, failure, failing) == (found.ratio > 1.0)
+    least = np.inf
+    for _ in range(1000):
+        t = rng.uniform(0.0, until, 6)
+        r = [one.position(t) for one in flies_on]
+        fails = {"either": rng.choice(["path", "other"])}.get(failing, failing)
+        if fails in ("path", "both"):
+            r[0] = flown(path, until, rng, failure, t)
+        if fails in ("other", "both"):
+            r[1] = flown(other, until, rng, failure, t)
+        least = min(least, zone.norm(r[0] - r[1]).min())
+    assert found.ratio <= least + 1e-9
