@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.all_pairs import _jobs
 from closeform.drift.drift_approach import checked_end, failed_at, search_pairs
 from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.search import FAILURE, RATIO, TIME
@@ -19,7 +18,7 @@ from closeform.drift.sides import side_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones, pair_zones
+from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.zone import Zone
 
 CHUNK = 256  # pairs that one thread takes at a time
@@ -113,9 +112,13 @@ def drift_screen(
 
 
 def _directed(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
-    """Zones, who fails, and who flies on: each pair of `screen` both ways."""
-    for one, first, second in _jobs(zone, count):
-        for k in range(0, len(first), CHUNK):
-            some, others = first[k : k + CHUNK], second[k : k + CHUNK]
-            yield one, some, others
-            yield one.mirrored, others, some
+    """Zones, who fails, and who flies on: each pair both ways."""
+    if isinstance(zone, PairZones):
+        for one, first, second in portions(zone, CHUNK):
+            yield one, first, second
+            yield one.mirrored, second, first
+        return
+    for first, second in pairs_of(count, CHUNK):
+        for one in (zone,) if zone.symmetric else (zone, zone.mirrored):
+            yield one, first, second
+            yield one, second, first
