@@ -37,7 +37,7 @@ def failed(path, s, t):
     return np.array([(expm(a * (one - s)) @ state)[:3] for one in np.atleast_1d(t)])
 
 
-def sampled_least(path, other, zone, until, instants=160, times=1200):
+def sampled_least(path, other, zone, until, instants=120, times=600):
     """Least norm of a grid over instants of failure and times, its lowest places refined."""
     s = np.linspace(path.start, path.end, instants)
     t = np.linspace(path.start, until, times)
@@ -55,7 +55,7 @@ def sampled_least(path, other, zone, until, instants=160, times=1200):
         return float(zone.norm(failed(path, at, when)[0] - other.position(when)))
 
     best = np.inf
-    for k in np.argsort(norms, axis=None)[:40:8]:
+    for k in np.argsort(norms, axis=None)[:40:13]:
         i, j = np.unravel_index(k, norms.shape)
         fine = {"xatol": 1e-7, "fatol": 1e-12, "maxiter": 400}
         found = minimize(norm_at, [s[i], t[j]], method="Nelder-Mead", options=fine)
@@ -63,7 +63,7 @@ def sampled_least(path, other, zone, until, instants=160, times=1200):
     return best
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("zone", ZONES, ids=lambda zone: type(zone).__name__)
 def test_least_norm_of_lost_thrust(zone, seed):
     """Never above what sampling finds, and attained by the failure that it names."""
@@ -135,7 +135,7 @@ FAILURES = [
 @pytest.mark.parametrize("failing", ["path", "other", "either", "both"])
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
 def test_no_random_failure_comes_nearer(failure, failing):
-    """One thousand failures of each kind, at random instants and by random shares, are all farther away."""
+    """Two hundred failures of each kind, at random instants and by random shares, are all farther away."""
     rng = np.random.Generator(np.random.Philox(7))
     duration, until = 0.8 * PERIOD, 1.7 * PERIOD
     ends = np.array([some_states(rng) for _ in range(4)])
@@ -155,8 +155,8 @@ def test_no_random_failure_comes_nearer(failure, failing):
     found = cf.drift_approach(*given, zone, until, failure, failing)
     assert cf.passively_safe(*given, zone, until, failure, failing) == (found.ratio > 1.0)
     least = np.inf
-    for _ in range(1000):
-        t = rng.uniform(0.0, until, 6)
+    for _ in range(200):
+        t = rng.uniform(0.0, until, 4)
         r = [one.position(t) for one in flies_on]
         fails = {"either": rng.choice(["path", "other"])}.get(failing, failing)
         if fails in ("path", "both"):
@@ -165,3 +165,89 @@ def test_no_random_failure_comes_nearer(failure, failing):
             r[1] = flown(other, until, rng, failure, t)
         least = min(least, zone.norm(r[0] - r[1]).min())
     assert found.ratio <= least + 1e-9
+
+
+def ellipse(d, l, e=100.0, eps=0.3, h=80.0, eta=0.8):
+    """State of a relative orbit by its drift, place and the two vectors (docs/theory.md, 5)."""
+    place = [2 * d - e * np.cos(eps), l + 2 * e * np.sin(eps), h * np.cos(eta)]
+    return np.array([*place, N * e * np.sin(eps), N * (2 * e * np.cos(eps) - 3 * d), N * h * np.sin(eta)])
+
+
+def test_slow_drift_without_an_end_tends_to_the_separation_of_both_vectors():
+    """The least singular value of the ellipse in the plane across the track, from below."""
+    across = np.array([[-100 * np.cos(0.3), 100 * np.sin(0.3)], [80 * np.cos(0.8), 80 * np.sin(0.8)]])
+    limit = np.linalg.svd(across)[1][1] / 50.0
+    zone, other = cf.Sphere(50.0), ORBIT.coast(np.zeros(6), 9.0)
+    slow = [
+        cf.drift_approach(ORBIT.coast(ellipse(d, 500.0), 9.0), other, zone, np.inf) for d in (0.03, 0.003)
+    ]
+    assert all(np.isinf(one.time) for one in slow)
+    assert abs(slow[0].ratio - limit) < 1e-3  # 2 d / R
+    assert abs(slow[1].ratio - limit) < 1e-4
+    away = cf.drift_approach(ORBIT.coast(ellipse(-0.03, 500.0), 9.0), other, zone, np.inf)
+    assert away.ratio > 6.0  # it never comes back
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_an_end_never_above_any_end_nor_below_a_longer_one(seed):
+    rng = np.random.Generator(np.random.Philox(seed))
+    path = ORBIT.transfer(some_states(rng), some_states(rng), PERIOD)
+    other = ORBIT.coast(np.zeros(6), 31 * PERIOD)
+    ratios = [cf.drift_approach(path, other, ZONES[0], k * PERIOD).ratio for k in (1, 3, 10, 31)]
+    ratios.append(cf.drift_approach(path, other, ZONES[0], np.inf).ratio)
+    assert (np.diff(ratios) <= 1e-9).all()
+
+
+def test_splitting_a_path_and_swapping_the_craft_change_nothing():
+    rng = np.random.Generator(np.random.Philox(11))
+    path = ORBIT.transfer(some_states(rng), some_states(rng), PERIOD)
+    other = ORBIT.coast(0.1 * some_states(rng), 3 * PERIOD)
+    arcs = np.repeat(path.arcs, 2, axis=0)
+    split = 0.37 * PERIOD
+    arcs[0, 1] = arcs[1, 0] = split
+    arcs[1, 6:12] = path.state(split)
+    arcs[1, 12:18] = expm(hill(N) * split) @ path.arcs[0, 12:18]  # thrust obeys Hill's equations, too
+    halves = cf.Path(ORBIT, arcs, np.array([0, 2]), ())
+    zone, until = ZONES[0], 3 * PERIOD
+    whole = cf.drift_approach(path, other, zone, until)
+    assert abs(cf.drift_approach(halves, other, zone, until).ratio - whole.ratio) <= 2e-9
+    swapped = cf.drift_approach(other, path, zone, until, failing="other")
+    assert abs(swapped.ratio - whole.ratio) <= 2e-9
+    assert swapped.failing == "other"
+
+
+def test_a_screen_says_of_each_pair_what_the_two_say():
+    rng = np.random.Generator(np.random.Philox(5))
+    starts, ends = (rng.normal(size=(5, 6)) * np.r_[80, 200, 80, 0, 0, 0] for _ in range(2))
+    fleet, until = ORBIT.transfer(starts, ends, PERIOD), 2 * PERIOD
+    zone = cf.Sphere(15.0)
+    found = cf.drift_screen(fleet, zone, until)
+    unsafe = []
+    for i in range(5):
+        for j in range(5):
+            other = cf.join([fleet[j], ORBIT.coast(fleet[j].state(PERIOD), PERIOD, start=PERIOD)])
+            if i != j and not cf.passively_safe(fleet[i], other, zone, until):
+                unsafe.append((i, j))
+    assert unsafe == [tuple(pair) for pair in found.pairs.tolist()]
+    assert 0 < len(found) < 20
+    assert (found.ratio <= 1.0).all()
+
+
+def test_straight_lines_in_deep_space():
+    """A craft that brakes onto a place drifts on when thrust is lost: a line from where it was."""
+    deep = cf.Orbit(0.0)
+    path = deep.transfer([-500, 40, 0, 1.0, 0, 0], [-60, 30, 0, 0, 0, 0], 900.0)
+    other, zone = deep.coast(np.zeros(6), 4000.0), cf.Sphere(20.0)
+    found = cf.drift_approach(path, other, zone, 4000.0)
+    assert found.ratio <= sampled_least(path, other, zone, 4000.0) + 1e-9
+    gap = failed(path, found.failed_at, found.time)[0]
+    assert abs(zone.norm(gap) - found.ratio) <= 1e-9
+
+
+def test_no_common_time():
+    path = ORBIT.transfer(np.zeros(6), [0, 100, 0, 0, 0, 0], 900.0)
+    late = ORBIT.coast(np.zeros(6), 900.0, start=2000.0)
+    found = cf.drift_approach(path, late, ZONES[0], 1000.0)
+    assert np.isnan(found.time)
+    assert np.isinf(found.ratio)
+    assert cf.passively_safe(path, late, ZONES[0], 1000.0)
