@@ -1461,4 +1461,44 @@ CALLS = (
         "cf.drift_approach(plan, orbit.coast([9, 0, 0, 0, 0, 0], 9000.0), cf.Sphere(25.0), 9000.0, failure='thrust')",
         "failure: expected ThrustLost or MissedBurns or WeakThrust or StuckThrust, got 'thrust'",
     ),
+    Call(
+        "a covariance that is not symmetric",
+        "cf.Errors([[1, 0.5, 0, 0, 0, 0], *[[0] * 6] * 5])",
+        "state: must be symmetric, got 0.5 at [0, 1] and 0 at [1, 0]",
+    ),
+    Call(
+        "a covariance with an eigenvalue below 0",
+        "cf.Errors([[4, 6, 0, 0, 0, 0], [6, 4, 0, 0, 0, 0], *[[0] * 6] * 4])",
+        "state: no covariance, its least eigenvalue, scaled by its diagonal, is -0.5; none may be below 0; were digits or signs lost?",
+    ),
+    Call(
+        "a covariance of positions only",
+        "cf.Errors([[4, 0, 0], [0, 4, 0], [0, 0, 4]])",
+        "state: expected shape (6, 6), positions before velocities, got (3, 3)",
+    ),
+    Call(
+        "a negative deviation of thrust",
+        "cf.Errors(magnitude=-0.01)",
+        "magnitude: standard deviations and densities are at least 0, got -0.01",
+    ),
+    Call(
+        "errors of thrust of a path through samples",
+        "cf.Errors(magnitude=0.1).covariance(orbit.sampled([0, 600, 1200], [start, end, start]), 300.0)",
+        "errors: of thrust or impulses, of a path through samples, whose thrust is not known; give `state` and `noise` only",
+    ),
+    Call(
+        "sigmas below 0",
+        "cf.find_conflicts(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), cf.Errors(), sigmas=-3)",
+        "sigmas: must be finite and at least 0, got -3",
+    ),
+    Call(
+        "errors that are a covariance",
+        "cf.clearance_in_sigmas(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), 4.0)",
+        "errors: expected Errors, got 4.0",
+    ),
+    Call(
+        "errors of more craft than there are",
+        "cf.clearance_in_sigmas(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), [cf.Errors()] * 2)",
+        "errors: 2 for 1 craft; give one, or one for each",
+    ),
 )

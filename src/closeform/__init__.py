@@ -22,6 +22,7 @@ _NAMES = {
     "drift.drift_approach": "DriftApproach drift_approach passively_safe",
     "uncertainty.probability": "Probability collision_probability",
     "drift.drift_screen": "DriftScreening drift_screen",
+    "uncertainty.clearance": "SigmaApproach clearance_in_sigmas",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
     "planning.plan": "Avoidance Contact Plan Status TooWeak",

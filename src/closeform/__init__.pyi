@@ -130,6 +130,10 @@ from closeform.search.theorem import (
     theorem_case as theorem_case,
 )
 from closeform.uncertainty.encounter import Encounter as Encounter
+from closeform.uncertainty.clearance import (
+    SigmaApproach as SigmaApproach,
+    clearance_in_sigmas as clearance_in_sigmas,
+)
 from closeform.uncertainty.errors import Errors as Errors
 from closeform.uncertainty.probability import (
     Probability as Probability,

@@ -14,7 +14,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
-from closeform.conflicts.two_paths import PairConflict
+from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.zones.combined_zones import OwnZone
@@ -115,7 +115,12 @@ def search_pairs(
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]
 
 
-def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None] | PairZones) -> Screening:
+def screen(
+    paths: Path | Sequence[Path],
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones,
+    errors: Any = None,
+    sigmas: float = 3.0,
+) -> Screening:
     """Every stay in a zone among all pairs of many paths, on all cores.
 
     Parameters
@@ -126,6 +131,11 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
         One is every craft's own, a sequence has one for each (None: none of its own).  Of two regions
         the larger holds, covariances and bodies are added; `PairZones` tell it themselves.  One region
         that is not symmetric is searched for both ways.
+    errors : Errors, sequence of these, or None, default None
+        Of the craft, independent: one for all or one for each, in order (None: where its path is).  Then a
+        stay is as of `find_conflicts` with errors; hard bodies go into `zone`, as `Body(Sphere(radius))`.
+    sigmas : float, no unit, default 3
+        How many, where there are errors.
 
     Returns
     -------
@@ -136,14 +146,16 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
     ------
     ValueError
         If `paths` are no Path of shape (N,) or in different orbits, or if `zone` is of another kind, of
-        another number of craft, or makes none for a pair.
+        another number of craft, or makes none for a pair; if errors are of another kind or number, or
+        `sigmas` is negative or not finite.
 
     Notes
     -----
     Most pairs are excluded by bounds on what each craft does between common times.  Half a million
     pairs take a tenth of a second on two cores and some megabytes.  A progress bar goes to standard
     error from five million pairs on, where that is a terminal.  Paths through samples are searched as
-    they are: their `interpolation_error` says how far from them craft may be.
+    they are: their `interpolation_error` says how far from them craft may be.  With errors every pair is
+    searched, at some tens of microseconds each.
 
     References
     ----------
@@ -156,8 +168,9 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
     held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, count)
     total = count * (count - 1) // 2
     pairs, rows = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, COLUMNS - 1))]
+    search = _search(batch, held, errors, sigmas)
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for found, table in _shown(_ahead(pool, batch, held), total):
+        for found, table in _shown(_ahead(pool, _jobs(held, batch, errors, sigmas), search), total):
             pairs.append(found)
             rows.append(table)
     who, table = np.concatenate(pairs), np.concatenate(rows)
@@ -165,7 +178,7 @@ def screen(paths: Path | Sequence[Path], zone: OwnZone | Sequence[OwnZone | None
     return Screening(who[order], *np.ascontiguousarray(table[order].T))
 
 
-def _jobs(zone: Zone | PairZones, paths: Path) -> Iterator[tuple[Zone, Any, Any]]:
+def _jobs(zone: Zone | PairZones, paths: Path, errors: Any, sigmas: float) -> Iterator[tuple[Zone, Any, Any]]:
     """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
     if isinstance(zone, PairZones) and not made_by_need(zone):
         yield from portions(zone, CHUNK)
@@ -173,7 +186,7 @@ def _jobs(zone: Zone | PairZones, paths: Path) -> Iterator[tuple[Zone, Any, Any]
     if isinstance(zone, PairZones):  # as many zones as pairs: they are made for those that come near
         reach = reach_of(zone)
         if reach > 0.0:
-            first, second = np.unique(screen(paths, Sphere(reach)).pairs, axis=0).T
+            first, second = np.unique(screen(paths, Sphere(reach), errors, sigmas).pairs, axis=0).T
             for k, some in by_zone(zone.which(first, second)):
                 yield zone.zones[k], first[some], second[some]
         return
@@ -183,16 +196,24 @@ def _jobs(zone: Zone | PairZones, paths: Path) -> Iterator[tuple[Zone, Any, Any]
             yield zone, second, first
 
 
-def _ahead(pool: ThreadPoolExecutor, paths: Path, zone: Zone | PairZones) -> Iterator[tuple[Any, Floats]]:
-    """Results of the jobs in order, few of them under way at once."""
-    waiting: deque[Any] = deque()
+def _search(paths: Path, zone: Zone | PairZones, errors: Any, sigmas: float) -> Any:
+    """What finds the rows of some pairs, of a zone and both indices."""
+    known = one_of(*(errors if isinstance(errors, list | tuple) else [errors]))
+    if known is not None:
+        return known._search_of(paths, errors, sigmas)
     bodies = paths.arcs, paths.offsets
     zones = (zone,) if isinstance(zone, Zone) else () if made_by_need(zone) else zone.zones
     tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2)
-    for one, first, second in _jobs(zone, paths):
-        waiting.append(
-            pool.submit(search_pairs, *bodies, *bodies, one, first, second, tracks.get(one, NO_TRACKS))
-        )
+    return lambda one, first, second: search_pairs(
+        *bodies, *bodies, one, first, second, tracks.get(one, NO_TRACKS)
+    )
+
+
+def _ahead(pool: ThreadPoolExecutor, jobs: Any, search: Any) -> Iterator[tuple[Any, Floats]]:
+    """Results of the jobs in order, few of them under way at once."""
+    waiting: deque[Any] = deque()
+    for job in jobs:
+        waiting.append(pool.submit(search, *job))
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
     while waiting:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.arrays import Floats, broadcast, instance
+from closeform.arrays import Floats, broadcast, instance, shown
 from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
@@ -16,6 +16,9 @@ from closeform.motion.path import Path
 from closeform.zones.combined_zones import Body, Uncertainty
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,14 @@ def _comparable(path: Path, other: Path, zone: Zone) -> None:
         )
 
 
-def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
+def find_conflicts(
+    path: Path,
+    other: Path,
+    zone: Zone,
+    errors: Errors | None = None,
+    other_errors: Errors | None = None,
+    sigmas: float = 3.0,
+) -> tuple[Conflict, ...]:
     """Every stay of one craft inside the zone around another, in order of time.
 
     Parameters
@@ -103,6 +113,13 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
         Of the craft that the zone is around, in the same orbit.
     zone : Zone
         Of the pair.
+    errors : Errors, optional
+        Of `path`, or with no `other_errors` of the one relative to the other: then a stay is a time in which
+        errors within so many sigmas can bring them together.
+    other_errors : Errors, optional
+        Of `other`, independent.
+    sigmas : float, no unit, default 3
+        How many, where there are errors.
 
     Returns
     -------
@@ -112,7 +129,8 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
     Raises
     ------
     ValueError
-        If a path is a batch (use `screen`), the orbits differ, or an argument is of another kind.
+        If a path is a batch (use `screen`), the orbits differ, an argument is of another kind, or `sigmas` is
+        negative or not finite.
 
     Notes
     -----
@@ -124,6 +142,10 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
     last place is small against zone / speed), so times are good to 1e-6 s wherever the norm
     changes faster than 1e-6 per second.  The least ratio is certain to 1e-9.
 
+    With errors the zone is the Minkowski sum of itself and the ellipsoid of so many sigmas, which moves and
+    grows with the covariance; the norm the norm is that of the paths in it.
+    Between stays none can meet; beside cylinders an end may be late, by 1e-5 of the sigmas.
+
     References
     ----------
     docs/theory.md section 3; the problem is that of SP11 (Sauter and Palmer 2011) section 3.
@@ -133,6 +155,9 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
         )
+    if known := one_of(errors, other_errors):
+        stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
+        return stays
     one = np.zeros(1, dtype=np.int64)
     rows = np.empty((16, COLUMNS))
     done = np.zeros(2, dtype=np.int64)
@@ -153,6 +178,15 @@ def find_conflicts(path: Path, other: Path, zone: Zone) -> tuple[Conflict, ...]:
         if done[0]:
             return tuple(Conflict(*map(float, row[1:])) for row in rows[:count])
         rows = np.empty((done[1], COLUMNS))
+
+
+def one_of(*errors: Any) -> Any:
+    """Any that are given: they know themselves how paths are searched with them."""
+    given = [one for one in errors if one is not None]
+    for one in given:
+        if not hasattr(one, "_find_conflicts"):
+            raise ValueError(f"errors: expected Errors, got {shown(one)}")
+    return given[0] if given else None
 
 
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:

@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
+from closeform.conflicts.two_paths import Conflict
 from closeform.motion.ends import checked_below
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
+from closeform.uncertainty.search import checked_sigmas, one_for_each, stays, stays_of_two
 from closeform.uncertainty.spread import covariances, spread_of
+from closeform.zones.zone import Zone
 
 MIXED = (
     1e3  # sigma_v / (n sigma_r): velocities that move a craft so many of its position's sigmas in a radian
@@ -215,6 +218,28 @@ class Errors:
         flat = np.ascontiguousarray(times.reshape(-1))
         covariances(path.arcs, path.orbit.mean_motion, spread.rows, spread.execution, flat, out)
         return out.reshape(*times.shape, 6, 6)
+
+    @staticmethod
+    def _find_conflicts(
+        path: Path, other: Path, zone: Zone, errors: Any, other_errors: Any, sigmas: Any
+    ) -> tuple[Conflict, ...]:
+        """As `find_conflicts` does where there are errors."""
+        one = spread_of(path, [errors])
+        found = stays_of_two(one, spread_of(other, [other_errors]), zone, path.orbit.mean_motion, sigmas)
+        return tuple(Conflict(*map(float, row[1:])) for row in found)
+
+    @staticmethod
+    def _search_of(paths: Path, errors: Any, sigmas: Any) -> Any:
+        """What `screen` searches some pairs with, where there are errors."""
+        spread = spread_of(paths, one_for_each("errors", errors, paths, Errors))
+        many = checked_sigmas(sigmas)
+
+        def search(zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
+            rows = stays(spread, spread, first, second, zone, paths.orbit.mean_motion, many)
+            index = rows[:, 0].astype(np.int64)
+            return np.stack([first[index], second[index]], axis=1), rows[:, 1:]
+
+        return search
 
     @cached_property
     def _execution(self) -> Floats:

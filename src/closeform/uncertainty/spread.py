@@ -12,10 +12,10 @@ many become six by Householder's reflections, which keep those of every row.
 
 from collections.abc import Sequence
 from math import copysign, inf, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, int64, types, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
@@ -48,10 +48,15 @@ MAGNITUDE, POINTING, GATES, NOISE = 0, 1, 2, 6  # columns of `Errors.execution`
 
 
 class Spread(NamedTuple):
-    """Of a batch of paths: `rows` (M, 60), one for each arc at its start, and `execution` (N, 7)."""
+    """Paths with their errors: `rows` (M, 60), one for each arc at its start, and `execution` (N, 7)."""
 
+    arcs: Floats
+    offsets: Any
     rows: Floats
     execution: Floats
+
+
+SPREAD = types.NamedTuple((float64[:, ::1], int64[::1], float64[:, ::1], float64[:, ::1]), Spread)
 
 
 def spread_of(path: Path, errors: "Sequence[Errors | None]") -> Spread:
@@ -65,7 +70,7 @@ def spread_of(path: Path, errors: "Sequence[Errors | None]") -> Spread:
             roots[k], execution[k] = one._root, one._execution
     rows = np.zeros((len(path.arcs), ROW))
     spread(path.arcs, path.offsets, path.orbit.mean_motion, roots, execution, rows)
-    return Spread(rows, execution)
+    return Spread(path.arcs, path.offsets, rows, execution)
 
 
 @kernel()

@@ -1,0 +1,145 @@
+"""Levels: how many sigmas just touch, or which scale of zone and sigmas does, and the least along a pair."""
+
+from math import inf, nan
+
+from numba import float64, int64, void
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import lent
+from closeform.motion.arc import END, START
+from closeform.motion.certified_march import locate, window_end
+from closeform.uncertainty.spread import NOISE, SPREAD
+from closeform.uncertainty.tube import (
+    NEVER,
+    NOISY,
+    TUBE,
+    clear_for,
+    level,
+    level_rate,
+    look,
+    room_at,
+    see_tube,
+)
+
+PRECISION = 1e-10  # of the least level
+SLACK = 1e-13  # of the zone: less is rounding
+TURN_ANGLE = 0.3  # in n t: a local minimum is looked for in steps no longer than this
+
+
+@kernel()
+def descend(tube, t, span, k, s):
+    """A local minimum that is reached from level s at t, where `level` was last: it and its time."""
+    low = level_rate(tube, k, s)
+    best, best_time = s, t
+    if low >= 0.0 or t >= span:
+        return best, best_time
+    longest = (span - t) / 16.0
+    if tube.mean_motion > 0.0:
+        longest = min(longest, TURN_ANGLE / tube.mean_motion)
+    step = max(min(longest, -0.25 * s / low), 1e-12 * span)
+    before = t
+    while True:
+        after = min(before + step, span)
+        found = level(tube, after, k, best)
+        if found < best:
+            best, best_time = found, after
+        if best <= 0.0:
+            return best, best_time
+        high = level_rate(tube, k, found) if found < inf else 1.0
+        if high >= 0.0:
+            break
+        if after >= span:
+            return best, best_time
+        before, low = after, high
+        step = min(1.5 * step, longest)
+    for m in range(100):
+        width = after - before
+        if min(-low, high) * width <= 1e-12 * best or width <= 1e-15 * span:
+            break
+        middle = before + 0.5 * width if m % 3 == 2 else before - width * low / (high - low)
+        found = level(tube, middle, k, best)
+        if found < best:
+            best, best_time = found, middle
+        if best <= 0.0:
+            break
+        rate = level_rate(tube, k, found) if found < inf else 1.0
+        if rate < 0.0:
+            before, low = middle, rate
+        else:
+            after, high = middle, rate
+    return best, best_time
+
+
+@kernel()
+def gap_at(tube, t, k, s):
+    """Room at time t between the zone and k sigmas, both at level s."""
+    scale = 1.0 if k < 0.0 else s
+    gap = look(tube, t) - scale
+    if gap > 0.0:
+        gap = room_at(tube, s if k < 0.0 else k * s) - scale
+    return gap
+
+
+@kernel()
+def least_in_window(tube, span, k, best, best_time):
+    """The least level of the window, if below `best`, and when; 0 where the mean enters."""
+    t = 0.0
+    while True:
+        aim = min(best * (1.0 - PRECISION), NEVER)
+        gap = gap_at(tube, t, k, aim) if best < inf else 0.0
+        if not gap > 0.0:
+            s = level(tube, t, k, aim if best < inf else 0.0)
+            if s < best:
+                best, best_time = s, t
+                if s > 0.0:
+                    best, best_time = descend(tube, t, span, k, s)
+                if best <= 0.0:
+                    return 0.0, best_time
+            aim = min(best * (1.0 - PRECISION), NEVER)
+            gap = gap_at(tube, t, k, aim)
+        if not t < span:
+            return best, best_time
+        h = clear_for(tube, aim if k < 0.0 else k * aim, max(gap, SLACK))
+        t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
+
+
+@kernel()
+def least_of_pair(tube, one, first, two, second, start, end, k):
+    """Least level over [start, end] and its time; nan where nothing ever brings them together."""
+    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
+    i = locate(one.arcs, one.offsets[first], i_end, start)
+    j = locate(two.arcs, two.offsets[second], j_end, start)
+    best, best_time = inf, nan
+    t = start
+    while True:
+        while i + 1 < i_end and one.arcs[i, END] <= t:
+            i += 1
+        while j + 1 < j_end and two.arcs[j, END] <= t:
+            j += 1
+        stop = window_end(one.arcs[i], two.arcs[j], t, end)
+        see_tube(tube, one, i, first, two, j, second, t, stop - t)
+        least, when = least_in_window(tube, stop - t, k, best, nan)
+        if least < best:
+            best, best_time = least, min(t + when, stop)
+        t = stop
+        if t >= end or best <= 0.0:
+            return best, best_time
+
+
+@kernel()
+def begin_pair(tube, one, first, two, second):
+    """When the common time of a pair starts and ends."""
+    tube.seen[NOISY] = one.execution[first, NOISE] + two.execution[second, NOISE]
+    start = max(one.arcs[one.offsets[first], START], two.arcs[two.offsets[second], START])
+    return start, min(one.arcs[one.offsets[first + 1] - 1, END], two.arcs[two.offsets[second + 1] - 1, END])
+
+
+@kernel(void(SPREAD, SPREAD, int64[::1], int64[::1], TUBE, float64, float64[:, ::1]))
+def least_of_pairs(one, two, first, second, tube, k, out):
+    """Time and least level of pairs over their common times, by sigmas (k < 0) or by scale of k sigmas."""
+    one, two, tube = lent(one), lent(two), lent(tube)
+    for p in range(len(first)):
+        start, end = begin_pair(tube, one, first[p], two, second[p])
+        out[p, 0], out[p, 1] = nan, inf
+        if start <= end:
+            out[p, 1], out[p, 0] = least_of_pair(tube, one, first[p], two, second[p], start, end, k)

@@ -1,0 +1,342 @@
+"""Planes between a unit zone about the origin and an ellipsoid: the one that leaves most room.
+
+The ellipsoid is that of k sigmas about r, of covariance S.  Of all a on the zone's polar set (where the
+greatest a . q of the zone is 1: |a| = 1 of a ball, mixtures of the faces of half-spaces, hypot(a_0, a_1) +
+|a_2| = 1 of a cylinder) the best plane has the greatest
+
+    g = a . r - k sqrt(a S a)                                                        # theory (52)
+
+which is the least norm of any point of the ellipsoid, at p = r - k S a / sqrt(a S a).  Any other a gives
+less, so that g above 1 is a proof whatever a is.  A cube comes as six faces.
+"""
+
+from math import cos, inf, sin, sqrt
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix
+from closeform.zones.shapes import BALL, FACES
+
+SETTLED = 1e-13  # relative: what a plane gains by less is rounding
+
+
+@kernel()
+def times(s, x, y, z):
+    """A symmetric matrix (3, 3) times a vector."""
+    return (
+        s[0, 0] * x + s[0, 1] * y + s[0, 2] * z,
+        s[0, 1] * x + s[1, 1] * y + s[1, 2] * z,
+        s[0, 2] * x + s[1, 2] * y + s[2, 2] * z,
+    )
+
+
+@kernel()
+def room(r, s, k, x, y, z):
+    """g of (x, y, z) and the point p at which it is attained: r where nothing is uncertain."""
+    ux, uy, uz = times(s, x, y, z)
+    wide = sqrt(max(x * ux + y * uy + z * uz, 0.0))
+    h = k / wide if wide > 0.0 else 0.0
+    px, py, pz = r[0] - h * ux, r[1] - h * uy, r[2] - h * uz
+    return x * r[0] + y * r[1] + z * r[2] - k * wide, px, py, pz
+
+
+@kernel()
+def shifted_inverse(s, shift, x, y, z):
+    """(S + shift I)^-1 times a vector, by cofactors."""
+    a, b, c = s[0, 0] + shift, s[1, 1] + shift, s[2, 2] + shift
+    d, e, f = s[0, 1], s[0, 2], s[1, 2]
+    m0, m1, m2 = b * c - f * f, e * f - d * c, d * f - b * e
+    share = 1.0 / (a * m0 + d * m1 + e * m2)
+    n1, n2 = a * c - e * e, d * e - a * f
+    wx = share * (m0 * x + m1 * y + m2 * z)
+    wy = share * (m1 * x + n1 * y + n2 * z)
+    wz = share * (m2 * x + n2 * y + (a * b - d * d) * z)
+    return wx, wy, wz
+
+
+@kernel()
+def refined_inverse(s, shift, x, y, z):
+    """The same, once more on what rounding left."""
+    wx, wy, wz = shifted_inverse(s, shift, x, y, z)
+    ux, uy, uz = times(s, wx, wy, wz)
+    dx, dy, dz = shifted_inverse(s, shift, x - ux - shift * wx, y - uy - shift * wy, z - uz - shift * wz)
+    return wx + dx, wy + dy, wz + dz
+
+
+@kernel()
+def round_plane(x, y, z, s, k):
+    """Best unit a of a ball: towards p = rho w, w = (S + rho I)^-1 r, where sqrt(w S w) = k.
+
+    Newton's method on the inverse of that root, which is almost straight in rho.
+    """
+    ux, uy, uz = times(s, x, y, z)
+    spread = x * ux + y * uy + z * uz
+    if k == 0.0 or not spread > 0.0:
+        size = sqrt(x * x + y * y + z * z)
+        return x / size, y / size, z / size
+    trace = s[0, 0] + s[1, 1] + s[2, 2]
+    least = 1e-12 * trace  # below, what is not uncertain at all is lost in rounding
+    shift = max(sqrt(spread) / k - trace, least)  # from below
+    wx = wy = wz = 0.0
+    for _ in range(60):
+        wx, wy, wz = refined_inverse(s, shift, x, y, z)
+        ux, uy, uz = times(s, wx, wy, wz)
+        square = wx * ux + wy * uy + wz * uz
+        if not square > 0.0:
+            break
+        vx, vy, vz = refined_inverse(s, shift, ux, uy, uz)
+        size = sqrt(square)
+        step = square / (wx * vx + wy * vy + wz * vz) * (size - k) / k
+        if abs(step) <= 1e-10 * shift or (shift == least and step < 0.0):
+            break
+        shift = max(shift + step, 1e-3 * shift, least)
+    size = sqrt(wx * wx + wy * wy + wz * wz)
+    return wx / size, wy / size, wz / size
+
+
+@kernel()
+def mixture(f, g, r, s, k):
+    """Share of the row g in the best plane between rows f and g; -1 where none of both is best."""
+    dx, dy, dz = g[0] - f[0], g[1] - f[1], g[2] - f[2]
+    ux, uy, uz = times(s, dx, dy, dz)
+    bend = dx * ux + dy * uy + dz * uz
+    along = f[0] * ux + f[1] * uy + f[2] * uz
+    vx, vy, vz = times(s, f[0], f[1], f[2])
+    rest = f[0] * vx + f[1] * vy + f[2] * vz - along * along / bend if bend > 0.0 else -inf
+    slope = dx * r[0] + dy * r[1] + dz * r[2]
+    left = k * k - slope * slope / bend if bend > 0.0 else -1.0
+    if not (left > 0.0 and rest > -inf):
+        return -1.0
+    return (sqrt(max(rest, 0.0) / left) * slope - along) / bend
+
+
+@kernel()
+def mixture_of_three(f, g, h, r, s, k):
+    """Shares of the rows g and h in the best plane between three; negative where not all three are in it."""
+    dx, dy, dz = g[0] - f[0], g[1] - f[1], g[2] - f[2]
+    ex, ey, ez = h[0] - f[0], h[1] - f[1], h[2] - f[2]
+    ux, uy, uz = times(s, dx, dy, dz)
+    vx, vy, vz = times(s, ex, ey, ez)
+    a, b, c = dx * ux + dy * uy + dz * uz, dx * vx + dy * vy + dz * vz, ex * vx + ey * vy + ez * vz
+    determinant = a * c - b * b
+    if not determinant > 1e-14 * a * c:
+        return -1.0, -1.0
+    p, q = f[0] * ux + f[1] * uy + f[2] * uz, f[0] * vx + f[1] * vy + f[2] * vz
+    m, n = dx * r[0] + dy * r[1] + dz * r[2], ex * r[0] + ey * r[1] + ez * r[2]
+    hp, hq = (c * p - b * q) / determinant, (a * q - b * p) / determinant
+    hm, hn = (c * m - b * n) / determinant, (a * n - b * m) / determinant
+    wx, wy, wz = times(s, f[0], f[1], f[2])
+    rest = max(f[0] * wx + f[1] * wy + f[2] * wz - p * hp - q * hq, 0.0)
+    left = k * k - m * hm - n * hn
+    if not left > 0.0:
+        return -1.0, -1.0
+    scale = sqrt(rest / left)
+    return scale * hm - hp, scale * hn - hq
+
+
+@kernel()
+def flat_plane(faces, r, s, k, best):
+    """Best mixture of faces: at most three have a share.  From the best one, the farthest behind is added.
+
+    `best` (4,) gets the plane and its g.
+    """
+    best[3] = -inf
+    active = stack_matrix(4, 3)
+    chosen = stack_matrix(3, 3)
+    for m in range(len(faces)):
+        g, _, _, _ = room(r, s, k, faces[m, 0], faces[m, 1], faces[m, 2])
+        if g > best[3]:
+            best[0], best[1], best[2], best[3] = faces[m, 0], faces[m, 1], faces[m, 2], g
+    copy_row(best, active[0])
+    count = 1
+    for _ in range(40):
+        _, px, py, pz = room(r, s, k, best[0], best[1], best[2])
+        most, worst = -inf, 0
+        for m in range(len(faces)):
+            reach = faces[m, 0] * px + faces[m, 1] * py + faces[m, 2] * pz
+            if reach > most:
+                most, worst = reach, m
+        before = best[3]
+        if most <= before + SETTLED * (1.0 + abs(before)):
+            return
+        added = faces[worst]
+        found = 0
+        for i in range(count):
+            share = mixture(added, active[i], r, s, k)
+            if 0.0 < share < 1.0 and try_mixture(added, active[i], added, share, 0.0, r, s, k, best):
+                copy_row(active[i], chosen[0])
+                found = 1
+        for i in range(count):
+            for j in range(i):
+                share, other = mixture_of_three(added, active[i], active[j], r, s, k)
+                mixed = share > 0.0 and other > 0.0 and share + other < 1.0
+                if mixed and try_mixture(added, active[i], active[j], share, other, r, s, k, best):
+                    copy_row(active[i], chosen[0])
+                    copy_row(active[j], chosen[1])
+                    found = 2
+        if (
+            found == 0
+        ):  # best, or where nothing is uncertain along it, one of many that the point does not tell
+            for i in range(len(faces)):
+                for j in range(i):
+                    share = mixture(faces[i], faces[j], r, s, k)
+                    if 0.0 < share < 1.0:
+                        try_mixture(faces[i], faces[j], faces[i], share, 0.0, r, s, k, best)
+                    for m in range(j):
+                        share, other = mixture_of_three(faces[i], faces[j], faces[m], r, s, k)
+                        if share > 0.0 and other > 0.0 and share + other < 1.0:
+                            try_mixture(faces[i], faces[j], faces[m], share, other, r, s, k, best)
+            return
+        for i in range(found):
+            copy_row(chosen[i], active[i])
+        copy_row(added, active[found])
+        count = found + 1
+
+
+@kernel()
+def try_mixture(f, g, h, share, other, r, s, k, best):
+    """Whether a mixture of three rows is better than the best so far, which it then becomes."""
+    rest = 1.0 - share - other
+    x = rest * f[0] + share * g[0] + other * h[0]
+    y = rest * f[1] + share * g[1] + other * h[1]
+    z = rest * f[2] + share * g[2] + other * h[2]
+    found, _, _, _ = room(r, s, k, x, y, z)
+    if found <= best[3]:
+        return False
+    best[0], best[1], best[2], best[3] = x, y, z, found
+    return True
+
+
+@kernel()
+def copy_row(source, target):
+    for i in range(3):
+        target[i] = source[i]
+
+
+@kernel()
+def drum_plane(r, s, k, best):
+    """Best plane of a cylinder: at its side, at an end, or where they meet; `best` (4,) gets it and its g."""
+    best[3] = -inf
+    side = stack_matrix(3, 3)
+    for i in range(3):
+        for j in range(3):
+            side[i, j] = s[i, j] if i < 2 and j < 2 else 0.0
+    up = 1.0 if r[2] >= 0.0 else -1.0
+    height = 0.0
+    if r[0] != 0.0 or r[1] != 0.0:
+        x, y, _ = round_plane(r[0], r[1], 0.0, side, k)
+        g, _, _, height = room(r, s, k, x, y, 0.0)
+        best[0], best[1], best[2], best[3] = x, y, 0.0, g
+        if abs(height) <= g:
+            return
+    g, px, py, _ = room(r, s, k, 0.0, 0.0, up)
+    if g > best[3]:
+        best[0], best[1], best[2], best[3] = 0.0, 0.0, up, g
+    flat = sqrt(px * px + py * py)
+    if flat <= g:
+        return
+    if best[2] == 0.0:
+        px, py, up = best[0], best[1], 1.0 if height > 0.0 else -1.0
+        flat = 1.0
+    for _ in range(2):  # at the rim that seems nearer, or else at the other
+        climb_rim(
+            r, s, k, up, rim_start(r, s, k, up, px / flat, py / flat, best[3]), px / flat, py / flat, best
+        )
+        _, _, _, height = room(r, s, k, best[0], best[1], best[2])
+        if best[2] * up > 0.0 and abs(best[2]) < 1.0 and height * up > 0.0:
+            break
+        up = -up
+    _, px, py, height = room(r, s, k, best[0], best[1], best[2])
+    if max(sqrt(px * px + py * py), abs(height)) > best[3] + 1e-9 * (1.0 + abs(best[3])):
+        search_rim(r, s, k, best)
+
+
+@kernel()
+def search_rim(r, s, k, best):
+    """Climb from the best of many planes at the rims, where the way from a side's to an end's led nowhere."""
+    most, x, y, high = -inf, 1.0, 0.0, 1.0
+    for m in range(48):
+        angle = 0.2617993877991494 * (m % 24)
+        up = 1.0 if m < 24 else -1.0
+        for j in range(1, 8):
+            share = 0.125 * j
+            g, _, _, _ = room(r, s, k, share * cos(angle), share * sin(angle), up * (1.0 - share))
+            if g > most:
+                most, x, y, high = g, share * cos(angle), share * sin(angle), up
+    climb_rim(r, s, k, high, 1.0, x, y, best)
+
+
+@kernel()
+def rim_start(r, s, k, up, x, y, g):
+    """Share of the side's plane (x, y) from which to climb: one with more than g, or the best of some.
+
+    Along the way from the side's plane to the end's g is concave.
+    """
+    most, share, tried = -inf, 0.5, 0.5
+    for m in range(50):
+        found, _, _, _ = room(r, s, k, tried * x, tried * y, up * (1.0 - tried))
+        if found > most:
+            most, share = found, tried
+        if most > g:
+            break
+        tried = 0.5 * (1.0 - tried) if m % 2 == 0 else 1.0 - tried
+    return share
+
+
+@kernel()
+def climb_rim(r, s, k, up, share, x, y, best):
+    """Newton's method for a = (x, y, up (1 - hypot(x, y))), from a share of (x, y), in steps that gain."""
+    x, y = share * x, share * y
+    g = -inf
+    stepx = stepy = 0.0
+    for _ in range(60):
+        part = 1.0
+        while True:  # the step, shorter until it gains
+            tx, ty = x + part * stepx, y + part * stepy
+            size = sqrt(tx * tx + ty * ty)
+            if 0.0 < size < 1.0:
+                gained, px, py, pz = room(r, s, k, tx, ty, up * (1.0 - size))
+                if gained > g:
+                    break
+            part *= 0.5
+            if part < 1e-9:
+                return
+        risen = gained - g
+        x, y, g = tx, ty, gained
+        ax, ay, az = x, y, up * (1.0 - size)
+        if g > best[3]:
+            best[0], best[1], best[2], best[3] = ax, ay, az, g
+        if risen <= SETTLED * abs(g):
+            return
+        ex, ey = x / size, y / size
+        gx, gy = px - up * pz * ex, py - up * pz * ey
+        ux, uy, uz = times(s, ax, ay, az)
+        square = ax * ux + ay * uy + az * uz
+        # the rates of a along x and y are (1, 0, -up ex) and (0, 1, -up ey)
+        bx, by, bz = times(s, 1.0, 0.0, -up * ex)
+        cx, cy, cz = times(s, 0.0, 1.0, -up * ey)
+        slope_x, slope_y = ux - up * ex * uz, uy - up * ey * uz
+        curve = k / sqrt(square) if square > 0.0 else 0.0
+        turn = max(up * pz, 0.0) / size  # where it is less, what is left of the curve still leads upward
+        inverse = 1.0 / square if square > 0.0 else 0.0
+        hxx = -curve * (bx - up * ex * bz - slope_x * slope_x * inverse) - turn * (1.0 - ex * ex)
+        hyy = -curve * (cy - up * ey * cz - slope_y * slope_y * inverse) - turn * (1.0 - ey * ey)
+        hxy = -curve * (by - up * ey * bz - slope_x * slope_y * inverse) + turn * ex * ey
+        determinant = hxx * hyy - hxy * hxy
+        if determinant > 1e-14 * hxx * hyy and hxx < 0.0:
+            stepx = -(hyy * gx - hxy * gy) / determinant
+            stepy = -(hxx * gy - hxy * gx) / determinant
+        else:
+            steep = sqrt(gx * gx + gy * gy)
+            stepx, stepy = 0.5 * gx / steep, 0.5 * gy / steep
+
+
+@kernel()
+def plane(shape, faces, r, s, k, best):
+    """Fill `best` (4,) with the best plane and its g."""
+    if shape == FACES:
+        flat_plane(faces, r, s, k, best)
+    elif shape == BALL:
+        best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k)
+        best[3] = room(r, s, k, best[0], best[1], best[2])[0]
+    else:
+        drum_plane(r, s, k, best)

@@ -1,0 +1,61 @@
+"""Searches of paths with errors: what `find_conflicts` and `screen` do where there are any."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closeform.arrays import Floats, number, shown
+from closeform.conflicts.entries import COLUMNS
+from closeform.motion.path import Path
+from closeform.uncertainty.spread import Spread
+from closeform.uncertainty.stays import stays_of_pairs
+from closeform.uncertainty.tube import tube_for
+from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
+
+def stays(
+    one: Spread, two: Spread, first: Any, second: Any, zone: Zone, mean_motion: float, sigmas: float
+) -> Floats:
+    """Rows of pair, start, end, time, ratio of pairs `first` and `second` (P,) of two batches, in order."""
+    rows = np.empty((min(4096, 16 + len(first)), COLUMNS))
+    done = np.zeros(2, dtype=np.int64)
+    tube = tube_for(zone, mean_motion)
+    found = [np.empty((0, COLUMNS))]
+    while done[0] < len(first):
+        before = int(done[0])
+        count = stays_of_pairs(one, two, first, second, before, tube, sigmas, rows, done)
+        found.append(rows[:count].copy())
+        if done[0] == before:  # one pair has more stays than there are rows
+            rows = np.empty((done[1], COLUMNS))
+    return np.concatenate(found)
+
+
+def checked_sigmas(sigmas: Any) -> float:
+    """How many are to be clear."""
+    many = number("sigmas", sigmas)
+    if not 0.0 <= many < np.inf:
+        raise ValueError(f"sigmas: must be finite and at least 0, got {many:g}")
+    return many
+
+
+def one_for_each(name: str, errors: Any, path: Path, kind: Any) -> list[Errors | None]:
+    """Errors of the craft of a batch: one for all, or one for each (None: where its path is)."""
+    count = len(path.offsets) - 1
+    given = list(errors) if isinstance(errors, list | tuple) else [errors] * count
+    for one in given:
+        if not (one is None or isinstance(one, kind)):
+            raise ValueError(f"{name}: expected Errors, got {shown(one)}")
+    if len(given) != count:
+        raise ValueError(f"{name}: {len(given)} for {count} craft; give one, or one for each")
+    return given
+
+
+def stays_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: float, sigmas: Any) -> Floats:
+    """Stays of two craft."""
+    first = np.zeros(1, dtype=np.int64)
+    return stays(one, two, first, first, zone, mean_motion, checked_sigmas(sigmas))

@@ -1,0 +1,135 @@
+"""Stays: when zone and k sigmas meet, and for how long, of pairs of paths; as rows of floats."""
+
+from math import sqrt
+
+from numba import float64, int64
+
+from closeform.compiled import kernel
+from closeform.conflicts.entries import append
+from closeform.kernel_loans import lent
+from closeform.motion.arc import END
+from closeform.motion.certified_march import locate, window_end
+from closeform.uncertainty.levels import begin_pair, least_of_pair
+from closeform.uncertainty.planes import room
+from closeform.uncertainty.spread import SPREAD
+from closeform.uncertainty.tube import COLUMNS, TUBE, clear_for, column_bound, look, room_at, see_tube
+from closeform.zones.shapes import inside_step
+
+# As in `conflicts.entries`, but to what covariances and planes are good for.
+TOUCH = 1e-11
+ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
+DEEP, SHALLOW = 0.5, 0.75  # norms that a position is looked for at, and that will do, far inside
+
+
+@kernel()
+def enter(tube, t, span, k):
+    """March outside until k sigmas reach the zone: (time reached, whether they do)."""
+    while True:
+        norm = look(tube, t)
+        g = room_at(tube, k) if norm > ENTERED else norm
+        if not g > ENTERED:
+            return t, True
+        if not t < span:
+            return t, False
+        t = min(span, max(t + clear_for(tube, k, g - ENTRY_AIM), t * (1.0 + 2.3e-16)))
+
+
+@kernel()
+def position_inside(tube, norm, k):
+    """Sigmas of a position well inside the zone, or of the one deepest inside; and its norm."""
+    if norm <= DEEP:
+        return 0.0, norm
+    used = 0.0
+    while True:
+        g = room_at(tube, used)
+        if g <= SHALLOW or used >= k:
+            return used, g
+        best, place = tube.best, tube.place
+        ahead = best[0] * place[0] + best[1] * place[1] + best[2] * place[2]
+        wide = sqrt(tube.along[0])
+        more = (ahead - DEEP) / wide if wide > 0.0 else k
+        used = min(k, max(more, used * (1.0 + 1e-9)))
+
+
+@kernel()
+def leave(tube, t, span, k):
+    """March inside, each time with one position that is inside: (time reached, whether none is)."""
+    place, best, at, bounds = tube.place, tube.best, tube.at, tube.bounds
+    while True:
+        used, g = position_inside(tube, look(tube, t), k)
+        if g > LEFT:
+            return t, True
+        if not t < span:
+            return t, False
+        x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
+        if used > 0.0 and tube.along[0] > 0.0:
+            share = used / sqrt(tube.along[0])
+            _, x, y, z = room(place, tube.square, used, best[0], best[1], best[2])
+            for j in range(0, 3 * COLUMNS, 3):
+                length = best[0] * at[0, j] + best[1] * at[0, j + 1] + best[2] * at[0, j + 2]
+                vx -= share * length * at[1, j]
+                vy -= share * length * at[1, j + 1]
+                vz -= share * length * at[1, j + 2]
+        ax = bounds[0] + used * column_bound(tube, 1.0, 0.0, 0.0)
+        ay = bounds[1] + used * column_bound(tube, 0.0, 1.0, 0.0)
+        az = bounds[2] + used * column_bound(tube, 0.0, 0.0, 1.0)
+        a = sqrt(ax * ax + ay * ay + az * az)
+        speed = sqrt(vx * vx + vy * vy + vz * vz) + a * (span - t)
+        h = inside_step(tube.shape, tube.faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
+        t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
+
+
+@kernel()
+def stays_of_pair(tube, one, first, two, second, start, end, k, pair, rows, count):
+    """Append the stays of one pair to `rows`; the new count, beyond len(rows) if they do not fit."""
+    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
+    i = locate(one.arcs, one.offsets[first], i_end, start)
+    j = locate(two.arcs, two.offsets[second], j_end, start)
+    inside, entry = False, start
+    t = start
+    while True:
+        while i + 1 < i_end and one.arcs[i, END] <= t:
+            i += 1
+        while j + 1 < j_end and two.arcs[j, END] <= t:
+            j += 1
+        stop = window_end(one.arcs[i], two.arcs[j], t, end)
+        see_tube(tube, one, i, first, two, j, second, t, stop - t)
+        local = 0.0
+        while True:
+            if inside:
+                local, crossed = leave(tube, local, stop - t, k)
+            else:
+                local, crossed = enter(tube, local, stop - t, k)
+            if not crossed:
+                break
+            inside = not inside
+            if inside:
+                entry = min(t + local, stop)
+            else:
+                count = append(rows, count, pair, entry, min(t + local, stop))
+        t = stop
+        if t >= end:
+            break
+    return append(rows, count, pair, entry, end) if inside else count
+
+
+@kernel(int64(SPREAD, SPREAD, int64[::1], int64[::1], int64, TUBE, float64, float64[:, ::1], int64[::1]))
+def stays_of_pairs(one, two, first, second, pair, tube, k, rows, done):
+    """Stays of pairs from `pair` on, as of `entries.conflicts_of_pairs`: pair, start, end, time and level."""
+    one, two, tube = lent(one), lent(two), lent(tube)
+    count = 0
+    for p in range(pair, len(first)):
+        start, end = begin_pair(tube, one, first[p], two, second[p])
+        if not start <= end:
+            continue
+        total = stays_of_pair(tube, one, first[p], two, second[p], start, end, k, p, rows, count)
+        if total > len(rows):
+            done[0], done[1] = p, total - count
+            return count
+        for m in range(count, total):
+            begin, leaves = rows[m, 1], rows[m, 2]
+            ratio, when = least_of_pair(tube, one, first[p], two, second[p], begin, leaves, k)
+            rows[m, 3], rows[m, 4] = when, ratio
+        count = total
+    done[0] = len(first)
+    return count

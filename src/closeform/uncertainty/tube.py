@@ -1,0 +1,298 @@
+"""The tube: what a pair's positions are within k sigmas, seen along a window and marched against a zone.
+
+With a of unit polar norm and l_j = a . r_j of the columns r_j,
+
+    g(t) = a . r_0 - k |l|,   g(t + h) >= g + h (a . v_0 - k l . l' / |l|) - h^2/2 C         # theory (53)
+    C = sum |a_i| A_0i + k A + k |l' across l|^2 / |l|
+
+where A_0i bounds the mean's acceleration along axis i, and A that of all l (for settled columns along a
+itself, a swing); or with |l'| for l . l' / |l| and without the last term, where |l| is small.  White noise
+since the window's start is six more columns, seen anew at each step, and what it adds within a step at most
+k (sqrt(m^2 + c h^3) - m).
+"""
+
+from math import inf, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import float64, types
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_vector
+from closeform.motion.arc import acceleration, derivatives_at
+from closeform.motion.certified_march import bound, relative_state, store, window
+from closeform.motion.hill import oscillation
+from closeform.uncertainty.planes import plane
+from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, under_way
+from closeform.zones.shapes import CUBE, FACES, FORM, norm, time_to_level
+from closeform.zones.zone import Zone
+
+NEVER = 1e4  # as many sigmas are infinitely many
+COLUMNS = 20  # six that are settled, four under way of either craft, six of noise
+# Of `seen`: the mean's order and mean motion, how many columns are active, the noise of both, how long.
+ORDER, MEAN_RATE, ACTIVE, NOISY, REACH = 0, 1, 2, 3, 4
+
+
+class Tube(NamedTuple):
+    """Room for what a kernel sees of one pair; in zone coordinates but for `columns`.
+
+    Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit.  Of a window the derivatives of the
+    mean (8, 3), of the settled columns (4, 18) and of those under way (64, 3), `bounds` (6,) of acceleration
+    along the axes, of the mean and of columns that are not settled, and what is `seen` (5,).  At an instant
+    `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the `best` plane
+    (4,) and what of the columns is along it, `along` (3,): |l|^2, l . l' and |l'|^2.
+    """
+
+    shape: int
+    matrix: Floats
+    faces: Floats
+    mean_motion: float
+    mean: Floats
+    settled: Floats
+    active: Floats
+    bounds: Floats
+    seen: Floats
+    columns: Floats
+    place: Floats
+    at: Floats
+    square: Floats
+    best: Floats
+    along: Floats
+
+
+TUBE = types.NamedTuple(
+    (
+        *FORM.types,
+        float64,
+        *[float64[:, ::1]] * 3,
+        *[float64[::1]] * 2,
+        float64[:, ::1],
+        float64[::1],
+        *[float64[:, ::1]] * 2,
+        *[float64[::1]] * 2,
+    ),
+    Tube,
+)
+
+
+def tube_for(zone: Zone, mean_motion: float) -> Tube:
+    """Room for pairs with a zone; a cube is six faces."""
+    shape, matrix, faces = zone.form
+    if shape == CUBE:
+        shape, faces = FACES, np.concatenate([np.eye(3), -np.eye(3)])
+    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 5, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
+    return Tube(shape, matrix, faces, mean_motion, *map(np.zeros, sizes))
+
+
+@kernel()
+def settled_rows(tube, width):
+    """Derivatives in zone coordinates of `width` columns, natural motion all."""
+    n, a, rows = tube.mean_motion, tube.columns, tube.settled
+    for j in range(width):
+        x, y, z, vx, vy, vz = a[0, j], a[1, j], a[2, j], a[3, j], a[4, j], a[5, j]
+        for k in range(4):
+            for i in range(3):
+                rows[k, 3 * j + i] = tube.matrix[i, 0] * x + tube.matrix[i, 1] * y + tube.matrix[i, 2] * z
+            ax, ay, az = acceleration(n, x, z, vx, vy)
+            x, y, z, vx, vy, vz = vx, vy, vz, ax, ay, az
+
+
+@kernel()
+def settled_bound(tube, h, x, y, z):
+    """Square of what bounds the acceleration of all settled columns along a direction over [0, h]."""
+    n, rows = tube.mean_motion, tube.settled
+    b = c = 0.0
+    for j in range(0, 18, 3):
+        bend = x * rows[2, j] + y * rows[2, j + 1] + z * rows[2, j + 2]
+        twist = x * rows[3, j] + y * rows[3, j + 1] + z * rows[3, j + 2]
+        b, c = b + bend * bend, c + twist * twist
+    grown = sqrt(b) + sqrt(c) * h
+    grown *= grown
+    return min(grown, b + c / (n * n)) if n > 0.0 else grown
+
+
+@kernel()
+def column_bound(tube, x, y, z):
+    """What bounds the acceleration of all columns along a direction, all over the window."""
+    others = abs(x) * tube.bounds[3] + abs(y) * tube.bounds[4] + abs(z) * tube.bounds[5]
+    return sqrt(settled_bound(tube, tube.seen[REACH], x, y, z) + others * others)
+
+
+@kernel()
+def see_under_way(tube, arc, row, execution, t, h):
+    """Derivatives and bounds of the errors of one craft's burn."""
+    out = stack_vector(30)
+    for j in range(under_way(arc, execution)):
+        error_arc(tube.mean_motion, arc, row, execution, j, out)
+        first = 8 * int(tube.seen[ACTIVE])
+        q = tube.active[first : first + 8]
+        q[:] = 0.0
+        derivatives_at(out, t, 8, q, 1.0)
+        for k in range(8):
+            store(q, k, tube.matrix, q[k, 0], q[k, 1], q[k, 2])
+        for axis in range(3):
+            a, _ = bound(q, 8, tube.mean_motion, h, axis)
+            tube.bounds[3 + axis] += a * a
+        tube.seen[ACTIVE] += 1.0
+
+
+@kernel()
+def see_tube(tube, one, i, first, two, j, second, t, h):
+    """See arcs i and j of a pair from time t on, for at most h: mean, columns and what bounds them."""
+    a, row, execution = one.arcs[i], one.rows[i], one.execution[first]
+    b, other_row, other_execution = two.arcs[j], two.rows[j], two.execution[second]
+    order, n = window(a, b, t, tube.matrix, tube.mean)
+    tube.seen[ORDER], tube.seen[MEAN_RATE], tube.seen[ACTIVE] = order, n, 0.0
+    for axis in range(3):
+        tube.bounds[axis], _ = bound(tube.mean, order, n, h, axis)
+        tube.bounds[3 + axis] = 0.0
+    if tube.seen[NOISY] > 0.0:
+        add_noise(tube.mean_motion, h, tube.seen[NOISY], tube.columns, 0)
+        settled_rows(tube, 6)
+        for axis in range(3):
+            x, y, z = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
+            tube.bounds[3 + axis] += settled_bound(tube, h, x, y, z)
+    width = add_settled(tube.mean_motion, a, row, execution, t, tube.columns, 0)
+    width = add_settled(tube.mean_motion, b, other_row, other_execution, t, tube.columns, width)
+    compress(tube.columns, width)
+    settled_rows(tube, 6)
+    see_under_way(tube, a, row, execution, t, h)
+    see_under_way(tube, b, other_row, other_execution, t, h)
+    for axis in range(3):
+        tube.bounds[3 + axis] = sqrt(tube.bounds[3 + axis])
+    tube.seen[REACH] = h
+
+
+@kernel()
+def look(tube, t):
+    """The mean, the columns and their covariance at time t of the window's own: the norm of the mean."""
+    n, rows, at, s = tube.mean_motion, tube.settled, tube.at, tube.square
+    x, y, z, vx, vy, vz = relative_state(tube.mean, int(tube.seen[ORDER]), tube.seen[MEAN_RATE], t)
+    place = tube.place
+    place[0], place[1], place[2], place[3], place[4], place[5] = x, y, z, vx, vy, vz
+    c0, c1, c2 = oscillation(n, t)
+    for j in range(18):
+        at[0, j] = rows[0, j] + rows[1, j] * t + rows[2, j] * c1 + rows[3, j] * c2
+        at[1, j] = rows[1, j] + rows[2, j] * c0 + rows[3, j] * c1
+    width = 18
+    for j in range(int(tube.seen[ACTIVE])):
+        moved = relative_state(tube.active[8 * j : 8 * j + 8], 8, n, t)
+        for i in range(3):
+            at[0, width + i], at[1, width + i] = moved[i], moved[3 + i]
+        width += 3
+    if tube.seen[NOISY] > 0.0 and t > 0.0:
+        a, m = tube.columns, tube.matrix
+        add_noise(n, t, tube.seen[NOISY], a, 0)
+        for j in range(6):
+            for i in range(3):
+                at[0, width + i] = m[i, 0] * a[0, j] + m[i, 1] * a[1, j] + m[i, 2] * a[2, j]
+                at[1, width + i] = m[i, 0] * a[3, j] + m[i, 1] * a[4, j] + m[i, 2] * a[5, j]
+            width += 3
+    for j in range(width, 3 * COLUMNS):
+        at[0, j] = at[1, j] = 0.0
+    xx = xy = xz = yy = yz = zz = 0.0
+    for j in range(0, width, 3):
+        px, py, pz = at[0, j], at[0, j + 1], at[0, j + 2]
+        xx, xy, xz = xx + px * px, xy + px * py, xz + px * pz
+        yy, yz, zz = yy + py * py, yz + py * pz, zz + pz * pz
+    s[0, 0], s[0, 1], s[0, 2], s[1, 0], s[1, 1], s[1, 2] = xx, xy, xz, xy, yy, yz
+    s[2, 0], s[2, 1], s[2, 2] = xz, yz, zz
+    for i in range(3):  # where nothing is uncertain a plane could lean either way; its bound has the columns'
+        s[i, i] += 1e-16 * (xx + yy + zz)
+    return norm(tube.shape, tube.faces, x, y, z)
+
+
+@kernel()
+def room_at(tube, k):
+    """g at k sigmas of the best plane, by its columns; what of them is along it is kept in `along`."""
+    best, at, along, place = tube.best, tube.at, tube.along, tube.place
+    plane(tube.shape, tube.faces, place, tube.square, k, best)
+    x, y, z = best[0], best[1], best[2]
+    square = turn = rate = 0.0
+    for j in range(0, 3 * COLUMNS, 3):
+        length = x * at[0, j] + y * at[0, j + 1] + z * at[0, j + 2]
+        speed = x * at[1, j] + y * at[1, j + 1] + z * at[1, j + 2]
+        square, turn, rate = square + length * length, turn + length * speed, rate + speed * speed
+    along[0], along[1], along[2] = square, turn, rate
+    best[3] = x * place[0] + y * place[1] + z * place[2] - k * sqrt(square)
+    return best[3]
+
+
+@kernel()
+def level_time(gap, slope, k, along, most, spread):
+    """How long the gap certainly lasts, by the better of both bounds.                       # theory (53)"""
+    h = time_to_level(gap, slope - k * sqrt(along[2]), most + k * spread)
+    if along[0] > 0.0:
+        wide = sqrt(along[0])
+        turn = along[1] / wide
+        bend = max(along[2] - turn * turn, 0.0) / wide
+        h = max(h, time_to_level(gap, slope - k * turn, most + k * (spread + bend)))
+    return h
+
+
+@kernel()
+def clear_for(tube, k, gap):
+    """How long the plane that was found last certainly keeps its gap at k sigmas."""
+    best, b, along, m = tube.best, tube.bounds, tube.along, tube.matrix
+    x, y, z = best[0], best[1], best[2]
+    most = abs(x) * b[0] + abs(y) * b[1] + abs(z) * b[2]
+    spread = column_bound(tube, x, y, z)
+    slope = x * tube.place[3] + y * tube.place[4] + z * tube.place[5]
+    h = level_time(gap, slope, k, along, most, spread)
+    if tube.seen[NOISY] > 0.0 and k > 0.0:
+        square = 0.0
+        for i in range(3):
+            part = x * m[0, i] + y * m[1, i] + z * m[2, i]
+            square += part * part
+        # noise of h at most makes |a . r| vary by c h^3, as |Phi_rv(s)| <= s (1 + n s) up to n s = 1
+        cubic = 4.0 / 3.0 * tube.seen[NOISY] * square
+        if tube.mean_motion > 0.0:
+            h = min(h, 1.0 / tube.mean_motion)
+        for _ in range(200):
+            least = max(sqrt(along[0]) - h * sqrt(along[2]), 0.0)
+            fresh = cubic * h * h * h
+            lost = k * fresh / (least + sqrt(least * least + fresh))
+            if lost <= 0.5 * gap:
+                return min(h, level_time(gap - lost, slope, k, along, most, spread))
+            h *= 0.5
+    return h
+
+
+@kernel()
+def level(tube, t, k, start):
+    """The level of the zone, or the sigmas, at which both just touch at time t, from above it or from 0.
+
+    k < 0: as many sigmas as leave room 1; else the scale of zone and k sigmas together, which is the mean's
+    norm in their sum.  Newton's method: g is convex in either, so that it comes from below.
+    """
+    inside = look(tube, t)
+    if inside <= (1.0 if k < 0.0 else 0.0):
+        return 0.0
+    s = start
+    for _ in range(40):
+        room_at(tube, s if k < 0.0 else s * k)
+        ahead = tube.best[0] * tube.place[0] + tube.best[1] * tube.place[1] + tube.best[2] * tube.place[2]
+        wide = sqrt(tube.along[0])
+        if k < 0.0:
+            better = (ahead - 1.0) / wide if wide > 0.0 else inf
+        else:
+            better = ahead / (1.0 + k * wide)
+        better = max(better, 0.0)
+        if better >= NEVER:
+            return inf
+        if not abs(better - s) > 1e-13 * better:
+            break
+        s = better
+    return better
+
+
+@kernel()
+def level_rate(tube, k, s):
+    """The sign and size of the rate of `level` at the plane that it found."""
+    slope = tube.best[0] * tube.place[3] + tube.best[1] * tube.place[4] + tube.best[2] * tube.place[5]
+    wide = sqrt(tube.along[0])
+    turn = tube.along[1] / wide if wide > 0.0 else sqrt(tube.along[2])
+    if k < 0.0:
+        return (slope - s * turn) / wide if wide > 0.0 else slope - s * turn
+    return (slope - s * k * turn) / (1.0 + k * wide)

@@ -1,0 +1,315 @@
+"""k sigmas against zones of all shapes: dense grids of nearest points by a convex solver, drawn errors."""
+
+import clarabel
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize, minimize_scalar
+from scipy.sparse import csc_matrix
+
+import closeform as cf
+from closeform.conflicts.two_paths import _index
+from closeform.uncertainty.columns import columns_of
+
+ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
+N, PERIOD = ORBIT.mean_motion, ORBIT.period
+AT_REST = np.zeros(6)
+ZONES = {
+    "sphere": cf.Sphere(15.0),
+    "ellipsoid": cf.Ellipsoid([10.0, 25.0, 15.0], axes=[[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]]),
+    "box": cf.Box([15.0, 30.0, 15.0]),
+    "cylinder": cf.Cylinder(15.0, 30.0, [1.0, 1.0, 0.0]),
+    "half-spaces": cf.HalfSpaces([[0, 1, 0], [1, 1, 0], [0, -1, 0.2], [-1, 0, -1]], [15.0, 30.0, 20.0, 25.0]),
+}
+
+
+SHAPES = {name: zone.shape for name, zone in ZONES.items()}
+
+
+def deviations(places, speeds):
+    return np.diag([*places, *speeds]) ** 2
+
+
+CASES = {  # mean state, errors, duration
+    "V-bar": ([0, 200, 0, 0, 0, 0], deviations([2, 5, 2], [1e-3, 1.5e-3, 2e-3]), 2 * PERIOD),
+    "ellipse": ([60, 0, 0, 0, -2 * N * 60, N * 60], deviations([3, 6, 3], [3e-3] * 3), 2 * PERIOD),
+    "walking": ([50, 400, 0, 0, -2 * N * 50 - 2 * N, N * 50], deviations([2, 6, 2], [2e-3] * 3), 5 * PERIOD),
+    "flat": ([40, 90, 0, 0.01, 0, 0.02], deviations([1, 3, 0], [1e-3, 1e-3, 0]), PERIOD),  # nothing across
+    "a line": ([60, 60, 30, -0.02, 0, 0], deviations([0, 2, 0], [0, 0, 0]), PERIOD),  # rank one
+}
+
+
+def sigmas_at(zone, mean, covariance):
+    """Fewest sigmas from the mean into the zone: min t, |xi| <= t, mean + root xi in it, by a solver."""
+    if zone.norm(mean) <= 1.0:
+        return 0.0
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > 1e-12 * values[-1]
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    count = root.shape[1]
+    q, moved = zone.matrix @ mean, zone.matrix @ root
+    rows = [np.eye(count + 1)[[count, *range(count)]]]  # (t, xi) in a second-order cone
+    ends, cones = [np.zeros(count + 1)], [clarabel.SecondOrderConeT(count + 1)]
+    flat = zone.faces if len(zone.faces) else np.concatenate([np.eye(3), -np.eye(3)])
+    leading = {SHAPES["sphere"]: 3, SHAPES["cylinder"]: 2}.get(zone.shape, 0)
+    if leading:
+        rows.append(np.pad(moved[:leading], ((1, 0), (0, 1))))  # (1, q + moved xi) in another
+        ends.append(np.concatenate([[1.0], q[:leading]]))
+        cones.append(clarabel.SecondOrderConeT(leading + 1))
+        flat = np.array([[0, 0, 1.0], [0, 0, -1.0]]) if leading == 2 else np.empty((0, 3))
+    if len(flat):
+        rows.append(np.pad(-flat @ moved, ((0, 0), (0, 1))))
+        ends.append(1.0 - flat @ q)
+        cones.append(clarabel.NonnegativeConeT(len(flat)))
+    options = clarabel.DefaultSettings()
+    options.verbose = False
+    options.tol_gap_abs = options.tol_gap_rel = options.tol_feas = 1e-11
+    cost = np.zeros(count + 1)
+    cost[count] = 1.0
+    solver = clarabel.DefaultSolver(
+        csc_matrix((count + 1, count + 1)),
+        cost,
+        csc_matrix(-np.concatenate(rows)),
+        np.concatenate(ends),
+        cones,
+        options,
+    )
+    solution = solver.solve()
+    return float(solution.x[count]) if str(solution.status) in ("Solved", "AlmostSolved") else np.inf
+
+
+@pytest.mark.parametrize("shape", ZONES)
+@pytest.mark.parametrize("case", CASES)
+def test_fewest_sigmas_are_those_of_a_dense_grid(case, shape):
+    """Nearest points at each time by a solver of its own, refined about the least one."""
+    mean, covariance, duration = CASES[case]
+    zone, errors = ZONES[shape], cf.Errors(covariance)
+    path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
+    found = cf.clearance_in_sigmas(path, other, zone, errors)
+    if cf.closest_approach(path, other, zone).ratio <= 1.0:
+        assert found.sigmas == 0.0
+        return
+
+    def at(t):
+        return sigmas_at(zone, path.position(t), errors.covariance(path, t)[:3, :3])
+
+    times = np.linspace(0.0, duration, 121)
+    grid = np.array([at(t) for t in times])
+    if not np.isfinite(grid).any():
+        assert found.sigmas > 100.0  # nothing within reach of the solver
+        return
+    k = int(grid.argmin())
+    around = times[max(k - 1, 0)], times[min(k + 1, 120)]
+    least = min(grid[k], minimize_scalar(at, bounds=around, method="bounded", options={"xatol": 1e-2}).fun)
+    assert found.sigmas == pytest.approx(least, rel=1e-6)  # of the solver
+    assert at(found.time) == pytest.approx(found.sigmas, rel=1e-6)
+    assert cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas * (1 - 1e-8)) == ()
+    (stay, *_) = cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas * (1 + 1e-7))
+    assert stay.start <= found.time + 1.0
+    assert stay.ratio == pytest.approx(1.0, abs=1e-6)
+
+
+def flown(orbit, seed):
+    """Two craft that pass each other, one on an optimal path with an impulse, one under constant thrust."""
+    rng = np.random.default_rng(seed)
+    ends = rng.normal(size=(2, 6)) * [80, 80, 80, 0.05, 0.05, 0.05]
+    path = orbit.transfer(ends[0], ends[1], 1500.0)
+    kicked = path.state(1500.0) + [0, 0, 0, *rng.normal(size=3) * 0.1]
+    path = cf.join([path, orbit.coast(kicked, 1500.0, start=1500.0)])
+    other = orbit.burn(
+        rng.normal(size=6) * [30, 30, 30, 0.03, 0.03, 0.03], rng.normal(size=3) * 1e-5, 2800.0, 100
+    )
+    return path, other
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-7])
+@pytest.mark.parametrize("orbit", [ORBIT, DEEP], ids=["orbit", "deep space"])
+@pytest.mark.parametrize("shape", ZONES)
+def test_sigmas_of_thrusting_craft_with_all_errors(shape, orbit, noise):
+    """Execution errors of both, and noise: covariances at a grid of times against the march."""
+    zone = ZONES[shape].enlarged(0.3)
+    errors = cf.Errors(deviations([2, 3, 1], [2e-3, 1e-3, 1e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise)
+    others = cf.Errors(deviations([1, 1, 1], [1e-3] * 3), magnitude=0.1, noise=0.5 * noise)
+    for seed in range(3):
+        path, other = flown(orbit, seed)
+        found = cf.clearance_in_sigmas(path, other, zone, errors, others)
+        if found.sigmas == 0.0:
+            assert cf.closest_approach(path, other, zone).ratio <= 1.0
+            continue
+
+        def at(t, path=path, other=other):
+            spread = errors.covariance(path, t) + others.covariance(other, t)
+            return sigmas_at(zone, path.position(t) - other.position(t), spread[:3, :3])
+
+        times = np.sort([*np.linspace(100.0, 2900.0, 57), 1500.0 - 1e-6])
+        grid = [at(t) for t in times]
+        assert found.sigmas <= min(grid) * (1 + 1e-6)
+        assert at(found.time) == pytest.approx(found.sigmas, rel=1e-6)
+
+
+def test_no_drawn_error_within_the_sigmas_enters():
+    """Errors on the sphere |xi| = k, flown one by one and searched without errors."""
+    rng = np.random.default_rng(2)
+    mean, covariance, duration = CASES["ellipse"]
+    path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
+    errors = cf.Errors(covariance)
+    columns = columns_of(path, errors)
+    for zone in ZONES.values():
+        k = cf.clearance_in_sigmas(path, other, zone, errors)
+        if k.sigmas == 0.0:
+            continue
+        states = columns.state(0.0)
+        xi = rng.normal(size=(2000, len(states)))
+        xi *= (k.sigmas * (1 - 1e-6) / np.linalg.norm(xi, axis=1))[:, None]
+        drawn = ORBIT.coast(np.array(mean) + xi @ states, duration)
+        assert (cf.closest_approach(drawn, other, zone).ratio > 1.0).all()
+
+
+def test_an_error_just_beyond_the_sigmas_enters():
+    """Of a sphere: the error that leads to its nearest point at that time, a millionth longer."""
+    mean, covariance, duration = CASES["walking"]
+    path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
+    errors, zone = cf.Errors(covariance), ZONES["sphere"]
+    found = cf.clearance_in_sigmas(path, other, zone, errors)
+    columns = columns_of(path, errors)
+    places, r = columns.position(found.time), path.position(found.time)
+    inverse = np.linalg.inv(places.T @ places)
+
+    def length(direction):  # xi that leads to a point of the sphere
+        point = 15.0 * direction / np.linalg.norm(direction)
+        return float(np.sqrt((point - r) @ inverse @ (point - r)))
+
+    direction = minimize(length, r, method="Nelder-Mead", options={"xatol": 1e-12, "fatol": 1e-14}).x
+    xi = places @ inverse @ (15.0 * direction / np.linalg.norm(direction) - r)
+    assert np.linalg.norm(xi) == pytest.approx(found.sigmas, rel=1e-8)
+    for factor, enters in ((1 - 1e-6, False), (1 + 1e-6, True)):
+        flown = ORBIT.coast(np.array(mean) + factor * xi @ columns.state(0.0), duration)
+        assert (cf.closest_approach(flown, other, zone).ratio <= 1.0) == enters
+
+
+@pytest.mark.parametrize("shape", ZONES)
+def test_stays_begin_and_end_where_the_tube_touches(shape):
+    """At each start and end as many sigmas are met; between stays more are needed, within them fewer."""
+    mean, covariance, duration = CASES["walking"]
+    zone, errors = ZONES[shape], cf.Errors(covariance)
+    path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
+    k = 1.3 * cf.clearance_in_sigmas(path, other, zone, errors).sigmas
+    stays = cf.find_conflicts(path, other, zone, errors=errors, sigmas=k)
+    assert stays
+
+    def at(t):
+        return sigmas_at(zone, path.position(t), errors.covariance(path, t)[:3, :3])
+
+    for stay in stays:
+        for edge in (stay.start, stay.end):
+            if 0.0 < edge < duration:
+                assert at(edge) == pytest.approx(k, rel=1e-5)  # of planes at rims beside long ellipsoids
+        assert 0.0 <= stay.ratio < 1.0
+        assert at(stay.time) < k
+    for t in np.linspace(1.0, duration - 1.0, 101):
+        inside = any(stay.start < t < stay.end for stay in stays)
+        assert (at(t) < k) == inside
+
+
+def test_ratio_of_a_stay_is_the_norm_in_the_sum_of_zone_and_sigmas():
+    """Of two balls: |r| / (R + k sigma), exactly."""
+    errors = cf.Errors(np.diag([4.0, 4.0, 4.0, 0, 0, 0]))
+    path, other = DEEP.coast([-100, 12.0, 0, 1.0, 0, 0], 200.0), DEEP.coast(AT_REST, 200.0)
+    (stay,) = cf.find_conflicts(path, other, cf.Sphere(9.0), errors, sigmas=3.0)
+    assert stay.ratio == pytest.approx(12.0 / 15.0, rel=1e-9)
+    assert stay.time == pytest.approx(100.0, abs=1e-4)
+    assert stay.end - stay.start == pytest.approx(2 * 9.0, rel=1e-9)
+    assert cf.clearance_in_sigmas(path, other, cf.Sphere(9.0), errors).sigmas == pytest.approx(1.5, rel=1e-9)
+
+
+def test_without_errors_and_at_no_sigmas_the_search_is_the_ordinary_one():
+    path, other = flown(ORBIT, 5)
+    zone = cf.Box([150.0, 120.0, 100.0])
+    plain = cf.find_conflicts(path, other, zone)
+    assert plain
+    for errors in (cf.Errors(), cf.Errors(deviations([1, 1, 1], [1e-3] * 3))):
+        k = 3.0 if not errors.state.any() else 0.0
+        same = cf.find_conflicts(path, other, zone, errors, sigmas=k)
+        assert len(same) == len(plain)
+        for one, two in zip(same, plain, strict=True):
+            np.testing.assert_allclose([one.start, one.end], [two.start, two.end], atol=1e-6)
+            assert one.ratio == pytest.approx(two.ratio, rel=1e-8)
+
+
+def test_sigmas_where_nothing_is_uncertain_or_nobody_meets():
+    path, other = ORBIT.coast([0, 200, 0, 0, 0, 0], PERIOD), ORBIT.coast(AT_REST, PERIOD)
+    zone = cf.Sphere(15.0)
+    nothing = cf.clearance_in_sigmas(path, other, zone, cf.Errors())
+    assert nothing.sigmas == np.inf
+    assert np.isnan(nothing.time)
+    across = cf.Errors(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings it nearer along the track
+    assert cf.clearance_in_sigmas(path, other, zone, across).sigmas == np.inf
+    later = ORBIT.coast([0, 200, 0, 0, 0, 0], PERIOD, start=2 * PERIOD)
+    apart = cf.clearance_in_sigmas(later, other, zone, cf.Errors(np.eye(6)))
+    assert apart.sigmas == np.inf
+    inside = cf.clearance_in_sigmas(
+        ORBIT.coast([0, 9, 0, 0, 0, 0], PERIOD), other, zone, cf.Errors(np.eye(6) * 1e-6)
+    )
+    assert inside.sigmas == 0.0
+
+
+def test_batches_broadcast_and_errors_are_given_for_each():
+    others = ORBIT.coast([[0, 0, 0, 0, 0, 0], [0, 500, 0, 0, 0, 0]], PERIOD)
+    paths = ORBIT.coast([[0, 200, 0, 0, 0, 0], [0, -90, 0, 0, 0, 0], [30, 5, 0, 0, 0, 0]], PERIOD)
+    errors = [cf.Errors(deviations([1, s, 1], [1e-3] * 3)) for s in (1.0, 4.0, 9.0)]
+    zone = cf.Sphere(15.0)
+    both = cf.clearance_in_sigmas(paths[:, None], others, zone, errors, [errors[0], None])
+    assert both.sigmas.shape == both.time.shape == (3, 2)
+    for i, j in np.ndindex(3, 2):
+        one = cf.clearance_in_sigmas(paths[i], others[j], zone, errors[i], errors[0] if j == 0 else None)
+        assert one.sigmas == both.sigmas[i, j]
+    assert _index(others, (3, 2)).tolist() == [0, 1] * 3
+
+
+turns = st.floats(0.05, 3.0)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 10**6), turns, st.sampled_from(sorted(ZONES)), st.floats(0.1, 10.0))
+def test_sigmas_fall_with_errors_and_zones_and_do_not_depend_on_units(seed, share, shape, scale):
+    rng = np.random.default_rng(seed)
+    mean = rng.normal(size=6) * [60, 200, 60, 0.05, 0.05, 0.05]
+    root = rng.normal(size=(6, 6)) * np.array([2, 4, 2, 2e-3, 2e-3, 2e-3])[:, None]
+    path, other = ORBIT.coast(mean, share * PERIOD), ORBIT.coast(AT_REST, share * PERIOD)
+    zone = ZONES[shape]
+    k = cf.clearance_in_sigmas(path, other, zone, cf.Errors(root @ root.T)).sigmas
+    assert cf.clearance_in_sigmas(path, other, zone, cf.Errors(1.21 * root @ root.T)).sigmas == pytest.approx(
+        k / 1.1, rel=2e-9
+    )
+    more = root.copy()
+    more[:, 0] *= 1.5
+    assert cf.clearance_in_sigmas(path, other, zone, cf.Errors(more @ more.T)).sigmas <= k * (1 + 2e-9)
+    assert cf.clearance_in_sigmas(path, other, zone.enlarged(1.1), cf.Errors(root @ root.T)).sigmas <= k * (
+        1 + 2e-9
+    )
+    if shape in ("sphere", "ellipsoid", "box"):  # in other units of length nothing changes
+        wide = ORBIT.coast(scale * mean, share * PERIOD)
+        same = cf.clearance_in_sigmas(wide, other, zone.enlarged(scale), cf.Errors(scale**2 * root @ root.T))
+        assert same.sigmas == pytest.approx(k, rel=1e-8)
+    if shape != "half-spaces":  # from the other side, with the errors there
+        there = cf.clearance_in_sigmas(other, path, zone, None, cf.Errors(root @ root.T))
+        assert there.sigmas == pytest.approx(k, rel=1e-9)
+
+
+def test_screen_finds_the_stays_of_each_pair():
+    """Bodies with errors that grow, one of them known exactly: as the pairs one by one."""
+    rng = np.random.default_rng(8)
+    states = rng.normal(size=(8, 6)) * [40, 150, 40, 0.03, 0.03, 0.03]
+    states[:, 4] = -2 * N * states[:, 0]
+    paths = ORBIT.coast(states, PERIOD)
+    errors = [cf.Errors(deviations([1, s, 1], [1e-3] * 3), noise=1e-10) for s in range(1, 8)] + [None]
+    found = cf.screen(paths, cf.Body(cf.Sphere(2.0)), errors=errors, sigmas=3.0)
+    expected = []
+    for i, j in zip(*np.triu_indices(8, 1), strict=True):
+        for stay in cf.find_conflicts(paths[i], paths[j], cf.Sphere(4.0), errors[i], errors[j], sigmas=3.0):
+            expected.append([i, j, stay.start, stay.end, stay.ratio])
+    assert len(expected) > 3
+    rows = np.column_stack([found.pairs, found.start, found.end, found.ratio])
+    np.testing.assert_allclose(rows, expected, rtol=1e-7, atol=1e-6)
+    assert len(cf.screen(paths, cf.Sphere(4.0))) < len(found)
