@@ -24,7 +24,7 @@ def coasts(state, duration):
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
-    """Where 4 % enter twice, of 120 seeds; of 1000 by tools/coverage.py."""
+    """Where 4 % enter twice, of 120 seeds; of 1000 by tools/interval_coverage.py."""
     path, other = coasts(AHEAD, 2 * PERIOD)
     columns, _ = relative_errors(path, other, ZONE, cf.Errors(SLOW), None)
     seen = Histories.of(path, other, columns, 0.0, ZONE)

@@ -224,19 +224,20 @@ def _told(
 
 
 def drawn(histories: Histories, flux: Flux, samples: int, seed: int) -> Floats:
-    """Errors (samples, M) of histories that enter, drawn from the rate; one in each of equal parts of it."""
+    """Errors (samples, M) of histories that enter, drawn from the rate; one in each of equal times of it."""
     random = np.random.Generator(np.random.Philox(key=seed))
-    shares = random.uniform(size=(samples, 2))
+    strata, shares = random.uniform(size=samples), random.uniform(size=(samples, 2))
     errors = random.standard_normal((samples, len(histories.columns)))
     parts = flux.of_time.parts
     some = parts > 0.0
     times, parts = flux.of_time.times[some], parts[some]
     reached = np.concatenate([[0.0], np.cumsum(parts)])
-    place = (np.arange(samples) + shares[:, 0]) / samples * reached[-1]
+    place = (np.arange(samples) + strata) / samples * reached[-1]
     first = np.searchsorted(place, reached)
     first[0], first[-1] = 0, samples
     owner = np.repeat(np.arange(len(parts)), np.diff(first))
-    shares[:, 0] = (place - reached[owner]) / parts[owner]
+    rising = np.lexsort((shares[:, 0], owner))  # as places on the surface are looked for
+    shares = shares[rising]
     states, matrix = histories.states(times), histories.zone.matrix
 
     def some_times(some: slice) -> None:
@@ -249,7 +250,9 @@ def drawn(histories: Histories, flux: Flux, samples: int, seed: int) -> Floats:
 
     size = max(1, -(-len(times) // (4 * CORES)))
     list(pool().map(some_times, [slice(k, k + size) for k in range(0, len(times), size)]))
-    return errors
+    out = np.empty_like(errors)
+    out[rising] = errors  # neighbours of one time are independent again
+    return out
 
 
 def lost_of(counts: Any) -> Floats:

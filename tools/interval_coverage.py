@@ -1,6 +1,6 @@
 """How often the intervals of collision probabilities hold the truth: of 1000 seeds, 930 to 970 should.
 
-    python tools/coverage.py --seeds 1000
+    python tools/interval_coverage.py --seeds 1000
 
 By entries where 4 % of histories enter twice, and where nobody does; by Monte Carlo with Clopper and
 Pearson's interval, which should hold it at least 930 times.  The truth is a million drawn entries.
