@@ -30,6 +30,7 @@ SECTIONS = {
     "gathering": None,
     "fuel": None,
     "fuel_zones": 1,
+    "drift": 1,
     "probability": None,
     "start": None,
 }  # cores; None: all

@@ -167,9 +167,9 @@ def test_no_random_failure_comes_nearer(failure, failing):
     assert found.ratio <= least + 1e-9
 
 
-def ellipse(d, l, e=100.0, eps=0.3, h=80.0, eta=0.8):
+def ellipse(d, along, e=100.0, eps=0.3, h=80.0, eta=0.8):
     """State of a relative orbit by its drift, place and the two vectors (docs/theory.md, 5)."""
-    place = [2 * d - e * np.cos(eps), l + 2 * e * np.sin(eps), h * np.cos(eta)]
+    place = [2 * d - e * np.cos(eps), along + 2 * e * np.sin(eps), h * np.cos(eta)]
     return np.array([*place, N * e * np.sin(eps), N * (2 * e * np.cos(eps) - 3 * d), N * h * np.sin(eta)])
 
 
@@ -206,7 +206,7 @@ def test_splitting_a_path_and_swapping_the_craft_change_nothing():
     split = 0.37 * PERIOD
     arcs[0, 1] = arcs[1, 0] = split
     arcs[1, 6:12] = path.state(split)
-    arcs[1, 12:18] = expm(hill(N) * split) @ path.arcs[0, 12:18]  # thrust obeys Hill's equations, too
+    arcs[1, 12:18] = expm(hill(N) * split) @ path.arcs[0, 12:18]  # thrust is a natural motion
     halves = cf.Path(ORBIT, arcs, np.array([0, 2]), ())
     zone, until = ZONES[0], 3 * PERIOD
     whole = cf.drift_approach(path, other, zone, until)

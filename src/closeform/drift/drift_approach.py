@@ -246,7 +246,8 @@ def search_pairs(
     rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
     scale = float(np.linalg.norm(zone.matrix, 2))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
-    rest = orbit.mean_motion, zone.form, scale, certain, far * for_ever, tube_form(zone), room
+    tube = tube_form(zone) if for_ever else zone.form
+    rest = orbit.mean_motion, zone.form, scale, certain, far * for_ever, tube, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):

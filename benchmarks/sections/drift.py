@@ -1,0 +1,96 @@
+"""Thrust lost at any instant of a transfer, and two orbits or a day of drift; V-BAR at 101 instants."""
+
+from time import process_time
+
+import numpy as np
+
+import closeform as cf
+from cases import MEAN_MOTION, PERIOD, RADIUS
+from peers import vbar_drift, vbar_peer
+from tables import Figure, Report, Table, seconds, times
+
+INSTANTS = 101
+
+
+def transfers(count: int) -> list[cf.Path]:
+    """Transfers of half an orbit to two, within some hundred metres of the other craft."""
+    rng = np.random.default_rng(5)
+    orbit, scale = cf.Orbit(MEAN_MOTION), np.array([60, 250, 60, 0.05, 0.1, 0.05])
+    found = []
+    for _ in range(count):
+        ends = rng.normal(size=(2, 6)) * scale
+        ends[:, 4] = -2 * MEAN_MOTION * ends[:, 0] + rng.normal(size=2) * 2e-3
+        found.append(orbit.transfer(*ends, rng.uniform(0.5, 2.0) * PERIOD))
+    return found
+
+
+def taken(work, repeats: int) -> float:
+    """Seconds of this process for one run, the median of some."""
+    work()
+    runs = []
+    for _ in range(repeats):
+        begin = process_time()
+        work()
+        runs.append(process_time() - begin)
+    return float(np.median(runs))
+
+
+def measure(quick: bool) -> Report:
+    zone, orbit = cf.Sphere(RADIUS), cf.Orbit(MEAN_MOTION)
+    paths, repeats = transfers(5 if quick else 60), 1 if quick else 5
+    rows, figures, least, theirs, below = [], [], {}, [], 0
+    for name, orbits in (("2 orbits", 2.0), ("24 h", 86400.0 / PERIOD)):
+        verdicts, leasts = [], []
+        for path in paths:
+            until = path.end + orbits * PERIOD
+            other = orbit.coast(np.zeros(6), until)
+            pair = path, other, zone, until
+            verdicts.append(taken(lambda pair=pair: cf.passively_safe(*pair), repeats))
+            leasts.append(taken(lambda pair=pair: cf.drift_approach(*pair), repeats))
+        for what, found in (("verdict", verdicts), ("least ratio", leasts)):
+            rows.append(
+                [f"{what}, {name} of drift", seconds(np.median(found)), seconds(np.max(found)), "-", "-"]
+            )
+            least[what, name] = float(np.median(found)), float(np.max(found))
+    if vbar_peer.available():
+        for path in paths[: 2 if quick else 10]:
+            until = path.end + 2.0 * PERIOD
+            near = cf.drift_approach(path, orbit.coast(np.zeros(6), until), zone, until)
+            states = path.state(np.linspace(path.start, path.end, INSTANTS))
+            begin = process_time()
+            margin = vbar_drift.least_margin(states, MEAN_MOTION, RADIUS, 2.0 * PERIOD)
+            theirs.append(process_time() - begin)
+            below += margin < (near.ratio - 1.0) * RADIUS - 1e-6
+        median = float(np.median(theirs))
+        rows.append(
+            [
+                f"V-BAR, least margin, {INSTANTS} instants",
+                seconds(median),
+                seconds(max(theirs)),
+                times(median / least["least ratio", "2 orbits"][0]),
+                str(below),
+            ]
+        )
+        ratio = median / least["least ratio", "2 orbits"][0]
+        figures.append(Figure("least drift, against V-BAR", ">= 300x", times(ratio), ratio >= 300))
+        figures.append(Figure("V-BAR's margin below ours", "never", str(below), below == 0))
+    for what, name, asked in (
+        ("verdict", "2 orbits", 0.15e-3),
+        ("verdict", "24 h", 0.4e-3),
+        ("least ratio", "2 orbits", 1e-3),
+    ):
+        median, slowest = least[what, name]
+        figures.append(
+            Figure(f"drift, {what}, {name}", f"<= {seconds(asked)}", seconds(median), median <= asked)
+        )
+        if what == "verdict":
+            figures.append(
+                Figure(f"drift, slowest {what}, {name}", "<= 5 ms", seconds(slowest), slowest <= 5e-3)
+            )
+    columns = ["", "median", "slowest", "takes", "below ours"]
+    note = (
+        "Time of one process. V-BAR's is the drift of two orbits from each of its instants, ours until two "
+    )
+    note += "orbits after the end, from every instant; below ours: margins lower than ours."
+    title = f"Thrust lost at any instant, {len(paths)} transfers, sphere of {RADIUS:g} m, one core"
+    return Report([Table(title, columns, rows, [note])], figures)
