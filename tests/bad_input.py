@@ -1332,6 +1332,41 @@ CALLS = (
         "max_acceleration: A: bounds thrust in any direction, which thrusters do not have; leave it out, or give inf for craft with thrusters, which have their own",
     ),
     Call(
+        "a negative drift",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=-5.0)",
+        "drift: seconds after the plan's end, 0 or more, got -5.0",
+    ),
+    Call(
+        "a drift without end",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=float('inf'))",
+        "drift: must be finite; plan for a finite one, and ask passively_safe about inf",
+    ),
+    Call(
+        "a drift that nobody knows the obstacle for",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=600.0)",
+        "obstacles: obstacle 0 ends at 3000 s, the drift at 3600 s; give it until then, or drift less",
+    ),
+    Call(
+        "a drift for least delta-v",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=0.0, cost='delta-v')",
+        "drift: goes with cost 'energy'; with 'delta-v' leave it out",
+    ),
+    Call(
+        "a drift with one deviation for each conflict",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), 'sauter-palmer', drift=0.0)",
+        "drift: goes with method 'exact', not 'sauter-palmer'",
+    ),
+    Call(
+        "a drift for craft that plan one after another",
+        "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), method='sequential', drift=0.0)",
+        "drift: goes with method 'joint', not 'sequential'",
+    ),
+    Call(
+        "a drift and a proof",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=0.0, prove=2.0)",
+        "prove: goes without drift; leave one of them out",
+    ),
+    Call(
         "thrusters of more craft than there are",
         "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), cost='delta-v', thrusters=[thrusters] * 2)",
         "thrusters: 2 sets for 1 craft; give one, or one for each",

@@ -1,8 +1,8 @@
 """Transfers between relative rings around a client, from fixed seeds: clear themselves, not if thrust fails.
 
 Start and end ring are those of natural motion without drift, clear of the client's zone by CLEAR for
-ever: they are passively safe by themselves.  Without a plan some failure of thrust on the way leads into the zone;
-cases of which no sampled failure does are drawn again.
+ever: they are passively safe by themselves.  Without a plan some failure of thrust on the way leads into
+the zone; cases of which no sampled failure does are drawn again.
 """
 
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ def ring(orbit: cf.Orbit, rng: np.random.Generator) -> np.ndarray:
 
 
 def sampled_ratio(path: cf.Path, radius: float, until: float) -> float:
-    """Least distance from the origin, over a radius, of sampled failures of a path and the drifts after them."""
+    """Least distance from the origin, in zones, of sampled failures of a path and the drifts after them."""
     orbit = path.orbit
     failures = np.linspace(path.start, path.end, FAILURES)
     count = int(EACH_ORBIT * (until - path.start) / orbit.period) + 1

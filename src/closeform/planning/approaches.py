@@ -13,7 +13,7 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, START, state_at
 from closeform.motion.certified_march import locate
-from closeform.planning.deflection import relative_motion
+from closeform.planning.relative_motion import relative_motion
 from closeform.planning.rounding import norm_rate, rounded_norm
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
 from closeform.zones.shapes import BALL, norm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf, nan
+from math import inf
 from typing import Literal, Self
 
 import numpy as np
@@ -16,19 +16,19 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
+from closeform.planning.least_energy import refused, shaped
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import Zones, end_inside, obstacle_batch, obstacle_names, zones_around
+from closeform.planning.passive_ends import unsafe_end
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
-from closeform.planning.planner import check_cost, check_effort, outcome, solve
+from closeform.planning.planner import check_cost, check_drift, check_effort, check_obstacles, is_passive
 from closeform.planning.problem import Problem, deepest, transfer_of
 from closeform.planning.prove import closeness, is_proven
-from closeform.planning.prove import prove as prove_bound
 from closeform.planning.sauter_palmer import deviated
-from closeform.planning.side_search import MARGINS, Found
+from closeform.planning.side_search import MARGINS
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-TOO_DEAR = 1e8  # times the optimum: no plan to fly
 ROUNDING = 1e-9  # of a duration
 DEEP = 1.0 - 1e-6  # ratio with a zone that is larger by the least margin, below which it is one with the zone
 BOTH = "bounds thrust in any direction, which thrusters do not have; leave it out, they have their own"
@@ -48,6 +48,7 @@ def avoid(
     names: Sequence[str] | None = None,
     cost: Cost = "energy",
     thrusters: Thrusters | None = None,
+    drift: float | None = None,
 ) -> Avoidance:
     """The cheapest path found between the same states and times that stays out of every zone.
 
@@ -89,6 +90,10 @@ def avoid(
     thrusters : Thrusters, optional
         Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both
         do.  Also a clear path is planned anew then.  Not with `max_acceleration`.
+    drift : float [s], optional
+        The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every
+        zone until so long after the path's end.  Obstacles must be known until then.  Not with cost
+        "delta-v", `prove` or "sauter-palmer".
 
     Returns
     -------
@@ -99,8 +104,9 @@ def avoid(
     ------
     ValueError
         If `path` is a batch, an obstacle is in another orbit, zones or names are not as many as obstacles,
-        a limit is not positive, a budget below 1, a time negative, a word unknown, an argument of another
-        kind, or the thrusters cannot make the transfer, whatever is in the way.
+        a limit is not positive, a budget below 1, a time negative, a drift not finite or beyond the end of an
+        obstacle, a word unknown, an argument of another kind, or the thrusters cannot make the transfer,
+        whatever is in the way.
 
     References
     ----------
@@ -113,13 +119,16 @@ def avoid(
         return path if factor == 1.0 else transfer_of(path, factor)
 
     check_effort(budget, prove)
-    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact")
+    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact", drift=drift is not None)
     instance("longer", longer, bool, np.bool_)
     if thrusters is not None:
         instance("thrusters", thrusters, Thrusters)
         if max_acceleration is not None:
             raise ValueError(f"max_acceleration: {BOTH}")
     task = Around.of(path.orbit, obstacles, zone, method, budget, names, cost, thrusters)
+    if (after := check_drift(drift, prove, method, "exact")) is not None:
+        check_obstacles(task.obstacles, path.end + after, task.names)
+        task = replace(task, drift=after)
     return (
         task.plan(path, prove)
         if max_acceleration is None
@@ -139,6 +148,7 @@ class Around:
     cost: Cost = "energy"
     thrusters: Thrusters | None = None
     limit: float | None = None  # [m/s^2], with cost "delta-v": within it every plan is
+    drift: float | None = None
 
     @classmethod
     def of(
@@ -167,7 +177,7 @@ class Around:
         `fixed`: no cheaper path is taken while proving.
         """
         optimum = transfer_of(path)
-        problem = Problem.of(stack([optimum]), self.obstacles, self.zones)
+        problem = Problem.of(stack([optimum]), self.obstacles, self.zones, self.drift)
         by_delta_v = self.cost == "delta-v"
         if inside := end_inside(problem):
             end, ratio, which = inside
@@ -176,9 +186,11 @@ class Around:
             return refused(problem, Status.END_INSIDE, reason, least=least)
         if by_delta_v and self.thrusters is not None:
             return impulsive(None, problem, self)
+        if self.drift is not None and (unsafe := unsafe_end(problem)):
+            return refused(problem, Status.END_UNSAFE, unsafe.reason(problem, ("path", *self.names)))
         met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too
         deep = bool(met) and deepest(met)[1][3] < DEEP
-        clear = not deep and not problem.conflicts(problem.with_path(path))
+        clear = not deep and not problem.conflicts(problem.with_path(path)) and is_passive(problem, path)
         if by_delta_v:
             within = self.limit is None or beyond(path, self.limit) <= FULL
             return impulsive(path if clear and within else None, problem, self)
@@ -187,11 +199,13 @@ class Around:
             extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
             proven = is_proven(energy, bound)
             return Avoidance(
-                path, energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict", proven=proven
+                *(path, energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict"),
+                proven=proven,
+                drift=self.drift,
             )
         if self.method == "sauter-palmer":
             return deviated(path, problem, self.names)
-        return shaped(problem, self.budget, prove, fixed)
+        return shaped(problem, self.budget, prove, fixed, ("path", *self.names))
 
     def keep(
         self, max_acceleration: float, direct: Callable[[float], Path], longer: bool, prove: float = 0.0
@@ -240,7 +254,7 @@ def within_limit(
 
     if not longer:
         return refused("allow longer, or give more time", least=proven)
-    there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * asked]
+    there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * asked] - (task.drift or 0.0)
     most = min(float(min(there, default=inf)) - path.start, longest(path.orbit, asked)) / asked
     if most <= 1.0 + ROUNDING:
         remedy = f"give more time, or obstacles that are known beyond {path.end:.6g} s"
@@ -251,43 +265,6 @@ def within_limit(
         return replace(tried, measures=(later.measure,))
     found = task.plan(direct(later.factor), prove, fixed=True) if prove else later.found
     return replace(found, measures=(later.measure,), punctual=plan.punctual)
-
-
-def shaped(problem: Problem, budget: int | None, seconds: float, fixed: bool) -> Avoidance:
-    """`avoid` by method "exact"."""
-    found = solve(problem, budget)
-    optimum, duration = problem.energy(problem.direct), problem.last - problem.first
-    ways = f"{found.tried} candidates examined"
-    if found.flown is None:
-        return refused(
-            problem, Status.NOT_FOUND, f"no clear path among {ways}; raise budget for more", found.tried
-        )
-    # rest to rest over one zone in a hundredth of the time costs 1e6 of these
-    zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
-    if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
-        reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; give it a longer transfer"
-        return refused(problem, Status.NOT_FOUND, reason, found.tried)
-    proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds, fixed=fixed)
-    if proof.better is not None:
-        found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes))
-    assert found.flown is not None
-    path = problem.path(found.flown)[0]
-    energy, bound = path.energy, optimum + proof.bound
-    number = len(found.contacts)
-    best = f"the best of {found.tried} candidates examined, {closeness(energy, bound)}"
-    return Avoidance(
-        path=path,
-        energy=energy,
-        extra_energy=found.extra,
-        delta_v=path.delta_v,
-        lower_bound=min(bound, energy),
-        contacts=found.contacts,
-        status=Status.AVOIDED,
-        reason=f"{number} contact{'s' * (number != 1)}, {best}",
-        margin=found.margin,
-        proven=is_proven(energy, bound),
-        tried=found.tried,
-    )
 
 
 def beyond(path: Path, limit: float) -> float:
@@ -335,13 +312,3 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         cost="delta-v",
         priced=found.priced or not number,
     )
-
-
-def refused(
-    problem: Problem, status: Status, reason: str, tried: int = 0, least: float | None = None
-) -> Avoidance:
-    """An avoidance without a path; `least`: what any costs at least, where that is delta-v [m/s]."""
-    none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried)
-    if least is not None:
-        return replace(none, lower_bound=least, cost="delta-v")
-    return replace(none, lower_bound=problem.energy(problem.direct))

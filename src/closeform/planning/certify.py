@@ -45,6 +45,11 @@ class Solution:
         """The paths of all bodies."""
         return self.problem.flown(self.contacts)
 
+    @property
+    def planned(self) -> Flown:
+        """The same without the drift after the last arrival."""
+        return self.flown if self.problem.drift is None else self.problem.planned(self.contacts)
+
     def same(self, other: "Solution") -> bool:
         """Whether both have the same contacts on the same sides."""
         return (

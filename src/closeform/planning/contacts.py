@@ -8,7 +8,7 @@ from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
 from closeform.planning.approaches import slide
-from closeform.planning.deflection import relative_motion
+from closeform.planning.relative_motion import relative_motion
 from closeform.planning.rounding import gradient, rounded_norm
 from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
 from closeform.zones.shapes import BALL, norm

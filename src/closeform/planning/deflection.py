@@ -12,6 +12,13 @@ rate.  No Gramian is inverted in Palmer's coordinates, so nothing cancels as n T
 A contact of craft i and j pushes both with one force, opposite in sign.  So the answer of one contact
 to another is a signed sum over the craft that they share, and nothing where they share none.  Each
 contact keeps, for either craft, A, A', B^T and B'^T in its zone's coordinates: `factors` (2, 4, 3, 6).
+
+A craft whose thrust was lost at s answers at t through its state at s, which flies on by itself:
+
+    A = E Phi(t - s) F(s),    B = -F(T)^-1 F(T - s) J,    J = Phi(s - t) [0 I]^T              # theory (50)
+
+J is the force's jump of thrust rate, carried back to s by natural motion, as all primers move: at s the
+thrust itself jumps too.  A' is then its rate in t alone, and B' has no meaning.
 """
 
 import numpy as np
@@ -19,10 +26,10 @@ from numba import int64, void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, derivatives_at, primer_at, state_at
-from closeform.motion.certified_march import locate
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, primer_at, state_at
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
+from closeform.planning.relative_motion import motion_after
 from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE
 
 PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T
@@ -49,21 +56,55 @@ def is_controllable(scene, body, t):
 
 
 @kernel()
+def carry(n, drift, ahead, left):
+    """Turn the responses until thrust is lost, and after it, to those of a position met a `drift` later.
+
+    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (50)
+    """
+    jumps = stack_matrix(3, 6)
+    for i in range(3):
+        jump = coast(
+            n, -drift, 0.0, 0.0, 0.0, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+        )
+        for j in range(6):
+            jumps[i, j] = jump[j]
+    for k in range(6):
+        reached = coast(
+            n, drift, ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k]
+        )
+        x, y, z = 0.0, 0.0, 0.0
+        for j in range(6):
+            ahead[j, k] = reached[j]
+            x, y, z = x + left[k, j] * jumps[0, j], y + left[k, j] * jumps[1, j], z + left[k, j] * jumps[2, j]
+        left[k, 3], left[k, 4], left[k, 5] = x, y, z
+
+
+@kernel()
+def felt_at(scene, contacts, k, craft):
+    """When a craft feels the force of a contact: there, or as its thrust stops."""
+    side = 0 if scene.pairs[contacts.which[k], 0] == craft else 1
+    return contacts.times[k] - contacts.drifts[k, side]
+
+
+@kernel()
 def fill_factors(scene, contacts, count, factors):
     """The factors (count, 2, 4, 3, 6) of contacts; zero for bodies that do not answer."""
     ahead, left = stack_matrix(6, 6), stack_matrix(6, 6)
     both = np.empty((4, 3, 6))
     for k in range(count):
-        which, t = contacts.which[k], contacts.times[k]
+        which = contacts.which[k]
         matrix = scene.matrices[scene.kinds[which]]
         for side in range(2):
-            body = scene.pairs[which, side]
+            body, drift = scene.pairs[which, side], contacts.drifts[k, side]
+            t = contacts.times[k] - drift
             if not is_controllable(scene, body, t):
                 factors[k, side] = 0.0
                 continue
             n = scene.base[body, MEAN_MOTION]
             response(n, t - scene.base[body, START], ahead)
             response(n, scene.base[body, END] - t, left)
+            if drift > 0.0:
+                carry(n, drift, ahead, left)
             inverse = scene.inverses[body]
             for j in range(6):
                 for i in range(3):
@@ -101,14 +142,18 @@ def fill_gram(scene, contacts, count, factors, gram):
                     back[k, side, j] += contacts.normals[k, i] * factors[k, side, BACK, i, j]
     for k in range(count):
         for m in range(k + 1):
-            first, last = (k, m) if contacts.times[k] <= contacts.times[m] else (m, k)
             total = 0.0
             for a in range(2):
                 for b in range(2):
-                    if scene.pairs[contacts.which[first], a] == scene.pairs[contacts.which[last], b]:
+                    if scene.pairs[contacts.which[k], a] == scene.pairs[contacts.which[m], b]:
                         part = 0.0
-                        for j in range(6):
-                            part += ahead[first, a, j] * back[last, b, j]
+                        mine = contacts.times[k] - contacts.drifts[k, a]
+                        if mine <= contacts.times[m] - contacts.drifts[m, b]:
+                            for j in range(6):
+                                part += ahead[k, a, j] * back[m, b, j]
+                        else:
+                            for j in range(6):
+                                part += ahead[m, b, j] * back[k, a, j]
                         total += part if a == b else -part
             gram[k, m] = gram[m, k] = total
 
@@ -119,14 +164,14 @@ def add_block(scene, contacts, factors, k, m, of, by, out):
 
     Or the rate of that in the time of m (`by` 1).
     """
-    ahead = contacts.times[k] <= contacts.times[m]
-    mine, other = (of, BACK + by) if ahead else (BACK + of, by)
     out[:] = 0.0
     for a in range(2):
         for b in range(2):
             if scene.pairs[contacts.which[k], a] != scene.pairs[contacts.which[m], b]:
                 continue
             sign = 1.0 if a == b else -1.0
+            ahead = contacts.times[k] - contacts.drifts[k, a] <= contacts.times[m] - contacts.drifts[m, b]
+            mine, other = (of, BACK + by) if ahead else (BACK + of, by)
             for i in range(3):
                 for j in range(3):
                     total = 0.0
@@ -151,7 +196,7 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
     One arc more than a craft has contacts that push it, and the coasts before and after its own time.
     """
     row = 0
-    own = np.empty(count, dtype=np.int64)
+    own, push = np.empty(count, dtype=np.int64), stack_vector(3)
     for c in range(len(scene.base)):
         offsets[c] = row
         n, start, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
@@ -168,7 +213,7 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
                 if (
                     scene.pairs[which, side] == c
                     and contacts.multipliers[k] != 0.0
-                    and is_controllable(scene, c, contacts.times[k])
+                    and is_controllable(scene, c, felt_at(scene, contacts, k, c))
                 ):
                     force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
                     for i in range(3):
@@ -177,14 +222,15 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
                                 force * contacts.normals[k, i] * factors[k, side, BACK, i, j]
                             )
                     place = pushed  # in order of time
-                    while place > 0 and contacts.times[own[place - 1]] > contacts.times[k]:
+                    felt = felt_at(scene, contacts, k, c)
+                    while place > 0 and felt_at(scene, contacts, own[place - 1], c) > felt:
                         own[place] = own[place - 1]
                         place -= 1
                     own[place] = k
                     pushed += 1
         for place in range(pushed):
             k = own[place]
-            t, which = contacts.times[k], contacts.which[k]
+            t, which = felt_at(scene, contacts, k, c), contacts.which[k]
             if t > arcs[row, START]:  # contacts at one instant share an arc
                 arcs[row, END] = t
                 copy(scene.base[c], arcs[row + 1])
@@ -194,10 +240,14 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
                     arcs[row + 1, STATE + i], arcs[row + 1, THRUST + i] = state[i], primer[i]
                 row += 1
             force = contacts.multipliers[k] if scene.pairs[which, 0] == c else -contacts.multipliers[k]
-            matrix = scene.matrices[scene.kinds[which]]
+            matrix, normal = scene.matrices[scene.kinds[which]], contacts.normals[k]
             for j in range(3):
-                for i in range(3):
-                    arcs[row, THRUST + 3 + j] += force * contacts.normals[k, i] * matrix[i, j]
+                push[j] = force * (
+                    normal[0] * matrix[0, j] + normal[1] * matrix[1, j] + normal[2] * matrix[2, j]
+                )
+            jump = coast(n, t - contacts.times[k], 0.0, 0.0, 0.0, push[0], push[1], push[2])
+            for j in range(6):
+                arcs[row, THRUST + j] += jump[j]
         row += 1
         if end < scene.span[1]:
             coast_arc(n, end, scene.span[1], state_at(arcs[row - 1], end), arcs[row])
@@ -214,31 +264,6 @@ def fly(scene, contacts, arcs, offsets):
     return offsets[len(scene.base)]
 
 
-@kernel()
-def add_body(scene, arcs, offsets, body, t, order, out, sign):
-    """Add `sign` times the derivatives of a body's position at time t to `out`."""
-    if body < len(scene.base):
-        first, last = offsets[body], offsets[body + 1]
-        derivatives_at(arcs[locate(arcs, first, last, t)], t, order, out, sign)
-    else:
-        body -= len(scene.base)
-        first, last = scene.other_offsets[body], scene.other_offsets[body + 1]
-        derivatives_at(scene.others[locate(scene.others, first, last, t)], t, order, out, sign)
-
-
-@kernel()
-def relative_motion(scene, arcs, offsets, which, t, out):
-    """Relative position, velocity and acceleration of a pair at time t in zone coordinates, rows of `out`."""
-    out[:] = 0.0
-    add_body(scene, arcs, offsets, scene.pairs[which, 0], t, 3, out, 1.0)
-    add_body(scene, arcs, offsets, scene.pairs[which, 1], t, 3, out, -1.0)
-    matrix = scene.matrices[scene.kinds[which]]
-    for k in range(3):
-        x, y, z = out[k, 0], out[k, 1], out[k, 2]
-        for i in range(3):
-            out[k, i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
-
-
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, ROWS))
 def look_at(scene, arcs, offsets, contacts, motions, gram):
     """Fill the relative motions (K, 3, 3) of pairs at contacts, and their kernel (3K, 3K) there.
@@ -249,7 +274,8 @@ def look_at(scene, arcs, offsets, contacts, motions, gram):
     factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
     fill_factors(scene, contacts, count, factors)
     for k in range(count):
-        relative_motion(scene, arcs, offsets, contacts.which[k], contacts.times[k], motions[k])
+        which, t = contacts.which[k], contacts.times[k]
+        motion_after(scene, arcs, offsets, which, t, contacts.drifts[k], motions[k])
         if len(gram) == 0:
             continue
         for m in range(count):

@@ -19,9 +19,10 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, lent, stack_matrix
 from closeform.planning.approaches import find_minima, sample_craft, spread
 from closeform.planning.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
-from closeform.planning.deflection import deflect, fill_factors, fill_gram, relative_motion
+from closeform.planning.deflection import deflect, fill_factors, fill_gram
 from closeform.planning.optimality import newton
 from closeform.planning.qp import solve_qp
+from closeform.planning.relative_motion import relative_motion
 from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, NUMBERS, ROWS, SCENE, Contacts, Scene
 
 ROUNDS, HOPELESS = 60, 15  # rounds, and those without getting nearer to clear that are waited for

@@ -52,7 +52,7 @@ def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
 def end_inside(problem: Problem) -> tuple[str, float, int] | None:
     """An end of the one craft's path inside a zone: "start" or "end", its norm, which obstacle; else None."""
     start, end = problem.windows[1].T
-    ends = np.array([[problem.first], [problem.last]])
+    ends = np.array([[problem.first], [problem.arrival]])
     end_of, which = np.nonzero((start <= ends) & (ends <= end))
     ratios = problem.ratios(problem.direct, which, ends[end_of, 0])
     inside = np.flatnonzero(ratios <= ON)

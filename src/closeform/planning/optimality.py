@@ -18,7 +18,8 @@ import numpy as np
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import solve
-from closeform.planning.deflection import add_block, deflect, fill_factors, relative_motion
+from closeform.planning.deflection import add_block, deflect, fill_factors
+from closeform.planning.relative_motion import relative_motion
 from closeform.planning.rounding import active_parts, add_bend, gradient, rounded_norm
 from closeform.zones.shapes import part
 

@@ -23,6 +23,8 @@ class Status(StrEnum):
     - `AVOIDED`: paths around the zones, certified clear; fly them.
     - `END_INSIDE`: two craft are in conflict where or when neither can give way, at the start or the end;
       move that state or its time.
+    - `END_UNSAFE`: without any thrust from a plan's start, or after its end, a craft drifts into a zone: no
+      plan between these states is passively safe; move that state, or ask for less `drift`.
     - `NOT_FOUND`: none of the candidates was clear, which proves nothing; raise `budget`, or give more time.
     - `TOO_WEAK`: beyond `max_acceleration` for every duration that was allowed; give more thrust or time.
       `weak` says by how much.
@@ -31,6 +33,7 @@ class Status(StrEnum):
     CLEAR = "clear already"
     AVOIDED = "avoided"
     END_INSIDE = "end inside a zone"
+    END_UNSAFE = "end not passively safe"
     NOT_FOUND = "no clear path found"
     TOO_WEAK = "thrust limit exceeded"
 
@@ -55,6 +58,9 @@ class Contact:
         after another, does the second.
     reach : float [m]
         How far the zone reaches along the normal: so far beyond the second the first is, but for the margin.
+    failed_at : float [s]
+        When the first lost its thrust, if it touches only then, drifting since; nan: it is under way as
+        planned.  It feels the force as its thrust stops, carried back there by natural motion.
     """
 
     time: float
@@ -64,6 +70,7 @@ class Contact:
     normal: Floats
     multiplier: float
     reach: float
+    failed_at: float = nan
 
 
 @dataclass(frozen=True)
@@ -198,6 +205,9 @@ class Avoidance(Costed):
     priced : bool
         Whether multipliers of contacts are the slopes of what is least, as `prices` need them: not by
         "sauter-palmer", nor of a path of least energy where delta-v was asked for.
+    drift : float or None [s]
+        Whenever thrust is lost the craft stays clear until so long after the path's end, certified; None: not
+        asked for.
     """
 
     path: Path | None
@@ -216,6 +226,7 @@ class Avoidance(Costed):
     punctual: float | None = None
     cost: Cost = "energy"
     priced: bool = True
+    drift: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,6 +278,9 @@ class Plan(Costed):
         What is least, as of an `Avoidance`.
     priced : bool
         As of an `Avoidance`; not of craft that planned one after another.
+    drift : float or None [s]
+        Whenever a craft loses its thrust, and the others fly on, it stays clear until so long after the
+        plan's end, certified; None: not asked for.
     """
 
     paths: Path | None
@@ -289,6 +303,7 @@ class Plan(Costed):
     punctual: Floats | None = None
     cost: Cost = "energy"
     priced: bool = True
+    drift: float | None = None
 
     @property
     def extra_energy(self) -> float:

@@ -1,12 +1,15 @@
 """The one planner: a problem's paths, certified clear, at the least energy found."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats, number, shown, whole
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
 from closeform.planning.certify import LocalSolver, nearer
 from closeform.planning.plan import Contact
 from closeform.planning.problem import Flown, Problem, deepest
@@ -44,6 +47,10 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Ou
 
     Zones are enlarged by no more than rounding needs; by more only where nothing was found so.
     """
+    if problem.drift is not None:
+        from closeform.planning.passive_search import PassiveSearch
+
+        return outcome(PassiveSearch(problem, MARGINS[0], budget, more).run())
     searches = []
     for margin in MARGINS if problem.count == 1 else MARGINS[:1]:
         searches.append(Search(problem, margin, budget, more).run())
@@ -71,6 +78,44 @@ def check_cost(cost: str, thrusters: Any, **energy_only: bool) -> None:
         raise ValueError(f"{asked[0]}: goes with cost 'energy'; with 'delta-v' leave it out")
 
 
+def check_drift(drift: float | None, prove: float, method: str, exact: str) -> float | None:
+    """A drift [s] after a plan as a float; raises ValueError for one that cannot be planned for."""
+    if drift is None:
+        return None
+    seconds = number("drift", drift)
+    if seconds == inf:
+        raise ValueError("drift: must be finite; plan for a finite one, and ask passively_safe about inf")
+    if not seconds >= 0.0:
+        raise ValueError(f"drift: seconds after the plan's end, 0 or more, got {shown(drift)}")
+    if method != exact:
+        raise ValueError(f"drift: goes with method {exact!r}, not {shown(method)}")
+    if prove > 0.0:
+        raise ValueError("prove: goes without drift; leave one of them out")
+    return seconds
+
+
+def check_obstacles(obstacles: Path | None, until: float, names: Sequence[str]) -> None:
+    """Raise ValueError for an obstacle that is not known until the drift ends."""
+    ends = np.atleast_1d(obstacles.end) if obstacles is not None else np.empty(0)
+    if len(short := np.flatnonzero(ends < until)):
+        name, end = names[short[0]], ends[short[0]]
+        raise ValueError(
+            f"obstacles: {name} ends at {end:.6g} s, the drift at {until:.6g} s; give it until then, or "
+            "drift less"
+        )
+
+
+def is_passive(problem: Problem, path: Path) -> bool:
+    """Whether one craft's path is safe when its thrust is lost; of a problem without drift nobody asks."""
+    if problem.drift is None:
+        return True
+    from closeform.planning.passive_search import failures
+
+    others = [problem.obstacles[k] for k in range(len(problem.obstacles))]
+    bodies = stack([path, *others])
+    return not failures(problem, stack([path]), bodies).number
+
+
 def outcome(found: Found) -> Outcome:
     """Of a search."""
     best = found.best
@@ -79,7 +124,7 @@ def outcome(found: Found) -> Outcome:
         blocked = deepest(conflicts)[0] if conflicts else None
         return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
     touched = contacts_of(best.problem, best.contacts, best.flown)
-    return Outcome(best.flown, touched, best.energy, found.margin, found.proven, found.tried)
+    return Outcome(best.planned, touched, best.energy, found.margin, found.proven, found.tried)
 
 
 def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
@@ -103,11 +148,18 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
     pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
     pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
     sizes = np.sqrt((pushes * pushes).sum(axis=1))
-    places = problem.path(flown)._at(pairs[:, 0], contacts.times)[:, :3]
+    second = contacts.drifts[:, 1] > 0.0  # who fails goes first
+    pairs = np.where(second[:, None], pairs[:, ::-1], pairs)
+    pushes[second] *= -1.0
+    drifts = contacts.drifts.max(axis=1)
+    failed, lost = drifts > 0.0, contacts.times - drifts
+    places = problem.path(flown)._at(pairs[:, 0], lost)
+    if failed.any():
+        places[failed] = (problem.orbit.transition(drifts[failed]) @ places[failed, :, None])[..., 0]
     # normals are means of gradients of the norm, of which a zone reaches 1 along each where they meet
-    columns = contacts.times, *pairs.T, contacts.multipliers * sizes, 1.0 / sizes
-    rows = zip(*(column.tolist() for column in columns), places, pushes / sizes[:, None], strict=True)
+    columns = contacts.times, *pairs.T, contacts.multipliers * sizes, 1.0 / sizes, np.where(failed, lost, nan)
+    rows = zip(*(column.tolist() for column in columns), places[:, :3], pushes / sizes[:, None], strict=True)
     return tuple(
-        Contact(time, first, second, place, normal, multiplier, reach)
-        for time, first, second, multiplier, reach, place, normal in rows
+        Contact(time, first, second, place, normal, multiplier, reach, failed_at)
+        for time, first, second, multiplier, reach, failed_at, place, normal in rows
     )

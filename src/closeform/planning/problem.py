@@ -1,7 +1,7 @@
 """What is planned: craft on their unconstrained optima, obstacles, the zones of pairs, and all times."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi, sqrt
 from typing import Any
@@ -24,7 +24,7 @@ from closeform.zones.zone import Zone, scaled_norm
 
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
 SAMPLES = 64  # of a craft's time, between which a minimum may be missed until the march finds it
-A_TURN = 16  # samples of each turn of the orbit, where that is more
+A_TURN, A_DRIFT = 16, 32  # samples of each turn of the orbit, where that is more; where thrust may be lost
 
 Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
 PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end, time, ratio
@@ -36,7 +36,8 @@ class Problem:
 
     Bodies are numbered craft first; `pairs` (P, 2), i < j, hold a craft at least, `kinds` (P,) tells
     the zone of each among `zones`.  Paths are flown from `first` to `last`: craft coast
-    before and after their own arcs.
+    before and after their own arcs.  With a `drift` they are to be safe for so long after the last of them
+    has arrived even where one of them loses its thrust; `last` is the end of that.
     """
 
     orbit: Orbit
@@ -48,9 +49,16 @@ class Problem:
     zones: tuple[Zone, ...]
     first: float
     last: float
+    drift: float | None = None
 
     @classmethod
-    def of(cls, direct: Path, obstacles: Path | None, groups: Iterable[tuple[Zone, Any]]) -> "Problem":
+    def of(
+        cls,
+        direct: Path,
+        obstacles: Path | None,
+        groups: Iterable[tuple[Zone, Any]],
+        drift: float | None = None,
+    ) -> "Problem":
         """Of N unconstrained optima and a batch of obstacles; `groups`: each zone with its pairs (M, 2)."""
         base = direct.arcs
         arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
@@ -67,8 +75,19 @@ class Problem:
             np.repeat(np.arange(len(held)), [len(pairs) for _, pairs in held]),
             tuple(zone for zone, _ in held),
             float(base[:, START].min()),
-            float(base[:, END].max()),
+            float(base[:, END].max()) + (drift or 0.0),
+            drift,
         )
+
+    @property
+    def arrival(self) -> float:
+        """When the last craft arrives: the end of the plan."""
+        return float(self.base[:, END].max())
+
+    @property
+    def without_drift(self) -> "Problem":
+        """The same up to the last arrival, with thrust that nobody loses."""
+        return self if self.drift is None else replace(self, last=self.arrival, drift=None)
 
     @property
     def count(self) -> int:
@@ -100,6 +119,11 @@ class Problem:
     def direct(self) -> Flown:
         """The unconstrained optima, with the coasts before and after them, and the obstacles."""
         return self.fly(self.bare, Contacts.none())
+
+    @property
+    def obstacles(self) -> Path:
+        """The obstacles' paths, of shape (M,)."""
+        return path_of(self.orbit, self.others, self.other_offsets, (len(self.other_offsets) - 1,))
 
     def with_obstacles(self, arcs: Floats, offsets: Any) -> Flown:
         """The craft's arcs and, after them, the obstacles'."""
@@ -155,7 +179,7 @@ class Problem:
     def samples(self) -> Floats:
         """Times that cover every craft's own time, and every turn of the orbit."""
         spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
-        a_turn = A_TURN * self.orbit.mean_motion / (2.0 * pi)
+        a_turn = (A_TURN if self.drift is None else A_DRIFT) * self.orbit.mean_motion / (2.0 * pi)
         grids = [
             np.linspace(start, end, int(max(SAMPLES / sqrt(len(spans)), a_turn * (end - start))) + 1)
             for start, end in spans
@@ -172,6 +196,10 @@ class Problem:
         offsets = np.zeros(self.count + 1, dtype=np.int64)
         number = fly(scene, contacts, arcs, offsets)
         return self.with_obstacles(arcs[:number], offsets)
+
+    def planned(self, contacts: Contacts) -> Flown:
+        """The same, but of the craft only up to the last arrival, not for the drift after it."""
+        return self.fly(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
 
     def motions(self, flown: Flown, contacts: Contacts) -> Floats:
         """Relative position, velocity and acceleration (K, 3, 3) at the contacts, in zone coordinates."""
@@ -229,7 +257,11 @@ class Problem:
         """Where a plan touches, without normals and multipliers."""
         pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in contacts]
         which = np.array([self.index[pair] for pair in pairs], dtype=np.int64)
-        return Contacts.at(which, np.array([one.time for one in contacts], dtype=float))
+        drifts = np.zeros((len(contacts), 2))
+        for k, one in enumerate(contacts):
+            if one.failed_at == one.failed_at:
+                drifts[k, int(one.first > one.second)] = one.time - one.failed_at
+        return Contacts.at(which, np.array([one.time for one in contacts], dtype=float), drifts)
 
     def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
         """Norm (K,) of some of the pairs, each at an instant."""

@@ -206,7 +206,7 @@ class _Search:
 def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
     """Samples where a plan has contacts."""
     touched = problem.touched(contacts)
-    return Samples(problem, touched.which, touched.times)
+    return Samples(problem, touched.which, touched.times, touched.drifts)
 
 
 def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:

@@ -19,8 +19,18 @@ from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
 from closeform.planning.impulse_local import Spent
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
+from closeform.planning.passive_ends import unsafe_end, unseparated
 from closeform.planning.plan import Cost, Plan, Status, weakness
-from closeform.planning.planner import Outcome, check_cost, check_effort, joined, outcome, solve
+from closeform.planning.planner import (
+    Outcome,
+    check_cost,
+    check_drift,
+    check_effort,
+    check_obstacles,
+    joined,
+    outcome,
+    solve,
+)
 from closeform.planning.problem import Problem
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
@@ -51,6 +61,7 @@ def reconfigure(
     prove: float = 0.0,
     cost: Cost = "energy",
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+    drift: float | None = None,
 ) -> Plan:
     """Paths of N craft from initial to final states, every pair certified clear of its zone.
 
@@ -101,6 +112,10 @@ def reconfigure(
         Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
         which is summed over them: two that fire at once spend what both do.  Their
         `max_acceleration` is inf.
+    drift : float [s], optional
+        The plan is to be passively safe: whenever any one craft loses its thrust for good, while the others
+        fly on and then coast, it keeps out of every zone until so long after the last arrival.  Obstacles
+        must be known until then.  Not with cost "delta-v", `prove` or "sequential".
 
     Returns
     -------
@@ -112,7 +127,8 @@ def reconfigure(
     ValueError
         If shapes do not fit, a number is not finite, slots are fewer than craft, a duration or limit is not
         positive, an obstacle is in another orbit, zones make none for a pair, names are not as many as craft,
-        `order` is no order or given with "joint", a budget is below 1, a time negative, a word unknown, an
+        `order` is no order or given with "joint", a budget is below 1, a time negative, a drift not finite or
+        beyond the end of an obstacle, a word unknown, an
         argument of another kind, or a craft's thrusters cannot make its transfer, whoever is in the way.
 
     References
@@ -121,7 +137,8 @@ def reconfigure(
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
-    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint")
+    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint", drift=drift is not None)
+    drift = check_drift(drift, prove, method, "joint")
     request = Request.of(
         instance("orbit", orbit, Orbit),
         initial,
@@ -135,8 +152,12 @@ def reconfigure(
         names,
         cost,
         thrusters,
+        drift,
     )
     count = len(request.initial)
+    if drift is not None:
+        until = float((request.starts + request.durations).max()) + drift
+        check_obstacles(request.others, until, request.names[count:])
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
     if not isinstance(method, str) or method not in ("joint", "sequential"):
@@ -173,21 +194,28 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         bound = float(np.sum(direct.energy))
         times = request.starts, request.durations
         plan = Plan(None, direct, request.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
-        if held := _held(problem):
+        if held := _held(problem.without_drift):
             pair, words = held
             reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
             if request.cost == "delta-v":
                 plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
             return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
+        if request.drift is not None:
+            plan = replace(plan, drift=request.drift)
+            if unsafe := unsafe_end(problem):
+                reason = unsafe.reason(problem, request.names)
+                return replace(plan, status=Status.END_UNSAFE, reason=reason, blocked=unsafe.pair)
         if request.cost == "delta-v":
             return _fired(plan, problem, request, budget, more)
         found = (
             solve(problem, budget, more) if method == "joint" else one_by_one(problem, order, budget, more)
         )
-        if method == "joint" and found.flown is None and problem.count > 1:
+        alone = request.drift is None and problem.count > 1
+        if method == "joint" and found.flown is None and alone:
             found = joined(problem, one_by_one(problem, order, budget, more), found)
         if found.flown is None:
             reason = _blocked(request.names, found.blocked, found.tried)
+            reason += "" if request.drift is None else unseparated(problem, request.names)
             return replace(plan, tried=found.tried, blocked=found.blocked, reason=reason)
         return _planned(plan, problem, found, request.names)
 

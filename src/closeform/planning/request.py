@@ -44,6 +44,7 @@ class Request:
     assign: bool
     cost: Cost
     thrusters: tuple[Thrusters | None, ...]
+    drift: float | None = None
 
     @classmethod
     def of(
@@ -60,6 +61,7 @@ class Request:
         names: Sequence[str] | None,
         cost: Cost = "energy",
         thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
+        drift: float | None = None,
     ) -> "Request":
         """Raises ValueError naming the argument that does not fit."""
         begins, places = _states("initial", initial), _states("final", final)
@@ -108,6 +110,7 @@ class Request:
             assign,
             cost,
             own,
+            drift,
         ).cheapest()
 
     @property
@@ -134,7 +137,7 @@ class Request:
 
     def problem(self) -> Problem:
         """What is to be planned."""
-        return Problem.of(self.direct, self.others, self.zones)
+        return Problem.of(self.direct, self.others, self.zones, self.drift)
 
     def least_slots(self) -> tuple[Any, float]:
         """Slots (N,) of least unconstrained cost, and that cost.

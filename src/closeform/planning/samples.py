@@ -34,16 +34,18 @@ class Answer(NamedTuple):
 class Samples:
     """Pairs at times: `contacts`, the unconstrained places there, and the kernel between them."""
 
-    def __init__(self, problem: Problem, which: Any, times: Any) -> None:
+    def __init__(self, problem: Problem, which: Any, times: Any, drifts: Floats | None = None) -> None:
         self.problem = problem
         self.contacts = Contacts.none()
-        self.add(which, times)
+        self.add(which, times, drifts)
 
-    def add(self, which: Any, times: Any) -> None:
-        """Further samples, each moved to when one of its pair can give way."""
-        pairs = np.array(which, dtype=np.int64)
-        inside = np.clip(np.array(times, dtype=float), *self.problem.windows[0][pairs].T)
-        self.contacts = self.contacts.joined(Contacts.at(pairs, inside))
+    def add(self, which: Any, times: Any, drifts: Floats | None = None) -> None:
+        """Further samples, each moved to when one of its pair can give way; `drifts` as of contacts."""
+        pairs, when = np.array(which, dtype=np.int64), np.array(times, dtype=float)
+        inside = np.clip(when, *self.problem.windows[0][pairs].T)
+        if drifts is not None:
+            inside = np.where(drifts.any(axis=1), when, inside)
+        self.contacts = self.contacts.joined(Contacts.at(pairs, inside, drifts))
         motions, gram = self.problem.unconstrained(self.contacts)
         self.places = motions[:, 0]
         self.gram = 0.5 * (gram + gram.T)

@@ -42,22 +42,28 @@ class Contacts(NamedTuple):
 
     The multiplier is the force with which the zone pushes the pair apart: the thrust's rate
     jumps by `multiplier * matrix^T normal` for the first of the two, by as much the other way for the second.
+    A craft that has been drifting without thrust until then feels it as its thrust stops, carried back there.
     """
 
     which: Any  # (K,)
     times: Floats  # (K,)
     normals: Floats  # (K, 3)
     multipliers: Floats  # (K,)
+    drifts: (
+        Floats  # (K, 2): how long before the time the thrust of each of the two has stopped; 0: it has not
+    )
 
     @classmethod
     def none(cls, count: int = 0) -> "Contacts":
         """Room for `count` contacts."""
-        return cls(np.zeros(count, dtype=np.int64), np.zeros(count), np.zeros((count, 3)), np.zeros(count))
+        return cls.at(np.zeros(count, dtype=np.int64), np.zeros(count))
 
     @classmethod
-    def at(cls, which: Any, times: Floats) -> "Contacts":
-        """Some of the pairs, each at an instant, without normals and multipliers."""
-        return cls(np.ascontiguousarray(which), times, np.zeros((len(times), 3)), np.zeros(len(times)))
+    def at(cls, which: Any, times: Floats, drifts: Floats | None = None) -> "Contacts":
+        """Some of the pairs, each at an instant, without normals and multipliers; nobody need drift."""
+        count = len(times)
+        none = np.zeros((count, 2)) if drifts is None else drifts
+        return cls(np.ascontiguousarray(which), times, np.zeros((count, 3)), np.zeros(count), none)
 
     def first(self, count: int) -> "Contacts":
         """A copy of the first `count`."""
@@ -91,4 +97,4 @@ SCENE = types.NamedTuple(
     ),
     Scene,
 )
-CONTACTS = types.NamedTuple((INDICES, NUMBERS, ROWS, NUMBERS), Contacts)
+CONTACTS = types.NamedTuple((INDICES, NUMBERS, ROWS, NUMBERS, ROWS), Contacts)

@@ -1,0 +1,68 @@
+"""What `avoid` answers of least energy: the best path around that was found, or why there is none."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import nan
+
+import numpy as np
+
+from closeform.planning.passive_ends import unseparated
+from closeform.planning.plan import Avoidance, Status
+from closeform.planning.planner import outcome, solve
+from closeform.planning.problem import Problem
+from closeform.planning.prove import closeness, is_proven
+from closeform.planning.prove import prove as prove_bound
+from closeform.planning.side_search import MARGINS, Found
+
+TOO_DEAR = 1e8  # times the optimum: no plan to fly
+
+
+def shaped(
+    problem: Problem, budget: int | None, seconds: float, fixed: bool, names: Sequence[str]
+) -> Avoidance:
+    """`avoid` by method "exact"."""
+    found = solve(problem, budget)
+    optimum, duration = problem.energy(problem.direct), problem.arrival - problem.first
+    ways = f"{found.tried} candidates examined"
+    if found.flown is None:
+        reason = f"no clear path among {ways}; raise budget for more"
+        if problem.drift is not None:
+            reason = f"no passively safe path among {ways}{unseparated(problem, names)}"
+        return refused(problem, Status.NOT_FOUND, reason, found.tried)
+    # rest to rest over one zone in a hundredth of the time costs 1e6 of these
+    zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
+    if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
+        reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; give it a longer transfer"
+        return refused(problem, Status.NOT_FOUND, reason, found.tried)
+    proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds, fixed=fixed)
+    if proof.better is not None:
+        found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes))
+    assert found.flown is not None
+    path = problem.path(found.flown)[0]
+    energy, bound = path.energy, optimum + proof.bound
+    number = len(found.contacts)
+    best = f"the best of {found.tried} candidates examined, {closeness(energy, bound)}"
+    return Avoidance(
+        path=path,
+        energy=energy,
+        extra_energy=found.extra,
+        delta_v=path.delta_v,
+        lower_bound=min(bound, energy),
+        contacts=found.contacts,
+        status=Status.AVOIDED,
+        reason=f"{number} contact{'s' * (number != 1)}, {best}",
+        margin=found.margin,
+        proven=is_proven(energy, bound),
+        tried=found.tried,
+        drift=problem.drift,
+    )
+
+
+def refused(
+    problem: Problem, status: Status, reason: str, tried: int = 0, least: float | None = None
+) -> Avoidance:
+    """An avoidance without a path; `least`: what any costs at least, where that is delta-v [m/s]."""
+    none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried, drift=problem.drift)
+    if least is not None:
+        return replace(none, lower_bound=least, cost="delta-v")
+    return replace(none, lower_bound=problem.energy(problem.direct))

@@ -1,0 +1,46 @@
+"""The program of planes that failed craft are to keep: the least energy, and the paths that it shapes."""
+
+from math import inf
+
+import numpy as np
+from numba import float64
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, lent, stack_matrix
+from closeform.planning.deflection import deflect, fill_factors, fill_gram
+from closeform.planning.qp import solve_qp
+from closeform.planning.relative_motion import motion_after
+from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
+
+TOO_FAR = 1e5  # zones that a plane alone would push its craft
+
+
+@kernel(float64(SCENE, CONTACTS, float64, float64, ROWS, INDICES))
+def press(scene, contacts, lift, give, arcs, offsets):
+    """Multipliers that keep failed craft beyond all planes at `lift` aims: the energy; fills the paths.
+
+    It begins with the contacts that push.  Each gives way by `give` of its own compliance.  inf where planes
+    ask for what cannot be together.                                                     # theory (51)
+    """
+    scene, contacts = lent(scene), lent(contacts)
+    arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
+    factors, motion = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
+    gram, work, gaps = np.empty((count, count)), np.empty((count, count)), np.empty(count)
+    fill_factors(scene, contacts, count, factors)
+    fill_gram(scene, contacts, count, factors, gram)
+    for k in range(count):
+        which, t = contacts.which[k], contacts.times[k]
+        motion_after(scene, scene.direct, scene.direct_offsets, which, t, contacts.drifts[k], motion)
+        gaps[k] = lift * scene.aims[scene.kinds[which]]
+        for i in range(3):
+            gaps[k] -= contacts.normals[k, i] * motion[0, i]
+    solve_qp(gram, gaps, count, contacts.multipliers > 0.0, give, work, contacts.multipliers)
+    energy = 0.0
+    for k in range(count):
+        push = contacts.multipliers[k]
+        if not push * gram[k, k] < TOO_FAR:
+            return inf
+        for m in range(count):
+            energy += 0.5 * push * gram[k, m] * contacts.multipliers[m]
+    deflect(scene, contacts, count, factors, arcs, offsets)
+    return energy

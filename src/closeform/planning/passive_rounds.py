@@ -1,0 +1,141 @@
+"""The rounds of a passively safe plan: planes are kept and turned until no failed craft enters a zone.
+
+A round solves the program of the known planes (the zones' supporting planes where failed craft come
+near), deflects all paths, and looks at all failures of the new paths: their minima over time become planes,
+and so do the places to which those that press slide, where over the instant of failure and time craft come
+closest.  In the beginning planes give way, while their normals turn.  All planes are those of the
+paths at hand, so that safe paths stay safe and get cheaper.                                       # theory 4
+"""
+
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START, WIDTH
+from closeform.planning.failures import find_failures, slide_failures
+from closeform.planning.passive_planes import press
+from closeform.planning.problem import MARGIN, Problem
+from closeform.planning.scene import Contacts
+from closeform.zones.shapes import BALL
+
+ROUNDS, HOPELESS = 40, 6  # rounds, and those without a better plan after one was found
+SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # how far planes give way at first, how fast that fades, and in the end
+REACH, NEAR = (
+    1.8,
+    1.4,
+)  # zones, within which a sampled minimum becomes a plane, and slides to the lowest beside it
+COARSE = 1  # every so many samples become planes
+MOMENTS = 48  # instants of failure that are sampled, of each craft; of each orbit where that is more
+EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: more of them near its ends
+SAME = 0.25  # of the time between them: contacts that are closer are one
+NEARLY = 1e-2  # how deep inside the zone failed craft may be for planes to be raised by as much
+DEAR = 10.0  # shares of its energy, which a plan is taken to cost more for each zone that it falls short
+STEADY = 1e-3  # relative change of energy at which rounds end
+RAISES, BEYOND = 4, 1e-9  # times that planes are raised, by more than is missing
+ROOM = 400  # minima, and for each pair
+POWER = 32.0  # of norms whose balls stand in for zones with edges, and hold them
+GIVEN_UP = 2.0  # times the energy to beat
+
+
+class Relaxed(NamedTuple):
+    """What rounds came to: contacts that press, and their energy; inf where craft are not safe."""
+
+    contacts: Contacts
+    energy: float
+
+
+class Rounds:
+    """Of one problem, with zones `margin` times as large."""
+
+    def __init__(self, problem: Problem, margin: float) -> None:
+        scene = problem.seen
+        edged = scene.shapes != BALL
+        self.scene = scene._replace(
+            powers=np.where(edged, POWER, inf),
+            aims=np.where(edged, margin * 3.0 ** (1.0 / POWER), margin),
+        )
+        start, end = problem.base[:, START], problem.base[:, END]
+        longest = float((end - start).max())
+        count = int(MOMENTS * max(1.0, longest * problem.orbit.mean_motion / (2.0 * np.pi)))
+        shares = np.concatenate([EARLY, (np.arange(count) + 0.5) / count, 1.0 - np.array(EARLY)])
+        shares = MARGIN + (1.0 - 2.0 * MARGIN) * np.sort(shares)
+        self.moments = start[:, None] + (end - start)[:, None] * shares
+        self.coarse = np.ascontiguousarray(self.moments[:, ::COARSE])
+        self.same = SAME * longest / count
+        self.unshifted = np.zeros((len(scene.states), 6))
+        self.room = Contacts.none(ROOM * (1 + len(scene.pairs)))
+        self.norms = np.empty(self.room.number)
+
+    def shifted(self, shifts: Floats) -> Contacts:
+        """Planes to begin with: those of the unconstrained paths, shifted in thought by natural motions."""
+        direct = self.scene.direct, self.scene.direct_offsets
+        return self.sampled(*direct, self.coarse, shifts, REACH)[0]
+
+    def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
+        """What planes come to, that give way by `soft` at first; given up well above the energy `bar`."""
+        best, before, least, latest = None, inf, inf, 0
+        for turn in range(ROUNDS):
+            energy, arcs, offsets = self.pressed(planes, 1.0, max(soft * FADE**turn, HARD))
+            if energy == inf:
+                break
+            found, short = self.failures(arcs, offsets, pressing(planes))
+            cost = energy * (1.0 + DEAR * short)
+            if short < NEARLY and cost < least:
+                best, least, latest = (planes, short), cost, turn
+            steady = turn - latest > HOPELESS or abs(energy - before) <= STEADY * energy
+            if best is not None and (steady or least > GIVEN_UP * bar):
+                break
+            before, planes = energy, found
+        return self.raised(*best) if best is not None else Relaxed(pressing(planes), inf)
+
+    def raised(self, planes: Contacts, short: float) -> Relaxed:
+        """The planes raised by the little that is missing."""
+        lift = 1.0
+        for _ in range(RAISES):
+            lift += 1.5 * short + BEYOND
+            energy, arcs, offsets = self.pressed(planes, lift, HARD)
+            if energy == inf:
+                break
+            short = self.failures(arcs, offsets, pressing(planes))[1]
+            if short == 0.0:
+                return Relaxed(pressing(planes), energy)
+            if short > NEARLY:
+                break
+        return Relaxed(pressing(planes), inf)
+
+    def pressed(self, planes: Contacts, lift: float, give: float) -> tuple[float, Floats, Any]:
+        """The energy with which planes are kept, which fills their multipliers, and the craft's arcs then."""
+        craft = len(self.scene.base)
+        arcs, offsets = np.zeros((3 * craft + 2 * planes.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
+        return press(self.scene, planes, lift, give, arcs, offsets), arcs, offsets
+
+    def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
+        """Planes where failed craft of some paths come near others, and what the nearest misses of the aim.
+
+        At sampled failures, where the near ones and `known` contacts slide to, and where these were.
+        """
+        fresh, norms = self.sampled(arcs, offsets, self.coarse, self.unshifted, REACH)
+        slid = known.joined(self.sampled(arcs, offsets, self.moments, self.unshifted, NEAR)[0])
+        stayed, ratios = slid.some(np.arange(slid.number)), np.empty(slid.number)
+        slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        order = np.argsort(ratios, kind="stable")
+        slid = slid.some(order).joined(stayed.first(known.number))
+        cells = np.rint(np.column_stack([slid.times, slid.drifts]) / self.same)
+        _, once = np.unique(np.column_stack([slid.which, cells]), axis=0, return_index=True)
+        nearest = min(norms.min(initial=inf), ratios.min(initial=inf))
+        return slid.some(once).joined(fresh), max(1.0 - float(nearest), 0.0)
+
+    def sampled(
+        self, arcs: Floats, offsets: Any, moments: Floats, shifts: Floats, reach: float
+    ) -> tuple[Contacts, Floats]:
+        """The minima after failures at `moments`, and their norms, as though bodies were shifted."""
+        given = self.scene, arcs, offsets, moments, shifts, reach, self.room, self.norms
+        count = find_failures(*given)
+        return self.room.first(count), self.norms[:count].copy()
+
+
+def pressing(planes: Contacts) -> Contacts:
+    """Those that push."""
+    return planes.some(planes.multipliers > 0.0)

@@ -1,0 +1,121 @@
+"""The search for passively safe plans: starts that lead to other sides, and what certifies a plan."""
+
+from math import inf
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.drift.drift_approach import drift_approach, passively_safe
+from closeform.motion.palmer import state_from_palmer
+from closeform.motion.path import Path, path_of
+from closeform.planning.certify import Solution
+from closeform.planning.passive_rounds import Rounds
+from closeform.planning.problem import Problem
+from closeform.planning.scene import Contacts
+from closeform.planning.side_search import Found
+
+STARTS = 24  # examined at most
+PATIENCE = 8  # starts without a better plan: the search ends
+FINER = 4  # times that the certified search may find what samples missed
+SIZE = 1.2  # of the zone: the swings of natural motions that shift a start
+DRIFT = 0.2  # and their change of the semi-major axis
+
+
+def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
+    """Of every pair, and each craft of it that may fail, where it comes deepest into the zone; none if safe.
+
+    `planned` (N,) are the craft's paths until they arrive, `flown` (N + M,) all bodies' with the drift.
+    """
+    found = Contacts.none()
+    for kind, zone in enumerate(problem.zones):
+        those = np.flatnonzero(problem.kinds == kind)
+        for side in range(2):
+            which = those[problem.pairs[those, side] < problem.count]
+            craft, others = problem.pairs[which, side], problem.pairs[which, 1 - side]
+            around = zone.mirrored if side else zone
+            if (
+                not len(which)
+                or (safe := passively_safe(planned[craft], flown[others], around, problem.last)).all()
+            ):
+                continue
+            which, craft, others = which[~safe], craft[~safe], others[~safe]
+            met = drift_approach(planned[craft], flown[others], around, problem.last)
+            drifts = np.zeros((len(which), 2))
+            drifts[:, side] = met.time - met.failed_at
+            found = found.joined(Contacts.at(which, np.array(met.time), drifts))
+    return found
+
+
+def shifts(problem: Problem, seed: int) -> Floats:
+    """Natural motions (N + M, 6) of about one zone's size, for the craft; obstacles stay."""
+    draws = np.random.default_rng(seed).uniform(size=(problem.count, 6))
+    size = max(float(zone.radius) for zone in problem.zones)
+    moved = np.zeros((problem.count + len(problem.other_offsets) - 1, 6))
+    n = problem.orbit.mean_motion
+    if not n:
+        spread = np.array([size] * 3 + [size / (problem.arrival - problem.first)] * 3)
+        moved[: problem.count] = spread * (2.0 * draws - 1.0)
+        return moved
+    swing, phase, across, cross_phase, along, d = draws.T
+    swing, across, phase, cross_phase = (
+        SIZE * swing,
+        SIZE * across,
+        2.0 * np.pi * phase,
+        2.0 * np.pi * cross_phase,
+    )
+    parts = (
+        *(swing * np.cos(phase), swing * np.sin(phase), DRIFT * (d - 0.5), along - 0.5),
+        *(across * np.cos(cross_phase), across * np.sin(cross_phase)),
+    )
+    moved[: problem.count] = state_from_palmer(size * np.stack(parts, axis=1), n)
+    return moved
+
+
+class PassiveSearch:
+    """One search among starts: the first is not shifted, the others are, by what seeds draw."""
+
+    def __init__(self, problem: Problem, margin: float, budget: int | None, more: bool) -> None:
+        self.problem = problem
+        self.rounds = Rounds(problem, margin)
+        self.margin = margin
+        self.budget = STARTS * (1 + more) if budget is None else budget
+        self.patience = inf if budget is not None else PATIENCE
+        self.best: Solution | None = None
+        self.tried = 0
+
+    def run(self) -> Found:
+        """Examine starts until no better plan turns up, or the budget is over."""
+        improved = 0
+        while self.tried < self.budget:
+            found = self.examine(self.tried)
+            self.tried += 1
+            if self.best is None or found.energy < self.best.energy:
+                self.best, improved = found, self.tried
+            elif self.best.clear and self.tried - improved >= self.patience:
+                break
+        assert self.best is not None  # a budget is at least one start
+        return Found(self.best, self.margin, False, self.tried)
+
+    def examine(self, seed: int) -> Solution:
+        """What a start leads to, certified; what samples missed becomes a contact."""
+        bar = self.best.energy if self.best is not None else inf
+        planes = self.rounds.shifted(shifts(self.problem, seed) if seed else self.rounds.unshifted)
+        relaxed = self.rounds.relaxed(planes, bar)
+        for _ in range(FINER):
+            solution = Solution(self.problem, relaxed.contacts, relaxed.energy, relaxed.energy < inf, False)
+            if not relaxed.energy < bar:
+                return solution
+            missed = self.missed(solution)
+            if not missed.number:
+                return solution
+            own = self.problem.path(solution.flown)
+            planes, _ = self.rounds.failures(own.arcs, own.offsets, missed.joined(relaxed.contacts))
+            relaxed = self.rounds.relaxed(planes, bar, soft=0.0)
+        return Solution(self.problem, relaxed.contacts, inf, False, False)
+
+    def missed(self, solution: Solution) -> Contacts:
+        """Where, for all that samples say, craft meet after a failure or without one."""
+        arcs, offsets = solution.flown
+        bodies = path_of(self.problem.orbit, arcs, offsets, (len(offsets) - 1,))
+        met = self.problem.met(self.problem.conflicts(solution.flown))
+        return met.joined(failures(self.problem, self.problem.path(solution.planned), bodies))

@@ -1,0 +1,62 @@
+"""Where two bodies are relative to each other, in zone coordinates: under thrust, or after it was lost."""
+
+from closeform.compiled import kernel
+from closeform.motion.arc import MEAN_MOTION, acceleration, derivatives_at, state_at
+from closeform.motion.certified_march import locate
+from closeform.motion.hill import coast
+
+
+@kernel()
+def add_body(scene, arcs, offsets, body, t, order, out, sign):
+    """Add `sign` times the derivatives of a body's position at time t to `out`."""
+    if body < len(scene.base):
+        first, last = offsets[body], offsets[body + 1]
+        derivatives_at(arcs[locate(arcs, first, last, t)], t, order, out, sign)
+    else:
+        body -= len(scene.base)
+        first, last = scene.other_offsets[body], scene.other_offsets[body + 1]
+        derivatives_at(scene.others[locate(scene.others, first, last, t)], t, order, out, sign)
+
+
+@kernel()
+def in_zone(scene, which, out):
+    """Turn the rows of a pair's relative motion to its zone's coordinates."""
+    matrix = scene.matrices[scene.kinds[which]]
+    for k in range(3):
+        x, y, z = out[k, 0], out[k, 1], out[k, 2]
+        for i in range(3):
+            out[k, i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z
+
+
+@kernel()
+def relative_motion(scene, arcs, offsets, which, t, out):
+    """Relative position, velocity and acceleration of a pair at time t in zone coordinates, rows of `out`."""
+    out[:] = 0.0
+    add_body(scene, arcs, offsets, scene.pairs[which, 0], t, 3, out, 1.0)
+    add_body(scene, arcs, offsets, scene.pairs[which, 1], t, 3, out, -1.0)
+    in_zone(scene, which, out)
+
+
+@kernel()
+def add_drifting(arcs, offsets, craft, t, drift, out, sign):
+    """Add `sign` times the derivatives at time t of a craft that has been without thrust for a `drift`."""
+    arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], t - drift)]
+    n, lost = arc[MEAN_MOTION], state_at(arc, t - drift)
+    x, y, z, vx, vy, vz = coast(n, drift, lost[0], lost[1], lost[2], lost[3], lost[4], lost[5])
+    ax, ay, az = acceleration(n, x, z, vx, vy)
+    out[0, 0], out[0, 1], out[0, 2] = out[0, 0] + sign * x, out[0, 1] + sign * y, out[0, 2] + sign * z
+    out[1, 0], out[1, 1], out[1, 2] = out[1, 0] + sign * vx, out[1, 1] + sign * vy, out[1, 2] + sign * vz
+    out[2, 0], out[2, 1], out[2, 2] = out[2, 0] + sign * ax, out[2, 1] + sign * ay, out[2, 2] + sign * az
+
+
+@kernel()
+def motion_after(scene, arcs, offsets, which, t, drifts, out):
+    """`relative_motion` where craft of the pair may have been without thrust for `drifts` (2,)."""
+    out[:] = 0.0
+    for side in range(2):
+        sign = 1.0 if side == 0 else -1.0
+        if drifts[side] > 0.0:
+            add_drifting(arcs, offsets, scene.pairs[which, side], t, drifts[side], out, sign)
+        else:
+            add_body(scene, arcs, offsets, scene.pairs[which, side], t, 3, out, sign)
+    in_zone(scene, which, out)

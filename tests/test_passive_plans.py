@@ -1,0 +1,258 @@
+"""Plans that are safe when thrust is lost: flown with failures by an integrator, solved again by nodes."""
+
+from functools import lru_cache
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.linalg import expm
+
+import closeform as cf
+from closeform.motion.joining import stack
+from closeform.planning.problem import Problem
+from closeform.planning.scene import Contacts
+from ring_transfers import RADIUS, ring_transfers
+
+ORBIT = cf.Orbit.circular(500e3)
+PERIOD = ORBIT.period
+CLIENT = np.zeros(6)
+NODES = 500  # of the cone program
+STEP = 30.0  # s, of the integrator: its error is below 1e-4 m after three orbits
+SOME = (2, 8, 14, 17, 26)  # of the thirty ring transfers: long and short, one contact and many
+
+
+def hill(n):
+    matrix = np.zeros((6, 6))
+    matrix[:3, 3:] = np.eye(3)
+    matrix[3, 0], matrix[3, 4], matrix[4, 3], matrix[5, 2] = 3 * n * n, 2 * n, -2 * n, -n * n
+    return matrix
+
+
+def held(matrix, time):
+    """Transition over a time, and what a thrust that is held meanwhile adds: (6, 6), (6, 3)."""
+    both = np.zeros((9, 9))
+    both[:6, :6], both[3:6, 6:] = matrix, np.eye(3)
+    both = expm(both * time)
+    return both[:6, :6], both[:6, 6:]
+
+
+def flown_with_failures(path, until, count, seed):
+    """Times, positions (T, K, 3) of K failures at random instants, whether thrust was lost by then (T, K).
+
+    By Runge-Kutta's fourth order, in steps at whose ends thrust jumps and is cut.
+    """
+    matrix, rng = hill(path.orbit.mean_motion), np.random.default_rng(seed)
+    cut = rng.uniform(path.start, path.end, size=count)
+    even = np.arange(path.start, until, STEP)
+    times = np.unique(np.concatenate([even, cut, path.arcs[:, 0], [path.end, until]]))
+    states = np.repeat(path.state(path.start)[None], count, axis=0)
+    places, lost = [states[:, :3]], [cut <= path.start]
+    for start, end in zip(times[:-1], times[1:], strict=True):
+        burning, step = (cut > start)[:, None], end - start
+        inside = np.array([start + 1e-6 * step, 0.5 * (start + end), end - 1e-6 * step])
+        thrust = path.thrust(inside) if end <= path.end else np.zeros((3, 3))
+
+        def rate(x, half, thrust=thrust, burning=burning):
+            slope = x @ matrix.T
+            slope[:, 3:] += burning * thrust[half]
+            return slope
+
+        a = rate(states, 0)
+        b = rate(states + 0.5 * step * a, 1)
+        c = rate(states + 0.5 * step * b, 1)
+        d = rate(states + step * c, 2)
+        states = states + step / 6.0 * (a + 2 * b + 2 * c + d)
+        places.append(states[:, :3])
+        lost.append(cut <= end)
+    return times, np.array(places), np.array(lost)
+
+
+@lru_cache
+def planned(k):
+    case = ring_transfers("thirty")[k]
+    return case, cf.avoid(case.path, case.client, case.zone, drift=case.drift)
+
+
+@pytest.mark.parametrize("k", SOME)
+def test_a_thousand_failures_of_a_plan_stay_outside(k):
+    case, plan = planned(k)
+    assert (plan.status, plan.drift) == (cf.Status.AVOIDED, case.drift)
+    until = case.duration + case.drift
+    _, places, lost = flown_with_failures(plan.path, until, 1000, seed=k)
+    ratios = np.where(lost, np.linalg.norm(places, axis=2), np.inf) / RADIUS
+    assert ratios.min() > 1.0 - 1e-5
+    assert ratios.min() < 1.1  # and the plan is no wider a detour than it must be
+    _, places, lost = flown_with_failures(case.path, until, 300, seed=k)
+    assert (np.where(lost, np.linalg.norm(places, axis=2), np.inf) / RADIUS).min() < 1.0
+
+
+@pytest.mark.parametrize("k", SOME)
+def test_plans_keep_their_ends_and_their_energy(k):
+    case, plan = planned(k)
+    assert plan.path.state(0.0) == pytest.approx(case.initial, abs=1e-9)
+    assert np.abs(plan.path.state(case.duration) - case.final).max() < 1e-6
+    times = np.linspace(0.0, case.duration, 200_001)
+    thrust = np.sum(plan.path.thrust(times) ** 2, axis=1)
+    energy = 0.5 * np.sum(0.5 * (thrust[1:] + thrust[:-1]) * np.diff(times))
+    assert plan.energy == pytest.approx(energy, rel=1e-4)  # jumps of thrust lie between samples
+    assert plan.lower_bound <= plan.energy
+    assert plan.extra_energy == pytest.approx(plan.energy - case.path.energy, abs=1e-9 * plan.energy)
+
+
+@pytest.mark.parametrize("k", SOME)
+def test_a_cone_program_with_the_same_planes_needs_the_same_energy(k):
+    """The thrust is held between nodes, which costs it a little where the plan's thrust jumps."""
+    case, plan = planned(k)
+    matrix, step = hill(ORBIT.mean_motion), case.duration / NODES
+    times = step * np.arange(NODES)
+    drift, push = held(matrix, step)
+    powers = [np.eye(6)]
+    for _ in range(NODES):
+        powers.append(drift @ powers[-1])
+    ends = np.hstack([powers[NODES - 1 - i] @ push for i in range(NODES)])
+    rows, gaps = [], []
+    for one in plan.contacts:
+        s = one.time if np.isnan(one.failed_at) else one.failed_at
+        row = np.zeros((NODES, 3))
+        for i in np.flatnonzero(times < s):
+            last = min(s, times[i] + step)
+            row[i] = one.normal @ (expm(matrix * (one.time - last)) @ held(matrix, last - times[i])[1])[:3]
+        rows.append(row.ravel())
+        gaps.append(one.reach - one.normal @ (expm(matrix * one.time) @ case.initial)[:3])
+    scale = 1e5  # thrust is of 1e-5 m/s^2
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_rel = settings.tol_gap_abs = settings.tol_feas = 1e-10
+    a = np.vstack([ends[:3], ends[3:] * 1e3, -np.array(rows)]) / scale
+    drifted = case.final - powers[NODES] @ case.initial
+    b = np.concatenate([drifted[:3], drifted[3:] * 1e3, -np.array(gaps)])
+    cones = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows))]
+    problem = sparse.csc_matrix(np.eye(3 * NODES) * step / scale), np.zeros(3 * NODES)
+    solution = clarabel.DefaultSolver(*problem, sparse.csc_matrix(a), b, cones, settings).solve()
+    energy = 0.5 * step * np.sum((np.array(solution.x) / scale) ** 2)
+    assert plan.energy == pytest.approx(energy, rel=1e-3)
+
+
+def test_forces_after_failures_deflect_as_the_least_energy_does():
+    """Gram matrix, ends and energy of random contacts, against a dense thrust of least norm."""
+    rng, duration = np.random.default_rng(5), 0.8 * PERIOD
+    initial, final = rng.normal(size=(2, 6)) * [200.0, 200.0, 200.0, 0.1, 0.1, 0.1]
+    path = ORBIT.transfer(initial, final, duration)
+    until = duration + PERIOD
+    obstacle = ORBIT.coast([500.0, 0, 0, 0, 0, 0], until)
+    groups = [(cf.Ellipsoid([30.0, 50.0, 20.0]), np.array([[0, 1]]))]
+    problem = Problem.of(stack([path]), stack([obstacle]), groups, PERIOD)
+    failed = np.sort(rng.uniform(0.05, 0.95, 6)) * duration
+    drifts = np.array([0.0, 900.0, 0.0, 4000.0, 5000.0, 300.0])
+    contacts = Contacts.at(
+        np.zeros(6, dtype=np.int64), failed + drifts, np.column_stack([drifts, 0.0 * drifts])
+    )
+    normals = rng.normal(size=(6, 3))
+    contacts = contacts._replace(normals=normals / np.linalg.norm(normals, axis=1)[:, None])
+    gram = problem.kernel(contacts).reshape(6, 3, 6, 3)
+    gram = np.einsum("ka,kamb,mb->km", contacts.normals, gram, contacts.normals)
+    assert gram == pytest.approx(gram.T, abs=1e-12 * np.abs(gram).max())
+    contacts.multipliers[:] = rng.uniform(0.5, 1.0, 6) / np.diag(gram)
+    shaped = problem.path(problem.planned(contacts))[0]
+    assert np.abs(shaped.state(duration) - final).max() < 1e-8
+    assert shaped.energy - path.energy == pytest.approx(
+        0.5 * contacts.multipliers @ gram @ contacts.multipliers
+    )
+    pushed = problem.zones[0].matrix.T @ contacts.normals.T
+
+    def seen(one):
+        late = [
+            expm(hill(ORBIT.mean_motion) * d)[:3] @ one.state(s) for s, d in zip(failed, drifts, strict=True)
+        ]
+        return np.einsum("ik,ki->k", pushed, np.array(late))
+
+    assert seen(shaped) - seen(path) == pytest.approx(gram @ contacts.multipliers, rel=1e-9)
+    matrix = hill(ORBIT.mean_motion)
+    nodes = np.union1d(np.linspace(0.0, duration, 800), failed)  # thrust jumps at nodes alone
+    rows = np.zeros((12, len(nodes) - 1, 3))
+    for i, (start, end) in enumerate(zip(nodes[:-1], nodes[1:], strict=True)):
+        push = held(matrix, end - start)[1] / np.sqrt(end - start)
+        rows[:6, i] = expm(matrix * (duration - end)) @ push
+        for k in np.flatnonzero(end <= failed):
+            rows[6 + k, i] = pushed[:, k] @ (expm(matrix * (failed[k] + drifts[k] - end)) @ push)[:3]
+    wanted = np.concatenate([np.zeros(6), gram @ contacts.multipliers])
+    rows = rows.reshape(12, -1)
+    scale = 1.0 / np.linalg.norm(rows, axis=1)
+    least = np.linalg.lstsq(rows * scale[:, None], wanted * scale, rcond=None)[0]
+    assert shaped.energy - path.energy == pytest.approx(0.5 * np.sum(least**2), rel=3e-4)  # (n h)^2
+
+
+def test_more_drift_and_larger_zones_cost_no_less():
+    case = ring_transfers("thirty")[8]
+    client = ORBIT.coast(CLIENT, case.duration + 3.0 * PERIOD)
+    longer = [
+        cf.avoid(case.path, client, case.zone, drift=share * PERIOD).energy for share in (0.0, 0.5, 1.0, 2.0)
+    ]
+    assert (
+        np.diff(longer) >= -1e-3 * longer[0]
+    ).all()  # rounds end when the energy is steady to a thousandth
+    larger = [
+        cf.avoid(case.path, client, cf.Sphere(r), drift=PERIOD).energy for r in (20.0, 25.0, 30.0, 33.0)
+    ]
+    assert (np.diff(larger) >= -1e-3 * larger[0]).all()
+
+
+def test_what_is_safe_already_is_flown_as_it_is():
+    state = cf.targets.safety_ellipse(ORBIT, 2, 100.0, 100.0)
+    path = ORBIT.coast(state[0], PERIOD)
+    plan = cf.avoid(path, ORBIT.coast(CLIENT, 4.0 * PERIOD), cf.Sphere(30.0), drift=3.0 * PERIOD)
+    assert plan.path is path
+    assert (plan.status, plan.drift) == (cf.Status.CLEAR, 3.0 * PERIOD)
+
+
+def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that_would_do():
+    ellipse = cf.targets.safety_ellipse(ORBIT, 1, 100.0, 100.0)[0]
+    drifting = np.array([5.0, -300.0, 0.0, 0.0, -7.5 * ORBIT.mean_motion, 0.0])  # a lower or higher circle
+    client = ORBIT.coast(CLIENT, 9.0 * PERIOD)
+    towards = (
+        drifting
+        if ORBIT.coast(drifting, PERIOD).position(PERIOD)[1] > -300.0
+        else drifting * [-1, 1, 1, 1, -1, 1]
+    )
+    path = ORBIT.transfer(ellipse, towards, PERIOD)
+    plan = cf.avoid(path, client, cf.Sphere(30.0), drift=8.0 * PERIOD, names=["client"])
+    assert (plan.status, plan.path) == (cf.Status.END_UNSAFE, None)
+    least = cf.closest_approach(
+        ORBIT.coast(towards, 8.0 * PERIOD), ORBIT.coast(CLIENT, 8.0 * PERIOD), cf.Sphere(30.0)
+    )
+    assert f"the end of its plan path comes to {least.ratio:.2f} x zone from client" in plan.reason
+    assert "targets.safety_ellipse(orbit, 1, 39, 39) around client would do" in plan.reason
+    named = ORBIT.coast(cf.targets.safety_ellipse(ORBIT, 1, 39.0, 39.0)[0], PERIOD)
+    assert cf.closest_approach(named, ORBIT.coast(CLIENT, PERIOD), cf.Sphere(30.0)).ratio >= 1.3 - 1e-9
+
+
+def test_craft_of_a_formation_may_fail_one_at_a_time():
+    """Two craft change places on a ring around a client; whichever fails, the other flies on."""
+    begins = cf.targets.separated_ring(ORBIT, 2, 100.0, 100.0)
+    ends = cf.targets.separated_ring(ORBIT, 2, 120.0, 110.0, 0.8 * np.pi)
+    duration, zone = 1.3 * PERIOD, cf.Sphere(30.0)
+    final = (ORBIT.transition(duration) @ ends[:, :, None])[..., 0]
+    client = ORBIT.coast(CLIENT, duration + PERIOD)
+    plan = cf.reconfigure(ORBIT, begins, final, duration, zone, obstacles=client, drift=PERIOD)
+    assert (plan.ok, plan.drift) == (True, PERIOD)
+    until = duration + PERIOD
+    alone = [
+        cf.reconfigure(ORBIT, begins, final, duration, zone, obstacles=client).paths[k] for k in range(2)
+    ]
+    safe = []
+    for paths in (plan.paths, alone):
+        ratios = []
+        for k in range(2):
+            times, places, lost = flown_with_failures(paths[k], until, 300, seed=k)
+            coast = ORBIT.coast(paths[1 - k].state(duration), PERIOD, duration)
+            there = np.where(
+                (times <= duration)[:, None],
+                paths[1 - k].position(np.minimum(times, duration)),
+                coast.position(np.clip(times, duration, until)),
+            )
+            for other in (there[:, None], np.zeros(3)):
+                ratios.append(np.where(lost, np.linalg.norm(places - other, axis=2), np.inf).min() / RADIUS)
+        safe.append(min(ratios))
+    assert safe[0] > 1.0 - 1e-5
+    assert safe[1] < 1.0
