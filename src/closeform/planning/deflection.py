@@ -15,7 +15,7 @@ contact keeps, for either craft, A, A', B^T and B'^T in its zone's coordinates: 
 
 A craft whose thrust was lost at s answers at t through its state at s, which flies on by itself:
 
-    A = E Phi(t - s) F(s),    B = -F(T)^-1 F(T - s) J,    J = Phi(s - t) [0 I]^T              # theory (50)
+    A = E Phi(t - s) F(s),    B = -F(T)^-1 F(T - s) J,    J = Phi(s - t) [0 I]^T              # theory (71)
 
 J is the force's jump of thrust rate, carried back to s by natural motion, as all primers move: at s the
 thrust itself jumps too.  A' is then its rate in t alone, and B' has no meaning.
@@ -59,7 +59,7 @@ def is_controllable(scene, body, t):
 def carry(n, drift, ahead, left):
     """Turn the responses until thrust is lost, and after it, to those of a position met a `drift` later.
 
-    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (50)
+    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (71)
     """
     jumps = stack_matrix(3, 6)
     for i in range(3):

@@ -70,7 +70,7 @@ def adrift(path: Path, since: float, until: float) -> Path:
 def separation(problem: Problem, craft: int, other: int) -> float:
     """How far apart, in zones, a craft's arrival is from an obstacle for a slow drift of any length.
 
-    Across the track, by eccentricity and inclination.                                     # theory (52)
+    Across the track, by eccentricity and inclination.                                     # theory (73)
     """
     pair = problem.index[craft, other]
     zone, arrived = problem.zones[problem.kinds[pair]], float(problem.base[craft, END])

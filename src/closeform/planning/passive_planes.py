@@ -20,7 +20,7 @@ def press(scene, contacts, lift, give, arcs, offsets):
     """Multipliers that keep failed craft beyond all planes at `lift` aims: the energy; fills the paths.
 
     It begins with the contacts that push.  Each gives way by `give` of its own compliance.  inf where planes
-    ask for what cannot be together.                                                     # theory (51)
+    ask for what cannot be together.                                                     # theory (72)
     """
     scene, contacts = lent(scene), lent(contacts)
     arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
