@@ -1061,12 +1061,12 @@ MISUSES = (
     Misuse(
         "no zone",
         "screen a.oem b.oem",
-        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance, --zones; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --hard-body, --covariance, --zones; for example --sphere "20 m"',
     ),
     Misuse(
         "two zones",
         'screen a.oem b.oem --sphere "20 m" --box "1 1 1 m"',
-        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --covariance, --zones; for example --sphere "20 m"',
+        'screen: give one of --sphere, --box, --ellipsoid, --cylinder, --hard-body, --covariance, --zones; for example --sphere "20 m"',
     ),
     Misuse(
         "a zone in the wrong unit",
@@ -1091,7 +1091,7 @@ MISUSES = (
     Misuse(
         "a covariance without sigmas",
         'screen a.oem b.oem --covariance "25 0 400 0 0 25 m^2"',
-        "screen: --covariance and --sigmas go together; for example --sigmas 3",
+        "screen: --covariance needs --sigmas; for example --sigmas 3",
     ),
     Misuse(
         "a covariance that is none",
@@ -1102,6 +1102,21 @@ MISUSES = (
         "a body of covariance",
         'screen a.oem b.oem --covariance "25 0 400 0 0 25 m^2" --sigmas 3 --body',
         "screen: --covariance is of where a craft is, not of its body; leave --body out",
+    ),
+    Misuse(
+        "sigmas of ephemerides without covariances",
+        'screen a.oem b.oem --hard-body "5 m" --sigmas 3',
+        "--sigmas: no ephemeris has a covariance; add blocks, or give --covariance",
+    ),
+    Misuse(
+        "no sigmas at all",
+        'screen a.oem b.oem --hard-body "5 m" --sigmas 0',
+        "--sigmas: must be above zero, got 0; write for example --sigmas 3",
+    ),
+    Misuse(
+        "a hard body of two dimensions",
+        'screen a.oem b.oem --hard-body "5 4 m"',
+        '--hard-body: "5 4 m" is not one number and one unit; write for example "10 m"',
     ),
     Misuse(
         "one ephemeris only",

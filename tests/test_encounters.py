@@ -1,10 +1,14 @@
-"""`closeform encounter` against published conjunctions."""
+"""`closeform encounter` and `screen --sigmas`, against published conjunctions and flown samples."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.stats import binomtest
 
+import closeform as cf
 from closeform.cli import main
 from messages import FAST, MEDIUM, SLOW
 
@@ -37,6 +41,7 @@ def test_a_slow_conjunction_has_its_probability(capsys):
     assert high - low < 0.002 * value
     assert figure("short encounter (2-D)", printed)[0] < 0.97 * value  # what straight flight misses
     assert "Radius of both bodies 4 m; followed for 10135 s before and after" in printed
+    assert "Clear by 0 sigmas" in printed  # 2.95 m apart, with bodies of 4 m
     assert "Warning" not in printed
 
 
@@ -71,3 +76,101 @@ def test_a_probability_that_is_asked_for(capsys):
     assert capsys.readouterr().out.splitlines()[-1].startswith("not clear: collision probability 0.0034")
     assert main([*asked, "0.01"]) == 0
     assert capsys.readouterr().out.splitlines()[-1].endswith("at most 0.01")
+
+
+# Ephemerides: A is the chief, B stands 200 m ahead of it.
+RATE = np.sqrt(cf.EARTH_MU / 7e6**3)
+KNOWN = np.diag([2.0, 5.0, 2.0, 1e-3, 1e-3, 2e-3]) ** 2
+SAMPLES, EVERY, END = 3000, 40.0, 9000.0
+
+
+def orbit_of(ahead, times):
+    return cf.inertial_from_elements([[7e6, ahead + RATE * time, 0.0, 0.0, 1.0, 0.2] for time in times])
+
+
+@pytest.fixture
+def ephemerides(desk):
+    times = np.arange(0.0, END + 1.0, 60.0)
+    for name, ahead, held in (
+        ("A", 0.0, cf.Covariances([-300.0], [KNOWN / 4.0], ["TNW"])),
+        ("B", 200.0 / 7e6, cf.Covariances([0.0, 3000.0], [KNOWN, KNOWN], ["RTN", "RTN"])),
+    ):
+        words = name, f"2026-001{name}", "EARTH", "GCRF", "UTC", "2026-01-01T00:00:00"
+        cf.write_oem(f"{name}.oem", cf.Ephemeris(*words, times, orbit_of(ahead, times), held))
+    return times
+
+
+def flown(ahead, covariance, frame, epoch, rng):
+    """Positions (S, T, 3) of samples by Kepler's motion, from errors along local axes at an epoch."""
+    (state,) = orbit_of(ahead, [epoch])
+    position, velocity = state[:3], state[3:]
+    normal = np.cross(position, velocity) / np.linalg.norm(np.cross(position, velocity))
+    first = position if frame == "RTN" else velocity
+    rows = np.array([first / np.linalg.norm(first), np.cross(normal, first / np.linalg.norm(first)), normal])
+    drawn = rng.multivariate_normal(np.zeros(6), covariance, SAMPLES)
+    elements = cf.elements_from_inertial(
+        np.concatenate([position + drawn[:, :3] @ rows, velocity + drawn[:, 3:] @ rows], axis=1)
+    )
+    times = np.arange(0.0, END + 1.0, EVERY)
+    later = np.repeat(elements[:, None], len(times), axis=1)
+    later[..., 1] += np.sqrt(cf.EARTH_MU / later[..., 0] ** 3) * (times - epoch)
+    return cf.inertial_from_elements(later)[..., :3]
+
+
+def sigmas_of(mean, covariance, radius):
+    """How many sigmas keep a ball about the origin clear: the nearest of its points, by Lagrange."""
+    values, vectors = np.linalg.eigh(covariance)
+    place = vectors.T @ mean
+
+    def point(force):
+        return place / (1.0 + force * values)
+
+    force = brentq(lambda force: np.linalg.norm(point(force)) - radius, 0.0, 1e12)
+    return np.sqrt(((place - point(force)) ** 2 / values).sum())
+
+
+def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
+    """Histories within 15 m, and the spread of samples: Kepler's motion of both craft, in inertial axes."""
+    asked = ["screen", "A.oem", "B.oem", "--hard-body", "7.5 m", "--sigmas"]
+    assert main([*asked, "3"]) == 1
+    printed = capsys.readouterr().out
+    rng = np.random.default_rng(5)
+    chief = flown(0.0, KNOWN / 4.0, "TNW", -300.0, rng)
+    apart = flown(200.0 / 7e6, KNOWN, "RTN", 0.0, rng) - chief
+    met = int((np.linalg.norm(apart, axis=2) < 15.0).any(axis=1).sum())
+    row = re.search(
+        rf"^A - B +{NUMBER} +{NUMBER} +{NUMBER} +{NUMBER} to {NUMBER} +{NUMBER} +{NUMBER}$",
+        printed,
+        re.MULTILINE,
+    )
+    sigmas, time, value, low, high, start, entries = map(float, row.groups())
+    truth = binomtest(met, SAMPLES).proportion_ci(0.999)
+    assert truth.low < value < truth.high
+    assert low <= value <= high
+    assert start < 1e-100
+    assert value <= entries < 1.05 * value
+    spread = [
+        sigmas_of(apart[:, k].mean(axis=0), np.cov(apart[:, k].T), 15.0) for k in range(100, apart.shape[1])
+    ]
+    assert sigmas == pytest.approx(
+        min(spread), rel=0.05
+    )  # 3000 samples: 1.3 % of a sigma, and the least of many
+    assert time == pytest.approx(END, abs=60.0)
+    assert "Covariances of 2 ephemerides, carried by Hill's equations for up to 300.0 s (A)" in printed
+    assert printed.splitlines()[-1] == "1 conflict remains at 3 sigmas"
+    assert main([*asked, "1"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "clear: no conflict remains at 1 sigma"
+
+
+def test_who_has_no_covariance_is_named(ephemerides, capsys):
+    text = Path("A.oem").read_text()
+    Path("A.oem").write_text(text[: text.index("COVARIANCE_START")])
+    assert main(["screen", "A.oem", "B.oem", "--sphere", "15 m", "--sigmas", "1.5"]) in (0, 1)
+    printed = capsys.readouterr().out
+    assert "Covariances of 1 ephemeris\n" in printed
+    assert "Taken for known exactly: A" in printed
+
+
+def test_boxes_have_sigmas_and_no_probability(ephemerides, capsys):
+    main(["screen", "A.oem", "B.oem", "--box", "10 15 10 m", "--sigmas", "3"])
+    assert re.search(rf"^A - B +{NUMBER} +{NUMBER} +- +- +- +-$", capsys.readouterr().out, re.MULTILINE)

@@ -69,7 +69,7 @@ def test_files_of_zones_that_do_not_fit(old: str, new: str, lines: list[str], de
 
 def test_one_way_of_saying_what_is_kept(desk, capsys) -> None:
     (desk / "zones.toml").write_text(ZONES)
-    for more in (["--sphere", "20 m"], ["--body"], ["--sigmas", "3"]):
+    for more in (["--sphere", "20 m"], ["--body"], ["--hard-body", "5 m"]):
         assert main(["screen", "A.oem", "B.oem", "--zones", "zones.toml", *more]) == 2
         words = "screen: --zones says what each craft keeps; leave the other options of zones out\n"
         assert capsys.readouterr().err == words

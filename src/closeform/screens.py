@@ -9,7 +9,10 @@ from closeform.console import complain, tell_screen
 from closeform.given import BAD_INPUT, UsageError, check_present, ephemerides, quantity
 
 if TYPE_CHECKING:
+    from closeform.conflicts.flight import Flight
+    from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
+    from closeform.exchange.uncertain_flight import UncertainFlight
     from closeform.report.encounter import EncounterReport
 
 
@@ -25,6 +28,7 @@ def screen(
     covariance: str | None = None,
     sigmas: float | None = None,
     body: Annotated[bool, Parameter(negative="")] = False,
+    hard_body: str | None = None,
     zones: Path | None = None,
     interpolate: str | None = None,
 ) -> int:
@@ -47,23 +51,29 @@ def screen(
     covariance
         Of the position of every craft, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
     sigmas
-        How many standard deviations of --covariance are kept clear.
+        How many standard deviations are kept clear: of --covariance, else of the ephemerides' covariances.
     body
         The zone is what each craft fills: those of two add.
+    hard_body
+        Radius of the sphere that each craft fills: "5 m"; those of two add.
     zones
         TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
     interpolate
         How far off states may be that are interpolated to common epochs: "1 m".
     """
     from closeform.scenario import ScenarioError
-    from closeform.scenario.options import AskedZones
+    from closeform.scenario.options import HARD_BODY, AskedZones
     from closeform.scenario.quantity import LENGTH
 
     shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
     try:
-        asked = AskedZones.of(shapes | {"covariance": covariance}, axis, sigmas, body, zones)
+        asked = AskedZones.of(
+            shapes | {HARD_BODY: hard_body, "covariance": covariance}, axis, sigmas, body, zones
+        )
         frame = ephemerides(files, quantity("interpolate", LENGTH, interpolate))
         kept = asked.of_pairs(frame.names)
+        if asked.sigmas is not None and not any(held is not None for held in frame.covariances):
+            raise ValueError("--sigmas: no ephemeris has a covariance; add blocks, or give --covariance")
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
@@ -73,10 +83,19 @@ def screen(
     from closeform.motion.orbit import Orbit
     from closeform.report.screening import ScreenReport
 
-    paths = Orbit(frame.mean_motion).sampled(frame.times, frame.states)
-    report = ScreenReport(frame, watch(paths, frame.names, kept))
+    flight = watch(Orbit(frame.mean_motion).sampled(frame.times, frame.states), frame.names, kept)
+    report = ScreenReport(frame, flight, uncertain(frame, flight, asked.sigmas))
     tell_screen(report)
     return report.verdict.status
+
+
+def uncertain(frame: "CommonFrame", flight: "Flight", sigmas: float | None) -> "UncertainFlight | None":
+    """How many sigmas pairs are clear by, and how probable it is that they meet; None if nobody asked."""
+    if sigmas is None:
+        return None
+    from closeform.exchange.uncertain_flight import UncertainFlight
+
+    return UncertainFlight.of(flight, frame.errors, sigmas)
 
 
 def encounter(
@@ -133,6 +152,7 @@ def judged(
 ) -> "EncounterReport":
     """The report of a message, with bodies of some radius [m] together."""
     from closeform.report.encounter import EncounterReport
+    from closeform.uncertainty.clearance import clearance_in_sigmas
     from closeform.uncertainty.probability import collision_probability
     from closeform.zones.solids import Sphere
 
@@ -140,4 +160,4 @@ def judged(
     pair = met.path, met.other, zone, met.errors, met.other_errors
     entries = collision_probability(*pair)
     short = collision_probability(*pair, method="short-encounter")
-    return EncounterReport(told, radius, met, entries, short, limit)
+    return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit)

@@ -106,7 +106,7 @@ class Verdict:
     `stopped`: why there are fewer stages than in the file, else None; `conflicts`, each from an entry
     into a zone to the exit, of so many `pairs`; None where nobody looked for them.  `exceeded`: who
     uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
-    that take longer than asked.
+    that take longer than asked.  `sigmas`: of the errors of states by which conflicts were counted.
     """
 
     stopped: str | None
@@ -115,6 +115,7 @@ class Verdict:
     exceeded: tuple[Use, ...] | None
     searched: bool
     late: tuple[Late, ...] = ()
+    sigmas: float | None = None
 
     @property
     def clear(self) -> bool:
@@ -131,18 +132,23 @@ class Verdict:
         """The exit status of the command."""
         return MET if self.ok else NOT_MET
 
+    @property
+    def at(self) -> str:
+        """By how many sigmas conflicts were counted, in words."""
+        return "" if self.sigmas is None else f" at {self.sigmas:g} sigma{'s' * (self.sigmas != 1)}"
+
     def __str__(self) -> str:
         """One line: clear, or what is not met."""
         if self.ok:
             found = ["nobody is lost"] * self.searched
-            found.append(
-                "no conflict remains" if self.conflicts is not None else "conflicts were not looked for"
-            )
+            looked = f"no conflict remains{self.at}"
+            found.append(looked if self.conflicts is not None else "conflicts were not looked for")
             found += ["limits are kept"] * (self.exceeded is not None)
             return f"clear: {', '.join(found)}"
         unmet = [f"stopped in {self.stopped}"] if self.stopped is not None else []
         if self.conflicts:
-            unmet.append(f"{conflicts_of(self.conflicts, self.pairs)} remain{'s' * (self.conflicts == 1)}")
+            remain = f"remain{'s' * (self.conflicts == 1)}{self.at}"
+            unmet.append(f"{conflicts_of(self.conflicts, self.pairs)} {remain}")
         if self.exceeded:
             unmet.append(f"limits are not kept: {beyond(self.exceeded)}")
         if self.late:

@@ -1,10 +1,11 @@
-"""The report of a conjunction message: how near, how probable, and by which method."""
+"""The report of a conjunction message: how near, how many sigmas clear, how probable, and by which method."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from closeform.exchange.conjunction import Conjunction
 from closeform.report.table import Column, Table
+from closeform.uncertainty.clearance import SigmaApproach
 from closeform.uncertainty.encounter import Encounter
 from closeform.uncertainty.probability import Probability
 
@@ -43,6 +44,7 @@ class EncounterReport:
     message: Conjunction
     radius: float
     encounter: Encounter
+    clearance: SigmaApproach
     probability: Probability
     short: Probability
     limit: float | None
@@ -68,8 +70,12 @@ class EncounterReport:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Why figures may be off."""
-        return tuple(f"Warning: {line}" for line in self.encounter.warnings)
+        """The clearance in sigmas, and why figures may be off."""
+        sigmas, time = float(self.clearance.sigmas), round(float(self.clearance.time), 1) + 0.0
+        clear = f"Clear by {sigmas:.4g} sigmas, fewest at {time:.1f} s"
+        if sigmas == 0.0:
+            clear = f"Clear by 0 sigmas: the bodies overlap even without errors, most at {time:.1f} s"
+        return (clear, *(f"Warning: {line}" for line in self.encounter.warnings))
 
     @property
     def tables(self) -> Sequence[Table]:

@@ -2,12 +2,35 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 from closeform.conflicts.flight import Flight
 from closeform.exchange.common_frame import CommonFrame
 from closeform.report import conflicts
-from closeform.report.table import Table
+from closeform.report.conflicts import MOST_PAIRS
+from closeform.report.table import PAIR, Column, Table, counted
 from closeform.verdict import MOST_NAMES, Verdict, conflicts_in
+
+if TYPE_CHECKING:  # which a screening without errors can spare
+    from closeform.exchange.uncertain_flight import UncertainFlight
+    from closeform.uncertainty.probability import Probability
+
+SIGMAS = (
+    PAIR,
+    Column("sigmas", "sigmas", "{:.4g}".format),
+    Column("at [s]", "time_s", "{:.3f}".format),
+    Column("ever inside", "probability", "{:.5g}".format),
+    Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
+    Column("inside at the start", "at_start", "{:.5g}".format),
+    Column("mean entries", "mean_entries", "{:.5g}".format),
+)
+
+
+def probable(found: "Probability | None") -> tuple[Any, ...]:
+    """The cells of SIGMAS that a probability fills."""
+    if found is None:
+        return None, None, None, None
+    return found.value, (found.low, found.high), found.at_start, found.mean_entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +39,7 @@ class ScreenReport:
 
     frame: CommonFrame
     flight: Flight
+    uncertain: "UncertainFlight | None" = None
 
     @property
     def opening(self) -> tuple[str, ...]:
@@ -27,6 +51,7 @@ class ScreenReport:
             f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
             f"on a circle of {frame.radius / 1e3:.3f} km",
             *self.interpolated,
+            *self.known,
         )
 
     @property
@@ -42,6 +67,37 @@ class ScreenReport:
         )
         return (f"States of {names} interpolated, off by up to {moved[worst]:.2g} m ({worst}), by estimate",)
 
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Whose covariances were taken, how old they were, and who is taken for known exactly."""
+        if self.uncertain is None:
+            return ()
+        pairs = [
+            (name, age)
+            for name, age in zip(self.frame.names, self.frame.ages, strict=True)
+            if age is not None
+        ]
+        oldest = max(pairs, key=lambda pair: abs(pair[1]))
+        line = f"Covariances of {counted(len(pairs), 'ephemeris', 'ephemerides')}"
+        if oldest[1]:
+            line += f", carried by Hill's equations for up to {abs(oldest[1]):.1f} s ({oldest[0]})"
+        exact, looked = self.uncertain.exact, len(self.flight.approaches)
+        told = [line, *([f"Taken for known exactly: {', '.join(exact)}"] if exact else [])]
+        if looked < self.flight.pairs:
+            told.append(f"Sigmas of the {looked} closest of {self.flight.pairs} pairs only")
+        return tuple(told)
+
+    @property
+    def sigmas(self) -> tuple[Table, ...]:
+        """By how many sigmas pairs are clear, and how probable it is that they meet."""
+        if self.uncertain is None:
+            return ()
+        rows = [
+            ((pair.first, pair.second), pair.sigmas, pair.time, *probable(pair.probability))
+            for pair in self.uncertain.pairs[:MOST_PAIRS]
+        ]
+        return (Table("Clearance in sigmas, and probability to come within the zone", SIGMAS, rows),)
+
     @cached_property
     def found(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
         """Conflicts in words, and as tables."""
@@ -56,9 +112,12 @@ class ScreenReport:
     @property
     def tables(self) -> tuple[Table, ...]:
         """Conflicts and closest approaches."""
-        return (*self.found[1], *conflicts.approaches("Closest approaches", self.flight))
+        return (*self.found[1], *conflicts.approaches("Closest approaches", self.flight), *self.sigmas)
 
     @property
     def verdict(self) -> Verdict:
         """Whether they are clear of each other."""
-        return Verdict(None, *conflicts_in([self.flight]), exceeded=None, searched=False)
+        if self.uncertain is None:
+            return Verdict(None, *conflicts_in([self.flight]), exceeded=None, searched=False)
+        within = len(self.uncertain.within)
+        return Verdict(None, within, within, exceeded=None, searched=False, sigmas=self.uncertain.sigmas)

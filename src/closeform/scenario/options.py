@@ -16,6 +16,8 @@ from closeform.scenario.table import Name, Table
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
+HARD_BODY = "hard-body"
+
 
 def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | None, body: bool) -> OwnZone:
     """What every craft keeps; `shapes` have the texts of options by name, of which one is given.
@@ -29,26 +31,33 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
     (shape,) = given
     if (shape == "cylinder") != (axis is not None):
         raise ValueError('screen: --cylinder and --axis go together; for example --axis "0 1 0"')
-    if (shape == "covariance") != (sigmas is not None):
-        raise ValueError("screen: --covariance and --sigmas go together; for example --sigmas 3")
-    if body and shape == "covariance":
-        raise ValueError("screen: --covariance is of where a craft is, not of its body; leave --body out")
+    if shape == "covariance" and sigmas is None:
+        raise ValueError("screen: --covariance needs --sigmas; for example --sigmas 3")
+    if body and shape in ("covariance", HARD_BODY):
+        what = "of where a craft is, not of its body" if shape == "covariance" else "a body already"
+        raise ValueError(f"screen: --{shape} is {what}; leave --body out")
+    if shape == HARD_BODY:
+        given, body = {"sphere": given[shape]}, True
     given |= {"axis": direction(axis)} if axis is not None else {}
-    given |= {"sigmas": sigmas} if sigmas is not None else {}
+    given |= {"sigmas": sigmas} if shape == "covariance" else {}
     given |= {"kind": "body"} if body else {}
     try:
         return KeepOut.model_validate(given).own()
     except ValidationError as error:
         place, text = next(complaints(error, KeepOut))
-    raise ValueError(f"--{place[0] if place else shape}: {text}")
+    raise ValueError(f"--{place[0] if place and shape != HARD_BODY else shape}: {text}")
 
 
 @dataclass(frozen=True, eq=False)
 class AskedZones:
-    """What the craft of a screening keep: one zone for all, or those of a file."""
+    """What the craft of a screening keep: one zone for all, or those of a file.
+
+    `sigmas`: of the errors of ephemerides by which the zones are kept; None where these are not asked for.
+    """
 
     zone: OwnZone | None
     file: Path | None
+    sigmas: float | None
 
     @classmethod
     def of(
@@ -60,18 +69,16 @@ class AskedZones:
         file: Path | None,
     ) -> Self:
         """Raises ValueError, one line that names the option, for what does not fit."""
+        if sigmas is not None and not (isfinite(sigmas) and sigmas > 0.0):
+            raise ValueError(f"--sigmas: must be above zero, got {sigmas:g}; write for example --sigmas 3")
         if file is None:
-            return cls(own_zone(shapes, axis, sigmas, body), None)
-        if (
-            body
-            or axis is not None
-            or sigmas is not None
-            or any(text is not None for text in shapes.values())
-        ):
+            zone = own_zone(shapes, axis, sigmas, body)
+            return cls(zone, None, sigmas if shapes["covariance"] is None else None)
+        if body or axis is not None or any(text is not None for text in shapes.values()):
             raise ValueError(
                 "screen: --zones says what each craft keeps; leave the other options of zones out"
             )
-        return cls(None, file)
+        return cls(None, file, sigmas)
 
     def of_pairs(self, names: Sequence[str]) -> PairZones:
         """Who keeps which zone with whom.
