@@ -129,6 +129,18 @@ def test_one_sphere(seed):
     assert found.delta_v <= (1.0 + BY_IMPULSES) * cheapest
 
 
+def test_rounds_go_on_where_one_is_dearer():
+    """Planes come and go for some rounds: one start comes to what is least on its side, by a cone program."""
+    stays = np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0])
+    passes = ORBIT.coast(ORBIT.transition(-1500.0) @ [3.0, 95.0, 2.0, 0.05, 0.1, 0.02], 3000.0)
+    path = ORBIT.transfer(stays, stays, 3000.0)
+    found = cf.avoid(path, passes, cf.Sphere(20.0), cost="delta-v", budget=1)
+    cheapest = least_on_planes(found.path, passes, 20.0, stays, stays, 3000.0)
+    assert found.delta_v <= (1.0 + BY_IMPULSES) * cheapest
+    many = cf.avoid(path, passes, cf.Sphere(20.0), cost="delta-v", budget=24)
+    assert found.delta_v <= (1.0 + BY_IMPULSES) * many.delta_v
+
+
 def test_swap_of_twelve():
     """Twelve on a ring cross its middle in a quarter of an orbit, a quarter cheaper than by energy."""
     angles = 2.0 * pi * np.arange(12) / 12

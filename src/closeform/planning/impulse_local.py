@@ -43,7 +43,8 @@ TURNED = 0.3  # norm from which on a plane is turned to where the pair is
 WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first round, and of the last
 FINER = 0.2  # and how much smaller it is from one to the next
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
-SETTLED = 1e-5  # of the cost, by which a clear round must be cheaper than the one before
+SETTLED = 1e-5  # of the cost: clear rounds that differ by less are the last
+PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come and go
 ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
 INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
@@ -138,7 +139,7 @@ class ImpulseSolver:
 
     def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
         """The cheapest clear paths that a start leads to; None where there are none below `bar`."""
-        best, self.aim, tolerance = None, AIM, WIDEST
+        best, self.aim, tolerance, idle = None, AIM, WIDEST, 0
         moments = self.grid
         for _ in range(ROUNDS):
             found = self.priced(moments, contacts, tolerance, (1.0 + tolerance) * bar)
@@ -147,7 +148,8 @@ class ImpulseSolver:
             if not found.missed:
                 gained = inf if best is None else best.delta_v - found.delta_v
                 best = found if gained > 0.0 else best
-                if tolerance == LAST and gained < SETTLED * found.delta_v:
+                idle = 0 if gained > SETTLED * found.delta_v else idle + 1
+                if tolerance == LAST and (abs(gained) < SETTLED * found.delta_v or idle == PATIENCE):
                     break
             contacts, moments = self.turned(found), self.following(found)
             tolerance = max(LAST, FINER * tolerance)
