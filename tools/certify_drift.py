@@ -2,9 +2,9 @@
 
     python tools/certify_drift.py --cases 100000 [--samples 20000] [--seed 1]
 
-Failures and times are drawn, and flown by the textbook's matrix (tests/pairs.py), which shares nothing with the
-package. Exit status 1 if a drift comes nearer than the certified least by more than 1e-9, if that is
-not attained by the failure that is named, or if the verdict is another one.
+Failures and times are drawn, and flown by the textbook's matrix (tests/pairs.py), which shares nothing
+with the package. Exit status 1 if a drift comes nearer than the certified least by more than 1e-9, if that
+is not attained by the failure that is named, or if the verdict is another one.
 """
 
 import argparse
