@@ -115,6 +115,8 @@ KEEP_OUT = 'keep_out = { sphere = "20 m" }'
 ALTITUDE = 'altitude = "500 km"'
 FOR = 'for = "5 min"'
 TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
+KNOWN = 'covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }'
+GAP = '\n\n[[stage]]\ndo = "coast"\nfor = "5 min"'
 COAST = 'do = "coast"\nfor = "5 min"'
 MOVE = f'name = "pass"\ndo = "avoid"\ncraft = "F3"\n{TO}\nwithin = "0.1 orbits"'
 PEARLS = 'do = "reconfigure"\nto = { string_of_pearls = { spacing = "15 m" } }\nwithin = "1 orbit"\n'
@@ -127,6 +129,13 @@ to = [
 ]
 """
 CLOSE = TO_TWO.replace("]\n", '  { position = "0 115 0 m", velocity = "0 0 0 m/s" },\n]\n')
+
+
+def correlated(first: str) -> str:
+    """A covariance of which the first two rows of correlations are given."""
+    rows = "[0, 0, 1, 0, 0, 0], [0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]]"
+    return f'covariance = {{ position = "1 2 1 m", correlation = {first}, {rows} }}'
+
 
 SCENARIOS = (
     # the file
@@ -481,6 +490,91 @@ craft.silent: is not built yet; remove it""",
         KEEP_OUT,
         'keep_out = { half_spaces = "10 m", normals = [[0, 1, 0]] }',
         "craft.keep_out: F1 and F2: neither zone holds the other; give both one that holds both",
+    ),
+    # errors
+    Bad(
+        "a covariance that says nothing",
+        KEEP_OUT,
+        KEEP_OUT + '\ncovariance = { position = "0 0 0 m" }',
+        'craft.covariance: says that the state is known exactly; give for example position = "3 6 3 m", or remove it',
+    ),
+    Bad(
+        "a negative standard deviation",
+        KEEP_OUT,
+        KEEP_OUT + '\ncovariance = { position = "1 -2 1 m" }',
+        'craft.covariance.position: "1 -2 1 m" is negative; give zero or more, for example "10 20 30 m"',
+    ),
+    Bad(
+        "a velocity among positions",
+        KEEP_OUT,
+        KEEP_OUT + '\ncovariance = { position = "1 2 1 m/s" }',
+        'craft.covariance.position: "1 2 1 m/s" is a speed, not a length; use m, km, cm, mm',
+    ),
+    Bad(
+        "a correlation that is not symmetric",
+        KEEP_OUT,
+        f"{KEEP_OUT}\n{correlated('[[1, 0.5, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]')}",
+        "craft.covariance: correlation must be symmetric, got 0.5 at [0, 1] and 0 at [1, 0]; give the same above and below the diagonal",
+    ),
+    Bad(
+        "correlations that no errors have",
+        KEEP_OUT,
+        f"{KEEP_OUT}\n{correlated('[[1, 1.5, 0, 0, 0, 0], [1.5, 1, 0, 0, 0, 0]')}",
+        "craft.covariance: correlation is none, its least eigenvalue is -0.5; none may be below 0; were digits or signs lost?",
+    ),
+    Bad(
+        "sizes among correlations",
+        KEEP_OUT,
+        f"{KEEP_OUT}\n{correlated('[[9, 0, 0, 0, 0, 0], [0, 4, 0, 0, 0, 0]')}",
+        "craft.covariance: correlation has not 1 on its diagonal; the sizes stand in position and velocity",
+    ),
+    Bad(
+        "a share without its unit",
+        KEEP_OUT,
+        KEEP_OUT + "\nexecution = { magnitude = 0.01 }",
+        'craft.execution.magnitude: 0.01 has no unit; use %, ppm, for example "10 %"',
+    ),
+    Bad(
+        "an unknown error of thrust",
+        KEEP_OUT,
+        KEEP_OUT + '\nexecution = { magnitde = "1 %" }',
+        "craft.execution.magnitde: unknown key; did you mean magnitude?",
+    ),
+    Bad(
+        "a hard body without size",
+        KEEP_OUT,
+        KEEP_OUT + '\nhard_body = "0 m"',
+        'craft.hard_body: "0 m" must be above zero; write for example "10 m"',
+    ),
+    Bad(
+        "errors that count twice",
+        KEEP_OUT,
+        f'keep_out = {{ covariance = "4 0 9 0 0 4 m^2", sigmas = 3 }}\n{KNOWN}',
+        "craft: covariance and a keep_out that is one both say where the craft may be; keep one, or give keep_out a size of its own",
+    ),
+    Bad(
+        "sigmas of nothing",
+        COAST,
+        f"{COAST}\nsigmas = 3",
+        'stage[1].sigmas: no craft has errors; add for example covariance = { position = "3 6 3 m", velocity = "2 2 2 mm/s" } to [craft]',
+    ),
+    Bad(
+        "no sigmas at all",
+        COAST,
+        f"{COAST}\nsigmas = 0",
+        "stage[1].sigmas: 0 is not above 0.0; write for example sigmas = 3.0",
+    ),
+    Bad(
+        "a probability above one",
+        COAST,
+        f"{COAST}\nmax_probability = 1.5",
+        'stage[1].max_probability: 1.5 is above 1.0; write for example max_probability = 1e-4\ncraft.hard_body: missing; add for example hard_body = "5 m"',
+    ),
+    Bad(
+        "a collision of points",
+        KEEP_OUT + GAP,
+        f"{KEEP_OUT}\n{KNOWN}{GAP}\nmax_probability = 1e-4",
+        'craft.hard_body: missing; add for example hard_body = "5 m"',
     ),
     # orbit
     Bad(

@@ -32,6 +32,7 @@ from closeform.scenario.quantity import (
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
 from closeform.scenario.thrusters import ThrusterTable
+from closeform.scenario.uncertainty import Covariance, Execution, Gates
 from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone
@@ -269,7 +270,15 @@ def test_every_key_is_documented() -> None:
     page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
     tables = [OrbitTable, Craft, Start, Goal, KeepOut, SensorTable, SearchTable, Study, Draw]
-    tables += [ThrusterTable, Destination, *Shape.__subclasses__(), *STAGES.values()]
+    tables += [
+        Covariance,
+        Execution,
+        Gates,
+        ThrusterTable,
+        Destination,
+        *Shape.__subclasses__(),
+        *STAGES.values(),
+    ]
     keys = {key for table in tables for key in table.examples()}
     assert documented == keys | {"closeform", "title"}
 

@@ -59,6 +59,7 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []
     past: dict[str, tuple[float, Floats]] = {}
+    errors = tuple(craft.errors for craft in scenario.craft)
     for number, stage in enumerate(scenario.stages, 1):
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
@@ -70,11 +71,24 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             result = FLIES[type(stage)](start, stage)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
+        if scenario.uncertain and result.flown:
+            progress(f"stage {number} of {len(scenario.stages)}: {verb}, with errors")
+            result, errors = with_errors(scenario, result, errors)
         results.append(result)
         if result.failure is not None:
             return Mission(scenario, orbit, tuple(results), f"stage {number} ({verb}): {result.failure}")
         states = result.after.paths.state(result.end)
     return Mission(scenario, orbit, tuple(results))
+
+
+def with_errors(
+    scenario: Scenario, result: StageResult[Any, Any], errors: tuple[Any, ...]
+) -> tuple[StageResult[Any, Any], tuple[Any, ...]]:
+    """What the errors of all craft at a stage's start make of it, and what they are at its end."""
+    from closeform.uncertain_stage import UncertainStage
+
+    found = UncertainStage.of(scenario, result.number, result.stage, result.after, errors)
+    return replace(result, uncertain=found), found.after(result.after)
 
 
 def run(file: str | Path) -> Mission:

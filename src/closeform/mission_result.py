@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from closeform.planning.plan import Avoidance, Plan
     from closeform.pulsed import Pulsed
     from closeform.search.locks import Locks
+    from closeform.uncertain_stage import UncertainStage
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
 AnyResult = TypeVar("AnyResult")
@@ -33,7 +34,8 @@ class StageResult(Generic[AnyStage, AnyResult]):
     `result`: what was done, None of a coast; times in a Gathering or FirstLocks count from the start
     of the stage.  `failure`: why the mission cannot go on after it; `flown`: whether its paths
     count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
-    `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.
+    `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.  `uncertain`: what errors
+    of the craft make of it, None without any.
     """
 
     number: int
@@ -46,6 +48,7 @@ class StageResult(Generic[AnyStage, AnyResult]):
     flown: bool = True
     late: Late | None = None
     pulsed: "Pulsed | None" = None
+    uncertain: "UncertainStage | None" = None
 
     @property
     def planned(self) -> Flight:
@@ -168,6 +171,7 @@ class Mission:
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
             tuple(result.late for result in flown if result.late is not None),
+            asked=tuple(one for result in flown if result.uncertain for one in result.uncertain.asked),
         )
 
     @property

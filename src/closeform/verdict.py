@@ -100,6 +100,20 @@ class Late:
 
 
 @dataclass(frozen=True)
+class Asked:
+    """Something that a stage asks for: in words if it is `met`, and if not.
+
+    Of those of one `kind` that are met the one with the least `margin` is told.
+    """
+
+    kept: str
+    broken: str
+    met: bool
+    margin: float
+    kind: str
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether what was asked for is met.
 
@@ -107,6 +121,7 @@ class Verdict:
     into a zone to the exit, of so many `pairs`; None where nobody looked for them.  `exceeded`: who
     uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
     that take longer than asked.  `sigmas`: of the errors of states by which conflicts were counted.
+    `asked`: what stages ask for beyond that.
     """
 
     stopped: str | None
@@ -116,6 +131,7 @@ class Verdict:
     searched: bool
     late: tuple[Late, ...] = ()
     sigmas: float | None = None
+    asked: tuple[Asked, ...] = ()
 
     @property
     def clear(self) -> bool:
@@ -124,8 +140,8 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Whether it is clear, every limit is kept and no stage takes longer than asked."""
-        return self.clear and not self.exceeded and not self.late
+        """Whether it is clear, every limit is kept, no stage is late, and what else is asked for is met."""
+        return self.clear and not self.exceeded and not self.late and all(one.met for one in self.asked)
 
     @property
     def status(self) -> int:
@@ -143,6 +159,8 @@ class Verdict:
             found = ["nobody is lost"] * self.searched
             looked = f"no conflict remains{self.at}"
             found.append(looked if self.conflicts is not None else "conflicts were not looked for")
+            tightest = {one.kind: one for one in sorted(self.asked, key=lambda one: -one.margin)}
+            found += [one.kept for one in tightest.values()]
             found += ["limits are kept"] * (self.exceeded is not None)
             return f"clear: {', '.join(found)}"
         unmet = [f"stopped in {self.stopped}"] if self.stopped is not None else []
@@ -153,6 +171,7 @@ class Verdict:
             unmet.append(f"limits are not kept: {beyond(self.exceeded)}")
         if self.late:
             unmet.append(f"later than asked: {', '.join(map(str, self.late))}")
+        unmet += [one.broken for one in self.asked if not one.met]
         return "; ".join(unmet)
 
 

@@ -2,23 +2,28 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Self
+
+from scipy.special import gammaincc
 
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.probability import Probability, collision_probability
+from closeform.uncertainty.relative_errors import relative_errors
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 MOST_PROBABLE = 10  # pairs, the fewest sigmas first, whose probability is told
+HISTORIES = 200_000  # that are drawn where the surface of a zone is not resolved
 
 
 @dataclass(frozen=True, eq=False)
 class UncertainPair:
-    """Two craft by name that are clear by `sigmas` at least, fewest at `time` [s].
+    """Two craft by name that are clear of a `zone` by `sigmas` at least, fewest at `time` [s].
 
-    `probability` that they are ever within the zone; None where others are nearer, or the zone is no sphere
+    `probability` that they are ever within it; None where others are nearer, or the zone is no sphere
     and no ellipsoid.
     """
 
@@ -26,6 +31,7 @@ class UncertainPair:
     second: str
     sigmas: float
     time: float
+    zone: Zone
     probability: Probability | None
 
 
@@ -41,8 +47,18 @@ class UncertainFlight:
     sigmas: float
 
     @classmethod
-    def of(cls, flight: Flight, errors: Sequence[Errors | None], sigmas: float) -> Self:
-        """From the approaches of a flight, and the errors of its craft in order."""
+    def of(
+        cls,
+        flight: Flight,
+        errors: Sequence[Errors | None],
+        sigmas: float,
+        probable: int = MOST_PROBABLE,
+        limit: float = inf,
+    ) -> Self:
+        """From the approaches of a flight, and the errors of its craft in order.
+
+        The probability is that of so many pairs, and of all others that are not below a `limit` for certain.
+        """
         known = {name: one or Errors() for name, one in zip(flight.names, errors, strict=True)}
         exact = tuple(name for name, one in zip(flight.names, errors, strict=True) if one is None)
         pairs = [near for near in flight.approaches if near.first not in exact or near.second not in exact]
@@ -50,17 +66,39 @@ class UncertainFlight:
         told = []
         for place, (clear, time, near) in enumerate(found):
             probability = None
-            if place < MOST_PROBABLE and near.zone.shape == BALL:
-                first, second = near.first, near.second
-                paths = flight.path(first), flight.path(second)
-                probability = collision_probability(*paths, near.zone, known[first], known[second])
-            told.append(UncertainPair(near.first, near.second, clear, time, probability))
+            looked = place < probable or (limit < inf and at_most(flight, near, known, clear) > limit)
+            if looked and near.zone.shape == BALL:
+                probability = probability_of(flight, near, known)
+            told.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
         return cls(tuple(told), exact, sigmas)
 
     @property
     def within(self) -> tuple[UncertainPair, ...]:
         """The pairs that are not clear by so many sigmas."""
         return tuple(pair for pair in self.pairs if pair.sigmas < self.sigmas)
+
+
+def probability_of(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> Probability:
+    """That two craft ever come within their zone: as exactly as their errors allow."""
+    first, second = near.first, near.second
+    asked = flight.path(first), flight.path(second), near.zone, known[first], known[second]
+    if known[first].noise or known[second].noise:  # has no histories that could be drawn
+        return collision_probability(*asked, method="bound")
+    try:
+        return collision_probability(*asked)
+    except ValueError:  # the surface is not resolved
+        return collision_probability(*asked, method="monte-carlo", samples=HISTORIES)
+
+
+def at_most(flight: Flight, near: PairApproach, known: Mapping[str, Errors], sigmas: float) -> float:
+    """What the probability of two craft is not above, clear by some sigmas: errors beyond these."""
+    first, second = near.first, near.second
+    if known[first].noise or known[second].noise:
+        return 1.0
+    columns, _ = relative_errors(
+        flight.path(first), flight.path(second), near.zone, known[first], known[second]
+    )
+    return float(gammaincc(0.5 * len(columns), 0.5 * sigmas**2))
 
 
 def _clearances(

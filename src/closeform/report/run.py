@@ -11,7 +11,19 @@ from typing import Any
 import numpy as np
 
 from closeform.mission_result import Mission, StageResult
-from closeform.report import coast, conflicts, effort, gather, limits, lock, move, page, reconfigure, transfer
+from closeform.report import (
+    coast,
+    conflicts,
+    effort,
+    gather,
+    limits,
+    lock,
+    move,
+    page,
+    reconfigure,
+    transfer,
+    uncertain,
+)
 from closeform.report.drawing import drawn
 from closeform.report.picture import Film, Progress
 from closeform.report.section import Section, fate, not_filmed
@@ -128,7 +140,7 @@ def verdict(reached: Verdict) -> dict[str, Any]:
 
 def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     """What its subject says of a stage, and what is said of every one."""
-    told = SUBJECTS[type(result.stage)](mission, result)
+    told = uncertain.told(SUBJECTS[type(result.stage)](mission, result), result, mission.scenario.names)
     used = limits.figures(mission, result) if result.result is not None else {}
     closing = limits.lines(mission, result) if result.result is not None else ()
     count = len(result.after.names)

@@ -2,35 +2,18 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from closeform.conflicts.flight import Flight
 from closeform.exchange.common_frame import CommonFrame
 from closeform.report import conflicts
 from closeform.report.conflicts import MOST_PAIRS
-from closeform.report.table import PAIR, Column, Table, counted
+from closeform.report.table import Table, counted
+from closeform.report.uncertain import SIGMAS, row
 from closeform.verdict import MOST_NAMES, Verdict, conflicts_in
 
 if TYPE_CHECKING:  # which a screening without errors can spare
     from closeform.exchange.uncertain_flight import UncertainFlight
-    from closeform.uncertainty.probability import Probability
-
-SIGMAS = (
-    PAIR,
-    Column("sigmas", "sigmas", "{:.4g}".format),
-    Column("at [s]", "time_s", "{:.3f}".format),
-    Column("ever inside", "probability", "{:.5g}".format),
-    Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
-    Column("inside at the start", "at_start", "{:.5g}".format),
-    Column("mean entries", "mean_entries", "{:.5g}".format),
-)
-
-
-def probable(found: "Probability | None") -> tuple[Any, ...]:
-    """The cells of SIGMAS that a probability fills."""
-    if found is None:
-        return None, None, None, None
-    return found.value, (found.low, found.high), found.at_start, found.mean_entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +75,7 @@ class ScreenReport:
         """By how many sigmas pairs are clear, and how probable it is that they meet."""
         if self.uncertain is None:
             return ()
-        rows = [
-            ((pair.first, pair.second), pair.sigmas, pair.time, *probable(pair.probability))
-            for pair in self.uncertain.pairs[:MOST_PAIRS]
-        ]
+        rows = [row(pair) for pair in self.uncertain.pairs[:MOST_PAIRS]]
         return (Table("Clearance in sigmas, and probability to come within the zone", SIGMAS, rows),)
 
     @cached_property

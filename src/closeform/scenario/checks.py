@@ -9,11 +9,20 @@ import numpy as np
 from closeform.motion.duration import flaw
 from closeform.motion.orbit import Orbit
 from closeform.scenario.clear_ends import ends, zones
-from closeform.scenario.craft import SearchTable, SensorTable
+from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted, key_of, meant_by
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
+from closeform.scenario.stages import (
+    Avoid,
+    Gather,
+    Joint,
+    Reconfigure,
+    Regather,
+    Scatter,
+    StageTable,
+    Transfer,
+)
 from closeform.scenario.study import BUILT, draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
@@ -123,10 +132,29 @@ def stages(scenario: Scenario) -> Iterator[str]:
                 yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
         if stage.keeps_out and any(craft.keep_out is None for craft in scenario.craft):
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+        yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
         if stage.searches:
             yield from searching(scenario)
+
+
+def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
+    """Sigmas and probabilities that are asked for where there are no errors, nobody else or no size."""
+    asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
+    for key in asked:
+        if not scenario.uncertain:
+            yield (
+                f"stage[{number}].{key}: no craft has errors; add for example "
+                f"covariance = {Craft.examples()['covariance']} to [craft]"
+            )
+        if len(scenario.craft) < 2:
+            yield f"stage[{number}].{key}: needs another craft; add one, or remove {key}"
+    sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
+    if stage.max_probability is not None and any(body is None for _, body in sizes):
+        yield 'craft.hard_body: missing; add for example hard_body = "5 m"'
+    if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
+        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
 
 
 def firing(scenario: Scenario, stage: Avoid | Joint | Transfer) -> Iterator[str]:

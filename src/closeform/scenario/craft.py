@@ -29,10 +29,12 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.table import Angle, Length, Name, Position, Table, Vector, Velocity
 from closeform.scenario.thrusters import MinimumBit, ThrusterTable
+from closeform.scenario.uncertainty import Covariance, Execution
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
     from closeform.search.sensor import Sensor
+    from closeform.uncertainty.errors import Errors
 
 Matrix = tuple[Vector, Vector, Vector]
 
@@ -108,6 +110,11 @@ class Craft(Table):
         None, examples=['"2 kg"']
     )
     keep_out: KeepOut | None = Field(None, examples=['{ sphere = "20 m" }'])
+    covariance: Covariance | None = Field(
+        None, examples=['{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }']
+    )
+    execution: Execution | None = Field(None, examples=['{ magnitude = "1 %", pointing = "0.5 deg" }'])
+    hard_body: Length | None = Field(None, examples=['"5 m"'])
     shade: Length | None = Field(None, examples=['"15 m"'])
     pointing_error: Annotated[Vector, BeforeValidator(Reader(ANGLE, 3))] = Field(
         (0.0, 0.0, 0.0), examples=['"0 0 0 deg"']
@@ -148,6 +155,11 @@ class Craft(Table):
                 f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
                 "give less of it"
             )
+        if self.covariance is not None and self.keep_out is not None and self.keep_out.of_errors:
+            yield (
+                "covariance and a keep_out that is one both say where the craft may be; "
+                "keep one, or give keep_out a size of its own"
+            )
 
     def placed(self, place: int, count: int) -> Self:
         """The craft that takes this place of so many where `start` names a formation."""
@@ -174,6 +186,19 @@ class Craft(Table):
         bit = 0.0 if self.minimum_bit is None else self.minimum_bit.on(self.mass or nan)
         table, has = self.thrusters, self.max_acceleration / share
         return Thrusters(table.directions, table.frame, has, bit / share, self.period)
+
+    @property
+    def errors(self) -> "Errors | None":
+        """How far it may be off, from the mission's start on; None where all is known exactly."""
+        if self.covariance is None and self.execution is None:
+            return None
+        from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+
+        state = None if self.covariance is None else self.covariance.matrix
+        one = self.execution
+        if one is None:
+            return Errors(state)
+        return Errors(state, one.magnitude, one.pointing, one.gates, one.noise)
 
     @property
     def unbuilt(self) -> str | None:

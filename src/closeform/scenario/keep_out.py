@@ -75,9 +75,14 @@ class KeepOut(Table):
         matrix[np.tril_indices(3)] = self.covariance
         return np.asarray(matrix + np.tril(matrix, -1).T)
 
+    @property
+    def of_errors(self) -> bool:
+        """Whether it is where the craft may be."""
+        return self.covariance is not None and self.kind != "region"
+
     def own(self) -> OwnZone:
         """What the core is told: a region, a body, or where the craft may be."""
-        if self.covariance is not None and self.kind != "region":
+        if self.of_errors:
             return Uncertainty(self.covariance_matrix(), self.sigmas or 0.0)
         return Body(self.zone()) if self.kind == "body" else self.zone()
 

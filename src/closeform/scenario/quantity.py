@@ -64,8 +64,9 @@ FORCE = Kind("force", (1, -2, 1, 0), ("N", "mN", "uN", "kN"))
 ACCELERATION = Kind("acceleration", (1, -2, 0, 0), ("mm/s^2", "m/s^2", "cm/s^2"))
 IMPULSE = Kind("impulse", (1, -1, 1, 0), ("mN s", "N s", "uN s"))
 GRAVITY = Kind("gravitational parameter", (3, -2, 0, 0), ("km^3/s^2", "m^3/s^2"))
+NOISE = Kind("acceleration noise", (2, -3, 0, 0), ("m^2/s^3", "mm^2/s^3"), "1e-9")
 SHARE = Kind("share", NONE, ("%", "ppm"))
-KINDS = (LENGTH, AREA, SPEED, TIME, ANGLE, RATE, MASS, FORCE, ACCELERATION, IMPULSE, GRAVITY, SHARE)
+KINDS = (LENGTH, AREA, SPEED, TIME, ANGLE, RATE, MASS, FORCE, ACCELERATION, IMPULSE, GRAVITY, NOISE, SHARE)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,9 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stages import Gather, StageTable
 from closeform.scenario.study import BUILT, Study
-from closeform.zones.combined_zones import OwnZone
+from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
+from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -84,6 +85,17 @@ class Scenario:
         Raises ValueError naming two craft of which no zone can be made (a checked scenario has none such).
         """
         return PairZones.of(self.keep_out, self.names)
+
+    @cached_property
+    def bodies(self) -> PairZones:
+        """The spheres that hold both hard bodies of each pair; none of a pair without any."""
+        radii = [craft.hard_body for craft in self.craft]
+        return PairZones.of([None if one is None else Body(Sphere(one)) for one in radii], self.names)
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether any craft has errors."""
+        return any(craft.covariance is not None or craft.execution is not None for craft in self.craft)
 
     @property
     def plan(self) -> "Search":

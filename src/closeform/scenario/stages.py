@@ -25,6 +25,8 @@ class StageTable(Table):
     searches: ClassVar[bool] = False  # whether it needs [sensor], [search] and craft groups
 
     name: Name | None = Field(None, examples=['"threat"'])
+    sigmas: Annotated[float, Field(gt=0, le=1000)] | None = Field(None, examples=["3.0"])
+    max_probability: Annotated[float, Field(gt=0, le=1)] | None = Field(None, examples=["1e-4"])
 
     @property
     def assigns(self) -> bool:

@@ -35,6 +35,14 @@ def root_of(name: str, covariance: ArrayLike) -> Floats:
     return np.asarray(deviations[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
+def roots_of(covariances: Floats) -> Floats:
+    """Roots (T, 6, 6) of covariances that are sound but for rounding; nil where they are nil."""
+    sizes = np.sqrt(np.einsum("tii->ti", covariances))
+    sizes[sizes == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(covariances / (sizes[:, :, None] * sizes[:, None, :]))
+    return np.asarray(sizes[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+
+
 def into_frame(chief: Floats) -> Floats:
     """What takes errors of an inertial state (6,) into the Hill frame of a chief, which turns: (6, 6)."""
     sizes = np.repeat([np.linalg.norm(chief[:3]), np.linalg.norm(chief[3:])], 3)

@@ -181,8 +181,14 @@ class Errors:
     ) -> Self:
         back = path.orbit.transition(path.start - float(numbers("time", time)))
         root: Any = back @ into_frame(chief) @ turned @ root_of("covariance", covariance)
-        made = cls(None, **execution)
-        made.__dict__.update(state=root @ root.T, _root=root)  # whose digits the product has not
+        return cls(None, **execution)._with_root(root)
+
+    def _with_root(self, root: Floats) -> Self:
+        """The same execution of another state, by a root (6, m) of its covariance, m up to 6."""
+        made = type(self)(None, self.magnitude, self.pointing, self.impulse, self.noise)
+        square = np.zeros((6, 6))
+        square[:, : root.shape[1]] = root
+        made.__dict__.update(state=root @ root.T, _root=square)  # whose digits the product has not
         return made
 
     def covariance(self, path: Path, time: ArrayLike) -> Floats:

@@ -29,6 +29,7 @@ from closeform.motion.certified_march import (
     store,
 )
 from closeform.motion.path import Path
+from closeform.uncertainty.covariance import roots_of
 from closeform.uncertainty.errors import Errors
 from closeform.zones.shapes import FORM, norm
 from closeform.zones.zone import Zone
@@ -189,11 +190,7 @@ class Histories:
 
     def _noise(self, times: Floats) -> Floats:
         """Factors (T, 6, 6) of what white noise has added to the state's covariance."""
-        covariance = Errors(noise=self.noise).covariance(self.path, times)
-        sizes = np.sqrt(np.einsum("tii->ti", covariance))
-        sizes[sizes == 0.0] = 1.0  # at the start
-        values, vectors = np.linalg.eigh(covariance / (sizes[:, :, None] * sizes[:, None, :]))
-        return np.asarray(sizes[:, :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :])
+        return roots_of(Errors(noise=self.noise).covariance(self.path, times))
 
     def counted(self, errors: Floats) -> Any:
         """Whether histories of errors (N, M) begin inside, and how often each enters after: (N, 2)."""

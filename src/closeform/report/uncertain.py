@@ -1,0 +1,126 @@
+"""What errors make of a stage, in words: sigmas, the probability of a collision, what each figure counts."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from closeform.report.picture import Picture
+from closeform.report.section import Section
+from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
+
+if TYPE_CHECKING:  # whose kernels a stage without errors can spare
+    from closeform.exchange.uncertain_flight import UncertainPair
+    from closeform.mission_result import StageResult
+    from closeform.uncertain_stage import UncertainStage
+    from closeform.uncertainty.probability import Probability
+
+FEWEST = (
+    PAIR,
+    Column("sigmas", "sigmas", "{:.4g}".format),
+    Column("at [s]", "time_s", "{:.3f}".format),
+)
+SIGMAS = (
+    *FEWEST,
+    Column("ever inside", "probability", "{:.5g}".format),
+    Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
+    Column("inside at the start", "at_start", "{:.5g}".format),
+    Column("mean entries", "mean_entries", "{:.5g}".format),
+)
+STORED = (Column(None, "of"), *SIGMAS)
+CURVES = 4  # pairs whose sigmas are drawn against time
+
+
+def probable(found: "Probability | None") -> tuple[Any, ...]:
+    """The cells of SIGMAS that a probability fills."""
+    if found is None:
+        return None, None, None, None
+    return found.value, (found.low, found.high), found.at_start, found.mean_entries
+
+
+def row(pair: "UncertainPair") -> tuple[Any, ...]:
+    """A row of SIGMAS; of pairs that no error brings together without sigmas and time."""
+    known = pair.sigmas < inf
+    cells = (pair.sigmas, pair.time) if known else (None, None)
+    return (pair.first, pair.second), *cells, *probable(pair.probability)
+
+
+def told(section: Section, result: "StageResult[Any, Any]", names: Sequence[str]) -> Section:
+    """A section with what errors make of its stage."""
+    found = result.uncertain
+    if found is None or len(names) < 2:
+        return section
+    return replace(
+        section,
+        tables=section.tables + tables(found),
+        closing=section.closing + lines(found),
+        pictures=section.pictures + pictures(found, result),
+        figures={**section.figures, "uncertain": figures(found)},
+        files={**section.files, "sigmas": stored(found)},
+    )
+
+
+def lines(found: "UncertainStage") -> tuple[str, ...]:
+    """By how many sigmas all are clear, and how probable a collision is; what is counted."""
+    from closeform.uncertain_stage import fewest, radius
+
+    many, near = found.stage.sigmas, found.nearest
+    lead = "Clear"
+    if many is not None:
+        lead = f"{'Clear' if near is None or near.sigmas >= many else 'Not clear'} at {many:g} sigma"
+    of = "keep-out zones" if found.zones is not None else "the hard bodies"
+    told = [f"{lead}: {fewest(near)}, of {of}"] if near is not None else []
+    pair = found.likeliest
+    if pair is None or (odds := pair.probability) is None:
+        return tuple(told)
+    about = radius(pair)
+    within = "within their hard bodies" if about is None else f"within the hard bodies' {about:g} m"
+    sure = "certainly" if odds.method == "bound" else "95 % interval"
+    most = f"at most {odds.high:.4g} ({sure} {odds.low:.4g} to {odds.high:.4g})"
+    counts = f"; inside at its start {odds.at_start:.3g}, entries expected {odds.mean_entries:.4g}"
+    if odds.high == 0.0:
+        most, counts = "below 1e-300", ""
+    who = f"{pair.first} - {pair.second}"
+    told.append(f"Probability of collision {most}, {who}: of ever coming {within} in this stage{counts}")
+    return tuple(told)
+
+
+def tables(found: "UncertainStage") -> tuple[Table, ...]:
+    """The pairs that are clear by the fewest sigmas."""
+    made = []
+    for title, flight, columns in (
+        ("Clearance of keep-out zones in sigmas", found.zones, FEWEST),
+        ("Hard bodies: clearance in sigmas, and probability to touch", found.bodies, SIGMAS),
+    ):
+        pairs = flight.pairs if flight is not None else ()
+        if pairs:
+            some = f", the {MOST_ROWS} fewest of {len(pairs)}" if len(pairs) > MOST_ROWS else ""
+            rows = [row(pair)[: len(columns)] for pair in pairs[:MOST_ROWS]]
+            made.append(Table(title + some, columns, rows))
+    return tuple(made)
+
+
+def stored(found: "UncertainStage") -> Table:
+    """All pairs for Parquet."""
+    both = ("keep-out zone", found.zones), ("hard bodies", found.bodies)
+    rows = [(of, *row(pair)) for of, flight in both if flight is not None for pair in flight.pairs]
+    return Table("", STORED, rows)
+
+
+def figures(found: "UncertainStage") -> dict[str, Any]:
+    """The pairs that are nearest, and what was asked."""
+    near, likeliest = found.nearest, found.likeliest
+    odds = None if likeliest is None else likeliest.probability
+    return {
+        "sigmas_asked": found.stage.sigmas,
+        "max_probability": found.stage.max_probability,
+        "met": all(one.met for one in found.asked),
+        "fewest": None if near is None else record(FEWEST, row(near)[: len(FEWEST)]),
+        "likeliest": None if likeliest is None else record(SIGMAS, row(likeliest)),
+        "method": None if odds is None else odds.method,
+    }
+
+
+def pictures(found: "UncertainStage", result: "StageResult[Any, Any]") -> tuple[Picture, ...]:
+    """The tube of the nearest pair, sigmas of the nearest pairs, entries of the likeliest against time."""
+    return ()

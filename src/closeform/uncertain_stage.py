@@ -1,0 +1,104 @@
+"""What errors make of a stage: by how many sigmas pairs are clear, how probable collisions are."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import inf
+from typing import Self
+
+from closeform.conflicts.flight import Flight, watch
+from closeform.exchange.uncertain_flight import UncertainFlight, UncertainPair
+from closeform.scenario import Scenario, StageTable
+from closeform.uncertainty.carried import carried
+from closeform.uncertainty.errors import Errors
+from closeform.verdict import Asked
+from closeform.zones.shapes import BALL
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainStage:
+    """The pairs of a stage with errors, the fewest sigmas first.
+
+    `errors` (N,) of the craft at its start; `zones`: clear of keep-out zones by how many sigmas, None where
+    there are none; `bodies`: the same of the hard bodies, and how probable it is that they ever touch.
+    """
+
+    number: int
+    stage: StageTable
+    errors: tuple[Errors | None, ...]
+    zones: UncertainFlight | None
+    bodies: UncertainFlight | None
+
+    @classmethod
+    def of(
+        cls,
+        scenario: Scenario,
+        number: int,
+        stage: StageTable,
+        flight: Flight,
+        errors: Sequence[Errors | None],
+    ) -> Self:
+        """From a stage as flown, and the errors of all craft when it begins."""
+        sigmas, limit = stage.sigmas or 0.0, stage.max_probability or inf
+        zones = bodies = None
+        if scenario.zones.pairs:
+            zones = UncertainFlight.of(flight, errors, sigmas, probable=0)
+        if scenario.bodies.pairs:
+            touching = watch(flight.paths, flight.names, scenario.bodies)
+            bodies = UncertainFlight.of(touching, errors, sigmas, limit=limit)
+        return cls(number, stage, tuple(errors), zones, bodies)
+
+    def after(self, flight: Flight) -> tuple[Errors | None, ...]:
+        """The errors of all craft when it is over."""
+        return tuple(
+            None if one is None else carried(one, flight.path(name))
+            for name, one in zip(flight.names, self.errors, strict=True)
+        )
+
+    @property
+    def nearest(self) -> UncertainPair | None:
+        """The pair that is clear by the fewest sigmas: of its keep-out zone, else of the hard bodies."""
+        judged = self.zones or self.bodies
+        return judged.pairs[0] if judged is not None and judged.pairs else None
+
+    @property
+    def likeliest(self) -> UncertainPair | None:
+        """The pair whose hard bodies touch with the highest probability."""
+        pairs = self.bodies.pairs if self.bodies is not None else ()
+        told = [pair for pair in pairs if pair.probability is not None]
+        return max(told, key=lambda pair: pair.probability.high, default=None)  # type: ignore[union-attr]
+
+    @property
+    def asked(self) -> Iterator[Asked]:
+        """What the stage asks for, and whether it is so."""
+        where = f"stage {self.number} ({self.stage.verb})"
+        if self.stage.sigmas is not None:
+            many, near = f"{self.stage.sigmas:g} sigma", self.nearest
+            met = near is None or near.sigmas >= self.stage.sigmas
+            least = fewest(near)
+            margin = inf if near is None else near.sigmas / self.stage.sigmas
+            yield Asked(
+                f"clear at {many} ({least})",
+                f"not clear at {many} in {where}: {least}",
+                met,
+                margin,
+                "sigmas",
+            )
+        if self.stage.max_probability is not None:
+            limit, pair = self.stage.max_probability, self.likeliest
+            high = 0.0 if pair is None or pair.probability is None else pair.probability.high
+            who = "" if pair is None else f" of {pair.first} - {pair.second}"
+            words = f"probability of collision{who} up to {high:.3g}"
+            broken, margin = f"{words}, above {limit:g} in {where}", limit / high if high > 0.0 else inf
+            yield Asked(f"{words}, {limit:g} at most", broken, high <= limit, margin, "probability")
+
+
+def fewest(pair: UncertainPair | None) -> str:
+    """By how many sigmas a pair is clear at least, and when."""
+    if pair is None or pair.sigmas == inf:
+        return "no error of any size brings two craft together"
+    return f"least {pair.sigmas:.3g} sigma, {pair.first} - {pair.second} at {pair.time:.1f} s"
+
+
+def radius(pair: UncertainPair) -> float | None:
+    """Of the sphere that holds both hard bodies [m]; None of another zone."""
+    return float(pair.zone.support([1.0, 0.0, 0.0])) if pair.zone.shape == BALL else None

@@ -1,0 +1,174 @@
+"""Missions with errors: carried from stage to stage, judged by sigmas and by probabilities, and told."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+import closeform as cf
+from closeform.cli import main
+from closeform.mission import fly
+from closeform.report.run import RunReport
+from closeform.scenario import parse
+from closeform.uncertain_stage import UncertainStage
+from closeform.uncertainty.carried import carried
+
+HEAD = """\
+closeform = 1
+title = "A closer hold"
+
+[orbit]
+altitude = "550 km"
+
+[craft]
+name = ["F1", "F2"]
+position = ["0 0 0 m", "0 200 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "20 m" }
+covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }
+hard_body = "5 m"
+"""
+CLOSER = """
+[[stage]]
+do = "coast"
+for = "0.3 orbits"
+
+[[stage]]
+do = "avoid"
+craft = "F2"
+to = { position = "0 60 0 m", velocity = "0 0 0 m/s" }
+within = "0.5 orbits"
+
+[[stage]]
+do = "coast"
+for = "0.5 orbits"
+"""
+EXECUTION = 'execution = { magnitude = "1 %", pointing = "0.5 deg", noise = "1e-12 m^2/s^3" }\n'
+PASS = """
+[[stage]]
+do = "coast"
+for = "0.6 orbits"
+"""
+NEAR = HEAD.replace("0 200 0 m", "0 40 0 m").replace('"20 m"', '"12 m"')
+
+
+def test_errors_are_carried_from_stage_to_stage() -> None:
+    """As along the whole path at once, whose second stage is its only burn: the same covariance."""
+    mission = fly(parse(HEAD + EXECUTION + CLOSER))
+    whole = cf.join([result.after.path("F2") for result in mission.results])
+    state = np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
+    errors = cf.Errors(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)), 1e-12)
+    for result in mission.results:
+        found = result.uncertain.errors[1].state
+        expected = errors.covariance(whole, result.start)
+        sizes = np.sqrt(np.diag(expected))
+        assert np.abs(found - expected).max() < 1e-9 * sizes.max() ** 2
+        assert np.abs((found - expected) / np.outer(sizes, sizes)).max() < 1e-9
+    impulses = fly(parse(HEAD + EXECUTION + CLOSER.replace('craft = "F2"', 'craft = "F2"\ncost = "delta-v"')))
+    whole = cf.join([result.after.path("F2") for result in impulses.results])
+    expected = errors.covariance(whole, whole.end)
+    last = impulses.results[-1]
+    found = carried(last.uncertain.errors[1], last.after.path("F2")).state
+    sizes = np.sqrt(np.diag(expected))
+    assert np.abs((found - expected) / np.outer(sizes, sizes)).max() < 1e-9
+
+
+def test_digits_of_a_direction_that_is_known_well_are_carried() -> None:
+    """1e-7 m beside 1e3 m, of which a covariance of the same numbers keeps no digit."""
+    orbit = cf.Orbit.circular(550e3)
+    coast = orbit.coast([0, 200, 0, 0, 0, 0], 3000.0)
+    errors = cf.Errors(np.diag([1e3, 1e3, 1e-7, 1.0, 1.0, 1e-10]) ** 2)
+    after = carried(errors, coast)
+    flow = orbit.transition(3000.0)
+    assert after._root[2] @ after._root[2] == pytest.approx(
+        (flow[2, 2] * 1e-7) ** 2 + (flow[2, 5] * 1e-10) ** 2, rel=1e-9
+    )
+
+
+def test_the_verdict_names_the_least_sigmas(tmp_path, monkeypatch, capsys) -> None:
+    """Met: within the line that says clear; not met: which stage, and status 1."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.run.drawn", lambda *_: ())
+    orbit = cf.Orbit.circular(550e3)
+    paths = [orbit.coast([0, y, 0, 0, 0, 0], 0.6 * orbit.period) for y in (0.0, 40.0)]
+    errors = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+    least = cf.clearance_in_sigmas(*paths, cf.Sphere(12.0), errors, errors)
+    k = float(least.sigmas)
+    said = f"least {k:.3g} sigma, F1 - F2 at {least.time:.1f} s"
+    Path("a.toml").write_text(NEAR + PASS + f"sigmas = {0.99 * k}\n")
+    assert main(["run", "a.toml"]) == 0
+    printed = capsys.readouterr().out
+    assert f"clear: no conflict remains, clear at {0.99 * k:g} sigma ({said})" in " ".join(printed.split())
+    assert f"Clear at {0.99 * k:g} sigma: {said}, of keep-out zones" in printed
+    summary = json.loads(Path("a-results/summary.json").read_text())
+    (stage,) = summary["stages"]
+    assert summary["status"] == 0
+    assert stage["uncertain"]["fewest"]["sigmas"] == pytest.approx(k, rel=1e-9)
+    assert stage["uncertain"]["met"]
+    stored = pyarrow.parquet.read_table("a-results/sigmas.parquet").to_pydict()
+    assert stored["of"] == ["keep-out zone", "hard bodies"]
+    assert stored["sigmas"][0] == pytest.approx(k, rel=1e-9)
+    Path("a.toml").write_text(NEAR + PASS + f"sigmas = {1.01 * k}\n")
+    assert main(["run", "a.toml", "--overwrite"]) == 1
+    printed = " ".join(capsys.readouterr().out.split())
+    assert f"not clear at {1.01 * k:g} sigma in stage 1 (coast): {said}" in printed
+    assert f"Not clear at {1.01 * k:g} sigma: {said}" in printed
+    assert f"not clear at {1.01 * k:g} sigma" in Path("a-results/report.html").read_text()
+
+
+def test_the_probability_is_that_of_draws_flown_apart() -> None:
+    """40 000 pairs of states, carried by the transition matrix to 800 times: the share ever within 10 m.
+
+    Steps of 4 s at some cm/s pass nobody by: a graze between two is shorter than 1e-3 m.
+    """
+    mission = fly(parse(NEAR + PASS + "max_probability = 0.5\n"))
+    (result,) = mission.results
+    pair = result.uncertain.likeliest
+    orbit = mission.orbit
+    random = np.random.default_rng(3)
+    sizes = np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
+    apart = (random.standard_normal((2, 40_000, 6)) * sizes).T @ [1.0, -1.0]
+    apart[1] += 40.0
+    met = np.zeros(40_000, dtype=bool)
+    for time in np.linspace(0.0, result.end, 800):
+        met |= np.linalg.norm((orbit.transition(time) @ apart)[:3], axis=0) <= 10.0
+    share = met.mean()
+    assert abs(pair.probability.value - share) < 4.0 * np.sqrt(share * (1.0 - share) / len(met))
+    assert mission.verdict.ok
+    assert "probability of collision of F1 - F2 up to" in str(mission.verdict)
+    asked = f"max_probability = {0.9 * pair.probability.value}\n"
+    assert fly(parse(NEAR + PASS + asked)).verdict.status == 1
+
+
+def test_hard_bodies_judge_where_nobody_keeps_a_zone() -> None:
+    """A transfer asks for no keep-out; with white noise the probability is a bound that is certain."""
+    text = HEAD.replace('keep_out = { sphere = "20 m" }\n', EXECUTION)
+    move = CLOSER.split("[[stage]]")[2].replace("avoid", "transfer")
+    mission = fly(parse(f"{text}\n[[stage]]{move}sigmas = 0.1\n"))
+    (result,) = mission.results
+    assert result.uncertain.zones is None
+    assert result.uncertain.nearest is result.uncertain.bodies.pairs[0]
+    assert result.uncertain.likeliest.probability.method == "bound"
+    (section,) = RunReport(mission).sections
+    (line,) = (line for line in section.closing if line.startswith("Probability"))
+    assert re.search(r"\(certainly .* the hard bodies' 10 m in this stage", line)
+
+
+def test_a_mission_without_errors_looks_at_none(monkeypatch) -> None:
+    monkeypatch.setattr(UncertainStage, "of", None)
+    text = re.sub(r"covariance = .*\n", "", HEAD)
+    assert fly(parse(text + CLOSER)).results[0].uncertain is None
+
+
+def test_correlations_make_the_full_matrix() -> None:
+    rows = np.eye(6)
+    rows[1, 3] = rows[3, 1] = -0.9
+    covariance = (
+        f'covariance = {{ position = "1 2 1 m", velocity = "1 1 1 mm/s", correlation = {rows.tolist()} }}'
+    )
+    known = parse(re.sub(r"covariance = .*", covariance, HEAD) + PASS).craft[0].errors.state
+    assert known[1, 3] == pytest.approx(-0.9 * 2.0 * 1e-3)
+    assert np.sqrt(np.diag(known)) == pytest.approx([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
