@@ -7,9 +7,11 @@ from numba import float64, int64, void
 from closeform.compiled import kernel
 from closeform.kernel_loans import lent
 from closeform.motion.arc import END, START
-from closeform.motion.certified_march import locate, window_end
+from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
+from closeform.uncertainty.moving import beyond_for
 from closeform.uncertainty.spread import NOISE, SPREAD
 from closeform.uncertainty.tube import (
+    HINT,
     NEVER,
     NOISY,
     TUBE,
@@ -81,10 +83,10 @@ def gap_at(tube, t, k, s):
 
 
 @kernel()
-def least_in_window(tube, span, k, best, best_time):
-    """The least level of the window, if below `best`, and when; 0 where the mean enters."""
+def least_in_window(tube, span, k, best, best_time, patience):
+    """The least level of the window, if below `best`, when, and the time reached; 0 where the mean enters."""
     t = 0.0
-    while True:
+    for _ in range(patience):
         aim = min(best * (1.0 - PRECISION), NEVER)
         gap = gap_at(tube, t, k, aim) if best < inf else 0.0
         if not gap > 0.0:
@@ -94,13 +96,18 @@ def least_in_window(tube, span, k, best, best_time):
                 if s > 0.0:
                     best, best_time = descend(tube, t, span, k, s)
                 if best <= 0.0:
-                    return 0.0, best_time
+                    return 0.0, best_time, t
             aim = min(best * (1.0 - PRECISION), NEVER)
             gap = gap_at(tube, t, k, aim)
         if not t < span:
-            return best, best_time
-        h = clear_for(tube, aim if k < 0.0 else k * aim, max(gap, SLACK))
+            return best, best_time, span
+        sigmas = aim if k < 0.0 else k * aim
+        h = clear_for(tube, sigmas, max(gap, SLACK))
+        if t == 0.0 and patience == LESS_PATIENCE:
+            target = (1.0 if k < 0.0 else aim) - max(SLACK - gap, 0.0)
+            h = max(h, beyond_for(tube, sigmas, target, span))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
+    return best, best_time, t
 
 
 @kernel()
@@ -110,7 +117,7 @@ def least_of_pair(tube, one, first, two, second, start, end, k):
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
     best, best_time = inf, nan
-    t = start
+    t, patience = start, PATIENCE
     while True:
         while i + 1 < i_end and one.arcs[i, END] <= t:
             i += 1
@@ -118,10 +125,11 @@ def least_of_pair(tube, one, first, two, second, start, end, k):
             j += 1
         stop = window_end(one.arcs[i], two.arcs[j], t, end)
         see_tube(tube, one, i, first, two, j, second, t, stop - t)
-        least, when = least_in_window(tube, stop - t, k, best, nan)
+        least, when, reached = least_in_window(tube, stop - t, k, best, nan, patience)
         if least < best:
             best, best_time = least, min(t + when, stop)
-        t = stop
+        patience = LESS_PATIENCE if reached < stop - t else PATIENCE
+        t = max(t + reached, t + 2.3e-16 * abs(t)) if reached < stop - t else stop
         if t >= end or best <= 0.0:
             return best, best_time
 
@@ -129,6 +137,7 @@ def least_of_pair(tube, one, first, two, second, start, end, k):
 @kernel()
 def begin_pair(tube, one, first, two, second):
     """When the common time of a pair starts and ends."""
+    tube.seen[HINT] = inf
     tube.seen[NOISY] = one.execution[first, NOISE] + two.execution[second, NOISE]
     start = max(one.arcs[one.offsets[first], START], two.arcs[two.offsets[second], START])
     return start, min(one.arcs[one.offsets[first + 1] - 1, END], two.arcs[two.offsets[second + 1] - 1, END])

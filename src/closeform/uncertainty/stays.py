@@ -6,13 +6,14 @@ from numba import float64, int64
 
 from closeform.compiled import kernel
 from closeform.conflicts.entries import append
-from closeform.kernel_loans import lent
+from closeform.kernel_loans import lent, stack_vector
 from closeform.motion.arc import END
-from closeform.motion.certified_march import locate, window_end
+from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
 from closeform.uncertainty.levels import begin_pair, least_of_pair
+from closeform.uncertainty.moving import HALVINGS, beyond_for, errors_of_point, first_try, stays_inside
 from closeform.uncertainty.planes import room
 from closeform.uncertainty.spread import SPREAD
-from closeform.uncertainty.tube import COLUMNS, TUBE, clear_for, column_bound, look, room_at, see_tube
+from closeform.uncertainty.tube import COLUMNS, HINT, TUBE, clear_for, column_bound, look, room_at, see_tube
 from closeform.zones.shapes import inside_step
 
 # As in `conflicts.entries`, but to what covariances and planes are good for.
@@ -22,16 +23,20 @@ DEEP, SHALLOW = 0.5, 0.75  # norms that a position is looked for at, and that wi
 
 
 @kernel()
-def enter(tube, t, span, k):
+def enter(tube, t, span, k, patience):
     """March outside until k sigmas reach the zone: (time reached, whether they do)."""
-    while True:
+    for _ in range(patience):
         norm = look(tube, t)
         g = room_at(tube, k) if norm > ENTERED else norm
         if not g > ENTERED:
             return t, True
         if not t < span:
             return t, False
-        t = min(span, max(t + clear_for(tube, k, g - ENTRY_AIM), t * (1.0 + 2.3e-16)))
+        h = clear_for(tube, k, g - ENTRY_AIM)
+        if t == 0.0 and patience == LESS_PATIENCE:
+            h = max(h, beyond_for(tube, k, ENTRY_AIM, span))
+        t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
+    return t, False
 
 
 @kernel()
@@ -52,31 +57,58 @@ def position_inside(tube, norm, k):
 
 
 @kernel()
-def leave(tube, t, span, k):
-    """March inside, each time with one position that is inside: (time reached, whether none is)."""
+def within_for(tube, k, longest):
+    """How long from the window's start errors that move certainly keep a position inside."""
+    xi, eta = stack_vector(14), stack_vector(14)
+    used, _ = position_inside(tube, look(tube, 0.0), k)
+    errors_of_point(tube, used, xi)
+    h = first_try(tube, longest)
+    for _ in range(HALVINGS):
+        used, g = position_inside(tube, look(tube, h), k)
+        if g < EXIT_AIM:
+            errors_of_point(tube, used, eta)
+            if stays_inside(tube, xi, eta, h, EXIT_AIM):
+                tube.seen[HINT] = h
+                return h
+        h *= 0.5
+    return 0.0
+
+
+@kernel()
+def inside_for(tube, used, span):
+    """How long the errors that were found last certainly keep a position inside."""
     place, best, at, bounds = tube.place, tube.best, tube.at, tube.bounds
-    while True:
+    x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
+    if used > 0.0 and tube.along[0] > 0.0:
+        share = used / sqrt(tube.along[0])
+        _, x, y, z = room(place, tube.square, used, best[0], best[1], best[2])
+        for j in range(0, 3 * COLUMNS, 3):
+            length = best[0] * at[0, j] + best[1] * at[0, j + 1] + best[2] * at[0, j + 2]
+            vx -= share * length * at[1, j]
+            vy -= share * length * at[1, j + 1]
+            vz -= share * length * at[1, j + 2]
+    ax = bounds[0] + used * column_bound(tube, 1.0, 0.0, 0.0)
+    ay = bounds[1] + used * column_bound(tube, 0.0, 1.0, 0.0)
+    az = bounds[2] + used * column_bound(tube, 0.0, 0.0, 1.0)
+    a = sqrt(ax * ax + ay * ay + az * az)
+    speed = sqrt(vx * vx + vy * vy + vz * vz) + a * span
+    return inside_step(tube.shape, tube.faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
+
+
+@kernel()
+def leave(tube, t, span, k, patience):
+    """March inside, each time with one position that is inside: (time reached, whether none is)."""
+    for _ in range(patience):
         used, g = position_inside(tube, look(tube, t), k)
         if g > LEFT:
             return t, True
         if not t < span:
             return t, False
-        x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
-        if used > 0.0 and tube.along[0] > 0.0:
-            share = used / sqrt(tube.along[0])
-            _, x, y, z = room(place, tube.square, used, best[0], best[1], best[2])
-            for j in range(0, 3 * COLUMNS, 3):
-                length = best[0] * at[0, j] + best[1] * at[0, j + 1] + best[2] * at[0, j + 2]
-                vx -= share * length * at[1, j]
-                vy -= share * length * at[1, j + 1]
-                vz -= share * length * at[1, j + 2]
-        ax = bounds[0] + used * column_bound(tube, 1.0, 0.0, 0.0)
-        ay = bounds[1] + used * column_bound(tube, 0.0, 1.0, 0.0)
-        az = bounds[2] + used * column_bound(tube, 0.0, 0.0, 1.0)
-        a = sqrt(ax * ax + ay * ay + az * az)
-        speed = sqrt(vx * vx + vy * vy + vz * vz) + a * (span - t)
-        h = inside_step(tube.shape, tube.faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
+        h = inside_for(tube, used, span - t)
+        if t == 0.0 and patience == LESS_PATIENCE:
+            h = max(h, within_for(tube, k, span))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
+    return t, False
 
 
 @kernel()
@@ -86,7 +118,7 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, pair, rows, coun
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
     inside, entry = False, start
-    t = start
+    t, patience = start, PATIENCE
     while True:
         while i + 1 < i_end and one.arcs[i, END] <= t:
             i += 1
@@ -97,9 +129,9 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, pair, rows, coun
         local = 0.0
         while True:
             if inside:
-                local, crossed = leave(tube, local, stop - t, k)
+                local, crossed = leave(tube, local, stop - t, k, patience)
             else:
-                local, crossed = enter(tube, local, stop - t, k)
+                local, crossed = enter(tube, local, stop - t, k, patience)
             if not crossed:
                 break
             inside = not inside
@@ -107,7 +139,8 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, pair, rows, coun
                 entry = min(t + local, stop)
             else:
                 count = append(rows, count, pair, entry, min(t + local, stop))
-        t = stop
+        patience = LESS_PATIENCE if local < stop - t else PATIENCE
+        t = max(t + local, t + 2.3e-16 * abs(t)) if local < stop - t else stop
         if t >= end:
             break
     return append(rows, count, pair, entry, end) if inside else count

@@ -30,8 +30,9 @@ from closeform.zones.zone import Zone
 
 NEVER = 1e4  # as many sigmas are infinitely many
 COLUMNS = 20  # six that are settled, four under way of either craft, six of noise
-# Of `seen`: the mean's order and mean motion, how many columns are active, the noise of both, how long.
-ORDER, MEAN_RATE, ACTIVE, NOISY, REACH = 0, 1, 2, 3, 4
+# Of `seen`: the mean's order and mean motion, how many columns are active, the noise of both, how long the
+# window is, and how long the last step of a moving certificate was.
+ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT = 0, 1, 2, 3, 4, 5
 
 
 class Tube(NamedTuple):
@@ -39,7 +40,7 @@ class Tube(NamedTuple):
 
     Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit.  Of a window the derivatives of the
     mean (8, 3), of the settled columns (4, 18) and of those under way (64, 3), `bounds` (6,) of acceleration
-    along the axes, of the mean and of columns that are not settled, and what is `seen` (5,).  At an instant
+    along the axes, of the mean and of columns that are not settled, and what is `seen` (6,).  At an instant
     `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the `best` plane
     (4,) and what of the columns is along it, `along` (3,): |l|^2, l . l' and |l'|^2.
     """
@@ -81,7 +82,7 @@ def tube_for(zone: Zone, mean_motion: float) -> Tube:
     shape, matrix, faces = zone.form
     if shape == CUBE:
         shape, faces = FACES, np.concatenate([np.eye(3), -np.eye(3)])
-    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 5, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
+    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 6, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
     return Tube(shape, matrix, faces, mean_motion, *map(np.zeros, sizes))
 
 
