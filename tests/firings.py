@@ -49,6 +49,30 @@ def modulated(rng):
     return path, cf.Thrusters(directions @ turned.T, str(frame), strength, bit, period)
 
 
+def clustered(rng):
+    """Impulses of which many are so near each other that their burns would overlap, and thrusters."""
+    orbit = cf.Orbit(rng.choice([0.0, 1.1e-3, 7.3e-5]))
+    turn, size = orbit.period if orbit.mean_motion else 5000.0, 10 ** rng.uniform(0.5, 3.5)
+    duration, start = turn * rng.uniform(0.1, 2.0), rng.uniform(-1, 1) * turn
+    at, kicks = [], []
+    for middle in np.linspace(0.15, 0.85, rng.integers(1, 4)):
+        count = rng.integers(1, 6)
+        at += list(middle + 10 ** rng.uniform(-4.0, -1.8) * rng.random(count))
+        to, astray = rng.normal(size=3), rng.choice([0.0, 0.3])
+        sizes = 10 ** rng.uniform(-2, 0, (count, 1)) * size / duration
+        kicks += list(sizes * (to + astray * rng.normal(size=(count, 3))))
+    now, place, pieces = start, state(rng, orbit, size), []
+    order = np.argsort(at)
+    ends = np.append(start + duration * np.array(at)[order], start + duration)
+    for k, end in zip([-1, *order], ends.tolist(), strict=True):
+        place = place if k < 0 else place + np.append(np.zeros(3), kicks[k])
+        pieces.append(orbit.coast(place, end - now, now))
+        now, place = end, pieces[-1].state(end)
+    path = cf.join(pieces)
+    strength = path.delta_v / (duration * 10 ** rng.uniform(-3.5, -1.2))
+    return path, cf.Thrusters.rtn(str(rng.choice(["orbit", "inertial"])), acceleration=strength)
+
+
 def reflown(firing, mass, specific_impulse=np.inf):
     """Edges (E,) of one craft's pulses and states with mass (E, 7) there, by another integrator.
 

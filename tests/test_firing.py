@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 
 import closeform as cf
 from closeform.fuel.allocation import Allocation
-from firings import CUBE, deviation, modulated, reflown
+from firings import CUBE, clustered, deviation, modulated, reflown
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion
@@ -346,3 +346,25 @@ def test_impulses_at_one_time_but_for_rounding_are_one_burn():
     centroid = fired.pulses.start[0] + 0.5 * fired.pulses.duration[0]
     assert centroid == pytest.approx((0.02 * 1000.0 + 0.06 * 1000.05) / 0.08, abs=1e-6)
     assert fired.deviation <= fired.deviation_bound
+
+
+def test_the_bound_holds_where_burns_beside_each_other_are_one():
+    """Of impulses so near that their burns would overlap, in clusters of up to five of one or many sides."""
+    together, ratios = 0, []
+    for seed in range(150):
+        plan, thrusters = clustered(np.random.default_rng(seed))
+        firing = cf.fire(plan, thrusters)
+        off = deviation(firing, looks=12)
+        assert off <= firing.deviation_bound, seed
+        together += len(firing.pulses) < 3 * len(plan.impulses)
+        ratios.append(firing.deviation_bound / off)
+    assert together > 100
+    assert np.median(ratios) < 1.5
+
+
+def test_an_impulse_is_no_part_of_thrust_that_lasts():
+    """Which reaches further than one burn of both: the bound is that of burns of impulses."""
+    thrust = ORBIT.burn(A, [0.0, 4e-4, 0.0], 60.0)
+    after = thrust.state(60.0) + [0.0, 0, 0, 0, 0.1, 0]
+    with pytest.raises(ValueError, match="must begin again at"):
+        cf.fire(cf.join([thrust, ORBIT.coast(after, 2000.0, 60.0)]), SIX)

@@ -514,6 +514,18 @@ def test_burns_that_overlap_stop_the_mission_with_a_reason():
     assert fly(parse(TIGHT.replace("0.1 mN", "1 mN"))).clear  # where impulses beside each other are one burn
 
 
+def test_zones_are_larger_by_no_more_than_pulses_need():
+    """Pearls 50 m apart with zones of 45 m: three centimetres are missing, and 5 m more have no plan."""
+    mission = fly(parse(TIGHT.replace("0.1 mN", "2 mN")))
+    assert mission.clear
+    pulsed = mission.results[0].pulsed
+    assert 1.0 < pulsed.room.larger < 1.01
+    times = np.linspace(pulsed.firing.path.start[0], pulsed.firing.path.end[0], 6001)  # a second: 0.1 m
+    places = np.stack([pulsed.firing.path[k].position(times) for k in range(4)])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1) + 1e9 * np.eye(4)[:, :, None]
+    assert 45.0 - MILLIMETRE < apart.min() < 45.1
+
+
 def test_planned_and_fired_are_told_apart(ran):
     """In the table of the plan, in that of the pulses, in a line and in the summary."""
     run = ran(alone(ON_OFF, cost='"energy"'))  # free in direction, which thrusters are not

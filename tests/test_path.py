@@ -164,6 +164,17 @@ def test_join_makes_a_velocity_jump_an_impulse():
     np.testing.assert_allclose(path.velocity(np.nextafter(100.0, 0)), first.velocity(100.0), rtol=1e-12)
 
 
+def test_a_brief_path_does_not_hide_a_jump():
+    """Two impulses a microsecond apart: both count, whatever one moves until the other."""
+    brief = ORBIT.coast(INITIAL, 1e-6)
+    state = brief.state(1e-6) + [0, 0, 0, 0.3, 0, 0]
+    later = ORBIT.coast(state, 1e-6, start=1e-6)
+    far = ORBIT.coast(later.state(2e-6) + [0, 0, 0, 0, 0.2, 0], 500.0, start=2e-6)
+    path = cf.join([brief, later, far])
+    assert path.delta_v == pytest.approx(0.5, rel=1e-9)
+    assert len(path.impulses) == 2
+
+
 def test_join_without_a_jump_is_the_same_motion():
     whole = ORBIT.transfer(INITIAL, FINAL, 900.0)
     coast = ORBIT.coast(FINAL, 300.0, start=900.0)

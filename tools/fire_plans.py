@@ -2,7 +2,8 @@
 
 The plans are those of tests/firings.py, by seed: energy-optimal transfers, burns, impulses and both mixed, in
 orbits of three periods and in deep space, with thrusters along axes, cubes and tetrahedra, fixed in the orbit
-or in inertial axes, bits and periods over orders of magnitude.  Exits with status 1 where a bound is broken.
+or in inertial axes, bits and periods over orders of magnitude.  Every fifth is of impulses so near each other
+that burns of one thruster would overlap, and are one.  Exits with status 1 where a bound is broken.
 """
 
 import argparse
@@ -15,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
 import closeform as cf  # noqa: E402
-from firings import deviation, modulated  # noqa: E402
+from firings import clustered, deviation, modulated  # noqa: E402
 
 
 def main() -> int:
@@ -26,7 +27,8 @@ def main() -> int:
     given = parser.parse_args()
     ratios, broken, dropped = [], [], []
     for seed in range(given.first, given.first + given.plans):
-        firing = cf.fire(*modulated(np.random.default_rng(seed)))
+        drawn = modulated if seed % 5 else clustered
+        firing = cf.fire(*drawn(np.random.default_rng(seed)))
         off = deviation(firing, looks=12)
         if not off <= firing.deviation_bound:
             broken.append(seed)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from closeform.conflicts.flight import Flight, PairApproach
+from closeform.conflicts.flight import Flight
 from closeform.mission_result import StageResult
 from closeform.stage_start import Room, StageStart
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result", bound=StageResult[Any, Any])
 
-TRIES = 8  # plans that are made for room that grows
+TRIES = 12  # plans that are made for room that grows
 SPARE = 1.02  # times the time that burns stick out: another plan has other burns
-GROWTH = 1.5  # of what zones are larger by, where that was too little
+GROWTH = 1.5  # times what pulses lead a pair nearer than planned: those of another plan lead elsewhere
 REMEDY = "give it more thrust or time, or cost 'energy', which spreads it"
 
 
@@ -43,6 +43,7 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     """
     room = Room()
     kept: Result | None = None
+    clearest = -1.0  # the norm in conflicts of what is kept
     for _ in range(TRIES):
         later = start.leaving(room)
         found = plan(later)
@@ -71,11 +72,13 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
         paths = [flies.get(name, found.after.path(name)) for name in found.after.names]
         flight = start.flight([extended(path, start.time, end) for path in paths])
-        kept = replace(found, start=start.time, after=flight, pulsed=Pulsed(names, shot, found.after, room))
-        if not flight.conflicts:
-            return kept
-        needed = wider(flight, dict(zip(names, np.ravel(shot.deviation).tolist(), strict=True)))
-        room = replace(room, larger=max(needed, 1.0 + GROWTH * (room.larger - 1.0)))
+        norm = nearest(flight, found.after)
+        if norm > clearest:
+            flies_now = Pulsed(names, shot, found.after, room)
+            kept, clearest = replace(found, start=start.time, after=flight, pulsed=flies_now), norm
+        if norm >= 1.0:
+            break
+        room = replace(room, larger=1.0 + GROWTH * (room.larger - norm))
     if kept is None:
         failure = f"burns at its ends take {room.time:.6g} s of the {asked:.6g} s that it has; {REMEDY}"
         return replace(found, failure=failure, flown=False)
@@ -118,12 +121,8 @@ def fired(start: StageStart, flight: Flight) -> "tuple[tuple[str, ...], Firing] 
         raise type(error)(f"{what}: {names[int(k)]}: {why}") from None
 
 
-def wider(flight: Flight, deviations: dict[str, float]) -> float:
-    """How many times larger zones hold what deviations [m] lead to, for the pairs in conflict."""
-    met = {(conflict.first, conflict.second) for conflict in flight.conflicts}
-    pairs: list[PairApproach] = [near for near in flight.approaches if (near.first, near.second) in met]
-    factors = [
-        1.0 + (deviations.get(near.first, 0.0) + deviations.get(near.second, 0.0)) / near.zone.inner_radius
-        for near in pairs
-    ]
-    return max(factors, default=1.0)
+def nearest(flight: Flight, planned: Flight) -> float:
+    """The least norm in conflicts of a flight, of pairs that are planned to have none; inf without."""
+    asked = {(conflict.first, conflict.second) for conflict in planned.conflicts}
+    norms = [one.ratio for one in flight.conflicts if (one.first, one.second) not in asked]
+    return min(norms, default=np.inf)

@@ -19,6 +19,7 @@ JOINED = 1e-9  # of a pulse: the next one follows at once
 # Of the length of two burns that overlap if their impulses are nearer, and of the plan's: linear programs
 # share one impulse among times beside each other.  Such are one burn, of the same F bound: it is as long as
 # both, about their centroid, and no part of it is nearer to that than what it replaces: F keeps its sign.
+# Thrust that lasts may reach further than that burn, and is not joined.
 APART, BESIDE = 0.5, 0.02
 # Of q w x: F of two pulses of one delta-v q, centroid and length w, of which one is constant and the other
 # grows by the share x on the way.  It is 1/64 where all growth is in the middle, 1/125 where it is steady.
@@ -157,7 +158,8 @@ def _together(chunks: Chunks, thrusters: Thrusters, beside: float) -> Chunks:
     """Impulses of one thruster that are `beside` [s] each other, as one where their burns would overlap."""
     while len(chunks) > 1:
         width = chunks.impulse / thrusters.acceleration[chunks.thruster]
-        near = (chunks.thruster[1:] == chunks.thruster[:-1]) & np.isinf(chunks.peak[1:] + chunks.peak[:-1])
+        near = chunks.thruster[1:] == chunks.thruster[:-1]
+        near &= np.isinf(np.minimum(chunks.peak[1:], chunks.peak[:-1]))
         near &= np.diff(chunks.centroid) < np.minimum(APART * (width[1:] + width[:-1]), beside)
         if not near.any():
             break

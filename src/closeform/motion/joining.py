@@ -26,7 +26,7 @@ def join(paths: Sequence[Path]) -> Path:
     """One path out of some that follow each other in time.
 
     A velocity jump between two becomes an impulse.  Jumps below 1e-9 of the larger of |r| and |v| T
-    are rounding.
+    are rounding, T being the time of the path that ends, for velocities that of all paths.
 
     Parameters
     ----------
@@ -48,6 +48,7 @@ def join(paths: Sequence[Path]) -> Path:
     if any(path.shape != chosen[0].shape for path in chosen):
         raise ValueError(f"paths: all must have one shape to join them, got {[p.shape for p in chosen]}")
     pieces = [chosen[0].arcs]
+    whole = chosen[-1].arcs[chosen[-1].offsets[1:] - 1, END] - chosen[0].arcs[chosen[0].offsets[:-1], START]
     for before, after in zip(chosen, chosen[1:], strict=False):
         arcs = after.arcs.copy()
         first = after.offsets[:-1]
@@ -63,7 +64,8 @@ def join(paths: Sequence[Path]) -> Path:
         scale = FORGIVEN * np.maximum(_scale(before, length), _scale(after, length)) + 1e-300
         if np.any(np.abs(jump[:, :3]).max(axis=1) > scale):
             raise ValueError(f"paths: position jumps by {np.abs(jump[:, :3]).max():g} m between two of them")
-        kicked = np.abs(jump[:, 3:]).max(axis=1) * np.maximum(length, 1e-300) > scale
+        least = FORGIVEN * np.maximum(_scale(before, whole), _scale(after, whole)) + 1e-300
+        kicked = np.abs(jump[:, 3:]).max(axis=1) * np.maximum(whole, 1e-300) > least
         arcs[first, IMPULSE : IMPULSE + 3] = np.where(kicked[:, None], jump[:, 3:], 0.0)
         pieces.append(arcs)
     return _interleaved(chosen, pieces)
