@@ -3,7 +3,18 @@
 from math import nan
 
 from closeform.compiled import kernel
-from closeform.drift.cells import FROM, HIGH, LOW, earliest, parameter_count, single
+from closeform.drift.cells import (
+    FLIES,
+    FROM,
+    HIGH,
+    KIND,
+    LOW,
+    MISSED,
+    PIECE,
+    earliest,
+    parameter_count,
+    single,
+)
 from closeform.drift.fans import open_window
 from closeform.drift.planes import widest
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
@@ -18,7 +29,7 @@ SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
 @kernel()
 def target_below(best, certain):
     """Up to which norm cells must be clear, for the least that was met to be that of all."""
-    return best - SAME * max(abs(best), 1.0) if certain else best
+    return best - SAME * max(abs(best), 1.0) if certain else 1.0
 
 
 @kernel()
@@ -46,8 +57,18 @@ def fly(one, two, cell, width, begin, end, n, form, room, best):
 
 
 @kernel()
-def aim(one, two, cell, width, at_middle, room):
-    """Make `room.point` the failure of a cell that is nearest where its planes end, or its middle."""
+def is_instant(side, cell, o):
+    """Whether a cell's first parameter is a time at which thrust fails."""
+    kind = side.now[KIND]
+    return kind != FLIES and kind != MISSED and int(cell[o + PIECE]) % 2 == 0
+
+
+@kernel()
+def aim(one, two, cell, width, latest, at_middle, room):
+    """Make `room.point` the failure of a cell that is nearest where its planes end, or its middle.
+
+    One that has happened at the time `latest`, as what spans the cell goes back beyond that.
+    """
     point, k = room.point[0], 0
     for c in range(len(cell)):
         point[c] = cell[c]
@@ -57,6 +78,8 @@ def aim(one, two, cell, width, at_middle, room):
             share = 0.5 if at_middle else room.shares[k]
             low, high = cell[o + LOW + 2 * j], cell[o + HIGH + 2 * j]
             at = min(max(low + share * (high - low), low), high)
+            if j == 0 and is_instant(side, cell, o) and not at_middle:
+                at = max(low, min(at, latest))
             point[o + LOW + 2 * j], point[o + HIGH + 2 * j] = at, at
             k += 1
     return max(earliest(one, point, 1), earliest(two, point, 1 + width))
@@ -80,13 +103,19 @@ def note(room, cell):
 
 @kernel()
 def cut(one, two, width, top, t, room, count):
-    """Put a cell's two halves in its place, to go on from time t; the half to be searched first is last."""
-    cells = room.cells
+    """Put a cell's two halves in its place, to go on from time t; the half to be searched first is last.
+
+    How many cells there are then: as many as without it, if all in it is one failure.
+    """
+    cells, mine = room.cells, parameter_count(one)
     which, _ = widest(room, count)
-    mine = parameter_count(one)
-    column = 1 + LOW + 2 * which if which < mine else 1 + width + LOW + 2 * (which - mine)
-    low, high = cells[top, column], cells[top, column + 1]
-    middle = 0.5 * (low + high)
+    for _ in range(count):
+        column = 1 + LOW + 2 * which if which < mine else 1 + width + LOW + 2 * (which - mine)
+        low, high = cells[top, column], cells[top, column + 1]
+        middle = 0.5 * (low + high)
+        if low < middle < high:
+            break
+        which = (which + 1) % count  # floats end here: along another edge
     if not low < middle < high:
         return top
     for c in range(cells.shape[1]):

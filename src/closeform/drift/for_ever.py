@@ -7,7 +7,7 @@ phases, and the least norm in the tube counts: what it tends to as the drift get
 from below.                                                                            # theory (49)
 """
 
-from math import pi, sqrt
+from math import inf, pi, sqrt
 
 from closeform.compiled import kernel
 from closeform.drift.cells import FROM, parameter_count, span_cell
@@ -53,7 +53,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
         if clear:
             continue
         _, size = widest(room, count)
-        aim(one, two, cell, width, False, room)
+        aim(one, two, cell, width, inf, False, room)
         if size <= SMALLEST and is_closed(one, two, room.point[0], width, t, far, n, form, room):
             continue
         least, time = fly(one, two, room.point[0], width, t, turn, n, tube, room, best)

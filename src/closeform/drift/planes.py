@@ -16,7 +16,7 @@ from closeform.drift.fans import GENERATORS, OTHER, PATH, open_window, place_all
 from closeform.drift.remainders import growth
 from closeform.motion.certified_march import bound
 from closeform.motion.hill import oscillation
-from closeform.zones.shapes import BALL, norm, part, part_count, time_to_level
+from closeform.zones.shapes import BALL, CYLINDER, norm, part, part_count, time_to_level
 
 STEPS = 200  # in a window, before a cell is cut though planes still pass
 LEAST_STEP = 2.3e-16
@@ -47,14 +47,48 @@ def find_edges(one, two, room, generators):
 
 
 @kernel()
-def nearest(room, count):
-    """The point of a parallelotope that is nearest to the origin; `shares` are where on its edges."""
-    edges, shares = room.edges, room.shares
+def place_at(room, count, share):
+    """A point of the parallelotope: at this share of all its edges, or at `shares` if that is negative."""
     x = room.places[0, 0] - room.places[OTHER, 0]
     y = room.places[0, 1] - room.places[OTHER, 1]
     z = room.places[0, 2] - room.places[OTHER, 2]
     for k in range(count):
-        x, y, z = x + shares[k] * edges[k, 0], y + shares[k] * edges[k, 1], z + shares[k] * edges[k, 2]
+        by = share if share >= 0.0 else room.shares[k]
+        x, y, z = x + by * room.edges[k, 0], y + by * room.edges[k, 1], z + by * room.edges[k, 2]
+    return x, y, z
+
+
+@kernel()
+def norm_at(room, count, form):
+    """The norm of the parallelotope's point at `shares`."""
+    shape, _, faces = form
+    x, y, z = place_at(room, count, -1.0)
+    return norm(shape, faces, x, y, z)
+
+
+@kernel()
+def sink(room, count, form):
+    """Move `shares` to where the norm is least, by one edge after another: it is convex along each."""
+    for _ in range(3 if count > 1 else 1):
+        for k in range(count):
+            low, high = 0.0, 1.0
+            for _ in range(45):
+                third = (high - low) / 3.0
+                room.shares[k] = low + third
+                lower = norm_at(room, count, form)
+                room.shares[k] = high - third
+                if lower < norm_at(room, count, form):
+                    high = high - third
+                else:
+                    low = low + third
+            room.shares[k] = 0.5 * (low + high)
+
+
+@kernel()
+def nearest(room, count):
+    """The point of a parallelotope that is nearest to the origin; `shares` are where on its edges."""
+    edges, shares = room.edges, room.shares
+    x, y, z = place_at(room, count, -1.0)
     for _ in range(1 if count == 1 else 12):  # by one coordinate after another
         moved = 0.0
         for k in range(count):
@@ -153,13 +187,11 @@ def mixed_plane(room, count, form, x, y, z):
     """The normal, of those of some parts mixed, along which the parallelotope is farthest at its worst.
 
     One part after another is mixed in, as much as levels some edge: at a kink of the norm no part alone
-    keeps what a cell spans as far away as it is.
+    keeps what a cell spans as far away as it is.  Gradients are those at (x, y, z).
     """
     shape, _, faces = form
     edges = room.edges
-    for k in range(count):  # from the centre
-        share = 0.5 - room.shares[k]
-        x, y, z = x + share * edges[k, 0], y + share * edges[k, 1], z + share * edges[k, 2]
+    cx, cy, cz = place_at(room, count, 0.5)
     best, bx, by, bz = -inf, 0.0, 0.0, 0.0
     for turn in range(2):
         for k in range(part_count(shape, faces)):
@@ -175,7 +207,7 @@ def mixed_plane(room, count, form, x, y, z):
                     if not 0.0 < mu < 1.0:
                         continue
                 ax, ay, az = ox + mu * (gx - ox), oy + mu * (gy - oy), oz + mu * (gz - oz)
-                value = ax * x + ay * y + az * z
+                value = ax * cx + ay * cy + az * cz
                 for m in range(count):
                     value -= 0.5 * abs(ax * edges[m, 0] + ay * edges[m, 1] + az * edges[m, 2])
                 if value > best:
@@ -205,41 +237,14 @@ def best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, lo
 
 
 @kernel()
-def norm_at(room, count, form):
-    """The norm of the parallelotope's point at `shares`."""
-    x = room.places[0, 0] - room.places[OTHER, 0]
-    y = room.places[0, 1] - room.places[OTHER, 1]
-    z = room.places[0, 2] - room.places[OTHER, 2]
-    for k in range(count):
-        share = room.shares[k]
-        x, y, z = x + share * room.edges[k, 0], y + share * room.edges[k, 1], z + share * room.edges[k, 2]
-    shape, _, faces = form
-    return norm(shape, faces, x, y, z)
-
-
-@kernel()
 def deepest(one, two, room, window, local, form):
     """Least norm of the parallelotope at one time of a window, or near it; `shares` are where."""
     ones, twos, last, order, n, generators = window
     place_all(room, ones, twos, last, order, n, local)
     count = find_edges(one, two, room, generators)
     nearest(room, count)
-    best = norm_at(room, count, form)
-    if form[0] == BALL:
-        return best
-    for _ in range(3 if count > 1 else 1):
-        for k in range(count):  # a norm is convex along an edge
-            low, high = 0.0, 1.0
-            for _ in range(45):
-                third = (high - low) / 3.0
-                room.shares[k] = low + third
-                lower = norm_at(room, count, form)
-                room.shares[k] = high - third
-                if lower < norm_at(room, count, form):
-                    high = high - third
-                else:
-                    low = low + third
-            room.shares[k] = 0.5 * (low + high)
+    if form[0] != BALL:
+        sink(room, count, form)
     return norm_at(room, count, form)
 
 
@@ -307,6 +312,9 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
             place_all(room, ones, twos, last, order, n, local)
             count = find_edges(one, two, room, generators)
             x, y, z = nearest(room, count)
+            if form[0] == CYLINDER:  # whose gradient depends on where
+                sink(room, count, form)
+                x, y, z = place_at(room, count, -1.0)
             wanted = span - local
             h, gap = best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, local, wanted)
             steps += 1

@@ -28,6 +28,7 @@ from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
 from closeform.zones.shapes import FACES, FORM
 
+RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cell is marched again, uncut
 NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
 TIME, RATIO, PLACE, FAILURE = 0, 1, 2, 5  # columns of what is told of a pair: in zone coordinates; a cell
 
@@ -57,7 +58,7 @@ def sample(one, two, top, width, end, n, form, room):
     """Fly the middle of each cell, and put the worst last: the least norm, its time."""
     best, when, worst = inf, nan, 0
     for k in range(top):
-        t = max(room.cells[k, FROM], aim(one, two, room.cells[k], width, True, room))
+        t = max(room.cells[k, FROM], aim(one, two, room.cells[k], width, inf, True, room))
         if t <= end:
             least, time = fly(one, two, room.point[0], width, t, end, n, form, room, best)
             if least < best:
@@ -68,6 +69,18 @@ def sample(one, two, top, width, end, n, form, room):
         room.cells[worst, c] = room.cells[top - 1, c]
         room.cells[top - 1, c] = swap
     return best, when
+
+
+@kernel()
+def near_by(one, two, cell, width, t, near, end, n, count, room):
+    """Aim at the failure that is nearest where planes end; from when and until when it is to be flown."""
+    size = widest(room, count)[1] if near < inf else inf
+    s = aim(one, two, cell, width, near if size > SMALLEST else t, False, room)
+    if near == inf:
+        return max(t, s), end
+    reach = NEAR / n if n > 0.0 else 0.05 * (end - s)
+    begin = max(cell[FROM], s, min(t, near - reach) if size <= SMALLEST else near - reach)
+    return begin, min(end, max(near, begin) + reach)
 
 
 @kernel()
@@ -97,32 +110,26 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
             t, clear, near = march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, room)
             if clear:
                 continue
-        s = aim(one, two, cell, width, False, room)
-        if not extended:
-            begin, until = max(t, s), end
-        else:
-            _, size = widest(room, count)
-            reach = NEAR / n if n > 0.0 else 0.05 * (end - s)
-            begin = max(cell[FROM], s, near - reach)
-            until = min(end, max(near, begin) + reach)
+        begin, until = near_by(one, two, cell, width, t, near if extended else inf, end, n, count, room)
         least, time = fly(one, two, room.point[0], width, begin, until, n, form, room, best)
         if least < best:
+            much = best - least > RETRIED * widest(room, count)[1]
             best, when = least, time
             note(room, room.point[0])
             if not certain:
                 break
-            if extended:  # perhaps it is clear of what is asked now
+            if extended and much:  # perhaps it is clear of what is asked now
                 cell[FROM] = t
                 top += 1
                 continue
         if extended:
             if top + 2 > len(room.cells):
                 return -inf, float(top)
-            if size > SMALLEST:
-                top = cut(one, two, width, top, t, room, count)
-            elif until < end:  # of a motion by itself all up to there is known
+            halves = cut(one, two, width, top, t, room, count)
+            if halves == top and until < end:  # all in it is one failure
                 cell[FROM] = until
-                top += 1
+                halves += 1
+            top = halves
     return best, when
 
 
