@@ -1641,6 +1641,11 @@ CALLS = (
         "errors: expected Errors, got 4.0",
     ),
     Call(
+        "an Uncertainty beside errors",
+        "cf.screen(cf.stack([plan, plan]), cf.Uncertainty([[1, 0, 0], [0, 1, 0], [0, 0, 1]], 3.0), cf.Errors())",
+        "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and give what craft fill as Body(Sphere(radius))",
+    ),
+    Call(
         "errors of more craft than there are",
         "cf.clearance_in_sigmas(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), [cf.Errors()] * 2)",
         "errors: 2 for 1 craft; give one, or one for each",

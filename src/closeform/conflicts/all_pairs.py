@@ -21,6 +21,7 @@ from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import (
     PairZones,
     by_zone,
+    counts_covariances,
     made_by_need,
     pair_zones,
     pairs_of,
@@ -146,16 +147,16 @@ def screen(
     ------
     ValueError
         If `paths` are no Path of shape (N,) or in different orbits, or if `zone` is of another kind, of
-        another number of craft, or makes none for a pair; if errors are of another kind or number, or
-        `sigmas` is negative or not finite.
+        another number of craft, makes none for a pair, or holds an `Uncertainty` beside errors; if errors
+        are of another kind or number, or `sigmas` is negative or not finite.
 
     Notes
     -----
     Most pairs are excluded by bounds on what each craft does between common times.  Half a million
     pairs take a tenth of a second on two cores and some megabytes.  A progress bar goes to standard
     error from five million pairs on, where that is a terminal.  Paths through samples are searched as
-    they are: their `interpolation_error` says how far from them craft may be.  With errors every pair is
-    searched, at some tens of microseconds each.
+    they are: their `interpolation_error` says how far from them craft may be.  With errors the bounds hold
+    the sigmas too; what they leave takes some tens of microseconds a pair.
 
     References
     ----------
@@ -198,11 +199,16 @@ def _jobs(zone: Zone | PairZones, paths: Path, errors: Any, sigmas: float) -> It
 
 def _search(paths: Path, zone: Zone | PairZones, errors: Any, sigmas: float) -> Any:
     """What finds the rows of some pairs, of a zone and both indices."""
+    zones = (zone,) if isinstance(zone, Zone) else () if made_by_need(zone) else tuple(zone.zones)
     known = one_of(*(errors if isinstance(errors, list | tuple) else [errors]))
     if known is not None:
-        return known._search_of(paths, errors, sigmas)
+        if isinstance(zone, PairZones) and counts_covariances(zone):
+            raise ValueError(
+                "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and "
+                "give what craft fill as Body(Sphere(radius))"
+            )
+        return known._search_of(paths, errors, zones, sigmas)
     bodies = paths.arcs, paths.offsets
-    zones = (zone,) if isinstance(zone, Zone) else () if made_by_need(zone) else zone.zones
     tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2)
     return lambda one, first, second: search_pairs(
         *bodies, *bodies, one, first, second, tracks.get(one, NO_TRACKS)

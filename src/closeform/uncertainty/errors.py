@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
@@ -15,7 +16,7 @@ from closeform.conflicts.two_paths import Conflict
 from closeform.motion.ends import checked_below
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
-from closeform.uncertainty.search import checked_sigmas, one_for_each, stays, stays_of_two
+from closeform.uncertainty.search import checked_sigmas, one_for_each, search_of, stays_of_two
 from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
@@ -235,17 +236,10 @@ class Errors:
         return tuple(Conflict(*map(float, row[1:])) for row in found)
 
     @staticmethod
-    def _search_of(paths: Path, errors: Any, sigmas: Any) -> Any:
+    def _search_of(paths: Path, errors: Any, zones: Sequence[Zone], sigmas: Any) -> Any:
         """What `screen` searches some pairs with, where there are errors."""
         spread = spread_of(paths, one_for_each("errors", errors, paths, Errors))
-        many = checked_sigmas(sigmas)
-
-        def search(zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
-            rows = stays(spread, spread, first, second, zone, paths.orbit.mean_motion, many)
-            index = rows[:, 0].astype(np.int64)
-            return np.stack([first[index], second[index]], axis=1), rows[:, 1:]
-
-        return search
+        return search_of(spread, zones, paths.orbit.mean_motion, checked_sigmas(sigmas))
 
     @cached_property
     def _execution(self) -> Floats:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from closeform.arrays import Floats, number, shown
 from closeform.conflicts.entries import COLUMNS
+from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.motion.path import Path
 from closeform.uncertainty.spread import Spread
 from closeform.uncertainty.stays import stays_of_pairs
 from closeform.uncertainty.tube import tube_for
+from closeform.uncertainty.widths import widened
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -19,7 +22,14 @@ if TYPE_CHECKING:
 
 
 def stays(
-    one: Spread, two: Spread, first: Any, second: Any, zone: Zone, mean_motion: float, sigmas: float
+    one: Spread,
+    two: Spread,
+    first: Any,
+    second: Any,
+    zone: Zone,
+    mean_motion: float,
+    sigmas: float,
+    tracks: Tracks = NO_TRACKS,
 ) -> Floats:
     """Rows of pair, start, end, time, ratio of pairs `first` and `second` (P,) of two batches, in order."""
     rows = np.empty((min(4096, 16 + len(first)), COLUMNS))
@@ -28,7 +38,7 @@ def stays(
     found = [np.empty((0, COLUMNS))]
     while done[0] < len(first):
         before = int(done[0])
-        count = stays_of_pairs(one, two, first, second, before, tube, sigmas, rows, done)
+        count = stays_of_pairs(one, two, first, second, before, tube, sigmas, *tracks, rows, done)
         found.append(rows[:count].copy())
         if done[0] == before:  # one pair has more stays than there are rows
             rows = np.empty((done[1], COLUMNS))
@@ -59,3 +69,18 @@ def stays_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: float, sigma
     """Stays of two craft."""
     first = np.zeros(1, dtype=np.int64)
     return stays(one, two, first, first, zone, mean_motion, checked_sigmas(sigmas))
+
+
+def search_of(spread: Spread, zones: Sequence[Zone], mean_motion: float, sigmas: float) -> Any:
+    """What finds the stays of some pairs of a batch: of a zone, mostly one of `zones`, and both indices."""
+    bodies = spread.arcs, spread.offsets
+    followed = follow(*bodies, *bodies, zones, (len(spread.offsets) - 1) ** 2 // 2)
+    tracks = {zone: widened(followed[zone], spread, zone, mean_motion, sigmas) for zone in zones}
+
+    def search(zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
+        near = tracks.get(zone, NO_TRACKS)
+        rows = stays(spread, spread, first, second, zone, mean_motion, sigmas, near)
+        index = rows[:, 0].astype(np.int64)
+        return np.stack([first[index], second[index]], axis=1), rows[:, 1:]
+
+    return search

@@ -2,11 +2,13 @@
 
 from math import sqrt
 
+import numpy as np
 from numba import float64, int64
 
 from closeform.compiled import kernel
 from closeform.conflicts.entries import append
-from closeform.kernel_loans import lent, stack_vector
+from closeform.conflicts.exclusion import count_near, interval, is_clear, mark_near
+from closeform.kernel_loans import borrowed, lent, stack_vector
 from closeform.motion.arc import END
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
 from closeform.uncertainty.levels import begin_pair, least_of_pair
@@ -112,19 +114,10 @@ def leave(tube, t, span, k, patience):
 
 
 @kernel()
-def stays_of_pair(tube, one, first, two, second, start, end, k, pair, rows, count):
-    """Append the stays of one pair to `rows`; the new count, beyond len(rows) if they do not fit."""
-    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
-    i = locate(one.arcs, one.offsets[first], i_end, start)
-    j = locate(two.arcs, two.offsets[second], j_end, start)
-    inside, entry = False, start
-    t, patience = start, PATIENCE
+def search_window(tube, one, i, first, two, j, second, t, stop, k, inside, entry, pair, rows, count):
+    """March a pair's arcs from t to `stop`: whether inside then, since when, and the count of rows."""
+    patience = PATIENCE
     while True:
-        while i + 1 < i_end and one.arcs[i, END] <= t:
-            i += 1
-        while j + 1 < j_end and two.arcs[j, END] <= t:
-            j += 1
-        stop = window_end(one.arcs[i], two.arcs[j], t, end)
         see_tube(tube, one, i, first, two, j, second, t, stop - t)
         local = 0.0
         while True:
@@ -139,30 +132,83 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, pair, rows, coun
                 entry = min(t + local, stop)
             else:
                 count = append(rows, count, pair, entry, min(t + local, stop))
-        patience = LESS_PATIENCE if local < stop - t else PATIENCE
-        t = max(t + local, t + 2.3e-16 * abs(t)) if local < stop - t else stop
+        if local >= stop - t:
+            return inside, entry, count
+        t = max(t + local, t + 2.3e-16 * abs(t))
+        patience = LESS_PATIENCE
+
+
+@kernel()
+def stays_of_pair(tube, one, first, two, second, start, end, k, times, near, m, pair, rows, count):
+    """Append the stays of one pair to `rows`; the new count, beyond len(rows) if they do not fit.
+
+    `near` tells the intervals of `times` to be searched, from the m-th on; empty for all.
+    """
+    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
+    i = locate(one.arcs, one.offsets[first], i_end, start)
+    j = locate(two.arcs, two.offsets[second], j_end, start)
+    inside, entry = False, start
+    t = start
+    while True:
+        while i + 1 < i_end and one.arcs[i, END] <= t:
+            i += 1
+        while j + 1 < j_end and two.arcs[j, END] <= t:
+            j += 1
+        stop = window_end(one.arcs[i], two.arcs[j], t, end)
+        while m + 1 < len(near) and times[m + 1] <= t:
+            m += 1
+        if len(near) == 0 or not is_clear(times, near, m, stop):
+            inside, entry, count = search_window(
+                tube, one, i, first, two, j, second, t, stop, k, inside, entry, pair, rows, count
+            )
+        t = stop
         if t >= end:
             break
     return append(rows, count, pair, entry, end) if inside else count
 
 
-@kernel(int64(SPREAD, SPREAD, int64[::1], int64[::1], int64, TUBE, float64, float64[:, ::1], int64[::1]))
-def stays_of_pairs(one, two, first, second, pair, tube, k, rows, done):
+@kernel(
+    int64(
+        SPREAD,
+        SPREAD,
+        int64[::1],
+        int64[::1],
+        int64,
+        TUBE,
+        float64,
+        float64[::1],
+        float64[:, :, ::1],
+        float64[:, :, ::1],
+        float64[:, ::1],
+        int64[::1],
+    )
+)
+def stays_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
     """Stays of pairs from `pair` on, as of `entries.conflicts_of_pairs`: pair, start, end, time and level."""
     one, two, tube = lent(one), lent(two), lent(tube)
+    times, tracks, other_tracks = borrowed(times), borrowed(tracks), borrowed(other_tracks)
+    near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
     count = 0
     for p in range(pair, len(first)):
         start, end = begin_pair(tube, one, first[p], two, second[p])
         if not start <= end:
             continue
-        total = stays_of_pair(tube, one, first[p], two, second[p], start, end, k, p, rows, count)
+        m = 0
+        if len(near) > 0:
+            m, last = interval(times, start), interval(times, end) + 1
+            if count_near(tracks, first[p], other_tracks, second[p], m, last) == 0:
+                continue
+            mark_near(tracks, first[p], other_tracks, second[p], m, last, near)
+        total = stays_of_pair(
+            tube, one, first[p], two, second[p], start, end, k, times, near, m, p, rows, count
+        )
         if total > len(rows):
             done[0], done[1] = p, total - count
             return count
-        for m in range(count, total):
-            begin, leaves = rows[m, 1], rows[m, 2]
+        for r in range(count, total):
+            begin, leaves = rows[r, 1], rows[r, 2]
             ratio, when = least_of_pair(tube, one, first[p], two, second[p], begin, leaves, k)
-            rows[m, 3], rows[m, 4] = when, ratio
+            rows[r, 3], rows[r, 4] = when, ratio
         count = total
     done[0] = len(first)
     return count

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats, sequence, shown
-from closeform.zones.combined_zones import Body, OwnZone, Uncertainty, key, pair_zone
+from closeform.zones.combined_zones import COVARIANCE, Body, OwnZone, Uncertainty, key, pair_zone
 from closeform.zones.made_table import NONE, MadeTable, never_refused
 from closeform.zones.zone import Zone
 
@@ -270,6 +270,13 @@ def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any,
 def made_by_need(zones: PairZones) -> bool:
     """Whether zones are made when a pair asks for its own, as there may be one for each."""
     return isinstance(zones.table, MadeTable)
+
+
+def counts_covariances(zones: PairZones) -> bool:
+    """Whether an `Uncertainty` is in the zone of some pair."""
+    if isinstance(zones.table, MadeTable):
+        return any(isinstance(own, Uncertainty) for own in zones.table.own)
+    return any(COVARIANCE in rule for rule in zones.rules)
 
 
 def all_made(zones: PairZones) -> PairZones:

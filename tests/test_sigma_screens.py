@@ -1,0 +1,129 @@
+"""Screens with errors: what bounds exclude, against dense covariances and the march of every pair."""
+
+from time import process_time
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.conflicts.tracks import follow
+from closeform.uncertainty.search import stays
+from closeform.uncertainty.spread import spread_of
+from closeform.uncertainty.widths import widened
+from closeform.zones.zone import enclosing
+
+ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
+N, PERIOD = ORBIT.mean_motion, ORBIT.period
+ZONES = [
+    cf.Sphere(12.0),
+    cf.Box([10.0, 30.0, 20.0], axes=[[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]]),
+    cf.Cylinder(15.0, 30.0, [1.0, 1.0, 0.0]),
+]
+
+
+def deviations(places, speeds):
+    return np.diag([*places, *speeds]) ** 2
+
+
+def flown(orbit, seed):
+    """A burn, an impulse, a coast, begun at any time."""
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(0.0, 500.0)
+    path = orbit.burn(rng.normal(size=6) * [80, 80, 80, 0.05, 0.05, 0.05], [1e-5, 2e-5, 0], 1234.5, start)
+    joint = start + 1234.5
+    kicked = path.state(joint) + [0, 0, 0, 0.3, -0.1, 0.2]
+    return cf.join([path, orbit.coast(kicked, 2000.0, start=joint)])
+
+
+@pytest.mark.parametrize("orbit", [ORBIT, DEEP], ids=["orbit", "deep space"])
+@pytest.mark.parametrize("noise", [0.0, 1e-7])
+def test_no_sigma_reaches_beyond_the_width_of_its_interval(orbit, noise):
+    """Singular values of the covariance at a dense grid of times, of craft with errors of all kinds."""
+    errors = cf.Errors(deviations([2, 3, 1], [2e-3, 1e-3, 4e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise)
+    paths = cf.stack([flown(orbit, seed) for seed in range(12)])
+    for zone in ZONES:
+        bodies = paths.arcs, paths.offsets
+        plain = follow(*bodies, *bodies, (zone,), 100)[zone]
+        spread = spread_of(paths, [errors] * len(paths))
+        wide = widened(plain, spread, zone, orbit.mean_motion, 1.0)
+        added = wide.own[:, 3] - plain.own[:, 3]
+        tight = []
+        for k in (0, 5, 11):
+            path = paths[k]
+            times = np.unique([*np.linspace(path.start, path.end, 3000), path.start + 1234.5])
+            moved = enclosing(zone) @ errors.covariance(path, times)[:, :3, :3] @ enclosing(zone).T
+            sigma = np.sqrt(np.linalg.eigvalsh(moved)[:, -1])
+            m = np.clip(np.searchsorted(plain.times, times, side="right") - 1, 0, len(plain.times) - 2)
+            assert (sigma <= added[k, m]).all()
+            tight.append(np.median(added[k, m] / sigma))
+        assert max(tight) < 1.15  # and few are excluded in vain
+
+
+@pytest.mark.parametrize("zone", ZONES, ids=["sphere", "box", "cylinder"])
+def test_what_is_excluded_has_no_stay(zone):
+    """A fleet with errors that grow, impulses and noise: the same stays as of each pair by itself."""
+    rng = np.random.default_rng(4)
+    states = rng.normal(size=(40, 6)) * [120, 500, 120, 0.1, 0.02, 0.1]
+    states[:, 4] -= 2 * N * states[:, 0]
+    coasts = ORBIT.coast(states, PERIOD)
+    paths = cf.stack([*(coasts[k] for k in range(40)), *(flown(ORBIT, seed) for seed in range(12))])
+    kinds = [
+        cf.Errors(deviations([1, s, 1], [s * 1e-3] * 3), 0.1, impulse=(0.01, 0, 0.01, 0), noise=s * 1e-10)
+        for s in (1, 2, 5)
+    ]
+    errors = [None if k == 3 else kinds[k % 3] for k in range(len(paths))]
+    found = cf.screen(paths, zone, errors=errors, sigmas=3.0)
+    first, second = (index.astype(np.int64) for index in np.triu_indices(len(paths), 1))
+    spread = spread_of(paths, errors)
+    rows = stays(spread, spread, first, second, zone, N, 3.0)
+    index = rows[:, 0].astype(int)
+    assert len(rows) > 30
+    np.testing.assert_array_equal(found.pairs, np.stack([first[index], second[index]], axis=1))
+    there = np.column_stack([found.start, found.end, found.time, found.ratio])
+    np.testing.assert_array_equal(there, rows[:, 1:])
+
+
+def test_a_thousand_craft_with_errors():
+    """Half a million pairs: 0.15 s of two cores, where the march of each took ten."""
+    rng = np.random.default_rng(1)
+    states = rng.normal(size=(1000, 6)) * [4e3, 13e3, 4e3, 4.4, 0, 4.4]
+    states[:, 4] = -2 * N * states[:, 0]
+    paths = ORBIT.coast(states, 2 * PERIOD)
+    errors = cf.Errors(deviations([2, 2, 1], [1e-3] * 3))
+    cf.screen(paths[:50], cf.Body(cf.Sphere(5.0)), errors=errors)
+    begin = process_time()
+    found = cf.screen(paths, cf.Body(cf.Sphere(5.0)), errors=errors)
+    assert process_time() - begin < 5.0
+    assert len(found) > len(cf.screen(paths, cf.Body(cf.Sphere(5.0))))
+
+
+def test_an_uncertainty_beside_errors_counts_twice():
+    paths = ORBIT.coast([[0, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0]], PERIOD)
+    known, errors = cf.Uncertainty(np.eye(3), 3.0), cf.Errors(np.eye(6) * 1e-6)
+    for zone in (known, [known, cf.Body(cf.Sphere(2.0))], cf.PairZones.of([cf.Sphere(3.0), known])):
+        with pytest.raises(ValueError, match="zone: an Uncertainty beside errors counts them twice"):
+            cf.screen(paths, zone, errors=errors)
+    many = [cf.Uncertainty(np.eye(3) * (1 + k), 3.0) for k in range(80)]  # zones that are made by need
+    with pytest.raises(ValueError, match="counts them twice"):
+        cf.screen(ORBIT.coast(np.zeros((80, 6)), 10.0), many, errors=errors)
+
+
+def test_a_path_through_samples_has_errors_of_its_state_and_noise():
+    """Samples under weak thrust, marched and screened: as the thrust itself, to what cubics cost."""
+    coast = ORBIT.burn([60, 0, 0, 0, -2 * N * 60, N * 60], [1e-6, 0, 2e-6], 2 * PERIOD)
+    times = np.linspace(0.0, 2 * PERIOD, 2000)
+    sampled = ORBIT.sampled(times, coast.state(times))
+    assert sampled.cubic_share > 0.9
+    other, zone = ORBIT.coast(np.zeros(6), 2 * PERIOD), cf.Sphere(15.0)
+    errors = cf.Errors(deviations([3, 6, 3], [3e-3] * 3), noise=1e-9)
+    exact = cf.clearance_in_sigmas(coast, other, zone, errors)
+    found = cf.clearance_in_sigmas(sampled, other, zone, errors)
+    assert found.sigmas == pytest.approx(exact.sigmas, rel=1e-5)
+    assert found.time == pytest.approx(exact.time, abs=1.0)
+    k = 1.2 * exact.sigmas
+    one = cf.find_conflicts(coast, other, zone, errors, sigmas=k)
+    two = cf.find_conflicts(sampled, other, zone, errors, sigmas=k)
+    three = cf.screen([sampled, other], zone, errors=[errors, None], sigmas=k)
+    assert len(one) == len(two) == len(three) > 0
+    np.testing.assert_allclose([(s.start, s.end) for s in two], [(s.start, s.end) for s in one], atol=0.05)
+    np.testing.assert_array_equal(three.start, [stay.start for stay in two])
