@@ -15,6 +15,9 @@ from test_docstrings import entries, sections
 from test_surface import CALLABLES
 
 mpl.use("agg")
+KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+NEAR = REST.orbit.coast([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], REST.end)
+MEETING = cf.collision_probability(NEAR, REST, BALL, cf.Errors(np.eye(6)))
 CALLS = {
     "plots.animation": {
         "gathering": GATHERED, "file": io.BytesIO(), "craft": 0, "names": ["a", "b", "c"],
@@ -26,6 +29,7 @@ CALLS = {
     "plots.burns": {"paths": COAST, "names": ["a", "b", "c"]},
     "plots.clearance": OTHERS["plots.clearance"],
     "plots.closest_pairs": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"], "count": 2},
+    "plots.collision": {"found": MEETING, "path": NEAR, "limit": 0.5, "what": "a - b"},
     "plots.complementary_cones": {"search": SEARCH, "mops": 1},
     "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},
     "plots.formation_animation": {
@@ -48,8 +52,16 @@ CALLS = {
     "plots.pulses": {**OTHERS["plots.pulses"], "name": "a"},
     "plots.ratio_matrix": {"paths": COAST, "zones": BALL, "names": ["a", "b", "c"]},
     "plots.ratios": {"before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]},
+    "plots.sigmas": {
+        "path": NEAR, "other": REST, "zone": BALL, "errors": KNOWN, "other_errors": None, "asked": 1.0,
+        "names": ["a - b"],
+    },
     "plots.three_views": {"gathering": GATHERED, "time": 1.0, "craft": 0, "names": ["a", "b", "c"]},
     "plots.thrust": {"paths": [MOVE], "labels": ["a"], "mass": 1.0},
+    "plots.tube": {
+        "path": NEAR, "other": REST, "zone": BALL, "errors": KNOWN, "other_errors": None, "sigmas": 1.0,
+        "names": ["a", "b"],
+    },
     "plots.two_ways": {"path": MOVE, "obstacle": REST, "zone": BALL, "ways": [MOVE], "name": "a"},
     "run": {"file": "examples/cluster.toml"},
     "study": {"file": "examples/s04.toml", "cases": 10, "seed": 1},

@@ -13,6 +13,7 @@ _HOMES = {
     "burns": "burning",
     "clearance": "clearances",
     "closest_pairs": "closest",
+    "collision": "collisions",
     "complementary_cones": "cones",
     "distances": "timelines",
     "formation_animation": "flying",
@@ -26,9 +27,11 @@ _HOMES = {
     "pulses": "firings",
     "ratio_matrix": "matrix",
     "ratios": "nearness",
+    "sigmas": "sigma_curves",
     "three_views": "formation",
     "thrust": "thrusting",
     "trade": "primers",
+    "tube": "tubes",
     "two_ways": "sides",
 }
 __all__ = sorted(_HOMES)

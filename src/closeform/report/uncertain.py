@@ -29,6 +29,8 @@ SIGMAS = (
 )
 STORED = (Column(None, "of"), *SIGMAS)
 CURVES = 4  # pairs whose sigmas are drawn against time
+TUBE_SIGMAS = 3.0  # that a tube is wide where none are asked for
+DRAWN = 1e-15  # expected entries from which on they are drawn
 
 
 def probable(found: "Probability | None") -> tuple[Any, ...]:
@@ -123,4 +125,42 @@ def figures(found: "UncertainStage") -> dict[str, Any]:
 
 def pictures(found: "UncertainStage", result: "StageResult[Any, Any]") -> tuple[Picture, ...]:
     """The tube of the nearest pair, sigmas of the nearest pairs, entries of the likeliest against time."""
-    return ()
+    from closeform.uncertainty.errors import Errors
+
+    flight, errors = result.after, dict(zip(result.after.names, found.errors, strict=True))
+    judged = found.zones or found.bodies
+    near = [pair for pair in judged.pairs if pair.sigmas < inf] if judged is not None else []
+    made = []
+    if near:
+        asked, one = found.stage.sigmas, near[0]
+        pair, many = (one.first, one.second), asked or TUBE_SIGMAS
+        ways = flight.path(one.first), flight.path(one.second), one.zone
+        known = errors[one.first] or Errors(), errors[one.second]
+        caption = f"Where {one.first} may be relative to {one.second}, within {many:g} sigma"
+        made.append(Picture("tube", caption, "tube", (*ways, *known), {"sigmas": many, "names": pair}))
+        some = near[:CURVES]
+        places: list[Any] = [
+            [flight.path(name) for name in names] for names in zip(*map(ends, some), strict=True)
+        ]
+        theirs = [[errors[name] for name in names] for names in zip(*map(ends, some), strict=True)]
+        options: dict[str, Any] = {
+            "asked": asked,
+            "names": [f"{each.first} - {each.second}" for each in some],
+        }
+        caption = "By how many sigmas pairs are clear, against time"
+        made.append(
+            Picture("sigmas", caption, "sigmas", (*places, [each.zone for each in some], *theirs), options)
+        )
+    likeliest = found.likeliest
+    odds = None if likeliest is None else likeliest.probability
+    if likeliest is not None and odds is not None and len(odds.rate_times) > 1 and odds.mean_entries > DRAWN:
+        who = f"{likeliest.first} - {likeliest.second}"
+        caption = f"When hard bodies of {who} are expected to meet, and how probable that is"
+        options = {"what": who, "limit": found.stage.max_probability}
+        made.append(Picture("collision", caption, "collision", (odds, flight.path(likeliest.first)), options))
+    return tuple(made)
+
+
+def ends(pair: "UncertainPair") -> tuple[str, str]:
+    """Who the two are."""
+    return pair.first, pair.second

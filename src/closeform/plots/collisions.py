@@ -1,0 +1,128 @@
+"""When a collision is to be feared: the rate of entries, and what they sum to."""
+
+from __future__ import annotations
+
+from math import floor, log10
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from closeform.arrays import instance, number
+from closeform.motion.path import Path
+from closeform.plots.given import one_craft
+from closeform.plots.letters import plain
+from closeform.plots.look import (
+    AFTER,
+    ALTERNATIVE,
+    CONFLICT,
+    DASHED,
+    INK,
+    TEXT,
+    clock,
+    column,
+    dress,
+    headline,
+    legend,
+    sheet,
+    time_axes,
+)
+from closeform.uncertainty.probability import Probability
+
+FAR = 5.0  # times all that is shown, from which on a limit has no room
+
+
+def collision(found: Probability, path: Path, limit: float | None = None, what: str = "") -> Figure:
+    """The mean rate of entries, and below it the probability so far, against time.
+
+    The curve below is the probability of being inside at the start and all entries expected so far: the
+    probability that they have come together by then is not above it, and where they enter once it is that.
+    The mark at the end is the probability to be ever inside, with its interval.
+
+    Parameters
+    ----------
+    found : Probability
+        Of `collision_probability`, by "entries" or "bound", which know the rate.
+    path : Path
+        Of either craft: its start, its end and its orbit are those of the time axis.
+    limit : float, no unit, optional
+        The probability that was to be kept.
+    what : str, default ""
+        Whose it is, which begins the headline.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If `found` knows no rate, as it was found by another method or nobody ever enters, the path is a
+        batch, `limit` is no probability above 0, or an argument is of another kind.
+    """
+    instance("found", found, Probability)
+    one_craft("path", path)
+    instance("what", what, str)
+    if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
+        raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
+    if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
+        raise ValueError(f'found: by "{found.method}" without a rate of entries; use method="entries"')
+    start, end = path.start, path.end
+    ticks = clock(path, start, end)
+    order = np.argsort(found.rate_times)
+    times, rates = found.rate_times[order], found.rates[order]
+    times = np.concatenate([[min(start, times[0])], times, [max(end, times[-1])]])
+    rates = np.concatenate([rates[:1], rates, rates[-1:]])
+    steps = np.diff(times) * 0.5 * (rates[1:] + rates[:-1])
+    so_far = np.concatenate([[0.0], np.cumsum(steps)])
+    so_far = found.at_start + so_far * (found.mean_entries / so_far[-1])
+
+    figure = sheet(7.2)
+    above, below = column(figure, [1.0, 1.0], 1.05)
+    for axes in (above, below):
+        dress(axes)
+    unit = ticks.unit.name.removesuffix("s") if ticks.unit.name == "orbits" else ticks.unit.name
+    size, power = scaled(float(rates.max()) * ticks.unit.size)
+    rate = rates * ticks.unit.size / size
+    above.fill_between(ticks(times), rate, color=CONFLICT, alpha=0.18, linewidth=0)
+    above.plot(ticks(times), rate, color=CONFLICT, linewidth=2.0)
+    above.set_ylim(0.0, None)
+    above.set_ylabel(f"entries per {unit}{power}", fontsize=TEXT, color=INK)
+
+    most = max(so_far[-1], found.high)
+    size, power = scaled(most)
+    (line,) = below.plot(ticks(times), so_far / size, color=AFTER, linewidth=2.4)
+    apart = [[max(found.value - found.low, 0.0) / size], [max(found.high - found.value, 0.0) / size]]
+    look: dict[str, Any] = {
+        "fmt": "D",
+        "color": ALTERNATIVE,
+        "markersize": 8,
+        "capsize": 5,
+        "clip_on": False,
+        "zorder": 5,
+    }
+    mark = below.errorbar([ticks(end)], [found.value / size], apart, **look)
+    handles: list[Any] = [line, mark]
+    words = [
+        "inside at the start, and entries so far",
+        f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})",
+    ]
+    if limit is not None:
+        handles.append(below.axhline(limit / size, color=INK, linestyle=DASHED, linewidth=1.4))
+        words.append(f"asked: at most {limit:g}")
+        most = max(most, limit) if limit < FAR * most else most
+    below.set_ylim(0.0, 1.12 * most / size)
+    below.set_ylabel(f"probability{power}", fontsize=TEXT, color=INK)
+    time_axes([above, below], ticks, start, end)
+    legend(figure, handles, words, ncols=len(words), columnspacing=1.4)
+    lead = f"{what}: p" if what else "P"
+    highest = ticks.text(float(times[np.argmax(rates)]))
+    plain(headline(figure, f"{lead}robability of collision {found.value:.4g}, most entries at {highest}"))
+    return figure
+
+
+def scaled(greatest: float) -> tuple[float, str]:
+    """The power of ten in which numbers up to a greatest one are shown, and its words."""
+    power = floor(log10(greatest))
+    return (1.0, "") if -2 <= power < 4 else (10.0**power, f" [$10^{{{power}}}$]")

@@ -1,0 +1,162 @@
+"""By how many sigmas pairs are clear, against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from closeform.arrays import instance, number, sequence
+from closeform.motion.path import Path
+from closeform.plots.closest import COLOURS, DASHES
+from closeform.plots.deviations import Deviations
+from closeform.plots.given import crafts, texts
+from closeform.plots.letters import plain
+from closeform.plots.look import (
+    CONFLICT,
+    INK,
+    SMALL,
+    TEXT,
+    ZONE,
+    clock,
+    column,
+    dress,
+    headline,
+    legend,
+    say_scale,
+    sheet,
+    time_axes,
+)
+from closeform.uncertainty.clearance import clearance_in_sigmas
+from closeform.uncertainty.errors import Errors
+from closeform.zones.zone import Zone
+
+WIDE = 30.0  # times the fewest sigmas: a greater range has a logarithmic scale
+
+
+def sigmas(
+    path: Path | Sequence[Path],
+    other: Path | Sequence[Path],
+    zone: Zone | Sequence[Zone],
+    errors: Errors | Sequence[Errors | None] | None,
+    other_errors: Errors | Sequence[Errors | None] | None = None,
+    asked: float | None = None,
+    names: Sequence[str] | None = None,
+) -> Figure:
+    """How many sigmas just touch the zone, against time, of one pair or some; a dot marks the exact least.
+
+    Parameters
+    ----------
+    path, other : Path or sequence of Path
+        Of one craft each, or P of each, in one orbit: pair k is of both places k.
+    zone : Zone or sequence of Zone
+        One for all pairs or one for each.
+    errors : Errors, sequence of these, or None
+        Of the first craft of each pair: one for all or one for each.
+    other_errors : Errors, sequence of these, or None, default None
+        Of the second.
+    asked : float, no unit, optional
+        How many sigmas were to be clear; below it is shaded.
+    names : sequence of str, optional
+        One for each pair.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many paths, zones, errors or names as pairs, two share no time, no error of any
+        size brings any pair together, `asked` is not above 0, or an argument is of another kind.
+    """
+    firsts, seconds = crafts("path", path), crafts("other", other)
+    if not firsts or len(firsts) != len(seconds):
+        raise ValueError(f"path, other: {len(firsts)} and {len(seconds)} craft; give pairs")
+    count = len(firsts)
+    zones = each("zone", zone, count, Zone)
+    if asked is not None and not 0.0 < number("asked", asked) < np.inf:
+        raise ValueError(f"asked: must be finite and above 0, got {asked:g}")
+    own = [
+        each(name, given, count, Errors, type(None))
+        for name, given in (("errors", errors), ("other_errors", other_errors))
+    ]
+    if not any(one is not None for some in own for one in some):
+        raise ValueError("errors: nobody has any; there are no sigmas to show")
+    called = [f"pair {k}" for k in range(count)] if names is None else texts("names", names, count, "pairs")
+
+    figure = sheet(5.9)
+    (axes,) = column(figure, [1.0], 1.05)
+    dress(axes)
+    pairs = list(zip(firsts, seconds, zones, *own, strict=True))
+    start = min(max(one.start, two.start) for one, two, *_ in pairs)
+    end = max(min(one.end, two.end) for one, two, *_ in pairs)
+    ticks = clock(firsts[0], start, end)
+    lines, words, known = [], [], []
+    for k, (one, two, around, own_errors, their_errors) in enumerate(pairs):
+        found = Deviations.of(one, two, own_errors, their_errors)
+        least = clearance_in_sigmas(one, two, around, own_errors, their_errors)
+        values = found.sigmas(around)
+        known.append((least, called[k], values))
+        look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+        shown = np.where(np.isfinite(values), values, np.nan)
+        lines.append(axes.plot(ticks(found.times), shown, linewidth=2.4 if k == 0 else 1.8, **look)[0])
+        if np.isfinite(least.time):
+            short = asked is not None and least.sigmas < asked
+            tint = CONFLICT if short else look["color"]
+            axes.plot(ticks(least.time), least.sigmas, "o", color=tint, markersize=8, zorder=5, clip_on=False)
+        words.append(f"{called[k]}: {least.sigmas:.3g} sigma at {ticks.text(least.time)}")
+    finite = [one for one in known if np.isfinite(one[0].time)]
+    if not finite:
+        raise ValueError(
+            "errors: none of any size brings two of these craft together; there is nothing to show"
+        )
+    scale(axes, [values for *_, values in known], asked)
+    if asked is not None:
+        axes.axhspan(0.0, asked, color=ZONE, alpha=0.2, linewidth=0)
+        axes.axhline(asked, color=ZONE, linewidth=1.6)
+        axes.text(
+            0.008,
+            asked,
+            f"asked: {asked:g}",
+            transform=axes.get_yaxis_transform(),
+            va="bottom",
+            fontsize=SMALL,
+            color="#9a6a00",
+        )
+    axes.set_ylabel("clear by [sigma]", fontsize=TEXT, color=INK)
+    time_axes([axes], ticks, start, end)
+    legend(figure, lines, words, ncols=min(2, count))
+    least, who, _ = min(finite, key=lambda one: one[0].sigmas)
+    plain(headline(figure, f"Clear by {least.sigmas:.2f} sigma at least: {who} at {ticks.text(least.time)}"))
+    return figure
+
+
+def each(name: str, given: Any, count: int, *kinds: Any) -> list[Any]:
+    """An argument as one for each pair, which is one for all or as many."""
+    some = list(sequence(name, given, *kinds)) if isinstance(given, list | tuple) else [given] * count
+    for one in some:
+        instance(name, one, *kinds)
+    if len(some) != count:
+        raise ValueError(f"{name}: {len(some)} for {count} pairs; give one, or one for each")
+    return some
+
+
+def scale(axes: Any, curves: list[Any], asked: float | None) -> None:
+    """From 0 up to what is shown; logarithmic where far ends would hide what matters."""
+    every = np.concatenate(curves)
+    every = every[np.isfinite(every)]
+    low, top = float(every.min()), float(every.max())
+    if low > 0.0 and top > WIDE * low:
+        axes.set_yscale("log")
+        axes.set_ylim(0.7 * min(low, asked or low), 1.4 * top)
+        axes.yaxis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        say_scale(axes, "logarithmic")
+    else:
+        axes.set_ylim(0.0, 1.08 * max(top, asked or 0.0))
