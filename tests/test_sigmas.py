@@ -9,7 +9,7 @@ from scipy.optimize import minimize, minimize_scalar
 from scipy.sparse import csc_matrix
 
 import closeform as cf
-from closeform.conflicts.two_paths import _index
+from closeform.conflicts.two_paths import craft_of
 from closeform.uncertainty.columns import columns_of
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
@@ -264,7 +264,7 @@ def test_batches_broadcast_and_errors_are_given_for_each():
     for i, j in np.ndindex(3, 2):
         one = cf.clearance_in_sigmas(paths[i], others[j], zone, errors[i], errors[0] if j == 0 else None)
         assert one.sigmas == both.sigmas[i, j]
-    assert _index(others, (3, 2)).tolist() == [0, 1] * 3
+    assert craft_of(others, (3, 2)).tolist() == [0, 1] * 3
 
 
 turns = st.floats(0.05, 3.0)

@@ -80,7 +80,8 @@ class Approach:
     distance: Any
 
 
-def _comparable(path: Path, other: Path, zone: Zone) -> None:
+def check_comparable(path: Path, other: Path, zone: Zone) -> None:
+    """Refuse two paths of different orbits, and a zone that is not that of a pair."""
     for name, one in (("path", path), ("other", other)):
         instance(name, one, Path)
     if isinstance(zone, PairZones | Uncertainty | Body):
@@ -150,7 +151,7 @@ def find_conflicts(
     ----------
     docs/theory.md section 3; the problem is that of SP11 (Sauter and Palmer 2011) section 3.
     """
-    _comparable(path, other, zone)
+    check_comparable(path, other, zone)
     if path.shape or other.shape:
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
@@ -216,10 +217,10 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     ----------
     docs/theory.md section 3, least norm.
     """
-    _comparable(path, other, zone)
+    check_comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
-    first = _index(path, shape)
-    second = _index(other, shape)
+    first = craft_of(path, shape)
+    second = craft_of(other, shape)
     out = np.empty((len(first), 2))
     approaches_of_pairs(path.arcs, path.offsets, other.arcs, other.offsets, first, second, zone.form, out)
     time, ratio = out[:, 0].reshape(shape), out[:, 1].reshape(shape)
@@ -232,7 +233,8 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     return Approach(time, ratio, distance.reshape(shape))
 
 
-def _index(path: Path, shape: tuple[int, ...]) -> Any:
+def craft_of(path: Path, shape: tuple[int, ...]) -> Any:
+    """Which craft of a batch stands for it in each of the pairs of a broadcast shape, flattened."""
     craft = np.arange(len(path.offsets) - 1, dtype=np.int64).reshape(path.shape)
     return np.broadcast_to(craft, shape).flatten()  # numba wants it writable
 
@@ -277,7 +279,7 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     ----------
     SP11 (Sauter and Palmer 2011) eq. 15; docs/theory.md (6).
     """
-    _comparable(path, other, zone)
+    check_comparable(path, other, zone)
     n = path.orbit.mean_motion
     if n == 0:
         raise ValueError("path: the bound needs an orbit, in deep space use closest_approach")
@@ -287,7 +289,7 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     ):
         raise ValueError("path, other: the bound is for coasting craft without impulses")
     shape = broadcast(path=path.shape, other=other.shape)
-    first, second = _index(path, shape), _index(other, shape)
+    first, second = craft_of(path, shape), craft_of(other, shape)
     start = np.maximum(path.arcs[path.offsets[first], START], other.arcs[other.offsets[second], START])
     x, y, _, vx, vy, _ = (_drifted(path, first, start) - _drifted(other, second, start)).T
     e1, e2, d, along_track = 3 * x + 2 * vy / n, vx / n, 2 * x + vy / n, y - 2 * vx / n  # theory (2)

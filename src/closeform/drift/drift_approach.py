@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.conflicts.two_paths import _comparable, _index
+from closeform.conflicts.two_paths import check_comparable, craft_of
 from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, Side
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
 from closeform.drift.search import FAILURE, PLACE, RATIO, TIME, worst_failures
@@ -22,6 +22,7 @@ from closeform.zones.zone import Zone, enclosing
 
 Failing = Literal["path", "other", "either", "both"]
 SOON = 100.0  # orbits of a drift without end that are searched as they are
+SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
 FAILURES = (ThrustLost, MissedBurns, WeakThrust, StuckThrust)
 
 
@@ -95,7 +96,7 @@ def passively_safe(
     ----------
     docs/theory.md section 8; docs/passive_safety.md.
     """
-    ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0)]
+    ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
     shape = broadcast(path=path.shape, other=other.shape)
     safe = np.isinf(np.minimum.reduce(ratios))
     return safe.reshape(shape) if shape else bool(safe[0])
@@ -147,7 +148,7 @@ def drift_approach(
     """
     found = [
         _told(who, rows, zone, sides, ends)
-        for who, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, 1)
+        for who, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
     ]
     best = found[0]
     for other_one in found[1:]:
@@ -162,7 +163,7 @@ def drift_approach(
 
 def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any) -> float:
     """The end of the drift, of arguments that fit each other."""
-    _comparable(path, other, zone)
+    check_comparable(path, other, zone)
     instance("failure", failure, *FAILURES)
     if failing not in ("path", "other", "either", "both"):
         raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
@@ -214,13 +215,13 @@ def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
 
 
 def _worst(
-    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any, certain: int
+    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any, certain: float
 ) -> list[tuple[str, Floats, Zone, tuple[Side, Side], Any]]:
     """Of each way to fail who does, and the rows of `search.worst_failures` of all pairs."""
     end = _checked(path, other, zone, until, failure, failing)
     soon = end if np.isfinite(end) else soon_after(path, other)
     shape = broadcast(path=path.shape, other=other.shape)
-    first, second = _index(path, shape), _index(other, shape)
+    first, second = craft_of(path, shape), craft_of(other, shape)
     found = []
     for who in ("path", "other") if failing == "either" else (failing,):
         one = side_of(path, None if who == "other" else failure, soon, end == np.inf)
@@ -238,7 +239,7 @@ def search_pairs(
     end: float,
     orbit: Orbit,
     zone: Zone,
-    certain: int,
+    certain: float,
     for_ever: bool = False,
 ) -> Floats:
     """The rows of `search.worst_failures` for some pairs, in as much room as they need."""

@@ -21,15 +21,17 @@ from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
 from closeform.motion.extrema import minimum_norm
 from closeform.zones.shapes import FACES
 
-SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
 SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
 
 
 @kernel()
 def target_below(best, certain):
-    """Up to which norm cells must be clear, for the least that was met to be that of all."""
-    return best - SAME * max(abs(best), 1.0) if certain else 1.0
+    """Up to which norm cells must be clear, for the least that was met to be that of all.
+
+    Cells may hide the share `certain` of it, or of 1; where that is 0 only whether it is above 1 is asked.
+    """
+    return best - certain * max(abs(best), 1.0) if certain > 0.0 else 1.0
 
 
 @kernel()

@@ -60,7 +60,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
         if least < best:
             best, found = least, True
             note(room, room.point[0])
-            if not certain:
+            if certain == 0.0:
                 break
         if size > SMALLEST:
             if top + 2 > len(room.cells):

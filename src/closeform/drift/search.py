@@ -85,12 +85,12 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
 
 @kernel()
 def search(one, two, top, width, end, n, form, scale, certain, room):
-    """Least norm over all failures and drifts, and its time; if not `certain`, any up to 1 or none.
+    """Least norm over all failures and drifts, and its time; if `certain` is 0, any up to 1 or none.
 
     The failure stands in `room.point[1]`.
     """
     shape, rest = form[0], stack_vector(8)
-    best, when = sample(one, two, top, width, end, n, form, room) if certain else (MEETS, nan)
+    best, when = sample(one, two, top, width, end, n, form, room) if certain > 0.0 else (MEETS, nan)
     mine = parameter_count(one)
     count = mine + parameter_count(two)
     for k in range(count):
@@ -116,7 +116,7 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
             much = best - least > RETRIED * widest(room, count)[1]
             best, when = least, time
             note(room, room.point[0])
-            if not certain:
+            if certain == 0.0:
                 break
             if extended and much:  # perhaps it is clear of what is asked now
                 cell[FROM] = t
@@ -143,7 +143,7 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
         float64,
         FORM,
         float64,
-        int64,
+        float64,
         float64,
         FORM,
         ROOM_TYPE,
@@ -153,8 +153,9 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
 def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, tube, room, out):
     """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
 
-    With 0 for `certain` the first that meets the zone, or inf.  A pair without a common time has nan and
-    inf; one that needs more room than there is has -inf, and how many cells there were for a time.
+    The ratio is `certain` to that share of itself, or of 1; with 0 it is the first that meets the
+    zone, or inf.  A pair without a common time has nan and inf; one that needs more room than there is
+    has -inf, and how many cells there were for a time.
     With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
@@ -174,11 +175,11 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
             out[p, RATIO] = -inf
             out[p, TIME] = top
             continue
-        ratio, when = search(one, two, top, width, end, n, form, scale, certain == 1, room)
-        if far > 0.0 and ratio > -inf and (certain == 1 or when != when):
+        ratio, when = search(one, two, top, width, end, n, form, scale, certain, room)
+        if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
             top = fill_cells(one, two, end, width, n, room.cells)
             ratio, found, full = search_tail(
-                one, two, top, width, far, n, form, scale, tube, certain == 1, room, ratio
+                one, two, top, width, far, n, form, scale, tube, certain, room, ratio
             )
             when = inf if found else when
             if full:

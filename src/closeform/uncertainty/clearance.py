@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import broadcast
-from closeform.conflicts.two_paths import _comparable, _index, closest_approach
+from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
 from closeform.motion.path import Path
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.levels import least_of_pairs
@@ -81,11 +81,11 @@ def clearance_in_sigmas(
     ----------
     docs/theory.md section 3, k sigmas.
     """
-    _comparable(path, other, zone)
+    check_comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
     one = spread_of(path, one_for_each("errors", errors, path, Errors))
     two = spread_of(other, one_for_each("other_errors", other_errors, other, Errors))
-    first, second = _index(path, shape), _index(other, shape)
+    first, second = craft_of(path, shape), craft_of(other, shape)
     mean = closest_approach(path, other, zone)
     time, sigmas = np.array(mean.time).reshape(-1), np.zeros(len(first))
     apart = np.reshape(mean.ratio, -1) > 1.0

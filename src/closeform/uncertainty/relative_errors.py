@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from closeform.arrays import instance
-from closeform.conflicts.two_paths import _comparable
+from closeform.conflicts.two_paths import check_comparable
 from closeform.motion.arc import IMPULSE, MEAN_MOTION, THRUST
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
@@ -21,7 +21,7 @@ def relative_errors(
 
     Raises ValueError where the two cannot be compared, or nothing is uncertain.
     """
-    _comparable(path, other, zone)
+    check_comparable(path, other, zone)
     if path.shape or other.shape:
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them"
