@@ -78,7 +78,7 @@ def gap_at(tube, t, k, s):
     scale = 1.0 if k < 0.0 else s
     gap = look(tube, t) - scale
     if gap > 0.0:
-        gap = room_at(tube, s if k < 0.0 else k * s) - scale
+        gap = room_at(tube, s if k < 0.0 else k * s, scale) - scale
     return gap
 
 

@@ -10,7 +10,7 @@ gives away only the fourth power of the step, and everything is a polynomial of 
 on a chord between those that lead to the zone are within k sigmas too.
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
@@ -142,12 +142,12 @@ def beyond_for(tube, k, target, longest):
     """How long from the window's start planes that move certainly keep k sigmas beyond `target`."""
     a, b = stack_vector(3), stack_vector(3)
     look(tube, 0.0)
-    room_at(tube, k)
+    room_at(tube, k, inf)
     for i in range(3):
         a[i] = tube.best[i]
     h = first_try(tube, longest)
     for _ in range(HALVINGS):
-        if look(tube, h) > target and room_at(tube, k) > target:
+        if look(tube, h) > target and room_at(tube, k, inf) > target:
             for i in range(3):
                 b[i] = tube.best[i]
             if keeps_gap(tube, k, target, a, b, h):
@@ -170,7 +170,8 @@ def errors_of_point(tube, used, out):
     """The errors, `used` sigmas in size, that lead to the last plane's point; of noise to come none."""
     best, at = tube.best, tube.at
     share = used / sqrt(tube.along[0]) if tube.along[0] > 0.0 else 0.0
-    for j in range(COLUMNS - 6):
+    out[:] = 0.0
+    for j in range(6 + int(tube.seen[ACTIVE])):
         length = best[0] * at[0, 3 * j] + best[1] * at[0, 3 * j + 1] + best[2] * at[0, 3 * j + 2]
         out[j] = -share * length
 

@@ -17,6 +17,7 @@ from closeform.kernel_loans import stack_matrix
 from closeform.zones.shapes import BALL, FACES
 
 SETTLED = 1e-13  # relative: what a plane gains by less is rounding
+SKETCHED = 1e-4  # and where one will do that leaves enough
 
 
 @kernel()
@@ -54,19 +55,21 @@ def shifted_inverse(s, shift, x, y, z):
 
 
 @kernel()
-def refined_inverse(s, shift, x, y, z):
-    """The same, once more on what rounding left."""
+def inverse(s, shift, x, y, z, fine):
+    """The same; if `fine`, once more on what rounding left."""
     wx, wy, wz = shifted_inverse(s, shift, x, y, z)
+    if not fine:
+        return wx, wy, wz
     ux, uy, uz = times(s, wx, wy, wz)
     dx, dy, dz = shifted_inverse(s, shift, x - ux - shift * wx, y - uy - shift * wy, z - uz - shift * wz)
     return wx + dx, wy + dy, wz + dz
 
 
 @kernel()
-def round_plane(x, y, z, s, k):
+def round_plane(x, y, z, s, k, fine):
     """Best unit a of a ball: towards p = rho w, w = (S + rho I)^-1 r, where sqrt(w S w) = k.
 
-    Newton's method on the inverse of that root, which is almost straight in rho.
+    Newton's method on the inverse of that root, almost straight in rho; to a thousandth unless `fine`.
     """
     ux, uy, uz = times(s, x, y, z)
     spread = x * ux + y * uy + z * uz
@@ -78,15 +81,15 @@ def round_plane(x, y, z, s, k):
     shift = max(sqrt(spread) / k - trace, least)  # from below
     wx = wy = wz = 0.0
     for _ in range(60):
-        wx, wy, wz = refined_inverse(s, shift, x, y, z)
+        wx, wy, wz = inverse(s, shift, x, y, z, fine)
         ux, uy, uz = times(s, wx, wy, wz)
         square = wx * ux + wy * uy + wz * uz
         if not square > 0.0:
             break
-        vx, vy, vz = refined_inverse(s, shift, ux, uy, uz)
+        vx, vy, vz = inverse(s, shift, ux, uy, uz, fine)
         size = sqrt(square)
         step = square / (wx * vx + wy * vy + wz * vz) * (size - k) / k
-        if abs(step) <= 1e-10 * shift or (shift == least and step < 0.0):
+        if abs(step) <= (1e-10 if fine else 1e-3) * shift or (shift == least and step < 0.0):
             break
         shift = max(shift + step, 1e-3 * shift, least)
     size = sqrt(wx * wx + wy * wy + wz * wz)
@@ -134,7 +137,7 @@ def mixture_of_three(f, g, h, r, s, k):
 
 
 @kernel()
-def flat_plane(faces, r, s, k, best):
+def flat_plane(faces, r, s, k, fine, best):
     """Best mixture of faces: at most three have a share.  From the best one, the farthest behind is added.
 
     `best` (4,) gets the plane and its g.
@@ -156,7 +159,7 @@ def flat_plane(faces, r, s, k, best):
             if reach > most:
                 most, worst = reach, m
         before = best[3]
-        if most <= before + SETTLED * (1.0 + abs(before)):
+        if most <= before + (SETTLED if fine else SKETCHED) * (1.0 + abs(before)):
             return
         added = faces[worst]
         found = 0
@@ -213,8 +216,9 @@ def copy_row(source, target):
 
 
 @kernel()
-def drum_plane(r, s, k, best):
+def drum_plane(r, s, k, enough, best):
     """Best plane of a cylinder: at its side, at an end, or where they meet; `best` (4,) gets it and its g."""
+    fine = enough == inf
     best[3] = -inf
     side = stack_matrix(3, 3)
     for i in range(3):
@@ -223,7 +227,7 @@ def drum_plane(r, s, k, best):
     up = 1.0 if r[2] >= 0.0 else -1.0
     height = 0.0
     if r[0] != 0.0 or r[1] != 0.0:
-        x, y, _ = round_plane(r[0], r[1], 0.0, side, k)
+        x, y, _ = round_plane(r[0], r[1], 0.0, side, k, fine)
         g, _, _, height = room(r, s, k, x, y, 0.0)
         best[0], best[1], best[2], best[3] = x, y, 0.0, g
         if abs(height) <= g:
@@ -246,7 +250,8 @@ def drum_plane(r, s, k, best):
             break
         up = -up
     _, px, py, height = room(r, s, k, best[0], best[1], best[2])
-    if max(sqrt(px * px + py * py), abs(height)) > best[3] + 1e-9 * (1.0 + abs(best[3])):
+    lacking = max(sqrt(px * px + py * py), abs(height)) - best[3]
+    if lacking > 1e-9 * (1.0 + abs(best[3])) and not lacking <= best[3] - enough:
         search_rim(r, s, k, best)
 
 
@@ -331,12 +336,12 @@ def climb_rim(r, s, k, up, share, x, y, best):
 
 
 @kernel()
-def plane(shape, faces, r, s, k, best):
-    """Fill `best` (4,) with the best plane and its g."""
+def plane(shape, faces, r, s, k, enough, best):
+    """Fill `best` (4,) with the best plane and its g; if more than `enough` will do, with almost the best."""
     if shape == FACES:
-        flat_plane(faces, r, s, k, best)
+        flat_plane(faces, r, s, k, enough == inf, best)
     elif shape == BALL:
-        best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k)
+        best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k, enough == inf)
         best[3] = room(r, s, k, best[0], best[1], best[2])[0]
     else:
-        drum_plane(r, s, k, best)
+        drum_plane(r, s, k, enough, best)

@@ -199,6 +199,15 @@ def add_under_way(n, arc, row, execution, t, a, width):
 
 
 @kernel()
+def is_known(row, execution):
+    """Whether nothing that is over moved a craft by the start of an arc, and noise does not either."""
+    most = execution[NOISE]
+    for i in range(36):
+        most = max(most, abs(row[i]))
+    return most == 0.0
+
+
+@kernel()
 def add_settled(n, arc, row, execution, t, a, width):
     """Columns of all that is over, moved to time t within the arc of `row`, noise added: the width then."""
     for i in range(6):

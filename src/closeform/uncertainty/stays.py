@@ -1,6 +1,6 @@
 """Stays: when zone and k sigmas meet, and for how long, of pairs of paths; as rows of floats."""
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numba import float64, int64
@@ -15,7 +15,7 @@ from closeform.uncertainty.levels import begin_pair, least_of_pair
 from closeform.uncertainty.moving import HALVINGS, beyond_for, errors_of_point, first_try, stays_inside
 from closeform.uncertainty.planes import room
 from closeform.uncertainty.spread import SPREAD
-from closeform.uncertainty.tube import COLUMNS, HINT, TUBE, clear_for, column_bound, look, room_at, see_tube
+from closeform.uncertainty.tube import HINT, TUBE, WIDTH, clear_for, column_bound, look, room_at, see_tube
 from closeform.zones.shapes import inside_step
 
 # As in `conflicts.entries`, but to what covariances and planes are good for.
@@ -29,7 +29,7 @@ def enter(tube, t, span, k, patience):
     """March outside until k sigmas reach the zone: (time reached, whether they do)."""
     for _ in range(patience):
         norm = look(tube, t)
-        g = room_at(tube, k) if norm > ENTERED else norm
+        g = room_at(tube, k, ENTRY_AIM) if norm > ENTERED else norm
         if not g > ENTERED:
             return t, True
         if not t < span:
@@ -48,7 +48,7 @@ def position_inside(tube, norm, k):
         return 0.0, norm
     used = 0.0
     while True:
-        g = room_at(tube, used)
+        g = room_at(tube, used, inf)
         if g <= SHALLOW or used >= k:
             return used, g
         best, place = tube.best, tube.place
@@ -84,7 +84,7 @@ def inside_for(tube, used, span):
     if used > 0.0 and tube.along[0] > 0.0:
         share = used / sqrt(tube.along[0])
         _, x, y, z = room(place, tube.square, used, best[0], best[1], best[2])
-        for j in range(0, 3 * COLUMNS, 3):
+        for j in range(0, int(tube.seen[WIDTH]), 3):
             length = best[0] * at[0, j] + best[1] * at[0, j + 1] + best[2] * at[0, j + 2]
             vx -= share * length * at[1, j]
             vy -= share * length * at[1, j + 1]

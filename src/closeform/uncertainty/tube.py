@@ -24,15 +24,17 @@ from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window
 from closeform.motion.hill import oscillation
 from closeform.uncertainty.planes import plane
-from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, under_way
+from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, is_known, under_way
 from closeform.zones.shapes import CUBE, FACES, FORM, norm, time_to_level
 from closeform.zones.zone import Zone
 
 NEVER = 1e4  # as many sigmas are infinitely many
+ALMOST = 1e-3  # of a level: planes with less room than that beyond it are sought exactly
 COLUMNS = 20  # six that are settled, four under way of either craft, six of noise
 # Of `seen`: the mean's order and mean motion, how many columns are active, the noise of both, how long the
-# window is, and how long the last step of a moving certificate was.
-ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT = 0, 1, 2, 3, 4, 5
+# window is, how long the last step of a moving certificate was, and at an instant thrice
+# how many columns there are.
+ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT, WIDTH = 0, 1, 2, 3, 4, 5, 6
 
 
 class Tube(NamedTuple):
@@ -40,7 +42,7 @@ class Tube(NamedTuple):
 
     Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit.  Of a window the derivatives of the
     mean (8, 3), of the settled columns (4, 18) and of those under way (64, 3), `bounds` (6,) of acceleration
-    along the axes, of the mean and of columns that are not settled, and what is `seen` (6,).  At an instant
+    along the axes, of the mean and of columns that are not settled, and what is `seen` (7,).  At an instant
     `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the `best` plane
     (4,) and what of the columns is along it, `along` (3,): |l|^2, l . l' and |l'|^2.
     """
@@ -82,7 +84,7 @@ def tube_for(zone: Zone, mean_motion: float) -> Tube:
     shape, matrix, faces = zone.form
     if shape == CUBE:
         shape, faces = FACES, np.concatenate([np.eye(3), -np.eye(3)])
-    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 6, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
+    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 7, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
     return Tube(shape, matrix, faces, mean_motion, *map(np.zeros, sizes))
 
 
@@ -155,8 +157,10 @@ def see_tube(tube, one, i, first, two, j, second, t, h):
             x, y, z = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
             tube.bounds[3 + axis] += settled_bound(tube, h, x, y, z)
     width = add_settled(tube.mean_motion, a, row, execution, t, tube.columns, 0)
-    width = add_settled(tube.mean_motion, b, other_row, other_execution, t, tube.columns, width)
-    compress(tube.columns, width)
+    if not is_known(other_row, other_execution):
+        width = add_settled(tube.mean_motion, b, other_row, other_execution, t, tube.columns, width)
+    if width > 6:
+        compress(tube.columns, width)
     settled_rows(tube, 6)
     see_under_way(tube, a, row, execution, t, h)
     see_under_way(tube, b, other_row, other_execution, t, h)
@@ -190,8 +194,7 @@ def look(tube, t):
                 at[0, width + i] = m[i, 0] * a[0, j] + m[i, 1] * a[1, j] + m[i, 2] * a[2, j]
                 at[1, width + i] = m[i, 0] * a[3, j] + m[i, 1] * a[4, j] + m[i, 2] * a[5, j]
             width += 3
-    for j in range(width, 3 * COLUMNS):
-        at[0, j] = at[1, j] = 0.0
+    tube.seen[WIDTH] = width
     xx = xy = xz = yy = yz = zz = 0.0
     for j in range(0, width, 3):
         px, py, pz = at[0, j], at[0, j + 1], at[0, j + 2]
@@ -205,18 +208,24 @@ def look(tube, t):
 
 
 @kernel()
-def room_at(tube, k):
-    """g at k sigmas of the best plane, by its columns; what of them is along it is kept in `along`."""
+def room_at(tube, k, enough):
+    """g at k sigmas of the best plane, by its columns; what of them is along it is kept in `along`.
+
+    Of almost the best, which costs less, where that leaves more than `enough`; inf for the best.
+    """
     best, at, along, place = tube.best, tube.at, tube.along, tube.place
-    plane(tube.shape, tube.faces, place, tube.square, k, best)
-    x, y, z = best[0], best[1], best[2]
-    square = turn = rate = 0.0
-    for j in range(0, 3 * COLUMNS, 3):
-        length = x * at[0, j] + y * at[0, j + 1] + z * at[0, j + 2]
-        speed = x * at[1, j] + y * at[1, j + 1] + z * at[1, j + 2]
-        square, turn, rate = square + length * length, turn + length * speed, rate + speed * speed
-    along[0], along[1], along[2] = square, turn, rate
-    best[3] = x * place[0] + y * place[1] + z * place[2] - k * sqrt(square)
+    for tried in range(0 if enough < inf else 1, 2):
+        plane(tube.shape, tube.faces, place, tube.square, k, enough if tried == 0 else inf, best)
+        x, y, z = best[0], best[1], best[2]
+        square = turn = rate = 0.0
+        for j in range(0, int(tube.seen[WIDTH]), 3):
+            length = x * at[0, j] + y * at[0, j + 1] + z * at[0, j + 2]
+            speed = x * at[1, j] + y * at[1, j + 1] + z * at[1, j + 2]
+            square, turn, rate = square + length * length, turn + length * speed, rate + speed * speed
+        along[0], along[1], along[2] = square, turn, rate
+        best[3] = x * place[0] + y * place[1] + z * place[2] - k * sqrt(square)
+        if best[3] > enough + ALMOST * abs(enough):
+            break
     return best[3]
 
 
@@ -272,7 +281,7 @@ def level(tube, t, k, start):
         return 0.0
     s = start
     for _ in range(40):
-        room_at(tube, s if k < 0.0 else s * k)
+        room_at(tube, s if k < 0.0 else s * k, inf)
         ahead = tube.best[0] * tube.place[0] + tube.best[1] * tube.place[1] + tube.best[2] * tube.place[2]
         wide = sqrt(tube.along[0])
         if k < 0.0:
