@@ -26,7 +26,7 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 
 def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     """The plan of one craft around the others."""
-    from closeform.planning.avoid import Around
+    from closeform.planning.around import Around
     from closeform.planning.plan import weakness
 
     names, asked = start.scenario.names, start.asked(stage)

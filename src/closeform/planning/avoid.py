@@ -2,37 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from math import inf
-from typing import Literal, Self
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from closeform.arrays import Floats, instance, numbers, shown
+from closeform.arrays import instance
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.joining import stack
-from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.motion.within_limit import TooLittleThrust
-from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
-from closeform.planning.least_energy import refused, shaped
-from closeform.planning.limits import FULL, longest, stretched
-from closeform.planning.obstacles import Zones, end_inside, obstacle_batch, obstacle_names, zones_around
-from closeform.planning.passive_ends import unsafe_end
-from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
-from closeform.planning.planner import check_cost, check_drift, check_effort, check_obstacles, is_passive
-from closeform.planning.problem import Problem, deepest, transfer_of
-from closeform.planning.prove import closeness, is_proven
-from closeform.planning.sauter_palmer import deviated
-from closeform.planning.side_search import MARGINS
+from closeform.planning.around import Around
+from closeform.planning.plan import Avoidance, Cost
+from closeform.planning.planner import check_cost, check_drift, check_effort, check_errors, check_obstacles
+from closeform.planning.problem import transfer_of
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-ROUNDING = 1e-9  # of a duration
-DEEP = 1.0 - 1e-6  # ratio with a zone that is larger by the least margin, below which it is one with the zone
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
 BOTH = "bounds thrust in any direction, which thrusters do not have; leave it out, they have their own"
-CHEAPER = 1e-6  # of its delta-v: by less, a clear path is left as it is
 
 
 def avoid(
@@ -49,6 +38,9 @@ def avoid(
     cost: Cost = "energy",
     thrusters: Thrusters | None = None,
     drift: float | None = None,
+    errors: Errors | None = None,
+    other_errors: Any = None,
+    sigmas: float = 3.0,
 ) -> Avoidance:
     """The cheapest path found between the same states and times that stays out of every zone.
 
@@ -94,6 +86,14 @@ def avoid(
         The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every
         zone until so long after the path's end.  Obstacles must be known until then.  Not with cost
         "delta-v", `prove` or "sauter-palmer".
+    errors : Errors or None, default None
+        Of the craft, from the path's start on: no error within `sigmas` standard deviations is to bring it
+        into a zone.  Errors of thrust are those of the path that is found.  Not with `drift`, `prove` or
+        "sauter-palmer".
+    other_errors : Errors, sequence of these, or None, default None
+        Of the obstacles, independent: one for all, or one for each.
+    sigmas : float, no unit, default 3
+        How many standard deviations are kept clear.
 
     Returns
     -------
@@ -105,8 +105,8 @@ def avoid(
     ValueError
         If `path` is a batch, an obstacle is in another orbit, zones or names are not as many as obstacles,
         a limit is not positive, a budget below 1, a time negative, a drift not finite or beyond the end of an
-        obstacle, a word unknown, an argument of another kind, or the thrusters cannot make the transfer,
-        whatever is in the way.
+        obstacle, sigmas negative, a word unknown, an argument of another kind, or the thrusters cannot make
+        the transfer, whatever is in the way.
 
     References
     ----------
@@ -129,186 +129,13 @@ def avoid(
     if (after := check_drift(drift, prove, method, "exact")) is not None:
         check_obstacles(task.obstacles, path.end + after, task.names)
         task = replace(task, drift=after)
+    if check_errors((errors, other_errors), prove, method != "exact", drift):
+        from closeform.planning.sigma_problem import Margin
+
+        kept = Margin.around(path, errors, task.obstacles, other_errors, sigmas)
+        task = replace(task, kept=kept)
     return (
         task.plan(path, prove)
         if max_acceleration is None
         else task.keep(max_acceleration, way, longer, prove)
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Around:
-    """What one craft keeps clear of, and how it plans."""
-
-    obstacles: Path
-    zones: Zones
-    names: tuple[str, ...]
-    method: str
-    budget: int | None
-    cost: Cost = "energy"
-    thrusters: Thrusters | None = None
-    limit: float | None = None  # [m/s^2], with cost "delta-v": within it every plan is
-    drift: float | None = None
-
-    @classmethod
-    def of(
-        cls,
-        orbit: Orbit,
-        obstacles: Path | Sequence[Path],
-        zone: OwnZone | Sequence[OwnZone] | PairZones,
-        method: str,
-        budget: int | None,
-        names: Sequence[str] | None,
-        cost: Cost = "energy",
-        thrusters: Thrusters | None = None,
-    ) -> Self:
-        """Raises ValueError naming the argument of `avoid` that does not fit."""
-        if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
-            raise ValueError(f"method: 'exact' or 'sauter-palmer', not {shown(method)}")
-        batch = obstacle_batch(orbit, obstacles)
-        if batch is None:
-            raise ValueError("obstacles: give at least one path")
-        zones, called = zones_around(zone, len(batch)), obstacle_names(names, len(batch))
-        return cls(batch, zones, called, method, budget, cost, thrusters)
-
-    def plan(self, path: Path, prove: float = 0.0, fixed: bool = False) -> Avoidance:
-        """The way around for a path, or the path itself where it is clear.
-
-        `fixed`: no cheaper path is taken while proving.
-        """
-        optimum = transfer_of(path)
-        problem = Problem.of(stack([optimum]), self.obstacles, self.zones, self.drift)
-        by_delta_v = self.cost == "delta-v"
-        if inside := end_inside(problem):
-            end, ratio, which = inside
-            reason = f"the path's {end} is {ratio:.2f} x zone from {self.names[which]}; move it or the time"
-            least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
-            return refused(problem, Status.END_INSIDE, reason, least=least)
-        if by_delta_v and self.thrusters is not None:
-            return impulsive(None, problem, self)
-        if self.drift is not None and (unsafe := unsafe_end(problem)):
-            return refused(problem, Status.END_UNSAFE, unsafe.reason(problem, ("path", *self.names)))
-        met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too
-        deep = bool(met) and deepest(met)[1][3] < DEEP
-        clear = not deep and not problem.conflicts(problem.with_path(path)) and is_passive(problem, path)
-        if by_delta_v:
-            within = self.limit is None or beyond(path, self.limit) <= FULL
-            return impulsive(path if clear and within else None, problem, self)
-        if clear:
-            energy, bound = path.energy, min(float(optimum.energy), path.energy)
-            extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
-            proven = is_proven(energy, bound)
-            return Avoidance(
-                *(path, energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict"),
-                proven=proven,
-                drift=self.drift,
-            )
-        if self.method == "sauter-palmer":
-            return deviated(path, problem, self.names)
-        return shaped(problem, self.budget, prove, fixed, ("path", *self.names))
-
-    def keep(
-        self, max_acceleration: float, direct: Callable[[float], Path], longer: bool, prove: float = 0.0
-    ) -> Avoidance:
-        """The way around within a thrust limit; `direct` is the path that takes so many times as long."""
-        limit = numbers("max_acceleration", max_acceleration)
-        if limit.shape or not limit > 0.0:
-            raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
-        task = replace(self, limit=float(limit)) if self.cost == "delta-v" else self
-        return within_limit(task, direct, float(limit), longer, prove)
-
-
-def within_limit(
-    task: Around, direct: Callable[[float], Path], limit: float, longer: bool, prove: float
-) -> Avoidance:
-    """A way around that keeps a thrust limit [m/s^2], in the shortest longer duration found where it must."""
-
-    sparing = task.cost == "delta-v"
-
-    def excess(found: Avoidance) -> Floats:
-        if found.weak is not None:
-            return np.array([found.weak.needed / limit])
-        return np.array([0.0 if found.path is None else beyond(found.path, limit)])
-
-    def attempt(factor: float) -> tuple[Avoidance, Floats] | None:
-        found = task.plan(direct(factor))
-        return (found, excess(found)) if found.ok or found.weak is not None else None
-
-    def free(factor: float) -> Floats:  # of least energy: burns of least delta-v are told by planning them
-        return np.array([0.0 if sparing else beyond(direct(factor), limit)])
-
-    path = direct(1.0)
-    # the optimum is another path, of less thrust, where `path` is none and clear
-    for way in (path,) if sparing else dict.fromkeys((path, transfer_of(path))):
-        plan = task.plan(way, prove, fixed=True)
-        over = excess(plan)
-        if over <= FULL:  # as of no path
-            return plan
-    first, proven = float(over[0]) * limit, 0.0 if plan.weak is None else plan.weak.proven
-    asked = float(path.end - path.start)
-    plan = replace(plan, punctual=first)
-
-    def refused(remedy: str, needed: float = first, duration: float = asked, least: float = 0.0) -> Avoidance:
-        weak = TooWeak(0, needed, limit, duration, remedy, asked, first, least)
-        return too_weak(plan, weak, "path")
-
-    if not longer:
-        return refused("allow longer, or give more time", least=proven)
-    there = task.obstacles.end[task.obstacles.end >= path.end - ROUNDING * asked] - (task.drift or 0.0)
-    most = min(float(min(there, default=inf)) - path.start, longest(path.orbit, asked)) / asked
-    if most <= 1.0 + ROUNDING:
-        remedy = f"give more time, or obstacles that are known beyond {path.end:.6g} s"
-        return refused(remedy, least=proven)
-    later = stretched(over, free, attempt, most)
-    if later.found is None:
-        tried = refused("give it more", float(later.excess[0]) * limit, later.factor * asked)
-        return replace(tried, measures=(later.measure,))
-    found = task.plan(direct(later.factor), prove, fixed=True) if prove else later.found
-    return replace(found, measures=(later.measure,), punctual=plan.punctual)
-
-
-def beyond(path: Path, limit: float) -> float:
-    """Peak thrust over a limit."""
-    return inf if path.impulses else float(path.peak_thrust / limit)
-
-
-def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
-    """`avoid` by least delta-v; a `clear` path is left as it is where none found is cheaper."""
-    limits = None if task.limit is None else np.array([task.limit])
-    try:
-        found, free = solve_impulses(problem, (task.thrusters,), ("",), task.budget, limits=limits)
-    except TooLittleThrust as little:
-        assert limits is not None
-        least = unconstrained(problem, (None,), ("",)).least
-        none = refused(problem, Status.TOO_WEAK, str(little), least=least)
-        return replace(none, weak=shortage(problem, limits, little))
-    ways = f"{found.tried} starts examined"
-    if found.flown is None and clear is None:
-        reason = f"no clear path among {ways}; raise budget for more"
-        none = refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
-        if found.enough is None or limits is None:
-            return none
-        return replace(none, status=Status.TOO_WEAK, weak=shortage(problem, limits, found.enough))
-    number, path, spent = len(found.contacts), clear, found.delta_v
-    if found.flown is not None and (clear is None or spent < (1.0 - CHEAPER) * clear.delta_v):
-        path = problem.path(found.flown)[0]
-    assert path is not None
-    if path is clear:
-        number, spent = 0, path.delta_v
-    bound = min(free.least, spent)
-    best = f"{number} contact{'s' * (number != 1)}, the best of {ways}" if number else "no conflict"
-    return Avoidance(
-        path=path,
-        energy=path.energy,
-        extra_energy=path.energy - problem.energy(problem.direct),
-        delta_v=spent,
-        lower_bound=bound,
-        contacts=found.contacts if number else (),
-        status=Status.AVOIDED if number else Status.CLEAR,
-        reason=f"{best}, {closeness(spent, bound, 'delta-v')}",
-        margin=found.margin if number else 1.0,
-        proven=is_proven(spent, bound),
-        tried=found.tried,
-        cost="delta-v",
-        priced=found.priced or not number,
     )

@@ -21,7 +21,6 @@ from closeform.motion.nonnegative import MOST
 from closeform.motion.reduced import COUNT, LOWER, UPPER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
-from closeform.planning.contacts import turn_normals
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_moments import Moments, Pushes
@@ -259,7 +258,7 @@ class ImpulseSolver:
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
         """The contacts that push or are nearer, turned to where their pairs are, and those of conflicts."""
         problem, contacts = self.problem, found.contacts
-        contacts = contacts._replace(normals=sides(problem, found.flown, contacts, TURNED))
+        contacts = contacts._replace(normals=problem.normals(found.flown, contacts, TURNED))
         near = (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
         contacts = contacts.some(near | found.pushing)
         for pair, row in found.missed:
@@ -285,15 +284,7 @@ class ImpulseSolver:
         return self.problem.with_obstacles(arcs[:number], offsets)
 
 
-def sides(problem: Problem, flown: Flown, contacts: Contacts, least: float = -inf) -> Floats:
-    """The normals (K, 3) of contacts where their pairs are, but those of a norm of `least` or below."""
-    arcs, offsets = flown
-    normals = contacts.normals.copy()
-    turn_normals(problem.bare, arcs, offsets[: problem.count + 1], contacts, least, normals)
-    return normals
-
-
 def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
     """New contacts, on the sides on which paths pass; ahead where two craft meet."""
-    normals = sides(problem, flown, contacts)
+    normals = problem.normals(flown, contacts, -inf)
     return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))

@@ -55,6 +55,7 @@ def shaped(
         proven=is_proven(energy, bound),
         tried=found.tried,
         drift=problem.drift,
+        sigmas=problem.sigmas,
     )
 
 
@@ -62,7 +63,8 @@ def refused(
     problem: Problem, status: Status, reason: str, tried: int = 0, least: float | None = None
 ) -> Avoidance:
     """An avoidance without a path; `least`: what any costs at least, where that is delta-v [m/s]."""
-    none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried, drift=problem.drift)
+    none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried)
+    none = replace(none, drift=problem.drift, sigmas=problem.sigmas)
     if least is not None:
         return replace(none, lower_bound=least, cost="delta-v")
     return replace(none, lower_bound=problem.energy(problem.direct))

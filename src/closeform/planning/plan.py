@@ -61,6 +61,9 @@ class Contact:
     failed_at : float [s]
         When the first lost its thrust, if it touches only then, drifting since; nan: it is under way as
         planned.  It feels the force as its thrust stops, carried back there by natural motion.
+    sigma : float [m]
+        Standard deviation, along the normal, of where the two are to each other; so many of it as were asked
+        for are kept beyond `reach`.  0 where no errors were given.
     """
 
     time: float
@@ -71,6 +74,7 @@ class Contact:
     multiplier: float
     reach: float
     failed_at: float = nan
+    sigma: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -208,6 +212,8 @@ class Avoidance(Costed):
     drift : float or None [s]
         Whenever thrust is lost the craft stays clear until so long after the path's end, certified; None: not
         asked for.
+    sigmas : float, no unit
+        How many standard deviations of all errors are kept clear, certified; 0: of nobody errors were given.
     """
 
     path: Path | None
@@ -227,6 +233,7 @@ class Avoidance(Costed):
     cost: Cost = "energy"
     priced: bool = True
     drift: float | None = None
+    sigmas: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,6 +288,8 @@ class Plan(Costed):
     drift : float or None [s]
         Whenever a craft loses its thrust, and the others fly on, it stays clear until so long after the
         plan's end, certified; None: not asked for.
+    sigmas : float, no unit
+        As of an `Avoidance`.
     """
 
     paths: Path | None
@@ -304,6 +313,7 @@ class Plan(Costed):
     cost: Cost = "energy"
     priced: bool = True
     drift: float | None = None
+    sigmas: float = 0.0
 
     @property
     def extra_energy(self) -> float:

@@ -51,6 +51,12 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Ou
         from closeform.planning.passive_search import PassiveSearch
 
         return outcome(PassiveSearch(problem, MARGINS[0], budget, more).run())
+    if problem.sigmas:
+        from closeform.planning.sigma_problem import SigmaProblem
+        from closeform.planning.sigma_search import SigmaSearch
+
+        assert isinstance(problem, SigmaProblem)
+        return outcome(SigmaSearch(problem, MARGINS[0], budget, more).run())
     searches = []
     for margin in MARGINS if problem.count == 1 else MARGINS[:1]:
         searches.append(Search(problem, margin, budget, more).run())
@@ -92,6 +98,16 @@ def check_drift(drift: float | None, prove: float, method: str, exact: str) -> f
     if prove > 0.0:
         raise ValueError("prove: goes without drift; leave one of them out")
     return seconds
+
+
+def check_errors(given: Sequence[Any], prove: float, other_method: bool, drift: float | None) -> bool:
+    """Whether any errors are given; raises ValueError for what does without them but was asked for."""
+    if all(one is None for one in given):
+        return False
+    wrong = {"prove": prove > 0.0, "method": other_method, "drift": drift is not None}
+    if asked := [name for name, has in wrong.items() if has]:
+        raise ValueError(f"{asked[0]}: goes without errors; leave one of them out")
+    return True
 
 
 def check_obstacles(obstacles: Path | None, until: float, names: Sequence[str]) -> None:
@@ -153,13 +169,17 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
     pushes[second] *= -1.0
     drifts = contacts.drifts.max(axis=1)
     failed, lost = drifts > 0.0, contacts.times - drifts
+    ways = pushes / sizes[:, None]
+    spread = problem.deviations(flown, contacts, ways)
+    reaches = 1.0 / sizes - problem.sigmas * spread
     places = problem.path(flown)._at(pairs[:, 0], lost)
     if failed.any():
         places[failed] = (problem.orbit.transition(drifts[failed]) @ places[failed, :, None])[..., 0]
     # normals are means of gradients of the norm, of which a zone reaches 1 along each where they meet
-    columns = contacts.times, *pairs.T, contacts.multipliers * sizes, 1.0 / sizes, np.where(failed, lost, nan)
-    rows = zip(*(column.tolist() for column in columns), places[:, :3], pushes / sizes[:, None], strict=True)
+    forces = contacts.multipliers * sizes
+    columns = contacts.times, *pairs.T, forces, reaches, np.where(failed, lost, nan), spread
+    rows = zip(*(column.tolist() for column in columns), places[:, :3], ways, strict=True)
     return tuple(
-        Contact(time, first, second, place, normal, multiplier, reach, failed_at)
-        for time, first, second, multiplier, reach, failed_at, place, normal in rows
+        Contact(time, first, second, place, normal, multiplier, reach, failed_at, sigma)
+        for time, first, second, multiplier, reach, failed_at, sigma, place, normal in rows
     )

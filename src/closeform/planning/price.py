@@ -31,12 +31,15 @@ class Price:
     per_factor : float [m^2/s^3, of delta-v m/s]
         For a zone enlarged about its origin, for each 1 by which the factor grows: a hundredth of it for a
         zone that is 1 % larger.
+    per_sigma : float [m^2/s^3, of delta-v m/s]
+        For each standard deviation of the errors more that is kept clear; 0 where no errors were given.
     """
 
     first: int
     second: int
     per_metre: float
     per_factor: float
+    per_sigma: float = 0.0
 
 
 def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[Price, ...]:
@@ -44,10 +47,10 @@ def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[Price, ...]:
 
     `margin`: the plan was made for zones so many times as large, which grow by as much more.
     """
-    found: dict[tuple[int, int], tuple[float, float]] = {}
+    found: dict[tuple[int, int], tuple[float, float, float]] = {}
     for one in contacts:
-        metre, factor = found.get((one.first, one.second), (0.0, 0.0))
+        metre, factor, sigma = found.get((one.first, one.second), (0.0, 0.0, 0.0))
         own = margin * one.multiplier
-        found[one.first, one.second] = metre + own, factor + own * one.reach
+        found[one.first, one.second] = metre + own, factor + own * one.reach, sigma + own * one.sigma
     prices = (Price(*pair, *slopes) for pair, slopes in found.items())
     return tuple(sorted(prices, key=lambda price: -price.per_metre))

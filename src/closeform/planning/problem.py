@@ -16,6 +16,7 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of, path_of
 from closeform.planning.approaches import sample_bodies
+from closeform.planning.contacts import turn_normals
 from closeform.planning.deflection import fly, invert_responses, look_at
 from closeform.planning.plan import Contact
 from closeform.planning.scene import Contacts, Scene
@@ -219,6 +220,30 @@ class Problem:
         motions = np.zeros((contacts.number, 3, 3))
         look_at(self.bare, arcs, offsets[: self.count + 1], contacts, motions, gram)
         return motions
+
+    def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
+        """The normals (K, 3) of contacts where their pairs are, but those of a norm of `least` or below."""
+        arcs, offsets = flown
+        normals = contacts.normals.copy()
+        turn_normals(self.bare, arcs, offsets[: self.count + 1], contacts, least, normals)
+        return normals
+
+    @property
+    def sigmas(self) -> float:
+        """How many sigmas of errors are kept clear: here all is known exactly."""
+        return 0.0
+
+    def depth(self, ratio: float) -> str:
+        """How near two come at an end, in words."""
+        return f"{ratio:.2f} x zone"
+
+    def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
+        """Standard deviations (K,) [m] of pairs at contacts, along directions (K, 3) of length 1."""
+        return np.zeros(len(directions))
+
+    def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
+        """Ellipsoids (K, 3, 3) in what is kept clear at contacts; None where it is the zone."""
+        return None
 
     def with_path(self, *paths: Path) -> Flown:
         """Other paths of the craft, one for each, with the obstacles."""

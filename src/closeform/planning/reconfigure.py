@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import nan
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ from closeform.planning.planner import (
     check_cost,
     check_drift,
     check_effort,
+    check_errors,
     check_obstacles,
     joined,
     outcome,
@@ -62,6 +63,8 @@ def reconfigure(
     cost: Cost = "energy",
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     drift: float | None = None,
+    errors: Any = None,
+    sigmas: float = 3.0,
 ) -> Plan:
     """Paths of N craft from initial to final states, every pair certified clear of its zone.
 
@@ -116,6 +119,12 @@ def reconfigure(
         The plan is to be passively safe: whenever any one craft loses its thrust for good, while the others
         fly on and then coast, it keeps out of every zone until so long after the last arrival.  Obstacles
         must be known until then.  Not with cost "delta-v", `prove` or "sequential".
+    errors : Errors, sequence of these, or None, default None
+        One for all, or one for each craft and, after them, obstacle, independent, each from the start of its
+        path in the plan on: no errors within `sigmas` standard deviations are to bring two into their zone.
+        Not with `drift`, `prove` or "sequential".
+    sigmas : float, no unit, default 3
+        How many standard deviations are kept clear.
 
     Returns
     -------
@@ -158,6 +167,11 @@ def reconfigure(
     if drift is not None:
         until = float((request.starts + request.durations).max()) + drift
         check_obstacles(request.others, until, request.names[count:])
+    if check_errors((errors,), prove, method != "joint", drift):
+        from closeform.planning.sigma_problem import Margin
+
+        around = len(request.others) if request.others is not None else 0
+        request = replace(request, kept=Margin.among(count, around, errors, sigmas))
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
     if not isinstance(method, str) or method not in ("joint", "sequential"):
@@ -194,6 +208,7 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         bound = float(np.sum(direct.energy))
         times = request.starts, request.durations
         plan = Plan(None, direct, request.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
+        plan = replace(plan, sigmas=problem.sigmas)
         if held := _held(problem.without_drift):
             pair, words = held
             reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
@@ -210,7 +225,7 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         found = (
             solve(problem, budget, more) if method == "joint" else one_by_one(problem, order, budget, more)
         )
-        alone = request.drift is None and problem.count > 1
+        alone = request.drift is None and request.kept is None and problem.count > 1
         if method == "joint" and found.flown is None and alone:
             found = joined(problem, one_by_one(problem, order, budget, more), found)
         if found.flown is None:
@@ -322,4 +337,4 @@ def _held(problem: Problem) -> tuple[tuple[int, int], str] | None:
     if not found:
         return None
     ratio, pair, when = min(found)
-    return pair, f"come to {ratio:.2f} x zone at {when}; move one of them"
+    return pair, f"come to {problem.depth(ratio)} at {when}; move one of them"

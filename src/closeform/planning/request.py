@@ -1,8 +1,10 @@
 """What a reconfiguration is asked, checked: craft, slots, times, zones, obstacles and limits."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +21,9 @@ from closeform.planning.problem import Problem
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.planning.sigma_problem import Margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +50,7 @@ class Request:
     cost: Cost
     thrusters: tuple[Thrusters | None, ...]
     drift: float | None = None
+    kept: Margin | None = None
 
     @classmethod
     def of(
@@ -62,7 +68,7 @@ class Request:
         cost: Cost = "energy",
         thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
         drift: float | None = None,
-    ) -> "Request":
+    ) -> Request:
         """Raises ValueError naming the argument that does not fit."""
         begins, places = _states("initial", initial), _states("final", final)
         count = len(begins)
@@ -137,7 +143,8 @@ class Request:
 
     def problem(self) -> Problem:
         """What is to be planned."""
-        return Problem.of(self.direct, self.others, self.zones, self.drift)
+        plain = Problem.of(self.direct, self.others, self.zones, self.drift)
+        return plain if self.kept is None else self.kept.problem(plain)
 
     def least_slots(self) -> tuple[Any, float]:
         """Slots (N,) of least unconstrained cost, and that cost.
@@ -153,19 +160,19 @@ class Request:
             raise ValueError("thrusters: they do not bring all craft to slots, each to its own") from None
         return slots, float(costs[craft, slots].sum())
 
-    def cheapest(self) -> "Request":
+    def cheapest(self) -> Request:
         """The same with the slots of least unconstrained cost, where they are not given."""
         return replace(self, slots=self.least_slots()[0]) if self.assign else self
 
-    def assigned(self, slots: Any) -> "Request":
+    def assigned(self, slots: Any) -> Request:
         """The same with other slots."""
         return replace(self, slots=slots)
 
-    def longer(self, factor: float) -> "Request":
+    def longer(self, factor: float) -> Request:
         """The same with longer durations; the final states hold at the later ends."""
         return replace(self, durations=factor * self.durations).cheapest()
 
-    def staggered(self, share: float) -> "Request":
+    def staggered(self, share: float) -> Request:
         """Craft coast in turn before they start, the last for `share` of the longest duration.
 
         The final states hold when the last has waited: those who are there before coast into them.

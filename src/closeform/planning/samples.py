@@ -75,7 +75,8 @@ class Samples:
 
         `energy`: what their multipliers spend, worked out unless given.
         """
-        sizes = np.array([one.multiplier * one.reach for one in contacts])
+        sigmas = self.problem.sigmas
+        sizes = np.array([one.multiplier * (one.reach + sigmas * one.sigma) for one in contacts])
         if energy is None:
             kinds = self.problem.kinds[self.contacts.which]
             pushes = np.array([one.multiplier * one.normal for one in contacts])
@@ -86,9 +87,16 @@ class Samples:
         round_ones = all(zone.shape == BALL for zone in self.zones)
         start = sizes if round_ones else np.zeros(len(sizes))
         curved = np.repeat([inner_curvature(zone) for zone in self.zones], 3)
+        places, gram = curved * self.places.ravel(), curved[:, None] * self.gram * curved
+        ways = np.array([one.normal for one in contacts])
+        if (insides := self.problem.insides(self.contacts, ways)) is not None:
+            count, given = len(insides), self.gram.reshape(len(insides), 3, len(insides), 3)
+            places = (insides @ self.places[:, :, None]).ravel()
+            both = np.einsum("kia,kamb,mjb->kimj", insides, given, insides).reshape(3 * count, 3 * count)
+            gram = 0.5 * (both + both.T)
         bound: float = dual_bound(
-            curved * self.places.ravel(),
-            curved[:, None] * self.gram * curved,
+            places,
+            gram,
             3 * np.arange(len(sizes) + 1),
             np.empty(0),
             (1.0 - CLOSED) * energy,

@@ -1,0 +1,230 @@
+"""A problem of craft with errors: k sigmas of each pair are to stay out of its zone.
+
+What is kept out of is the sum of the zone and the ellipsoid of k sigmas, which moves and grows.  Its norm
+is a gauge with gradient a / (1 + k |l_a|): contacts have these for normals, so that their planes are
+
+    a . (q + dr) >= 1 + k |l_a(t)|                                                   # theory (74)
+
+and all that keeps planes a . q >= 1 keeps them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats, shown
+from closeform.motion.arc import END, START
+from closeform.motion.path import Path, path_of
+from closeform.planning.problem import Flown, PairRow, Problem
+from closeform.planning.scene import Contacts
+from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.gauges import gauges
+from closeform.uncertainty.search import checked_sigmas, one_for_each, search_of
+from closeform.uncertainty.spread import Spread, covariances, spread_of
+from closeform.zones.shapes import CUBE, FACES
+from closeform.zones.solids import Ellipsoid
+from closeform.zones.sums import outer_sum
+from closeform.zones.zone import Zone
+
+CUBE_FACES = np.concatenate([np.eye(3), -np.eye(3)])
+ROUNDING = 1e-16  # of a covariance: where nothing is uncertain, planes could lean either way
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """So many sigmas of the errors of craft and, after them, obstacles (None: where its path is)."""
+
+    errors: tuple[Errors | None, ...]
+    sigmas: float
+
+    @classmethod
+    def around(cls, path: Path, errors: Any, obstacles: Path, others: Any, sigmas: Any) -> Margin | None:
+        """Of one craft and obstacles, as `avoid` is given them; None where nothing is to be kept.
+
+        Raises ValueError for errors of another kind or number, or sigmas that are no finite number.
+        """
+        own = one_for_each("errors", errors, path, Errors)
+        return cls._of(own + one_for_each("other_errors", others, obstacles, Errors), sigmas)
+
+    @classmethod
+    def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
+        """Of many craft and obstacles after them, as `reconfigure` is given them; raises as `around`."""
+        bodies = count + obstacles
+        given = list(errors) if isinstance(errors, list | tuple) else [errors] * bodies
+        if wrong := [one for one in given if not (one is None or isinstance(one, Errors))]:
+            raise ValueError(f"errors: expected Errors, got {shown(wrong[0])}")
+        if len(given) not in (count, bodies):
+            raise ValueError(f"errors: {len(given)} for {count} craft; give one, or one for each")
+        return cls._of(given + [None] * (bodies - len(given)), sigmas)
+
+    @classmethod
+    def _of(cls, errors: list[Errors | None], sigmas: Any) -> Margin | None:
+        many = checked_sigmas(sigmas)
+        return cls(tuple(errors), many) if many and any(errors) else None
+
+    @property
+    def fixed(self) -> bool:
+        """Whether no error depends on what is planned."""
+        return not any(one and (one.magnitude or one.pointing or any(one.impulse)) for one in self.errors)
+
+    def problem(self, plain: Problem) -> Problem:
+        """One of the same craft that keep this margin."""
+        return SigmaProblem(**fields_of(plain), kept=self)
+
+
+def fields_of(problem: Problem) -> dict[str, Any]:
+    """Of an ordinary problem."""
+    return {one.name: getattr(problem, one.name) for one in fields(Problem)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SigmaProblem(Problem):
+    """One of craft that keep a margin of sigmas."""
+
+    kept: Margin
+
+    @property
+    def sigmas(self) -> float:
+        """How many are kept clear."""
+        return self.kept.sigmas
+
+    def depth(self, ratio: float) -> str:
+        """The same, and how many sigmas all ends allow."""
+        times = np.full((self.count + len(self.other_offsets) - 1, 2), -inf)
+        times[: self.count] = self.base[:, [START, END]] * (-1.0, 1.0)
+        pairs, present = self.pairs, self.windows[1]
+        ends = np.maximum(times[pairs[:, 0]], times[pairs[:, 1]]) * (-1.0, 1.0)
+        which, side = np.nonzero((present[:, :1] <= ends) & (ends <= present[:, 1:]))
+        found = self.gauges(self.direct, Contacts.at(which, ends[which, side]), -1.0)[0]
+        least = float(found.min())
+        return f"{ratio:.2f} x zone and {self.sigmas:g} sigmas (ends allow {least:.3g})"
+
+    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
+        """As of any problem, with zone and sigmas `factor` times as large: the ratio is the gauge."""
+        zones = [Zone(zone.shape, zone.matrix / factor, zone.faces) for zone in self.zones]
+        search = search_of(self.spread(flown), zones, self.orbit.mean_motion, factor * self.sigmas)
+        found = []
+        for zone, pairs in zip(zones, self.pairs_by_kind, strict=True):
+            for (i, j), row in zip(*search(zone, *pairs), strict=True):
+                found.append(((int(i), int(j)), row))
+        return found
+
+    def spread(self, flown: Flown) -> Spread:
+        """The errors of all bodies along their paths."""
+        arcs, offsets = flown
+        return spread_of(path_of(self.orbit, arcs, offsets, (len(offsets) - 1,)), self.kept.errors)
+
+    def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
+        """Relative covariances (K, 3, 3) [m^2] of positions at contacts."""
+        known = self.fixed_spread if self.kept.fixed else self.spread(flown)
+        arcs, offsets, rows, execution = known
+        total = np.zeros((contacts.number, 3, 3))
+        pairs = self.pairs[contacts.which]
+        for body in np.unique(pairs):
+            if self.kept.errors[body] is None:
+                continue
+            those = np.flatnonzero((pairs == body).any(axis=1))
+            own = slice(offsets[body], offsets[body + 1])
+            out = np.empty((len(those), 6, 6))
+            given = arcs[own], self.orbit.mean_motion, rows[own], execution[body : body + 1]
+            covariances(*given, np.ascontiguousarray(contacts.times[those]), out)
+            total[those] += out[:, :3, :3]
+        return total
+
+    @cached_property
+    def fixed_spread(self) -> Spread:
+        """That of the unconstrained optima, which is everybody's where errors are fixed."""
+        return self.spread(self.direct)
+
+    def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
+        """The gauges (K,) of pairs at contacts, and gradients; below 0 sigmas the most that are clear."""
+        places = self.motions(flown, contacts)[:, 0]
+        spread = self.covariances(flown, contacts)
+        sizes, planes = np.empty(contacts.number), np.empty((contacts.number, 4))
+        kinds = self.kinds[contacts.which]
+        for kind in np.unique(kinds):
+            shape, matrix, faces = self.zones[kind].form
+            if shape == CUBE:
+                shape, faces = FACES, CUBE_FACES
+            those = np.flatnonzero(kinds == kind)
+            squares = matrix @ spread[those] @ matrix.T
+            squares += ROUNDING * np.trace(squares, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+            size, plane = np.empty(len(those)), np.empty((len(those), 4))
+            gauges(shape, faces, places[those], np.ascontiguousarray(squares), sigmas, size, plane)
+            sizes[those], planes[those] = size, plane
+        return sizes, planes[:, :3]
+
+    def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
+        """Gauge (K,) of some of the pairs, each at an instant."""
+        return self.gauges(flown, Contacts.at(which, times), self.sigmas)[0]
+
+    def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
+        """As of any problem, each over how far zone and sigmas reach along it."""
+        sizes, planes = self.gauges(flown, contacts, self.sigmas)
+        keep = (sizes <= least) | ~planes.any(axis=1)
+        return np.where(keep[:, None], contacts.normals, planes)
+
+    def sides(self, flown: Flown, contacts: Contacts, directions: Floats) -> Contacts:
+        """Contacts with the planes across directions (K, 3) in the rotating frame."""
+        reach = self.deviations(flown, contacts, directions) * self.sigmas
+        normals = np.empty((contacts.number, 3))
+        for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
+            zone = self.zones[kind]
+            normals[k] = np.linalg.solve(zone.matrix.T, way) / (zone.support(way) + reach[k])
+        return contacts._replace(normals=normals)
+
+    def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
+        """Standard deviations (K,) [m] of pairs along directions (K, 3) of length 1."""
+        spread = self.covariances(flown, contacts)
+        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", directions, spread, directions)))
+
+    def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
+        """Ellipsoids |W q| <= 1 in sums of zone and sigmas, which reach as far along directions: (K, 3, 3).
+
+        None where errors depend on what is flown: another plan may have less of them.
+        """
+        if not self.kept.fixed:
+            return None
+        spread, out = self.covariances(self.direct, contacts), np.empty((contacts.number, 3, 3))
+        for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
+            zone = self.zones[kind]
+            radius = 1.0 / float(np.linalg.norm(zone.faces, axis=1).max()) if zone.shape == FACES else 1.0
+            values, vectors = np.linalg.eigh(zone.matrix @ spread[k] @ zone.matrix.T)
+            axes = self.sigmas * vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+            normal = np.linalg.solve(zone.matrix.T, way)
+            turn = turned(axes.T @ normal, normal)
+            out[k] = np.linalg.inv(radius * np.eye(3) + axes @ turn)
+        return out
+
+    def enlarged(self, contacts: Contacts) -> Problem:
+        """An ordinary problem, whose zones hold zone and sigmas of each pair at its contact's time."""
+        spread, zones = self.covariances(self.direct, contacts), []
+        for k, kind in enumerate(self.kinds[contacts.which]):
+            zone, size = self.zones[kind], np.trace(spread[k])
+            if size > 0.0:
+                ellipsoid = Ellipsoid.from_covariance(spread[k] + 1e-9 * size * np.eye(3), self.sigmas)
+                zone = outer_sum(zone, ellipsoid)
+            zones.append(zone)
+        pairs = np.ascontiguousarray(self.pairs[contacts.which])
+        other = {"pairs": pairs, "kinds": np.arange(len(zones)), "zones": tuple(zones)}
+        return Problem(**{**fields_of(self), **other})
+
+
+def turned(one: Floats, other: Floats) -> Floats:
+    """The rotation U (3, 3) by which U' one is along `other`."""
+    sizes = np.linalg.norm(one), np.linalg.norm(other)
+    if not min(sizes) > 0.0:
+        return np.eye(3)
+    u, v = one / sizes[0], other / sizes[1]
+    # the product of two reflections, u to v
+    across = u + v
+    if not across @ across > 1e-12:
+        return np.eye(3)
+    first = np.eye(3) - 2.0 * np.outer(u, u)
+    second = np.eye(3) - 2.0 * np.outer(across, across) / (across @ across)
+    return np.asarray((second @ first).T)

@@ -1,0 +1,181 @@
+"""Plans at k sigma: rounds of the exact planes of zone and sigmas, from the sides of ordinary plans.
+
+A round solves the program of the known planes, flies all craft, and looks at all stays in a sum of zone and
+sigmas that is a little larger: where each is deepest, the sum's supporting plane is the next one.  Planes
+that press are turned to where their pairs are.  A sum is convex, so what is clear stays clear when planes
+turn, and gets cheaper.                                                            # theory (74)
+"""
+
+from collections.abc import Iterator
+from math import inf
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import WIDTH
+from closeform.planning.certify import AHEAD, Solution
+from closeform.planning.passive_planes import press
+from closeform.planning.problem import Flown, PairRow, Problem
+from closeform.planning.scene import Contacts
+from closeform.planning.side_search import FEW, Found, Search
+from closeform.planning.sigma_problem import SigmaProblem
+from closeform.planning.ways_out import exit_normals
+
+ONE, MANY, MORE = 8, 4, 3  # starts that are looked at, of one craft and of many; times as many
+ENLARGED = 4  # of them from the search with zones that hold sigmas
+ROUNDS, RAISES = 60, 8
+NEAR = 1.02  # of zone and sigmas: who is nearer gets a plane
+SAME = 1e-4  # of the time in which a pair can give way: planes that are closer are one
+HARD = 1e-9  # by how much planes give way
+SETTLED, SHORT = 1e-7, 1e-6  # relative change of energy, and what may be missing, at which rounds end
+GIVEN_UP, FIRST = 1.3, 6  # times the energy to beat, after so many rounds
+ROUNDING = 1e-9  # by which planes are raised at least
+
+
+class SigmaSearch:
+    """One search among starts."""
+
+    def __init__(self, problem: SigmaProblem, margin: float, budget: int | None, more: bool) -> None:
+        self.problem = problem
+        self.margin = margin
+        most = (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
+        self.budget = most if budget is None else budget
+        seen = problem.seen
+        self.scene = seen._replace(aims=np.full(len(seen.shapes), margin))
+        start, end = problem.windows[0].T
+        self.same = SAME * (end - start)
+
+    def run(self) -> Found:
+        """The best of all starts that are looked at."""
+        best: Solution | None = None
+        tried = 0
+        for start in self.starts():
+            if tried == self.budget:
+                break
+            found = self.solve(start, inf if best is None else best.energy)
+            if best is None or found.energy < best.energy:
+                best = found
+            tried += 1
+        assert best is not None  # there is a conflict, and a budget is at least one start
+        return Found(best, self.margin, False, tried)
+
+    def starts(self) -> Iterator[Contacts]:
+        """Sides of plans around enlarged zones, the nearer ones, and each way out of a conflict."""
+        problem, direct = self.problem, self.problem.direct
+        conflicts = problem.direct_conflicts(self.margin)
+        enlarged = problem.enlarged(self.moments(conflicts))
+        if enlarged.direct_conflicts(self.margin):
+            search = Search(enlarged, self.margin)
+            search.run()
+            clear = sorted((one for one in search.seen if one.clear), key=lambda one: one.energy)
+            if search.best is not None and not clear:
+                clear = [search.best] if search.best.clear else []
+            for one in clear[:ENLARGED]:
+                which = np.array([problem.index[tuple(enlarged.pairs[k])] for k in one.contacts.which])
+                ways = metres(enlarged, one.contacts)
+                known = one.contacts._replace(which=which)
+                yield problem.sides(direct, known, ways)
+        met = problem.met(conflicts)
+        yield self.turned(direct, met)
+        if len(conflicts) > FEW:
+            return
+        exits = []
+        which = np.array([enlarged.index[pair] for pair, _ in conflicts], dtype=np.int64)
+        inside = met._replace(which=which)
+        for k, motion in enumerate(enlarged.motions(direct, inside)):
+            zone, compliance = enlarged.zones[enlarged.kinds[which[k]]], enlarged.kernel(inside.some([k]))
+            ways_out = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], compliance)
+            exits += [(cost, k, normal @ zone.matrix) for cost, normal in ways_out]
+        for _, k, way in sorted(exits, key=lambda one: one[0]):
+            near = self.turned(direct, met)
+            side = problem.sides(direct, met.some([k]), (way / np.linalg.norm(way))[None])
+            near.normals[k] = side.normals[0]
+            yield near
+
+    def moments(self, conflicts: list[PairRow]) -> Contacts:
+        """Of each pair the time at which zone and sigmas are met deepest, or else bodies are nearest."""
+        problem, states = self.problem, self.problem.seen.states
+        gaps = np.linalg.norm(states[problem.pairs[:, 0], :, :3] - states[problem.pairs[:, 1], :, :3], axis=2)
+        times = problem.seen.times[np.nanargmin(np.where(np.isfinite(gaps), gaps, inf), axis=1)]
+        start, end = problem.windows[1].T
+        times = np.clip(times, start, end)
+        deepest = np.full(len(times), inf)
+        for pair, row in conflicts:
+            k = problem.index[pair]
+            if row[3] < deepest[k]:
+                deepest[k], times[k] = row[3], row[2]
+        return Contacts.at(np.arange(len(times)), times)
+
+    def solve(self, planes: Contacts, bar: float) -> Solution:
+        """What a start leads to, certified; given up well above the energy `bar`."""
+        before = inf
+        for turn in range(ROUNDS):
+            energy, flown = self.pressed(planes, 1.0)
+            if energy == inf or (turn >= FIRST and energy > GIVEN_UP * bar):
+                break
+            pressing = planes.some(planes.multipliers > 0.0)
+            near = self.problem.conflicts(flown, NEAR)
+            short = 1.0 - NEAR * min((row[3] for _, row in near), default=1.0)
+            if short < SHORT and abs(energy - before) <= SETTLED * energy:
+                return self.raised(pressing, flown)
+            before, planes = energy, self.following(flown, pressing, near)
+        else:
+            return self.raised(pressing, flown)
+        return Solution(self.problem, planes, inf, False, False)
+
+    def raised(self, planes: Contacts, flown: Flown) -> Solution:
+        """The planes raised by the little that is missing, until the march finds nothing."""
+        lift = 1.0
+        for _ in range(RAISES):
+            lift += ROUNDING
+            energy, flown = self.pressed(planes, lift)
+            if energy == inf:
+                break
+            missed = self.problem.conflicts(flown)
+            kept = planes.some(planes.multipliers > 0.0)
+            if not missed:
+                return Solution(self.problem, kept, energy, True, False)
+            lift += 1.5 * (1.0 - min(row[3] for _, row in missed))
+            planes = self.following(flown, planes, missed)
+        return Solution(self.problem, planes, inf, False, False)
+
+    def pressed(self, planes: Contacts, lift: float) -> tuple[float, Flown]:
+        """The energy with which planes are kept, which fills their multipliers, and all paths then."""
+        craft = self.problem.count
+        arcs, offsets = np.zeros((3 * craft + 2 * planes.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
+        energy = press(self.scene, planes, lift, HARD, arcs, offsets)
+        if energy == inf:
+            return energy, (arcs, offsets)
+        return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
+
+    def following(self, flown: Flown, pressing: Contacts, near: list[PairRow]) -> Contacts:
+        """Planes that press, moved to where stays beside them are deepest, and those of other stays."""
+        times = pressing.times.copy()
+        fresh: list[PairRow] = []
+        start, end = self.problem.windows[0].T
+        for pair, row in near:
+            k = self.problem.index[pair]
+            time = min(max(row[2], start[k]), end[k])
+            same = (pressing.which == k) & (np.abs(times - time) <= self.same[k])
+            if same.any():
+                times[same] = time
+            else:
+                fresh.append((pair, np.array([row[0], row[1], time, row[3]])))
+        planes = pressing._replace(times=times).joined(self.problem.met(fresh))
+        _, once = np.unique(np.column_stack([planes.which, planes.times]), axis=0, return_index=True)
+        return self.turned(flown, planes.some(np.sort(once)))
+
+    def turned(self, flown: Flown, planes: Contacts) -> Contacts:
+        """Planes where their pairs are; ahead where two craft meet."""
+        normals = self.problem.normals(flown, planes, -inf)
+        lost = ~normals.any(axis=1)
+        if lost.any():
+            ways = np.repeat(AHEAD[None], int(lost.sum()), axis=0)
+            normals[lost] = self.problem.sides(flown, planes.some(lost), ways).normals
+        return planes._replace(normals=normals)
+
+
+def metres(problem: Problem, contacts: Contacts) -> Floats:
+    """Directions (K, 3) of contacts' normals in the rotating frame."""
+    ways = np.einsum("ki,kij->kj", contacts.normals, problem.bare.matrices[problem.kinds[contacts.which]])
+    return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))
