@@ -4,7 +4,7 @@ The gauge is the scale s at which s times both just touch the position r.  Its g
 for the a of the best plane then: the sum's supporting plane, a . r = 1 + k |l_a|.          # theory (52)
 """
 
-from math import sqrt
+from math import inf, sqrt
 
 from numba import float64, int64, void
 
@@ -32,7 +32,7 @@ def gauge(shape, faces, r, s, k, best):
     """
     found = 0.0
     for _ in range(TURNS):
-        plane(shape, faces, r, s, found if k < 0.0 else k * found, best)
+        plane(shape, faces, r, s, found if k < 0.0 else k * found, inf, best)
         wide = spread_along(s, best[0], best[1], best[2])
         ahead = best[0] * r[0] + best[1] * r[1] + best[2] * r[2]
         if k < 0.0:
