@@ -818,6 +818,24 @@ craft.silent: is not built yet; remove it""",
         'start = { roe = "0 0 0 4e-5 0 4e-5" }',
         'craft.start.roe: "0 0 0 4e-5 0 4e-5" has no unit; use m, km, cm, mm, for example "10 20 30 40 50 60 m"',
     ),
+    Bad(
+        "errors to draw of nobody",
+        "",
+        STUDY + 'draws = "errors"\n',
+        "MSG",
+    ),
+    Bad(
+        "noise to draw",
+        KEEP_OUT + GAP,
+        f'{KEEP_OUT}\nexecution = {{ noise = "1e-9 m^2/s^3" }}\n{STUDY}draws = "errors"{GAP}',
+        "MSG",
+    ),
+    Bad(
+        "two kinds of draws",
+        KEEP_OUT + GAP,
+        f'{KEEP_OUT}\n{KNOWN}\n{STUDY}draws = "errors"\nvary = {{ "craft.position" = {{ ball = "1 m" }} }}{GAP}',
+        "MSG",
+    ),
     # not built yet
     Bad(
         "a start that is not built",

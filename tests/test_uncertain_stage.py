@@ -7,8 +7,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from scipy.integrate import solve_ivp
 
 import closeform as cf
+import closeform.campaign
+from bridge import hill
+from closeform.campaign import flown
+from closeform.campaign.error_cases import drawn
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report.run import RunReport
@@ -161,6 +166,66 @@ def test_a_mission_without_errors_looks_at_none(monkeypatch) -> None:
     monkeypatch.setattr(UncertainStage, "of", None)
     text = re.sub(r"covariance = .*\n", "", HEAD)
     assert fly(parse(text + CLOSER)).results[0].uncertain is None
+
+
+def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatch, capsys) -> None:
+    """In 20 000 cases; and a case is the same however many there are, and whoever else flies."""
+    monkeypatch.chdir(tmp_path)
+    study = '\n[study]\ncases = 20000\nseed = 1\ndraws = "errors"\n'
+    Path("a.toml").write_text(NEAR + EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "") + PASS + study)
+    assert main(["study", "a.toml"]) == 1
+    printed = capsys.readouterr().out
+    summary = json.loads(Path("a-results/summary.json").read_text())
+    told = fly(parse(NEAR + PASS)).results[0].uncertain.likeliest.probability
+    share = summary["inside"]["Within the hard bodies"]["F1 - F2"]
+    assert share["low"] < told.value < share["high"]
+    count = round(20_000 * share["share"])
+    assert f"{count} of 20000 cases not free of collisions; results in a-results" in printed
+    cases = pyarrow.parquet.read_table("a-results/cases/000000000.parquet").to_pydict()
+    assert 20_000 - sum(cases["free_of_collisions"]) == count
+    few = closeform.campaign.study("a.toml", cases=300)
+    assert few.met["free of collisions"].tolist() == cases["free_of_collisions"][:300]
+    assert main(["run", "a.toml", "--case", "3"]) == 2
+    assert "leave the case out" in capsys.readouterr().err
+
+
+def test_histories_of_a_study_are_flown_with_their_errors() -> None:
+    """Each case's errors flown again by an integrator: states at the start, and a burn too strong and turned.
+
+    Whoever comes 5 cm within, or stays 5 cm outside, of the zone at 600 samples is counted so.
+    """
+    move = '[[stage]]\ndo = "transfer"\ncraft = "F2"\nwithin = "0.4 orbits"\n'
+    move += 'to = { position = "0 -30 0 m", velocity = "0 0 0 m/s" }\n'
+    known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "").replace("1 %", "10 %").replace("0.5", "5")
+    start = 'start = [{ palmer = "0 0 0 0 0 0 m" }, { palmer = "0 0 0 45 0 0 m" }]\n'
+    head = re.sub(r"position = \[.*\n|velocity = \"0 0 0.*\n|keep_out.*\n", "", HEAD) + start
+    scenario = parse(
+        head.replace("5 m", "8 m") + known + move + '[study]\ncases = 60\nseed = 4\ndraws = "errors"\n'
+    )
+    campaign = flown(scenario, 60, 4)
+    (pair,) = campaign.bodies
+    paths = [campaign.mission.results[0].after.path(name) for name in scenario.names]
+    times = np.linspace(paths[0].start, paths[0].end, 600)
+    n, state = campaign.mission.orbit.mean_motion, np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
+    assert 5 < pair.inside.sum() < 60
+    for case in range(60):
+        first = drawn(4, "F1", 6, case, case + 1)[0]
+        second = drawn(4, "F2", 10, case, case + 1)[0]
+        turn = np.radians(5.0) * second[7:10]
+
+        def rates(time, state, share=second[6], turn=turn):
+            thrust = paths[1].thrust(time)
+            return hill(n) @ state + np.r_[0, 0, 0, thrust * (1.0 + 0.1 * share) + np.cross(turn, thrust)]
+
+        roots = [craft.errors._root for craft in scenario.craft]
+        one = paths[0].state(times[0]) + roots[0] @ first
+        two = paths[1].state(times[0]) + roots[1] @ second[:6]
+        assert np.linalg.norm((two - paths[1].state(times[0])) / state) < 6.0
+        ends = solve_ivp(rates, times[[0, -1]], two, t_eval=times, method="DOP853", rtol=1e-8, atol=1e-7).y
+        other = np.array([campaign.mission.orbit.transition(time - times[0]) @ one for time in times]).T
+        least = np.linalg.norm((ends - other)[:3], axis=0).min()
+        if abs(least - 16.0) > 0.05:
+            assert pair.inside[case] == (least < 16.0)
 
 
 def test_correlations_make_the_full_matrix() -> None:

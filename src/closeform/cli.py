@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -26,6 +26,11 @@ from closeform.console import (
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.numba_import import collect_rarely, import_numba
 from closeform.screens import encounter, screen
+
+if TYPE_CHECKING:
+    from closeform.report.error_study import ErrorStudyReport
+    from closeform.report.study import StudyReport
+    from closeform.scenario import Scenario
 
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
 
@@ -185,12 +190,12 @@ def study(
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scheduler: str | None = None,
 ) -> int:
-    """Fly many cases of a search with its [study.vary] draws: shares by phase, and a folder with every case.
+    """Fly many cases of a search or of a mission's errors: who is found or met when, in how many of them.
 
     Parameters
     ----------
     scenario
-        TOML file with a [study] table and one stage, lock or gather.
+        TOML file with a [study] table: one stage, lock or gather, or draws = "errors".
     cases
         How many cases, instead of the file's.
     seed
@@ -213,7 +218,6 @@ def study(
     if loaded is None:
         return BAD_INPUT
     from closeform.campaign import flown
-    from closeform.report.study import StudyReport, leave
     from closeform.scenario import ScenarioError
     from closeform.verdict import MET, NOT_MET
 
@@ -223,9 +227,9 @@ def study(
             with progress(notes) as bar:
                 task = bar.add_task("cases", total=cases or (loaded.study.cases if loaded.study else None))
                 campaign = flown(loaded, cases, seed, lambda done: bar.update(task, completed=done))
-            report = StudyReport(campaign)
+            report = study_report(campaign, loaded)
             with notes.status("writing results"), written(place):
-                leave(report, under_way)
+                report.leave(under_way)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
@@ -236,6 +240,17 @@ def study(
     with kept(place):
         tell_study(report, place)
     return MET if campaign.ok else NOT_MET
+
+
+def study_report(campaign: Any, scenario: "Scenario") -> "StudyReport | ErrorStudyReport":
+    """The report of a campaign, by what was drawn."""
+    if scenario.study is not None and scenario.study.draws == "errors":
+        from closeform.report.error_study import ErrorStudyReport
+
+        return ErrorStudyReport(campaign)
+    from closeform.report.study import StudyReport
+
+    return StudyReport(campaign)
 
 
 @app.command(sort_key=4)

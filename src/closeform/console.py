@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from closeform.report.encounter import EncounterReport
+    from closeform.report.error_study import ErrorStudyReport
     from closeform.report.run import RunReport
     from closeform.report.screening import ScreenReport
     from closeform.report.study import StudyReport
@@ -158,7 +159,7 @@ def tell_screen(report: "ScreenReport | EncounterReport") -> None:
     say(console, "", str(report.verdict))
 
 
-def tell_study(report: "StudyReport", place: Path) -> None:
+def tell_study(report: "StudyReport | ErrorStudyReport", place: Path) -> None:
     """Print what a study found."""
     console = stdout()
     say(console, *report.opening)

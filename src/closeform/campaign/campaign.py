@@ -13,7 +13,7 @@ from enum import StrEnum
 from functools import cached_property
 from math import prod
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from closeform.search.phases import labels, tally
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.zones.pair_zones import portions
+
+if TYPE_CHECKING:
+    from closeform.campaign.error_cases import ErrorCampaign
 
 MOST_CASES = 100_000_000  # arrays of this length still fit a workstation
 MOST_LOCKS = 500_000_000  # times with their legs: 8 GB
@@ -153,8 +156,8 @@ class GatherCampaign(Campaign):
     done: ClassVar[str] = "gathered"
 
 
-def study(file: str | Path, cases: int | None = None, seed: int | None = None) -> Campaign:
-    """Fly many cases of a scenario's search, each with its own draws from [study.vary].
+def study(file: str | Path, cases: int | None = None, seed: int | None = None) -> Campaign | ErrorCampaign:
+    """Fly many cases of a scenario's search, each with its own draws from [study.vary], or of its errors.
 
     Case K is the same in every study of the file with the same seed, however many cases it has;
     `closeform run FILE --case K` shows one.
@@ -162,7 +165,7 @@ def study(file: str | Path, cases: int | None = None, seed: int | None = None) -
     Parameters
     ----------
     file : str or path-like
-        A scenario with one stage, lock or gather.
+        A scenario with one stage, lock or gather; or with `draws = "errors"` in its [study].
     cases : int, optional
         C, instead of the number in its [study] table.
     seed : int, optional
@@ -170,9 +173,9 @@ def study(file: str | Path, cases: int | None = None, seed: int | None = None) -
 
     Returns
     -------
-    Campaign
+    Campaign or ErrorCampaign
         A LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v [m/s]; failed
-        cases stay in the denominators of its `shares`.
+        cases stay in the denominators of its `shares`.  Of errors who is ever `inside` what, in which cases.
 
     Raises
     ------
@@ -189,7 +192,7 @@ def flown(
     cases: int | None = None,
     seed: int | None = None,
     progress: Progress = lambda done: None,
-) -> Campaign:
+) -> Campaign | ErrorCampaign:
     """The campaign of a scenario that has been read; `progress` is told how many cases are done."""
     if scenario.study is None:
         raise ScenarioError(scenario.file, ["study: missing; add [study] with cases = 1000 and seed = 1"])
@@ -197,6 +200,10 @@ def flown(
         raise ScenarioError(scenario.file, lines)
     count = whole("cases", scenario.study.cases if cases is None else cases, 1, MOST_CASES)
     chosen = whole("seed", scenario.study.seed if seed is None else seed, 0, None)
+    if scenario.study.draws == "errors":
+        from closeform.campaign import error_cases  # whose kernels searches can spare
+
+        return error_cases.flown(scenario, count, chosen, progress)
     (stage,) = scenario.stages
     try:
         return FLIES[type(stage)](scenario, stage, scenario.plan, count, chosen, progress)

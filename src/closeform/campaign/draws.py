@@ -65,6 +65,8 @@ def case_of(scenario: Scenario, case: int) -> Scenario:
         raise ValueError(f"{scenario.file} has no cases; add a [study] table, or leave the case out")
     if case < 0:
         raise ValueError(f"{case} is negative, cases count from 0; give 0 or more")
+    if scenario.study.draws == "errors":
+        raise ValueError(f"{scenario.file} draws errors, whose cases only a study flies; leave the case out")
     if lines := scenario.refused("run --case"):
         raise ScenarioError(scenario.file, lines)
     states = drawn(scenario, scenario.study.seed, case, case + 1)[0].tolist()

@@ -111,6 +111,10 @@ class StudyReport:
             **self.subject.figures,
         }
 
+    def leave(self, folder: Folder) -> None:
+        """Fill a result folder with everything that a study leaves."""
+        leave(self, folder)
+
 
 def leave(report: StudyReport, folder: Folder) -> None:
     """Fill a result folder with everything that a study leaves."""

@@ -301,10 +301,27 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
                 yield f"stage[{number}].{name}: {wrong}; give another time"
 
 
+def drawn_errors(scenario: Scenario) -> Iterator[str]:
+    """Errors that are to be drawn where there are none, or where nobody could meet."""
+    if not scenario.uncertain:
+        yield (
+            "study.draws: no craft has errors; add for example "
+            f"covariance = {Craft.examples()['covariance']} to [craft]"
+        )
+    if any(craft.execution is not None and craft.execution.noise for craft in scenario.craft):
+        yield "study.draws: white noise cannot be drawn; remove noise from execution"
+    if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
+        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+    if len(scenario.craft) < 2:
+        yield "study.draws: needs another craft; add one"
+
+
 def study(scenario: Scenario) -> Iterator[str]:
     """Draws for keys that cannot vary, or of the wrong kind."""
     if scenario.study is None:
         return
+    if scenario.study.draws == "errors":
+        yield from drawn_errors(scenario)
     known = readers()
     for key, draw in scenario.study.vary.items():
         place = dotted(("study", "vary", key))

@@ -158,7 +158,7 @@ class Scenario:
 
     def unbuilt_study(self) -> tuple[str, ...]:
         """What a study, or one case of it, would need beyond that, one line each."""
-        if self.study is None:
+        if self.study is None or self.study.draws == "errors":
             return ()
         lines = []
         for number, stage in enumerate(self.stages, 1):

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 from functools import cache
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
@@ -69,11 +69,15 @@ class Study(Table):
 
     cases: Annotated[int, Field(ge=1)] = Field(examples=["1000"])
     seed: Annotated[int, Field(ge=0)] = Field(examples=["1"])
+    draws: Literal["vary", "errors"] = Field("vary", examples=['"errors"'])
     vary: dict[str, Draw] = Field(default_factory=dict, examples=['{ "craft.position" = { ball = "10 m" } }'])
     sampled: Annotated[tuple[Step, ...], Field(strict=False)] = Field((), examples=['["1 s", "60 s"]'])
     published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
 
     def flaws(self) -> Iterator[str]:
+        for key in ("vary", "sampled", "published"):
+            if self.draws == "errors" and getattr(self, key):
+                yield f'{key} goes with draws = "vary" only; remove {key}'
         if min(self.sampled, default=1.0) < 0.01:
             yield 'sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]'
         for row, text in self.published.items():
