@@ -822,19 +822,19 @@ craft.silent: is not built yet; remove it""",
         "errors to draw of nobody",
         "",
         STUDY + 'draws = "errors"\n',
-        "MSG",
+        'study.draws: no craft has errors; add for example covariance = { position = "3 6 3 m", velocity = "2 2 2 mm/s" } to [craft]',
     ),
     Bad(
         "noise to draw",
         KEEP_OUT + GAP,
         f'{KEEP_OUT}\nexecution = {{ noise = "1e-9 m^2/s^3" }}\n{STUDY}draws = "errors"{GAP}',
-        "MSG",
+        "study.draws: white noise cannot be drawn; remove noise from execution",
     ),
     Bad(
         "two kinds of draws",
         KEEP_OUT + GAP,
         f'{KEEP_OUT}\n{KNOWN}\n{STUDY}draws = "errors"\nvary = {{ "craft.position" = {{ ball = "1 m" }} }}{GAP}',
-        "MSG",
+        'study: vary goes with draws = "vary" only; remove vary',
     ),
     # not built yet
     Bad(
