@@ -297,6 +297,58 @@ def test_sigmas_fall_with_errors_and_zones_and_do_not_depend_on_units(seed, shar
         assert there.sigmas == pytest.approx(k, rel=1e-9)
 
 
+def turned_zone(name, q):
+    """The zone of that name, turned by q."""
+    if name == "sphere":
+        return ZONES[name]
+    if name == "cylinder":
+        return cf.Cylinder(15.0, 30.0, q @ [1.0, 1.0, 0.0])
+    if name == "half-spaces":
+        zone = ZONES[name]
+        normals = zone.faces @ zone.matrix
+        sizes = np.linalg.norm(normals, axis=1)
+        return cf.HalfSpaces(normals / sizes[:, None] @ q.T, 1.0 / sizes)
+    sizes, axes = {
+        "ellipsoid": ([10.0, 25.0, 15.0], np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1]])),
+        "box": ([15.0, 30.0, 15.0], np.eye(3)),
+    }[name]
+    return {"ellipsoid": cf.Ellipsoid, "box": cf.Box}[name](sizes, axes=axes @ q.T)
+
+
+@pytest.mark.parametrize("shape", ZONES)
+def test_sigmas_do_not_depend_on_axes(shape):
+    """In deep space with all turned; in orbit seen from below, and later: errors of all kinds."""
+    rng = np.random.default_rng(6)
+    met = 0
+    for _ in range(6):
+        q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        q *= np.linalg.det(q)
+        states = rng.normal(size=(2, 6)) * [70, 70, 70, 0.03, 0.03, 0.03]
+        thrust = rng.normal(size=3) * 1e-5
+        root = rng.normal(size=(6, 6)) * np.array([2, 4, 2, 2e-3, 2e-3, 2e-3])[:, None]
+        below = np.diag([1.0, 1.0, -1.0])
+
+        def sigmas(orbit, by, zone, start=0.0, states=states, thrust=thrust, root=root):
+            both = np.kron(np.eye(2), by)
+            moved = states @ both.T
+            path = orbit.burn(moved[0], by @ thrust, 1000.0, start)
+            path = cf.join([path, orbit.coast(path.state(start + 1000.0), 1500.0, start=start + 1000.0)])
+            other = orbit.coast(moved[1], 2500.0, start=start)
+            known = cf.Errors(both @ root @ root.T @ both.T, magnitude=0.1, pointing=0.05, noise=1e-9)
+            found = cf.clearance_in_sigmas(path, other, zone, known)
+            return found.sigmas, found.time - start
+
+        zone = ZONES[shape]
+        for one, two in (
+            (sigmas(DEEP, np.eye(3), zone), sigmas(DEEP, q, turned_zone(shape, q))),
+            (sigmas(ORBIT, np.eye(3), zone), sigmas(ORBIT, below, turned_zone(shape, below))),
+            (sigmas(ORBIT, np.eye(3), zone), sigmas(ORBIT, np.eye(3), zone, start=1e5)),
+        ):
+            assert two[0] == pytest.approx(one[0], rel=2e-9)
+            met += 0.0 < one[0] < np.inf
+    assert met >= 9
+
+
 def test_screen_finds_the_stays_of_each_pair():
     """Bodies with errors that grow, one of them known exactly: as the pairs one by one."""
     rng = np.random.default_rng(8)
