@@ -31,6 +31,7 @@ SECTIONS = {
     "fuel": None,
     "fuel_zones": 1,
     "drift": 1,
+    "sigmas": 1,
     "probability": None,
     "start": None,
 }  # cores; None: all
