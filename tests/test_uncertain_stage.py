@@ -17,7 +17,7 @@ from closeform.campaign.error_cases import drawn
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report.run import RunReport
-from closeform.scenario import parse
+from closeform.scenario import load, parse
 from closeform.uncertain_stage import UncertainStage
 from closeform.uncertainty.carried import carried
 
@@ -237,3 +237,41 @@ def test_correlations_make_the_full_matrix() -> None:
     known = parse(re.sub(r"covariance = .*", covariance, HEAD) + PASS).craft[0].errors.state
     assert known[1, 3] == pytest.approx(-0.9 * 2.0 * 1e-3)
     assert np.sqrt(np.diag(known)) == pytest.approx([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
+
+
+@pytest.mark.parametrize(("stage", "who"), [("avoid", '"F2"'), ("reconfigure", '["F2"]')])
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_stages_plan_clear_at_the_sigmas_they_ask_for(stage: str, who: str, cost: str) -> None:
+    """Touched from outside: as many sigmas and no more, at a price; 2000 draws within them stay out."""
+    target = '{ position = "0 -150 0 m", velocity = "0 0 0 m/s" }'
+    to = target if stage == "avoid" else f"[{target}]"
+    move = f'[[stage]]\ndo = "{stage}"\ncraft = {who}\nto = {to}\nwithin = "0.4 orbits"\ncost = "{cost}"\n'
+    head = HEAD.replace("0 200 0", "0 150 0").replace("1 2 1 m", "2 4 2 m").replace("1 1 1", "3 3 3")
+    head = head.replace('"20 m"', '"60 m"') + EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")
+    without, asked = fly(parse(head + move)), fly(parse(f"{head}{move}sigmas = 3.0\n"))
+    assert without.results[0].uncertain.nearest.sigmas < 2.5
+    near = asked.results[0].uncertain.nearest
+    assert 3.0 - 1e-8 <= near.sigmas < 3.01
+    assert asked.verdict.ok
+    assert asked.spent_of_each[0].sum() > without.spent_of_each[0].sum()
+    paths = [asked.results[0].after.path(name) for name in ("F1", "F2")]
+    errors = asked.results[0].uncertain.errors
+    times = np.linspace(0.0, paths[0].end, 200)
+    random = np.random.default_rng(5)
+    both = [one.covariance(path, times)[:, :3, :3] for one, path in zip(errors, paths, strict=True)]
+    roots = np.linalg.cholesky(both[0] + both[1])
+    ways = random.standard_normal((2000, 3))
+    ways *= 3.0 / np.linalg.norm(ways, axis=1, keepdims=True)
+    points = (paths[1].position(times) - paths[0].position(times))[:, None] + ways @ roots.transpose(0, 2, 1)
+    assert np.linalg.norm(points, axis=2).min() > 60.0 * (1.0 - 1e-6)
+
+
+def test_the_slow_encounter_is_that_of_its_message() -> None:
+    """As the CDM beside it says; the scenario tells one covariance for both craft."""
+    examples = Path(__file__).parents[1] / "examples"
+    told = fly(load(examples / "slow_encounter.toml")).results[0].uncertain.likeliest.probability
+    message = cf.read_cdm(examples / "slow_encounter.cdm").encounter(None)
+    pair = message.path, message.other, cf.Sphere(10.0), message.errors, message.other_errors
+    assert told.value == pytest.approx(cf.collision_probability(*pair).value, rel=1e-3)
+    short = cf.collision_probability(*pair, method="short-encounter")
+    assert short.value < 0.2 * told.value

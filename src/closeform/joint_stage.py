@@ -115,7 +115,7 @@ def planned(
     if stage.plan == "sequential":
         order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
         order += [k for k in range(len(who)) if k not in order]
-    duration = start.asked(stage)
+    duration, known = start.asked(stage), start.planned_errors(stage, who + rest)
     measures: tuple[str, ...] = ()
     punctual: Floats | None = None
     for attempt in range(AGAIN):
@@ -136,6 +136,8 @@ def planned(
             names=[scenario.names[k] for k in who + rest],
             cost=stage.cost,
             thrusters=thrusters if any(own is not None for own in thrusters) else None,
+            errors=known,
+            sigmas=stage.sigmas or 0.0,
         )
         measures += plan.measures
         punctual = punctual if attempt else plan.punctual  # of the duration asked for

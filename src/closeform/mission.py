@@ -64,7 +64,8 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
-        start = StageStart(scenario, orbit, number, states, begin, past, shares)
+        known = errors if scenario.uncertain else ()
+        start = StageStart(scenario, orbit, number, states, begin, past, shares, errors=known)
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:

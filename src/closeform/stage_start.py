@@ -47,6 +47,7 @@ class StageStart:
     """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages.
 
     `shares` (N,) of each craft's first mass are left.  With `room` it is a later moment: when plans begin.
+    `errors` of the craft then, none where nobody has any.
     """
 
     scenario: Scenario
@@ -57,13 +58,33 @@ class StageStart:
     past: dict[str, tuple[float, Floats]]
     shares: Floats
     room: Room = Room()
+    errors: tuple[Any, ...] = ()
 
     def leaving(self, room: Room) -> Self:
         """When a plan begins that leaves some room."""
         if not room.before:
             return replace(self, room=room)
         states = self.states @ self.orbit.transition(room.before).T
-        return replace(self, states=states, time=self.time + room.before, room=room)
+        errors = tuple(self.later(k, room.before) for k in range(len(self.errors)))
+        return replace(self, states=states, time=self.time + room.before, room=room, errors=errors)
+
+    def later(self, k: int, duration: float) -> Any:
+        """The errors of craft k after a coast."""
+        if self.errors[k] is None:
+            return None
+        from closeform.uncertainty.carried import carried  # whose kernels nothing else needs
+
+        return carried(self.errors[k], self.coast(k, duration))
+
+    def planned_errors(self, stage: Avoid | Joint, who: list[int]) -> list[Any] | None:
+        """The errors of craft with which a stage plans; None where it has no sigmas to plan for.
+
+        A plan of another method, or one that is to be safe without thrust, does not know them: it is judged.
+        """
+        other = stage.method != "exact" if isinstance(stage, Avoid) else stage.plan != "joint"
+        if stage.sigmas is None or not self.errors or other or getattr(stage, "drift", None) is not None:
+            return None
+        return [self.errors[k] for k in who]
 
     def asked(self, stage: Avoid | Joint | Transfer) -> float:
         """For how long plans of a stage are to last [s]."""

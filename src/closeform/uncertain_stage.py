@@ -13,6 +13,8 @@ from closeform.uncertainty.errors import Errors
 from closeform.verdict import Asked
 from closeform.zones.shapes import BALL
 
+SURE = 1.0 - 1e-9  # of sigmas that a plan was to keep, to which they are certain
+
 
 @dataclass(frozen=True, eq=False)
 class UncertainStage:
@@ -73,7 +75,7 @@ class UncertainStage:
         where = f"stage {self.number} ({self.stage.verb})"
         if self.stage.sigmas is not None:
             many, near = f"{self.stage.sigmas:g} sigma", self.nearest
-            met = near is None or near.sigmas >= self.stage.sigmas
+            met = near is None or near.sigmas >= SURE * self.stage.sigmas
             least = fewest(near)
             margin = inf if near is None else near.sigmas / self.stage.sigmas
             yield Asked(
