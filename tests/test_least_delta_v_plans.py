@@ -160,6 +160,24 @@ def test_swap_of_twelve():
         assert np.isfinite(end).all()
 
 
+def test_few_impulses():
+    """Where twelve swap, with 88 impulses of which some are 1e-5 m/s it is hardly cheaper."""
+    angles = 2.0 * pi * np.arange(12) / 12
+    ring = np.zeros((12, 6))
+    ring[:, 1], ring[:, 2] = 120.0 * np.cos(angles), 120.0 * np.sin(angles)
+    plan = cf.reconfigure(ORBIT, ring, -ring, ORBIT.period / 4.0, cf.Sphere(15.0), cost="delta-v")
+    sizes = [[np.linalg.norm(push) for _, push in path.impulses] for path in plan.paths]
+    assert max(map(len, sizes)) <= 4
+    assert sum(map(len, sizes)) <= 40
+    assert min(map(min, sizes)) > 1e-4 * plan.delta_v
+    assert sum(map(sum, sizes)) == pytest.approx(plan.delta_v, rel=1e-12)
+    assert plan.delta_v < (1.0 + 1e-4) * 3.98691  # [m/s], of the 88
+    duration, steps = float(plan.paths.end[0]), np.linspace(0.0, 1.0, 3001)  # half a second: 0.1 m
+    places = np.array([path.position(duration * steps) for path in plan.paths])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(12, 1)]
+    assert apart.min() > 15.0 - 1e-3
+
+
 @pytest.mark.parametrize("number", [7, 12, 33, 45])  # boxes, spheres, windows of time, deep space among them
 def test_random_formations(number):
     task = list(cases())[number]

@@ -130,6 +130,10 @@ class BurnSolver(ImpulseSolver):
         """As it is: what rounds come to is full or none."""
         return best
 
+    def fewest(self, best: Spent) -> Spent:
+        """As it is: slots of one burn are one already."""
+        return best
+
     def settled(self, best: Spent) -> Contacts:
         """The contacts with the multipliers of the last round, whose slots are fine where craft burn."""
         return best.contacts

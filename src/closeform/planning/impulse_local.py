@@ -7,7 +7,7 @@ maxima of their primers, and when they last did; in the end only when they must.
 Thrusters have moments of their own each: a time, and the direction of one of them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, pi
 from typing import Any, NamedTuple
@@ -23,6 +23,7 @@ from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
+from closeform.planning.impulse_joining import steps_to_fewer
 from closeform.planning.impulse_moments import Moments, Pushes
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_scene import Dual, Fleet, Planes
@@ -48,6 +49,10 @@ ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
 INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
 DEARER = 1.0002  # times the cost, that few impulses may cost
+FEWER, COARSE = (
+    1e-4,
+    8,
+)  # of the cost, that even fewer may cost beyond that; and of them, how near to the fewest
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,21 +167,55 @@ class ImpulseSolver:
         """The same fired at few times, those at which primers peak, if that costs hardly more."""
         apart = APART * (self.problem.base[:, END] - self.problem.base[:, START])
         for share in (FIRED, IDLE):
-            found, few = best, None
-            for _ in range(FOCUSING):
-                moments = list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
-                again = self.priced(moments, self.turned(found, 0.0), LAST, DEARER * best.delta_v)
-                if again is None:
+
+            def near_peaks(found: Spent, share: float = share) -> list[Moments]:
+                return list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
+
+            few = None
+            for found in self.refired(best, near_peaks, DEARER):
+                gained = inf if few is None else few.delta_v - found.delta_v
+                few = found if gained > 0.0 else few
+                if gained < SETTLED * found.delta_v:
                     break
-                found = again
-                if not found.missed:
-                    gained = inf if few is None else few.delta_v - found.delta_v
-                    few = found if gained > 0.0 else few
-                    if gained < SETTLED * found.delta_v:
-                        break
             if few is not None:
                 return few
         return best
+
+    def fewest(self, best: Spent) -> Spent:
+        """The same with impulses joined or left out, as many as cost hardly more: all that may, or some."""
+        base, most = self.problem.base, (1.0 + FEWER) * best.delta_v
+        sizes = [row[row > 0.0] for row in np.linalg.norm(best.impulses, axis=2)]
+        rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
+        fired = best.fired(0.0)
+        steps = steps_to_fewer(fired, sizes, rates, most - best.delta_v)
+        left: dict[int, Moments] = {}
+
+        def chosen(_: Spent) -> list[Moments]:
+            return [left.get(i, own) for i, own in enumerate(fired)]
+
+        kept, low, high, middle = best, 0, len(steps), len(steps)
+        while high - low > len(steps) // COARSE:
+            left = {step.craft: step.left for step in steps[:middle]}
+            found = next(self.refired(best, chosen, 1.0 + FEWER), None)
+            if found is None or found.delta_v > most:
+                high = middle - 1
+            else:
+                kept, low = found, middle
+            middle = (low + high + 1) // 2
+        return kept
+
+    def refired(
+        self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float
+    ) -> Iterator[Spent]:
+        """Clear paths, fired at `moments` of the round before, that cost at most `dearer` times as much."""
+        found, self.aim = best, best.margin
+        for _ in range(FOCUSING):
+            again = self.priced(moments(found), self.turned(found, 0.0), LAST, dearer * best.delta_v)
+            if again is None:
+                return
+            found = again
+            if not found.missed:
+                yield found
 
     def settled(self, best: Spent) -> Contacts:
         """The contacts with the multipliers of craft that may fire at any time, not only when these do."""

@@ -74,7 +74,7 @@ def solved(
         best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
         tried += 1
     if best is not None:
-        best = solver.focused(best)
+        best = solver.fewest(solver.focused(best))
         contacts = contacts_of(problem, solver.settled(best).some(best.pushing), best.flown)
         return Outcome(best.flown, contacts, nan, best.margin, False, tried, delta_v=best.delta_v), free
     if solver.pushes.fixed.any():
