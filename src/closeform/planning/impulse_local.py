@@ -172,7 +172,7 @@ class ImpulseSolver:
                 return list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
 
             few = None
-            for found in self.refired(best, near_peaks, DEARER):
+            for found in self.refired(best, near_peaks, DEARER, steady=False):
                 gained = inf if few is None else few.delta_v - found.delta_v
                 few = found if gained > 0.0 else few
                 if gained < SETTLED * found.delta_v:
@@ -196,7 +196,7 @@ class ImpulseSolver:
         kept, low, high, middle = best, 0, len(steps), len(steps)
         while high - low > len(steps) // COARSE:
             left = {step.craft: step.left for step in steps[:middle]}
-            found = next(self.refired(best, chosen, 1.0 + FEWER), None)
+            found = next(self.refired(best, chosen, 1.0 + FEWER, steady=True), None)
             if found is None or found.delta_v > most:
                 high = middle - 1
             else:
@@ -205,11 +205,15 @@ class ImpulseSolver:
         return kept
 
     def refired(
-        self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float
+        self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, steady: bool
     ) -> Iterator[Spent]:
-        """Clear paths, fired at `moments` of the round before, that cost at most `dearer` times as much."""
+        """Clear paths, fired at `moments` of the round before, that cost at most `dearer` times as much.
+
+        `steady`: conflicts become planes, and none is moved further out than the best paths' were.
+        """
         found, self.aim = best, best.margin
         for _ in range(FOCUSING):
+            self.aim = best.margin if steady else self.aim
             again = self.priced(moments(found), self.turned(found, 0.0), LAST, dearer * best.delta_v)
             if again is None:
                 return
