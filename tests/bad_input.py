@@ -1494,6 +1494,46 @@ CALLS = (
         "prove: goes without drift; leave one of them out",
     ),
     Call(
+        "a plan at fewer than no sigmas",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), errors=cf.Errors(), sigmas=-1.0)",
+        "sigmas: must be finite and at least 0, got -1",
+    ),
+    Call(
+        "a plan with a number for Errors",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), errors=3.0)",
+        "errors: expected Errors, got 3.0",
+    ),
+    Call(
+        "a plan with errors of more obstacles than there are",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), other_errors=[cf.Errors()] * 2)",
+        "other_errors: 2 for 1 craft; give one, or one for each",
+    ),
+    Call(
+        "a plan with errors of more craft than there are",
+        "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), errors=[cf.Errors()] * 2)",
+        "errors: 2 for 1 craft; give one, or one for each",
+    ),
+    Call(
+        "a plan with errors that counts a covariance twice",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Uncertainty([[1, 0, 0], [0, 1, 0], [0, 0, 1]], 3.0), errors=cf.Errors())",
+        "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and give what craft fill as Body(Sphere(radius))",
+    ),
+    Call(
+        "errors and a proof",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), errors=cf.Errors(), prove=2.0)",
+        "prove: goes without errors; leave one of them out",
+    ),
+    Call(
+        "errors and a drift",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3600.0), cf.Sphere(25.0), errors=cf.Errors(), drift=0.0)",
+        "drift: goes without errors; leave one of them out",
+    ),
+    Call(
+        "errors of craft that plan one after another",
+        "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), method='sequential', errors=cf.Errors())",
+        "method: goes without errors; leave one of them out",
+    ),
+    Call(
         "thrusters of more craft than there are",
         "cf.reconfigure(orbit, [start], [end], 3000.0, cf.Sphere(9.0), cost='delta-v', thrusters=[thrusters] * 2)",
         "thrusters: 2 sets for 1 craft; give one, or one for each",

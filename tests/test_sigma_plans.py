@@ -8,11 +8,13 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import closeform as cf
+from closeform.mission import fly
 from closeform.motion.joining import stack
 from closeform.planning.around import Around
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.sigma_problem import Margin
+from closeform.scenario import parse
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion
@@ -279,3 +281,60 @@ def test_the_bound_holds_inside_the_sum_of_zone_and_sigmas():
     assert along == pytest.approx(28.0 + 2.0 * contact.sigma, rel=1e-9)
     # and what is bounded by it is the zone's bound or more
     assert plan.lower_bound > cf.avoid(PATH, CLIENT, ZONE).lower_bound
+
+
+SCENARIO = """\
+closeform = 1
+title = "Known to some metres"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["A", "B", "C"]
+position = ["0 0 0 m", "3 41 -39 m", "0 400 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "24 m" }
+covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }
+execution = { magnitude = "1 %" }
+
+[[stage]]
+do = "coast"
+for = "100 s"
+"""
+ALONE = """
+[[stage]]
+do = "avoid"
+craft = "B"
+to = { position = "-4 -60 43 m", velocity = "0 0 0 m/s" }
+within = "0.4 orbits"
+"""
+TOGETHER = """
+[[stage]]
+do = "reconfigure"
+to = [
+  { position = "4 60 -30 m", velocity = "0 0 0 m/s" },
+  { position = "-4 -60 30 m", velocity = "0 0 0 m/s" },
+  { position = "0 400 0 m", velocity = "0 0 0 m/s" },
+]
+within = "0.15 orbits"
+"""
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_stages_that_ask_for_sigmas_are_planned_with_them(cost):
+    text = SCENARIO + ALONE + f'cost = "{cost}"\n'
+    without, kept = fly(parse(text)), fly(parse(text + "sigmas = 3.0\n"))
+    assert kept.verdict.ok
+    result = kept.results[-1]
+    assert result.uncertain.nearest.sigmas >= 3.0
+    assert without.results[-1].uncertain.nearest.sigmas < 3.0
+    assert result.result.avoidance.sigmas == 3.0
+
+
+def test_formations_that_ask_for_sigmas_are_planned_with_them():
+    text = SCENARIO.replace('"0 0 0 m", "3', '"0 -60 30 m", "3') + TOGETHER
+    without, kept = fly(parse(text)), fly(parse(text + "sigmas = 3.0\n"))
+    assert kept.results[-1].result.plan.sigmas == 3.0
+    assert without.results[-1].uncertain.nearest.sigmas < 3.0 <= kept.results[-1].uncertain.nearest.sigmas
+    assert kept.verdict.ok

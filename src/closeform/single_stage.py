@@ -74,10 +74,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
     who = [mover, *(names.index(name) for name in rest)]
     if (known := start.planned_errors(stage, who)) is not None:
-        from closeform.planning.sigma_problem import Margin
-
-        kept = Margin.around(direct, known[0], task.obstacles, known[1:], stage.sigmas)
-        task = replace(task, kept=kept)
+        task = task.keeping(direct, known[0], known[1:], stage.sigmas)
     if not craft.limited or thrusters is not None:
         avoidance = task.plan(direct)
     else:

@@ -19,6 +19,7 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import (
+    TWICE,
     PairZones,
     by_zone,
     counts_covariances,
@@ -203,10 +204,7 @@ def _search(paths: Path, zone: Zone | PairZones, errors: Any, sigmas: float) -> 
     known = one_of(*(errors if isinstance(errors, list | tuple) else [errors]))
     if known is not None:
         if isinstance(zone, PairZones) and counts_covariances(zone):
-            raise ValueError(
-                "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and "
-                "give what craft fill as Body(Sphere(radius))"
-            )
+            raise ValueError(TWICE)
         return known._search_of(paths, errors, zones, sigmas)
     bodies = paths.arcs, paths.offsets
     tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -72,6 +72,12 @@ class Around:
             raise ValueError("obstacles: give at least one path")
         zones, called = zones_around(zone, len(batch)), obstacle_names(names, len(batch))
         return cls(batch, zones, called, method, budget, cost, thrusters)
+
+    def keeping(self, path: Path, errors: Any, other_errors: Any, sigmas: Any) -> Self:
+        """The same that keeps sigmas of errors too; raises ValueError for errors that do not fit."""
+        from closeform.planning.sigma_problem import Margin
+
+        return replace(self, kept=Margin.around(path, errors, self.obstacles, other_errors, sigmas))
 
     def problem(self, direct: Path) -> Problem:
         """What is to be planned."""

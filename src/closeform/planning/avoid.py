@@ -129,11 +129,8 @@ def avoid(
     if (after := check_drift(drift, prove, method, "exact")) is not None:
         check_obstacles(task.obstacles, path.end + after, task.names)
         task = replace(task, drift=after)
-    if check_errors((errors, other_errors), prove, method != "exact", drift):
-        from closeform.planning.sigma_problem import Margin
-
-        kept = Margin.around(path, errors, task.obstacles, other_errors, sigmas)
-        task = replace(task, kept=kept)
+    if check_errors((errors, other_errors), zone, prove, method != "exact", drift):
+        task = task.keeping(path, errors, other_errors, sigmas)
     return (
         task.plan(path, prove)
         if max_acceleration is None

@@ -15,6 +15,8 @@ from closeform.planning.plan import Contact
 from closeform.planning.problem import Flown, Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import MARGINS, Found, Search
+from closeform.zones.combined_zones import Uncertainty
+from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +102,18 @@ def check_drift(drift: float | None, prove: float, method: str, exact: str) -> f
     return seconds
 
 
-def check_errors(given: Sequence[Any], prove: float, other_method: bool, drift: float | None) -> bool:
+def check_errors(
+    given: Sequence[Any], zone: Any, prove: float, other_method: bool, drift: float | None
+) -> bool:
     """Whether any errors are given; raises ValueError for what does without them but was asked for."""
     if all(one is None for one in given):
         return False
+    own = zone if isinstance(zone, list | tuple) else [zone]
+    if any(
+        isinstance(one, Uncertainty) or (isinstance(one, PairZones) and counts_covariances(one))
+        for one in own
+    ):
+        raise ValueError(TWICE)
     wrong = {"prove": prove > 0.0, "method": other_method, "drift": drift is not None}
     if asked := [name for name, has in wrong.items() if has]:
         raise ValueError(f"{asked[0]}: goes without errors; leave one of them out")

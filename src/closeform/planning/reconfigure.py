@@ -167,7 +167,7 @@ def reconfigure(
     if drift is not None:
         until = float((request.starts + request.durations).max()) + drift
         check_obstacles(request.others, until, request.names[count:])
-    if check_errors((errors,), prove, method != "joint", drift):
+    if check_errors((errors,), zone, prove, method != "joint", drift):
         from closeform.planning.sigma_problem import Margin
 
         around = len(request.others) if request.others is not None else 0

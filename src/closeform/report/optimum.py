@@ -39,6 +39,9 @@ def clearance(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str
     (one, other), dearest, _ = prices(found, names, order).rows[0]
     most = f", {100.0 * dearest / found.price:.3g} % of it {one} - {other}" if len(found.prices) > 1 else ""
     yield f"A metre more clearance costs about {found.price:.4g} {UNITS[found.cost]}{share}{most}"
+    if found.sigmas:
+        more = sum(one.per_sigma for one in found.prices)
+        yield f"Planned clear at {found.sigmas:g} sigma; one more costs about {more:.4g} {UNITS[found.cost]}"
 
 
 def prices(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Table:

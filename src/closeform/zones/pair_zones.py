@@ -15,6 +15,10 @@ from closeform.zones.zone import Zone
 
 AT_ONCE = 1 << 18  # pairs that are looked at together: some tens of megabytes
 MANY = 64  # unlike own zones, up to which those of all pairs are made at once
+TWICE = (
+    "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and "
+    "give what craft fill as Body(Sphere(radius))"
+)
 
 
 @dataclass(frozen=True, eq=False)
