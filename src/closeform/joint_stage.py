@@ -116,6 +116,8 @@ def planned(
         order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
         order += [k for k in range(len(who)) if k not in order]
     duration, known = start.asked(stage), start.planned_errors(stage, who + rest)
+    drift = start.drift(stage) if stage.plan == "joint" and known is None else None
+    seen = far_beyond(duration + (drift or 0.0), start.orbit.mean_motion)
     measures: tuple[str, ...] = ()
     punctual: Floats | None = None
     for attempt in range(AGAIN):
@@ -128,7 +130,7 @@ def planned(
             [start.keep_out[k] for k in who + rest],
             assign=stage.assigns,
             start=start.time,
-            obstacles=[start.coast(k, far_beyond(duration, start.orbit.mean_motion)) for k in rest],
+            obstacles=[start.coast(k, seen) for k in rest],
             max_acceleration=limits if np.isfinite(limits).any() else None,
             if_blocked=stage.if_blocked,
             method=stage.plan,
@@ -138,6 +140,7 @@ def planned(
             thrusters=thrusters if any(own is not None for own in thrusters) else None,
             errors=known,
             sigmas=stage.sigmas or 0.0,
+            drift=drift,
         )
         measures += plan.measures
         punctual = punctual if attempt else plan.punctual  # of the duration asked for

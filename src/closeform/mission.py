@@ -70,6 +70,7 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             past[stage.name] = start.time, states
         try:
             result = FLIES[type(stage)](start, stage)
+            result = with_drift(scenario, result)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
         if scenario.uncertain and result.flown:
@@ -125,6 +126,15 @@ def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Flo
     exhaust = np.array([STANDARD_GRAVITY * (craft.specific_impulse or inf) for craft in scenario.craft])
     spent = sum((result.delta_v for result in results if result.flown), np.zeros(len(exhaust)))
     return np.asarray(np.exp(-spent / exhaust))
+
+
+def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
+    """A stage with whether it is safe when something fails, where that is asked."""
+    if getattr(result.stage, "drift", None) is None or not result.flown:
+        return result
+    from closeform.passive import judged
+
+    return replace(result, passive=judged(scenario, result))
 
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:

@@ -14,10 +14,11 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Destination, Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Late, Use, Verdict, conflicts_in, thrust_use
+from closeform.verdict import Asked, Late, Use, Verdict, conflicts_in, thrust_use
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
+    from closeform.passive import PassiveSafety
     from closeform.planning.plan import Avoidance, Plan
     from closeform.pulsed import Pulsed
     from closeform.search.locks import Locks
@@ -35,7 +36,8 @@ class StageResult(Generic[AnyStage, AnyResult]):
     of the stage.  `failure`: why the mission cannot go on after it; `flown`: whether its paths
     count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
     `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.  `uncertain`: what errors
-    of the craft make of it, None without any.
+    of the craft make of it, None without any.  `passive`: whether it is safe when something fails, where that
+    is asked.
     """
 
     number: int
@@ -49,11 +51,18 @@ class StageResult(Generic[AnyStage, AnyResult]):
     late: Late | None = None
     pulsed: "Pulsed | None" = None
     uncertain: "UncertainStage | None" = None
+    passive: "PassiveSafety | None" = None
 
     @property
     def planned(self) -> Flight:
         """The plan: what is flown, but for thrusters."""
         return self.after if self.pulsed is None else self.pulsed.planned
+
+    @property
+    def asked(self) -> "tuple[Asked, ...]":
+        """What it asks for beside clearance as planned."""
+        judged = self.uncertain, self.passive
+        return tuple(one for some in judged if some is not None for one in some.asked)
 
     @cached_property
     def delta_v(self) -> Floats:
@@ -171,7 +180,7 @@ class Mission:
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
             tuple(result.late for result in flown if result.late is not None),
-            asked=tuple(one for result in flown if result.uncertain for one in result.uncertain.asked),
+            asked=tuple(one for result in flown for one in result.asked),
         )
 
     @property

@@ -46,7 +46,11 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         later = start.time + duration - path.end
         return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
 
-    others = [other(name, far_beyond(asked, start.orbit.mean_motion)) for name in rest]
+    who = [mover, *(names.index(name) for name in rest)]
+    known = start.planned_errors(stage, who)
+    drift = start.drift(stage) if stage.method == "exact" and known is None else None
+    seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
+    others = [other(name, seen) for name in rest]
     zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
 
     def clear(finals: Floats) -> Any:
@@ -72,8 +76,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     craft, direct = start.scenario.craft[mover], way(1.0)
     thrusters = start.thrusters(mover, stage.cost)
     task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
-    who = [mover, *(names.index(name) for name in rest)]
-    if (known := start.planned_errors(stage, who)) is not None:
+    task = replace(task, drift=drift)
+    if known is not None:
         task = task.keeping(direct, known[0], known[1:], stage.sigmas)
     if not craft.limited or thrusters is not None:
         avoidance = task.plan(direct)

@@ -15,7 +15,7 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Destination, Joint, Scenario, Target, Transfer
-from closeform.scenario.stages import Cost
+from closeform.scenario.stage_table import Cost, Thrusting
 from closeform.verdict import Late, thrust_use
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
@@ -95,6 +95,15 @@ class StageStart:
                 f"{self.room.time:.6g} s of it; give more time or thrust"
             )
         return asked - self.room.time
+
+    def drift(self, stage: Thrusting) -> float | None:
+        """How long after a stage's plan thrust that was lost in it must not lead into a zone [s].
+
+        None where no plan can be made for it.
+        """
+        if stage.drift is None or not stage.plans_drift:
+            return None
+        return stage.drift.on(self.orbit.mean_motion) + self.room.after
 
     @cached_property
     def keep_out(self) -> tuple[OwnZone | None, ...]:

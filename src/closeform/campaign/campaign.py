@@ -23,7 +23,8 @@ from closeform.campaign.shares import Share, shares
 from closeform.conflicts.two_paths import closest_approach
 from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Scenario, ScenarioError, load
-from closeform.scenario.stages import Gather, Lock, StageTable
+from closeform.scenario.stage_table import StageTable
+from closeform.scenario.stages import Gather, Lock
 from closeform.search.gather import gather_cases
 from closeform.search.gather_result import Gatherings
 from closeform.search.locks import lock_times

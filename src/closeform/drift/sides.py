@@ -9,7 +9,7 @@ from closeform.drift.cells import ACCELERATION, FLIES, HELD, LOST, MEASURE, MISS
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
 from closeform.drift.fans import GENERATORS, Room
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
-from closeform.motion.path import Path
+from closeform.motion.path import Path, path_of
 
 KINDS = {ThrustLost: LOST, MissedBurns: MISSED, WeakThrust: WEAK, StuckThrust: STUCK}
 CELLS = 2048  # of which a pair is given room at first; as many parts of a path that thrusts are rare
@@ -47,6 +47,12 @@ def carried_on(path: Path, until: float) -> tuple[Floats, Any]:
     coasts[:, STATE : STATE + 6] = _ends(path)
     arcs = np.insert(path.arcs, path.offsets[1:], coasts, axis=0)
     return arcs, path.offsets + np.arange(len(path.offsets))
+
+
+def carried(paths: Path, until: float) -> Path:
+    """Paths that coast on after their ends."""
+    arcs, offsets = carried_on(paths, until)
+    return path_of(paths.orbit, np.ascontiguousarray(arcs), offsets, paths.shape)
 
 
 def burns_of(path: Path) -> tuple[Floats, Any]:

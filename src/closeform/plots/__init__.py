@@ -16,6 +16,8 @@ _HOMES = {
     "collision": "collisions",
     "complementary_cones": "cones",
     "distances": "timelines",
+    "drift_fan": "fans",
+    "drift_ratios": "drifts",
     "formation_animation": "flying",
     "formation_paths": "fleet",
     "formation_thrust": "thrusting",

@@ -122,7 +122,9 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
             return (f"Method {method}: takes the {longer}, which is in nobody's way",)
         return (f"Method {method}: no change needed, {avoidance.status}",)
     over = f" over {moved.plain.end - moved.plain.start:.1f} s" if moved.plain is not moved.direct else ""
-    where = [f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in avoidance.contacts]
+    where = [
+        f"{moved.others[at.second - 1]} at {at.time:.1f} s{optimum.adrift(at)}" for at in avoidance.contacts
+    ]
     many = f"zones {len(where)} times, from that of {where[0]} to {where[-1]}"
     touched = many if len(where) > MOST_CONTACTS else f"the zone of {', '.join(where)}"
     return (
@@ -158,7 +160,12 @@ def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Burns
         "arrival": arrival.figures(result.stage.to, moved.goals.get(moved.craft)),
         "extra_energy_m2_s3": avoidance.extra_energy,
         "contacts": [
-            {"craft": moved.others[at.second - 1], "time_s": at.time, "position_m": at.position.tolist()}
+            {
+                "craft": moved.others[at.second - 1],
+                "time_s": at.time,
+                "position_m": at.position.tolist(),
+                "failed_at_s": at.failed_at,
+            }
             for at in avoidance.contacts
         ],
         "direct": cost(moved.craft, moved.direct),

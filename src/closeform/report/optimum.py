@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from closeform.planning.plan import UNITS, Avoidance, Plan
+from closeform.planning.plan import UNITS, Avoidance, Contact, Plan
 from closeform.report.table import PAIR, Column, Table, counted
 
 KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
@@ -29,6 +29,11 @@ def bounds(found: Avoidance | Plan) -> Iterator[str]:
     yield f"{found.cost.capitalize()} {above} {found.lower_bound:.6g} {unit}"
     if found.margin > TOUCHING:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
+
+
+def adrift(at: Contact) -> str:
+    """Of a contact of a craft that drifts when its thrust was lost; nothing of one under way."""
+    return f" (thrust lost at {at.failed_at:.1f} s)" if at.failed_at == at.failed_at else ""
 
 
 def clearance(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Iterator[str]:

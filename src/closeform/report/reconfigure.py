@@ -145,17 +145,18 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     yield Table(title, shown, rows, folded=many)
 
 
-def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float]]:
-    """The pair and the time [s] of every contact of the plan."""
+def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float, float]]:
+    """The pair and the time [s] of every contact of the plan, and when thrust was lost, else nan."""
     names = moved.names
-    return [((names[at.first], names[at.second]), at.time) for at in moved.plan.contacts]
+    return [((names[at.first], names[at.second]), at.time, at.failed_at) for at in moved.plan.contacts]
 
 
 def contacts(result: Moved) -> Iterator[Table]:
     """Where paths of the plan touch zones."""
     moved = result.result
     if rows := touching(moved):
-        columns = PAIR, Column("at [s]", form="{:.3f}".format)
+        lost = None if moved.plan.drift is None else "thrust lost at [s]"
+        columns = PAIR, Column("at [s]", form="{:.3f}".format), Column(lost, form="{:.3f}".format)
         yield Table("Where the plan touches zones", columns, rows, folded=True)
     if moved.plan.prices:
         yield optimum.prices(moved.plan, moved.names, result.after.names)
@@ -173,7 +174,10 @@ def worth(result: Moved) -> Iterator[str]:
         return
     yield f"Planned {how}: {optimum.best(plan)}"
     yield from optimum.bounds(plan)
-    where = [f"{one} - {other} at {time:.1f} s" for (one, other), time in touching(moved)]
+    where = [
+        f"{one} - {other} at {at.time:.1f} s{optimum.adrift(at)}"
+        for ((one, other), *_), at in zip(touching(moved), plan.contacts, strict=True)
+    ]
     if len(where) > MOST_CONTACTS:
         yield f"Touches zones {len(where)} times, from {where[0]} to {where[-1]}"
     elif where:
@@ -215,6 +219,7 @@ def figures(
             {
                 "pair": [moved.names[at.first], moved.names[at.second]],
                 "time_s": at.time,
+                "failed_at_s": at.failed_at,
                 "normal": at.normal.tolist(),
                 "multiplier_m_s3" if plan.cost == "energy" else "multiplier_1_s": at.multiplier,
             }

@@ -14,6 +14,7 @@ from closeform.mission_result import Mission, StageResult
 from closeform.report import (
     coast,
     conflicts,
+    drift,
     effort,
     gather,
     limits,
@@ -147,7 +148,8 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     return replace(
         told,
         lines=conflicts.zones(result.before) + told.lines,
-        closing=told.closing + closing + not_filmed(told.pictures, count),
+        tables=told.tables + drift.tables(result),
+        closing=(*told.closing, *closing, *drift.lines(result), *not_filmed(told.pictures, count)),
         pictures=tuple(
             replace(
                 picture,
@@ -155,7 +157,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 stage=fate(result),
                 failed=result.failure is not None,
             )
-            for picture in told.pictures
+            for picture in told.pictures + drift.pictures(result)
             if not (isinstance(picture, Film) and picture.most < count)
         ),
         figures={
@@ -168,8 +170,14 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "after": conflicts.figures(result.after),
             **told.figures,
             **used,
+            **drift.figures(result),
         },
-        files={**conflicts.files(result), **effort.files(mission, result), **told.files},
+        files={
+            **conflicts.files(result),
+            **effort.files(mission, result),
+            **told.files,
+            **drift.files(result),
+        },
     )
 
 

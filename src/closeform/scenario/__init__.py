@@ -6,6 +6,7 @@ from closeform.scenario.formation import Destination, Goal, Target
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.load import load, parse, text_of
 from closeform.scenario.scenario import Scenario
+from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import (
     Avoid,
     Coast,
@@ -15,7 +16,6 @@ from closeform.scenario.stages import (
     Reconfigure,
     Regather,
     Scatter,
-    StageTable,
     Transfer,
 )
 

@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from math import inf
 
 import numpy as np
 
@@ -13,16 +14,8 @@ from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted, key_of, meant_by
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import (
-    Avoid,
-    Gather,
-    Joint,
-    Reconfigure,
-    Regather,
-    Scatter,
-    StageTable,
-    Transfer,
-)
+from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
+from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
 from closeform.scenario.study import BUILT, draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
@@ -130,7 +123,11 @@ def stages(scenario: Scenario) -> Iterator[str]:
             yield from firing(scenario, stage)
             if any(later.verb == "gather" for later in scenario.stages[number:]):
                 yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
-        if stage.keeps_out and any(craft.keep_out is None for craft in scenario.craft):
+        if isinstance(stage, Drifting) and stage.drift is not None:
+            yield from drifting(scenario, number, stage)
+        if (stage.keeps_out or getattr(stage, "drift", None) is not None) and any(
+            craft.keep_out is None for craft in scenario.craft
+        ):
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
         yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
@@ -155,6 +152,36 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
         yield 'craft.hard_body: missing; add for example hard_body = "5 m"'
     if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
         yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+
+
+def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
+    """A drift that nobody is there for, or that has no end though others still thrust."""
+    if len(scenario.craft) < 2:
+        yield f"stage[{number}].drift: needs another craft to keep clear of; add one, or remove drift"
+        return
+    if stage.for_ever:
+        if scenario.orbit.deep_space is not None:
+            yield f'stage[{number}].drift: "forever" needs an orbit; give a time, for example "24 h"'
+        elif movers(scenario, stage) > 1:
+            yield (
+                f'stage[{number}].drift: "forever" is for stages in which one craft moves at most; '
+                'give a time, for example "24 h"'
+            )
+    jumps = any(not craft.limited for craft in scenario.craft)
+    if isinstance(stage, Thrusting) and stage.failure == "thrust stuck" and stage.cost == "delta-v" and jumps:
+        yield (
+            f"stage[{number}].failure: impulses have no thrust that could be stuck; "
+            "give max_thrust in [craft], or another failure"
+        )
+
+
+def movers(scenario: Scenario, stage: Drifting) -> int:
+    """How many craft may thrust in a stage."""
+    if isinstance(stage, Avoid):
+        return 1 + len(stage.meanwhile)
+    if isinstance(stage, Joint):
+        return len(stage.movers or scenario.names)
+    return int(isinstance(stage, Transfer))
 
 
 def firing(scenario: Scenario, stage: Avoid | Joint | Transfer) -> Iterator[str]:
@@ -294,8 +321,10 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Stages that are too short or too long to be flown."""
     for number, stage in enumerate(scenario.stages, 1):
         for key, duration in stage.durations.items():
-            if duration.orbits and not orbit.mean_motion:
+            if (duration.orbits and not orbit.mean_motion) or (key == "drift" and not duration.seconds < inf):
                 continue  # of which something is said
+            if key == "drift" and duration.on(1.0) == 0.0:
+                continue  # until the end of the stage
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
                 name = "for" if key == "length" else key
                 yield f"stage[{number}].{name}: {wrong}; give another time"

@@ -14,7 +14,8 @@ from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, meant_by
 from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import STAGES, StageTable, Unknown
+from closeform.scenario.stage_table import StageTable
+from closeform.scenario.stages import STAGES, Unknown
 from closeform.scenario.study import Study
 from closeform.scenario.table import FLAWED, Table
 

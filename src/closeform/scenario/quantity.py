@@ -80,6 +80,9 @@ class Duration:
         """The time [s] on an orbit of `mean_motion` [rad/s]; orbits need one above zero."""
         return self.seconds + (self.orbits * 2 * math.pi / mean_motion if self.orbits else 0.0)
 
+    def __str__(self) -> str:
+        return f"{self.orbits:g} orbit{'s' * (self.orbits != 1.0)}" if self.orbits else span(self.seconds)
+
 
 @dataclass(frozen=True)
 class Reader:
@@ -156,6 +159,14 @@ class Reader:
         if self.least == "zero" and min(numbers) < 0.0:
             raise ValueError(f"{shown(value)} is negative; give zero or more, for example {self.example}")
         return numbers
+
+
+def span(seconds: float) -> str:
+    """A time in words, in hours or minutes from two on."""
+    for unit, name in ((3600.0, "h"), (60.0, "min")):
+        if seconds >= 2.0 * unit:
+            return f"{seconds / unit:.4g} {name}"
+    return f"{seconds:.4g} s"
 
 
 def as_number(word: str) -> float | None:

@@ -12,7 +12,8 @@ from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stages import Gather, StageTable
+from closeform.scenario.stage_table import StageTable
+from closeform.scenario.stages import Gather
 from closeform.scenario.study import BUILT, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones

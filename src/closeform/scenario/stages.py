@@ -1,7 +1,7 @@
 """What happens, in order: the tables of [[stage]], one model for each verb in `do`."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
@@ -9,52 +9,16 @@ from pydantic import Discriminator, Field, Tag
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Destination, Goal, Target
+from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
 from closeform.scenario.table import ALL, EACH, Length, Name, Names, Position, Span, Table, Vector
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]
 ALL_FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
-Cost = Literal["energy", "delta-v"]
 FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 
 
-class StageTable(Table):
-    """What every stage has."""
-
-    keeps_out: ClassVar[bool] = True  # whether it needs [craft] keep_out
-    searches: ClassVar[bool] = False  # whether it needs [sensor], [search] and craft groups
-
-    name: Name | None = Field(None, examples=['"threat"'])
-    sigmas: Annotated[float, Field(gt=0, le=1000)] | None = Field(None, examples=["3.0"])
-    max_probability: Annotated[float, Field(gt=0, le=1)] | None = Field(None, examples=["1e-4"])
-
-    @property
-    def assigns(self) -> bool:
-        """Whether it is left open who takes which place."""
-        return False
-
-    @property
-    def verb(self) -> str:
-        """What stands in `do`."""
-        return type(self).__name__.lower()
-
-    @property
-    def durations(self) -> dict[str, Span]:
-        """The stage's durations by key."""
-        return {key: value for key in ("length", "within") if (value := getattr(self, key, None)) is not None}
-
-    @property
-    def craft_named(self) -> dict[str, tuple[str, ...]]:
-        """The craft that the stage names, by key."""
-        return {}
-
-    @property
-    def targets(self) -> dict[str, Target | Goal]:
-        """The states or formations that craft move to, by key."""
-        return {}
-
-
-class Coast(StageTable):
+class Coast(Drifting):
     """Nobody burns."""
 
     do: Literal["coast"] = Field(examples=['"coast"'])
@@ -69,14 +33,13 @@ class Fellow(Table):
     to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
 
 
-class Avoid(StageTable):
+class Avoid(Thrusting):
     """One craft moves among the others, around their zones, at the least cost."""
 
     do: Literal["avoid"] = Field(examples=['"avoid"'])
     craft: Name = Field(examples=['"F3"'])
     to: Destination | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
-    cost: Cost = Field("energy", examples=['"delta-v"'])
     method: Literal["exact", "sauter-palmer"] = Field("exact", examples=['"exact"'])
     animation: bool = Field(False, examples=["true"])
     meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = Field(
@@ -85,6 +48,7 @@ class Avoid(StageTable):
     longer: bool = Field(True, examples=["false"])
 
     def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
             yield f'method = "{self.method}" goes with cost = "energy" only; remove one of them'
         names = [self.craft, *(fellow.craft for fellow in self.meanwhile)]
@@ -103,7 +67,7 @@ class Avoid(StageTable):
         return own | {f"meanwhile[{k}].to": fellow.to for k, fellow in enumerate(self.meanwhile, 1)}
 
 
-class Transfer(StageTable):
+class Transfer(Thrusting):
     """One craft moves without regard to others, at the least cost, within its thrust in the given time."""
 
     keeps_out = False
@@ -111,7 +75,6 @@ class Transfer(StageTable):
     craft: Name | None = Field(None, examples=['"F1"'])
     to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
-    cost: Cost = Field("energy", examples=['"delta-v"'])
     animation: bool = Field(False, examples=["true"])
 
     @property
@@ -123,17 +86,17 @@ class Transfer(StageTable):
         return {"to": self.to}
 
 
-class Joint(StageTable):
+class Joint(Thrusting):
     """What the stages share in which the whole formation moves."""
 
     within: Span = Field(examples=['"0.25 orbits"'])
-    cost: Cost = Field("energy", examples=['"delta-v"'])
     plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
     order: Names | None = Field(None, examples=['["F3", "F1"]'])
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
     animation: bool = Field(False, examples=["true"])
 
     def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
         if self.order is not None and self.plan != "sequential":
             yield 'order goes with plan = "sequential" only; remove order'
         if self.cost == "delta-v" and self.plan != "joint":

@@ -2,13 +2,25 @@
 
 import tomllib
 from collections.abc import Iterator
+from math import inf
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
-from closeform.scenario.quantity import ANGLE, DURATION, LENGTH, SPEED, Duration, Reader, shown
+from closeform.scenario.quantity import (
+    ANGLE,
+    DURATION,
+    LENGTH,
+    SHARE,
+    SPEED,
+    Duration,
+    Reader,
+    as_number,
+    shown,
+)
 
 FLAWED = {"flawed": True}  # the context in which a table is taken with its flaws
+FOREVER = "forever"  # of a drift: without an end
 ALL, EACH = "<all>", "<each>"  # which of its two forms a key has: a table for all, or a list of one each
 
 
@@ -78,6 +90,17 @@ def as_name(value: Any) -> str:
     return value
 
 
+def as_drift(value: Any) -> Duration:
+    """How long a drift is: a time from 0 on, or one without an end."""
+    if value == FOREVER:
+        return Duration(seconds=inf)
+    if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
+        raise ValueError(f'{shown(value)} is no time; write for example "24 h" or "{FOREVER}"')
+    read = Reader(DURATION, least="zero")(value)
+    assert isinstance(read, Duration)
+    return read
+
+
 Name = Annotated[str, BeforeValidator(as_name)]
 Names = Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
 Vector = tuple[float, float, float]
@@ -87,3 +110,5 @@ Position = Annotated[Vector, BeforeValidator(Reader(LENGTH, 3))]
 Velocity = Annotated[Vector, BeforeValidator(Reader(SPEED, 3))]
 Angle = Annotated[float, BeforeValidator(Reader(ANGLE))]
 Span = Annotated[Duration, BeforeValidator(Reader(DURATION, least="positive"))]
+Drift = Annotated[Duration, BeforeValidator(as_drift)]
+Share = Annotated[float, BeforeValidator(Reader(SHARE, least="zero"))]

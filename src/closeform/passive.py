@@ -1,0 +1,177 @@
+"""What a stage leads to when something fails: every pair, judged for all instants and all of the drift."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import inf, nan
+from typing import Any
+
+import numpy as np
+
+from closeform.conflicts.flight import Flight
+from closeform.drift.drift_approach import drift_approach
+from closeform.drift.drift_screen import drift_screen
+from closeform.drift.failures import Failure
+from closeform.drift.sides import carried
+from closeform.mission_result import AvoidResult, ReconfigureResult, StageResult
+from closeform.motion.arc import IMPULSE, THRUST
+from closeform.motion.path import Path
+from closeform.scenario import Scenario
+from closeform.scenario.stage_table import Drifting
+from closeform.verdict import Asked
+from closeform.zones.pair_zones import PairZones, by_zone, portions
+from closeform.zones.zone import Zone
+
+MOST = 2000  # pairs, each both ways, of which every least ratio is looked for; of more those that are unsafe
+CHUNK = 64  # of them that one thread takes at a time
+
+
+@dataclass(frozen=True, eq=False)
+class PairDrift:
+    """How near `fails` comes to `meets`, in terms of the `zone` that holds for them, at the worst.
+
+    It fails at `failed_at` [s], nan where it does not thrust; the least norm is `ratio` at `time` [s], inf in
+    a drift so slow that nobody knows when; `distance` [m] then.
+    """
+
+    fails: str
+    meets: str
+    zone: Zone
+    failed_at: float
+    time: float
+    ratio: float
+    distance: float
+
+    @property
+    def safe(self) -> bool:
+        """Whether it stays out of the zone."""
+        return self.ratio > 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class PassiveSafety:
+    """A stage `where` ("stage 1 (avoid)") judged `until` [s] the end of a drift `lasting` ("for 24 h").
+
+    `pairs`: the nearest first, of each two craft both ways where both thrust; where they are more than
+    `MOST` those that are unsafe alone, of `count` in all.  `planned`: whether the paths were planned to be
+    safe, and not only judged; then `direct` is the nearest pair of the direct paths, if others are flown.
+    """
+
+    where: str
+    lasting: str
+    until: float
+    failure: Failure
+    pairs: tuple[PairDrift, ...]
+    count: int
+    planned: bool
+    direct: PairDrift | None = None
+
+    @property
+    def unsafe(self) -> tuple[PairDrift, ...]:
+        """The pairs that are not safe."""
+        return tuple(pair for pair in self.pairs if not pair.safe)
+
+    @property
+    def safe(self) -> bool:
+        """Whether no failure leads into a zone."""
+        return not self.unsafe
+
+    @property
+    def asked(self) -> Iterator[Asked]:
+        """For the verdict."""
+        worst, safe = self.worst, f"passively safe {self.lasting}"
+        if worst is None:
+            yield Asked(safe, "", True, inf, "drift")
+            return
+        more = f" and {len(self.unsafe) - 1} more" * (len(self.unsafe) > 1)
+        met = f"{worst.fails} with {worst.meets}, {worst.ratio:.4f} x zone{more}"
+        kept = f"{safe} (least {worst.ratio:.4f} x zone)"
+        yield Asked(kept, f"not {safe} in {self.where}: {met}", self.safe, worst.ratio, "drift")
+
+    @property
+    def worst(self) -> PairDrift | None:
+        """The nearest pair; None where none was looked for."""
+        return self.pairs[0] if self.pairs else None
+
+
+def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety | None:
+    """Whether a stage as flown is passively safe; None where it does not ask, or is not flown."""
+    stage = result.stage
+    if not isinstance(stage, Drifting) or stage.drift is None or not result.flown:
+        return None
+    drift, failure = stage.drift.on(result.after.paths.orbit.mean_motion), stage.what_fails
+    until, planned, zones = result.end + drift, is_planned(result), scenario.zones
+    pairs, count = nearest(result.after, zones, until, failure)
+    direct: tuple[PairDrift, ...] = ()
+    if planned and result.planned is not result.before:
+        direct, _ = nearest(result.before, zones, result.before.end + drift, failure)
+    where = f"stage {result.number} ({stage.verb})"
+    worst = direct[0] if direct else None
+    return PassiveSafety(where, stage.lasting, until, failure, pairs, count, planned, worst)
+
+
+def nearest(
+    flight: Flight, zones: PairZones, until: float, failure: Failure
+) -> tuple[tuple[PairDrift, ...], int]:
+    """How near each two craft come when one of them fails, the nearest first, and how many were asked for."""
+    paths = flight.paths
+    thrusts = np.array([does_thrust(paths[k]) for k in range(len(paths))])
+    flying = paths if until == inf else carried(paths, until)
+    asked = sum(len(first) for _, first, _ in directed(zones, thrusts, MOST))
+    looked = directed(zones, thrusts, CHUNK)
+    if asked > MOST and until < inf:
+        found = drift_screen(paths, zones, until, failure)
+        first, second = found.pairs[np.argsort(found.ratio, kind="stable")].T
+        mine = thrusts[first] | (~thrusts[second] & (first < second))
+        looked = ways(zones, first[mine][:MOST], second[mine][:MOST])
+
+    def search(job: tuple[Zone, Any, Any]) -> list[PairDrift]:
+        zone, first, second = job
+        close = drift_approach(paths[first], flying[second], zone, until, failure)
+        at = np.where(thrusts[first], close.failed_at, nan)
+        columns = first, second, at, close.time, close.ratio, close.distance
+        return [
+            PairDrift(flight.names[one], flight.names[other], zone, *figures)
+            for one, other, *figures in zip(*(part.tolist() for part in columns), strict=True)
+        ]
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        pairs = [pair for some in pool.map(search, looked) for pair in some]
+    return tuple(sorted(pairs, key=lambda pair: (round(pair.ratio, 9), pair.time))), asked
+
+
+def is_planned(result: StageResult[Any, Any]) -> bool:
+    """Whether a stage's paths were planned to be passively safe."""
+    if isinstance(result.result, AvoidResult):
+        return result.result.avoidance.drift is not None
+    return isinstance(result.result, ReconfigureResult) and result.result.plan.drift is not None
+
+
+def does_thrust(path: Path) -> bool:
+    """Whether one craft has any thrust."""
+    return bool(path.arcs[:, THRUST:].any() or path.arcs[:, IMPULSE : IMPULSE + 3].any())
+
+
+def directed(zones: PairZones, thrusts: Any, chunk: int) -> Iterator[tuple[Zone, Any, Any]]:
+    """Zones, who fails, and who flies on: both ways where both thrust, else who does."""
+    for zone, first, second in portions(zones, chunk):
+        forth = thrusts[first] | ~thrusts[second]
+        back = thrusts[second]
+        for one, mask, who, whom in ((zone, forth, first, second), (zone.mirrored, back, second, first)):
+            if mask.any():
+                yield one, who[mask], whom[mask]
+
+
+def ways(zones: PairZones, first: Any, second: Any) -> Iterator[tuple[Zone, Any, Any]]:
+    """The zones of some directed pairs, by zone and direction."""
+    which = zones.which(np.minimum(first, second), np.maximum(first, second))
+    for k, some in by_zone(which):
+        zone = zones.zones[k]
+        for one, those in (
+            (zone, some[first[some] < second[some]]),
+            (zone.mirrored, some[first[some] > second[some]]),
+        ):
+            for start in range(0, len(those), CHUNK):
+                part = those[start : start + CHUNK]
+                yield one, first[part], second[part]

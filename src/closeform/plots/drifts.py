@@ -1,0 +1,198 @@
+"""What happens when thrust is lost: how near the drift comes, by the instant at which it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from closeform.arrays import Floats, instance
+from closeform.conflicts.two_paths import closest_approach
+from closeform.drift.drift_approach import DriftApproach, drift_approach
+from closeform.motion.path import Path
+from closeform.plots.given import crafts, texts
+from closeform.plots.look import (
+    AFTER,
+    ALONG,
+    ALTERNATIVE,
+    BEFORE,
+    CONFLICT,
+    CROSS,
+    DOTTED,
+    HALO,
+    INK,
+    SMALL,
+    TEXT,
+    ZONE,
+    Unit,
+    clock,
+    column,
+    dress,
+    headline,
+    instants,
+    legend,
+    plain_unit,
+    sheet,
+    time_axes,
+)
+from closeform.zones.zone import Zone
+
+COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE, "#882255", "#7a6a00")
+DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED, "-", ALONG.dashes)
+INSTANTS = 480  # of failure, on a curve
+RING: dict[str, Any] = {"markersize": 10, "markerfacecolor": "none", "markeredgewidth": 2.2}
+
+
+@dataclass(frozen=True, eq=False)
+class Failed:
+    """What failures of one craft lead to: `times` [s] of failure, the least norm and when it is met."""
+
+    path: Path
+    other: Path
+    zone: Zone
+    until: float
+    times: Floats
+    ratios: Floats
+    met: Floats
+    worst: DriftApproach
+
+    @classmethod
+    def of(cls, path: Path, other: Path, zone: Zone, until: float) -> Failed:
+        """Raises ValueError as `drift_approach` does."""
+        worst = drift_approach(path, other, zone, until)
+        first, last = max(path.start, other.start), path.end
+        joints = instants(first, last, path)
+        joints = joints[
+            np.isin(joints, path.arcs[:, 0]) | np.isin(np.nextafter(joints, np.inf), path.arcs[:, 0])
+        ]
+        times = np.union1d(np.linspace(first, last, INSTANTS), joints)
+        after = times < until
+        times = times[after] if after.any() else times[:1]
+        states = path.state(times)
+        if np.isfinite(until):
+            drifts = path.orbit.coast(states, until - times, times)
+            near: Any = closest_approach(drifts, other, zone)
+        else:
+            near = drift_approach(path.orbit.coast(states, 1.0, times), other, zone, until)
+        return cls(path, other, zone, until, times, near.ratio, near.time, worst)
+
+    @property
+    def burns(self) -> bool:
+        """Whether it thrusts at all, so that it matters when that is lost."""
+        return bool(np.ptp(self.ratios) > 0.0)
+
+
+def drift_ratios(
+    path: Path | Sequence[Path],
+    other: Path | Sequence[Path],
+    zone: Zone | Sequence[Zone],
+    until: float,
+    labels: Sequence[str] | None = None,
+) -> Figure:
+    """How near craft come when thrust is lost, against the instant at which it is: below 1 is in the zone.
+
+    A curve for each pair, the least norm over all of the drift.  A ring marks the certified worst of each,
+    which may be between the instants of a curve, as in the midst of an impulse.
+
+    Parameters
+    ----------
+    path : Path or sequence of Path
+        Of the craft that fail, one for each pair.
+    other : Path or sequence of Path
+        Of those that fly on, until the end of the drift.
+    zone : Zone or sequence of Zone
+        Of each pair, or of all.
+    until : float [s]
+        The end of the drift, as of `drift_approach`.
+    labels : sequence of str, optional
+        What each pair is called.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If others, zones or labels are not as many as paths, or as `drift_approach` does.
+    """
+    fail, fly = crafts("path", path), crafts("other", other)
+    zones = [zone] * len(fail) if isinstance(zone, Zone) else list(zone)
+    for name, some in (("other", fly), ("zone", zones)):
+        if len(some) != len(fail):
+            raise ValueError(f"{name}: {len(some)} for {len(fail)} paths; give one for each")
+    if not fail:
+        raise ValueError("path: give at least one")
+    for kept in zones:
+        instance("zone", kept, Zone)
+    called = texts("labels", labels, len(fail), "paths") if labels is not None else [""] * len(fail)
+    found = [Failed.of(*pair, until) for pair in zip(fail, fly, zones, strict=True)]
+    start, end = min(one.times[0] for one in found), max(one.times[-1] for one in found)
+    ticks = clock(fail[0], float(start), float(end))
+
+    figure = sheet(5.6 + 0.3 * len(found))
+    (axes,) = column(figure, [1.0], 0.85 + 0.3 * len(found))
+    dress(axes)
+    axes.axhspan(0, 1, color=ZONE, alpha=0.2, linewidth=0)
+    axes.axhline(1, color=ZONE, linewidth=1.6)
+    lines, words = [], []
+    for k, (one, name) in enumerate(zip(found, called, strict=True)):
+        tint, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
+        when = ticks(one.times)
+        (line,) = axes.plot(when, one.ratios, color=tint, linestyle=dashes, linewidth=2.2)
+        axes.plot(when, np.where(one.ratios <= 1.0, one.ratios, np.nan), color=CONFLICT, linewidth=3.2)
+        hit = CONFLICT if one.worst.ratio <= 1.0 else tint
+        axes.plot(ticks(one.worst.failed_at), one.worst.ratio, "o", color=hit, zorder=6, **RING)
+        lines.append(line)
+        words.append((f"{name}: " if name else "") + told(one, ticks))
+    most = max(float(one.ratios.max()) for one in found)
+    axes.set_ylim(0, min(1.06 * most, 6 * max(1.0, *(one.worst.ratio for one in found))))
+    axes.set_ylabel("nearest in the drift [× zone]", fontsize=TEXT, color=INK)
+    text = axes.text(0.992, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
+    text.set(ha="right", path_effects=HALO)
+    time_axes([axes], ticks, float(start), float(end))
+    axes.set_xlabel(f"thrust is lost at [{ticks.unit.name}]", fontsize=TEXT, color=INK)
+    legend(figure, lines, words, ncols=1)
+    headline(figure, verdict(found))
+    return figure
+
+
+def told(one: Failed, ticks: Any) -> str:
+    """The worst failure in words."""
+    worst = one.worst
+    lost = f"{number(worst.ratio)} × zone if lost at {ticks.text(worst.failed_at)}"
+    if not np.isfinite(worst.time):
+        return f"{lost}, in a drift without an end"
+    return f"{lost}, {later(worst)} later"
+
+
+def number(ratio: float) -> str:
+    """A ratio in words."""
+    return f"{ratio:.2f}" if ratio >= 0.1 else f"{ratio:.2g}"
+
+
+def later(worst: DriftApproach) -> str:
+    """How long the worst drift lasts until it is nearest."""
+    return lasts(worst.time - worst.failed_at)
+
+
+def lasts(seconds: float) -> str:
+    """A time in words: minutes from two on, hours from two on."""
+    unit = plain_unit(seconds) if not 7200.0 <= seconds <= 4e5 else Unit(3600.0, "h")
+    return f"{seconds / unit.size:.3g} {unit.name}"
+
+
+def verdict(found: Sequence[Failed]) -> str:
+    """Whether all are safe, and the share of the time in which a failure leads into a zone."""
+    worst = min(found, key=lambda one: one.worst.ratio)
+    drift = worst.until - worst.path.end
+    spans = f"for {lasts(drift)} after the end" if np.isfinite(drift) else "for ever"
+    if worst.worst.ratio > 1.0:
+        return f"Passively safe {spans}: least {number(worst.worst.ratio)} × zone"
+    risky = np.interp(np.linspace(worst.times[0], worst.times[-1], 2000), worst.times, worst.ratios) <= 1.0
+    told = f"{number(worst.worst.ratio)} × zone, unsafe {100 * risky.mean():.0f} % of the time"
+    return f"Not passively safe {spans}: {told}"

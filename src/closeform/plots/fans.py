@@ -1,0 +1,217 @@
+"""Where a craft drifts when its thrust is lost, relative to another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from closeform.arrays import Floats
+from closeform.motion.path import Path
+from closeform.plots.drifts import RING, Failed, told
+from closeform.plots.given import one_craft
+from closeform.plots.letters import plain, short_names
+from closeform.plots.look import (
+    AFTER,
+    CONFLICT,
+    DIRECTIONS,
+    HALO,
+    INK,
+    SMALL,
+    TEXT,
+    ZONE,
+    area,
+    clock,
+    dress,
+    headline,
+    instants,
+    legend,
+    length_unit,
+    sheet,
+)
+from closeform.plots.zones_and_tracks import drawn, headings, place, shadow, spot, square
+from closeform.zones.zone import Zone
+
+FAN = 36  # failed motions that are drawn
+LAST, MOST = 3.0, 32.0  # orbits of the worst before it is nearest, of any past the zone, that are drawn
+CURVE = "#d9a7a0"  # of a failed motion that enters the zone
+QUIET = "#a9c4d6"  # of one that does not
+
+
+def drift_fan(
+    path: Path, other: Path, zone: Zone, until: float, names: Sequence[str] | None = None
+) -> Figure:
+    """Where a craft drifts when its thrust is lost, relative to another: the fan of failed motions.
+
+    Thin lines are failures at equal steps of time, those red that enter the zone; the bold one is the
+    certified worst.  Left the planned path with an orbit of each failed motion, of the worst what leads to
+    its closest approach.  Right all that passes abeam of the zone, as seen along the track: no further ahead
+    or behind than the zone reaches, for all of the drift (32 orbits at most).
+
+    Parameters
+    ----------
+    path : Path
+        Of the craft that fails.
+    other : Path
+        Of one that flies on, until the end of the drift.
+    zone : Zone
+        Of the pair.
+    until : float [s]
+        The end of the drift, as of `drift_approach`.
+    names : sequence of str, optional
+        Of the two.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, names are not two, or as `drift_approach` does.
+    """
+    one_craft("path", path)
+    one_craft("other", other)
+    called = short_names(names, 2) if names is not None else ["The craft", "the other"]
+    found = Failed.of(path, other, zone, until)
+    figure = sheet(6.6)
+    left, right = (area(figure, 0.95 + 5.25 * k, 1.4, 4.25, 4.25) for k in range(2))
+    for axes in (left, right):
+        axes.yaxis.set_label_coords(-0.15, 0.5)
+    whole(left, found)
+    abeam(right, found)
+    plain(left.set_title(f"relative to {called[1]}, from the side", fontsize=TEXT, color=INK))
+    right.set_title("abeam of the zone, seen along the track", fontsize=TEXT, color=INK)
+    handles, words = left.get_legend_handles_labels()
+    legend(figure, handles, words, ncols=3)
+    worst, ticks = found.worst, clock(path, path.start, path.end)
+    fate = "stays clear" if worst.ratio > 1.0 else "drifts into the zone"
+    headline(figure, f"{called[0]} {fate}: {told(found, ticks)}")
+    return figure
+
+
+def whole(axes: Axes, found: Failed) -> None:
+    """The planned path, and the fan that leaves it."""
+    path, zone = found.path, found.zone
+    course = gap(found, None, instants(path.start, path.end, path))
+    size = float(drawn(zone).extents.max())
+    reach = np.vstack([course, np.eye(3) * size, -np.eye(3) * size])
+    unit = length_unit(float(np.abs(reach).max()))
+    show = np.eye(3)[[1, 0]] / unit.size
+    place(axes, shadow(zone, show), (0, 0), facecolor=ZONE, edgecolor=ZONE, alpha=0.35, label="keep-out zone")
+    said = set()
+    for k in picked(found):
+        unsafe = bool(found.ratios[k] <= 1.0)
+        label = "thrust lost, enters the zone" if unsafe else "thrust lost, stays clear"
+        track = show @ gap(found, found.times[k], span(found, found.times[k], found.met[k])).T
+        tint, level = (CURVE, 2.2) if unsafe else (QUIET, 2.1)
+        axes.plot(*track, color=tint, linewidth=0.9, zorder=level, label=None if label in said else label)
+        said.add(label)
+    axes.plot(*(show @ course.T), color=INK, linewidth=2.4, label="as planned", zorder=3)
+    bold(axes, found, show)
+    low, high = (show @ reach.T).min(axis=1), (show @ reach.T).max(axis=1)
+    square(axes, (low + high) / 2, 0.62 * float((high - low).max()))
+    headings(axes, lambda points: points @ show.T, [course], [INK])
+    for word, time, face in (("start", path.start, "white"), ("end", path.end, INK)):
+        point = spot(show, gap(found, None, np.array([time]))[0])
+        axes.plot(*point, "o", color=INK, markersize=6, markerfacecolor=face, zorder=5)
+        text = axes.annotate(word, point, (7, 7), textcoords="offset points", fontsize=SMALL, color=INK)
+        text.set(path_effects=HALO)
+    labelled(axes, (1, 0), unit.name)
+
+
+def abeam(axes: Axes, found: Failed) -> None:
+    """The failed motions as long as they are no further ahead or behind than the zone reaches."""
+    zone, worst = found.zone, found.worst
+    unit = length_unit(float(drawn(zone).extents.max()))
+    show = np.eye(3)[[2, 0]] / unit.size
+    outline = shadow(zone, show)
+    place(axes, outline, (0, 0), facecolor=ZONE, edgecolor=ZONE, alpha=0.35)
+    for k in picked(found):
+        unsafe = bool(found.ratios[k] <= 1.0)
+        track = beside(found, found.times[k])
+        axes.plot(
+            *(show @ track.T), color=CURVE if unsafe else QUIET, linewidth=0.9, zorder=2.1 + 0.1 * unsafe
+        )
+    tint = CONFLICT if worst.ratio <= 1.0 else AFTER
+    axes.plot(*(show @ beside(found, worst.failed_at).T), color=tint, linewidth=2.0, zorder=4)
+    if np.isfinite(worst.time):
+        nearest = spot(show, gap(found, worst.failed_at, np.array([worst.time]))[0])
+        axes.plot(*nearest, "o", color=tint, zorder=6, **RING)
+    square(axes, (0, 0), max(2.6, 1.3 * min(worst.ratio, 5.0)) * float(np.abs(outline).max()))
+    labelled(axes, (2, 0), unit.name)
+
+
+def beside(found: Failed, failed_at: float) -> Floats:
+    """A failed motion (K, 3), nan where it is further along the track than the zone reaches."""
+    period, end = found.path.orbit.period, found.until
+    if np.isfinite(period):
+        end = min(end, failed_at + MOST * period)
+    count = int(np.clip(300 * (end - failed_at) / period, 600, 300 * MOST)) if np.isfinite(period) else 2000
+    track = gap(found, failed_at, np.linspace(failed_at, end, count))
+    ahead, behind = drawn(found.zone).support(np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]))
+    far = (track[:, 1] > ahead) | (track[:, 1] < -behind)
+    track[far] = np.nan
+    return track
+
+
+def bold(axes: Axes, found: Failed, show: Floats) -> None:
+    """The worst failure until its craft is nearest; of many orbits the first and the last."""
+    worst, period = found.worst, found.path.orbit.period
+    tint = CONFLICT if worst.ratio <= 1.0 else AFTER
+    track = show @ gap(found, worst.failed_at, span(found, worst.failed_at, worst.time)).T
+    if np.isfinite(worst.time):
+        last = max(worst.failed_at, worst.time - (LAST * period if np.isfinite(period) else np.inf))
+        ending = show @ gap(found, worst.failed_at, np.linspace(last, worst.time, 600)).T
+        axes.plot(*ending, color=tint, linewidth=2.2, zorder=4)
+    axes.plot(*track, color=tint, linewidth=2.2, zorder=4, label="the worst of all failures")
+    begin = spot(show, gap(found, None, np.array([worst.failed_at]))[0])
+    axes.plot(
+        *begin, "X", color=tint, markersize=9, markeredgecolor="white", zorder=6, label="thrust is lost"
+    )
+    if np.isfinite(worst.time):
+        nearest = spot(show, gap(found, worst.failed_at, np.array([worst.time]))[0])
+        axes.plot(*nearest, "o", color=tint, zorder=6, label="nearest", **RING)
+
+
+def picked(found: Failed) -> Any:
+    """Which failures are drawn."""
+    wanted = np.linspace(found.times[0], found.times[-1], FAN)
+    return np.unique(np.searchsorted(found.times, wanted).clip(0, len(found.times) - 1))
+
+
+def gap(found: Failed, failed_at: float | None, times: Floats) -> Floats:
+    """Positions (K, 3) relative to the other craft, as planned or drifting since some time."""
+    path, orbit = found.path, found.path.orbit
+    if failed_at is None:
+        places = path.position(np.minimum(times, path.end))
+    else:
+        states = orbit.transition(times - failed_at) @ path.state(failed_at)
+        places = states[..., :3]
+    inside = np.minimum(times, found.other.end)
+    beyond = (times - inside)[:, None, None] > 0.0
+    flown = found.other.state(inside)
+    carried = np.where(
+        beyond[..., 0], np.einsum("tij,tj->ti", orbit.transition(times - inside), flown), flown
+    )
+    return np.asarray(places - carried[:, :3])
+
+
+def span(found: Failed, failed_at: float, met: float) -> Floats:
+    """Times from a failure on: for an orbit, or in deep space until it is nearest."""
+    period = found.path.orbit.period
+    soon = (
+        failed_at + period if np.isfinite(period) else max(met, failed_at + 0.2 * (found.until - failed_at))
+    )
+    return np.linspace(failed_at, min(found.until, soon), 300)
+
+
+def labelled(axes: Axes, plane: tuple[int, int], unit: str) -> None:
+    """Names of the axes."""
+    axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit}]", fontsize=TEXT, color=INK)
+    axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit}]", fontsize=TEXT, color=INK)
+    dress(axes)

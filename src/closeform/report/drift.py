@@ -1,0 +1,171 @@
+"""What is said of a stage when something fails in it: how near who comes to whom, for all of a drift."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import inf, isfinite, isnan
+from typing import TYPE_CHECKING, Any
+
+from closeform.drift.failures import ThrustLost
+from closeform.drift.sides import carried
+from closeform.mission_result import StageResult
+from closeform.report.picture import Picture
+from closeform.report.table import MOST_ROWS, Column, Table, record
+from closeform.scenario.quantity import span
+
+if TYPE_CHECKING:
+    from closeform.passive import PairDrift, PassiveSafety
+
+CURVES = 6  # pairs whose nearness is drawn against the instant of failure
+SECONDS = "{:.3f}".format
+EVENTS = {
+    "ThrustLost": ("thrust is lost", "thrust lost at [s]"),
+    "MissedBurns": ("burns are missed", "first missed at [s]"),
+    "WeakThrust": ("thrust gets weak", "weak from [s]"),
+    "StuckThrust": ("thrust is stuck", "stuck at [s]"),
+}
+
+
+def columns(passive: "PassiveSafety") -> tuple[Column, ...]:
+    """Of the table of pairs."""
+    return (
+        Column("fails", "first", words=True),
+        Column("meets", "second", words=True),
+        Column("least", "ratio", "{:.4f} x zone".format),
+        Column("distance [m]", "distance_m", SECONDS),
+        Column(EVENTS[type(passive.failure).__name__][1], "failed_at_s", SECONDS),
+        Column("met at [s]", "time_s", SECONDS),
+        Column("later", None, absent=""),
+    )
+
+
+def row(pair: "PairDrift") -> tuple[Any, ...]:
+    """A row of the table."""
+    known = [value if isfinite(value) else None for value in (pair.distance, pair.failed_at, pair.time)]
+    later = span(pair.time - pair.failed_at) if None not in known else None
+    return (pair.fails, pair.meets, pair.ratio, *known, later)
+
+
+def lines(result: StageResult[Any, Any]) -> Iterator[str]:
+    """The verdict in words, and whether the paths were planned for it."""
+    passive = result.passive
+    if passive is None:
+        return
+    safe, lasting, worst = passive.safe, passive.lasting, passive.worst
+    title = f"{'Passively' if safe else 'Not passively'} safe {lasting}"
+    if worst is None:
+        several = passive.count and f"none of {passive.count} failures of one craft leads into a zone"
+        yield f"{title}: {several or 'no two craft keep a zone'}"
+    elif safe:
+        yield f"{title}: least {near(worst)}, {worst.fails} with {worst.meets}{when(passive, worst)}"
+    else:
+        many = f"; unsafe are {len(passive.unsafe)} of {passive.count}" if passive.count > 1 else ""
+        yield f"{title}: {worst.fails} comes to {near(worst)} of {worst.meets}{when(passive, worst)}{many}"
+    if any(not isnan(pair.failed_at) for pair in passive.pairs):
+        yield judgement(passive, result.pulsed is not None)
+
+
+def judgement(passive: "PassiveSafety", fires: bool) -> str:
+    """Whether the paths were planned to be safe, or are judged only; of craft that `fires` pulses."""
+    if not passive.planned:
+        return "Judged, not planned for: every instant of failure and all of the drift is looked at"
+    told = "Planned for" if not fires else "Planned for, and judged as the pulses fly it"
+    direct = passive.direct
+    if direct is None:
+        return f"{told}: every instant of failure and all of the drift is looked at"
+    return f"{told}: by the direct path {direct.fails} would come to {near(direct)} of {direct.meets}"
+
+
+def near(pair: "PairDrift") -> str:
+    """How near a pair comes."""
+    metres = f" ({pair.distance:.4g} m)" if isfinite(pair.distance) else ""
+    return f"{pair.ratio:.4f} x zone{metres}"
+
+
+def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
+    """When it fails, and how much later it is nearest."""
+    if not isfinite(pair.time):
+        met = ", in a drift so slow that nobody knows when"
+        return met if isnan(pair.failed_at) else f", if {event(passive)} at {pair.failed_at:.1f} s{met}"
+    if isnan(pair.failed_at):
+        return f", without any thrust, at {pair.time:.1f} s"
+    return f", if {event(passive)} at {pair.failed_at:.1f} s, {span(pair.time - pair.failed_at)} later"
+
+
+def event(passive: "PassiveSafety") -> str:
+    """What fails, in words."""
+    return EVENTS[type(passive.failure).__name__][0]
+
+
+def tables(result: StageResult[Any, Any]) -> tuple[Table, ...]:
+    """The pairs, the nearest first."""
+    passive = result.passive
+    if passive is None or len(passive.pairs) < 2:
+        return ()
+    some = f", the {MOST_ROWS} nearest" if len(passive.pairs) > MOST_ROWS else ""
+    of = f" of {passive.count}" * (len(passive.pairs) < passive.count)
+    title = f"Who comes nearest to whom when {event(passive)}{some}{of}"
+    return (Table(title, columns(passive), [row(pair) for pair in passive.pairs[:MOST_ROWS]]),)
+
+
+def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
+    """The same for `summary.json`."""
+    passive = result.passive
+    if passive is None:
+        return {}
+    worst, direct = passive.worst, passive.direct
+    return {
+        "passive_safety": {
+            "safe": passive.safe,
+            "planned": passive.planned,
+            "until_s": passive.until,
+            "drift_s": passive.until - result.end,
+            "failure": {"what": type(passive.failure).__name__, **vars(passive.failure)},
+            "pairs": passive.count,
+            "direct": None if direct is None else record(columns(passive), row(direct)),
+            "unsafe": len(passive.unsafe),
+            "nearest": None if worst is None else record(columns(passive), row(worst)),
+        }
+    }
+
+
+def files(result: StageResult[Any, Any]) -> dict[str, Table]:
+    """All pairs that were looked at."""
+    passive = result.passive
+    if passive is None:
+        return {}
+    stored = tuple(replace(column, heading=None) for column in columns(passive))
+    return {"drifts": Table("", stored, [row(pair) for pair in passive.pairs])}
+
+
+def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
+    """How near the pairs come by the instant at which thrust is lost, and where the nearest drifts."""
+    passive = result.passive
+    if passive is None or not isinstance(passive.failure, ThrustLost):
+        return ()
+    failing = [pair for pair in passive.pairs if not isnan(pair.failed_at)][:CURVES]
+    if not failing:
+        return ()
+    flown = result.after.paths if passive.until == inf else carried(result.after.paths, passive.until)
+    names = result.after.names
+    fail = [names.index(pair.fails) for pair in failing]
+    fly = [names.index(pair.meets) for pair in failing]
+    paths, others = [result.after.paths[k] for k in fail], [flown[k] for k in fly]
+    zones, labels = [pair.zone for pair in failing], [f"{pair.fails} fails, {pair.meets}" for pair in failing]
+    some = f", the {CURVES} nearest of {passive.count} pairs" if passive.count > CURVES else ""
+    pair = names[fail[0]], names[fly[0]]
+    return (
+        Picture(
+            "failures",
+            f"How near craft come when thrust is lost, by when it is{some}",
+            "drift_ratios",
+            (paths, others, zones, passive.until),
+            {"labels": labels},
+        ),
+        Picture(
+            "drift",
+            f"Where {pair[0]} drifts when its thrust is lost, relative to {pair[1]}",
+            "drift_fan",
+            (paths[0], others[0], zones[0], passive.until),
+            {"names": pair},
+        ),
+    )

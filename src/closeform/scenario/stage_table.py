@@ -1,0 +1,106 @@
+"""What tables of [[stage]] have in common: all, those whose craft drift on, those whose craft thrust."""
+
+from collections.abc import Iterator
+from math import inf
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
+from closeform.scenario.formation import Goal, Target
+from closeform.scenario.table import Drift, Name, Share, Span, Table
+
+Cost = Literal["energy", "delta-v"]
+Failed = Literal["thrust lost", "burns missed", "thrust weak", "thrust stuck"]
+
+
+class StageTable(Table):
+    """What every stage has."""
+
+    keeps_out: ClassVar[bool] = True  # whether it needs [craft] keep_out
+    searches: ClassVar[bool] = False  # whether it needs [sensor], [search] and craft groups
+
+    name: Name | None = Field(None, examples=['"threat"'])
+    sigmas: Annotated[float, Field(gt=0, le=1000)] | None = Field(None, examples=["3.0"])
+    max_probability: Annotated[float, Field(gt=0, le=1)] | None = Field(None, examples=["1e-4"])
+
+    @property
+    def assigns(self) -> bool:
+        """Whether it is left open who takes which place."""
+        return False
+
+    @property
+    def verb(self) -> str:
+        """What stands in `do`."""
+        return type(self).__name__.lower()
+
+    @property
+    def durations(self) -> dict[str, Span]:
+        """The stage's durations by key."""
+        keys = "length", "within", "drift"
+        return {key: value for key in keys if (value := getattr(self, key, None)) is not None}
+
+    @property
+    def craft_named(self) -> dict[str, tuple[str, ...]]:
+        """The craft that the stage names, by key."""
+        return {}
+
+    @property
+    def targets(self) -> dict[str, Target | Goal]:
+        """The states or formations that craft move to, by key."""
+        return {}
+
+
+class Drifting(StageTable):
+    """What stages share whose craft may drift on: for how long afterwards nobody is to enter a zone."""
+
+    drift: Drift | None = Field(None, examples=['"24 h"'])
+
+    @property
+    def for_ever(self) -> bool:
+        """Whether the drift has no end."""
+        return self.drift is not None and self.drift.seconds == inf
+
+    @property
+    def lasting(self) -> str:
+        """For how long, in words."""
+        return "for ever" if self.for_ever else f"for {self.drift}"
+
+    @property
+    def what_fails(self) -> Failure:
+        """What goes wrong before that."""
+        return ThrustLost()
+
+
+class Thrusting(Drifting):
+    """What stages share in which craft thrust: what is least, and what may fail."""
+
+    cost: Cost = Field("energy", examples=['"delta-v"'])
+    failure: Failed | None = Field(None, examples=['"thrust lost"'])
+    least: Share | None = Field(None, examples=['"90 %"'])
+    longest: Span | None = Field(None, examples=['"10 s"'])
+
+    def flaws(self) -> Iterator[str]:
+        yield from self.only_with("failure", "drift")
+        if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
+            yield 'least goes with failure = "burns missed" or "thrust weak" only; remove least'
+        if self.least is not None and self.least >= 1.0:
+            yield 'least is a share below 100 %; write for example least = "90 %"'
+        if (self.longest is not None) != (self.failure == "thrust stuck"):
+            yield 'failure = "thrust stuck" and longest go together; write for example longest = "10 s"'
+        if self.longest is not None and self.longest.orbits:
+            yield 'longest is a time; write for example longest = "10 s"'
+
+    @property
+    def plans_drift(self) -> bool:
+        """Whether a plan can be made to be safe for that drift: of least energy, when thrust is lost."""
+        lost = self.failure in (None, "thrust lost")
+        return self.drift is not None and not self.for_ever and lost and self.cost == "energy"
+
+    @property
+    def what_fails(self) -> Failure:
+        if self.failure == "thrust stuck" and self.longest is not None:
+            return StuckThrust(self.longest.seconds)
+        if self.failure in ("burns missed", "thrust weak"):
+            return (MissedBurns if self.failure == "burns missed" else WeakThrust)(self.least or 0.0)
+        return ThrustLost()
