@@ -9,12 +9,13 @@ import numpy as np
 
 from closeform.motion.duration import flaw
 from closeform.motion.orbit import Orbit
+from closeform.scenario.asked import doubted, drifting
 from closeform.scenario.clear_ends import ends, zones
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, dotted, key_of, meant_by
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
+from closeform.scenario.stage_table import Drifting
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
 from closeform.scenario.study import BUILT, draw_error, readers
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
@@ -134,54 +135,6 @@ def stages(scenario: Scenario) -> Iterator[str]:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
         if stage.searches:
             yield from searching(scenario)
-
-
-def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
-    """Sigmas and probabilities that are asked for where there are no errors, nobody else or no size."""
-    asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
-    for key in asked:
-        if not scenario.uncertain:
-            yield (
-                f"stage[{number}].{key}: no craft has errors; add for example "
-                f"covariance = {Craft.examples()['covariance']} to [craft]"
-            )
-        if len(scenario.craft) < 2:
-            yield f"stage[{number}].{key}: needs another craft; add one, or remove {key}"
-    sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
-    if stage.max_probability is not None and any(body is None for _, body in sizes):
-        yield 'craft.hard_body: missing; add for example hard_body = "5 m"'
-    if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
-        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
-
-
-def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
-    """A drift that nobody is there for, or that has no end though others still thrust."""
-    if len(scenario.craft) < 2:
-        yield f"stage[{number}].drift: needs another craft to keep clear of; add one, or remove drift"
-        return
-    if stage.for_ever:
-        if scenario.orbit.deep_space is not None:
-            yield f'stage[{number}].drift: "forever" needs an orbit; give a time, for example "24 h"'
-        elif movers(scenario, stage) > 1:
-            yield (
-                f'stage[{number}].drift: "forever" is for stages in which one craft moves at most; '
-                'give a time, for example "24 h"'
-            )
-    jumps = any(not craft.limited for craft in scenario.craft)
-    if isinstance(stage, Thrusting) and stage.failure == "thrust stuck" and stage.cost == "delta-v" and jumps:
-        yield (
-            f"stage[{number}].failure: impulses have no thrust that could be stuck; "
-            "give max_thrust in [craft], or another failure"
-        )
-
-
-def movers(scenario: Scenario, stage: Drifting) -> int:
-    """How many craft may thrust in a stage."""
-    if isinstance(stage, Avoid):
-        return 1 + len(stage.meanwhile)
-    if isinstance(stage, Joint):
-        return len(stage.movers or scenario.names)
-    return int(isinstance(stage, Transfer))
 
 
 def firing(scenario: Scenario, stage: Avoid | Joint | Transfer) -> Iterator[str]:

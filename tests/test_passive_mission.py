@@ -1,0 +1,211 @@
+"""Stages that ask for passive safety: verdicts against failures flown here, words, files, pictures."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from scipy.linalg import expm
+
+from bridge import hill
+from closeform.cli import main
+from closeform.mission import fly
+from closeform.report import drift
+from closeform.scenario import parse
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+ROUNDING = 1e-6  # of a zone: exponentials of Hill's matrix over a day, and samples refined to less than that
+HEAD = """\
+closeform = 1
+title = "Passive safety"
+
+[orbit]
+altitude = "550 km"
+
+[craft]
+name = ["Client", "Inspector"]
+position = ["0 0 0 m", "0 200 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "20 m" }
+"""
+APPROACH = """
+[[stage]]
+do = "transfer"
+craft = "Inspector"
+to = { safety_ellipse = { radial = "25 m", cross_track = "50 m" } }
+within = "1 orbit"
+"""
+
+
+def flown(text):
+    return fly(parse(text))
+
+
+def drifted(path, other, failed_at, until):
+    """Least distance of a craft that drifts from `failed_at` on, and one that coasts on after its end."""
+    n = path.orbit.mean_motion
+    step = 2.0
+    times = np.arange(failed_at, until, step)
+    own, flow = path.state(failed_at), expm(hill(n) * step)
+    best = np.inf
+    theirs = other.state(failed_at)
+    for t in times:
+        best = min(best, np.linalg.norm(own[:3] - theirs[:3]))
+        own = flow @ own
+        theirs = other.state(t + step) if t + step <= other.end else flow @ theirs
+    return best
+
+
+def test_a_verdict_is_the_least_of_failures_flown():
+    """At the instant that is told the distance is met; at 20 others none is nearer."""
+    (result,) = flown(HEAD + APPROACH + 'drift = "2 orbits"\n').results
+    found = result.passive
+    assert found is not None
+    client, inspector = result.after.paths[0], result.after.paths[1]
+    worst = found.worst
+    assert worst.fails == "Inspector"
+    assert found.until == pytest.approx(3.0 * result.end, rel=1e-12)
+    n = inspector.orbit.mean_motion
+    state = expm(hill(n) * (worst.time - worst.failed_at)) @ inspector.state(worst.failed_at)
+    assert np.linalg.norm(state[:3]) == pytest.approx(worst.distance, abs=1e-6)
+    assert worst.distance == pytest.approx(20.0 * worst.ratio, abs=1e-9)
+    rng = np.random.Generator(np.random.Philox(5))
+    for failed_at in rng.uniform(0.0, result.end, 20):
+        assert drifted(inspector, client, failed_at, found.until) >= worst.distance - 1e-6
+    assert not found.safe
+
+
+def test_a_plan_made_for_it_is_safe_whenever_it_fails():
+    mission = fly(parse((EXAMPLES / "passive_inspector.toml").read_text()))
+    plan = mission.results[0]
+    found = plan.passive
+    assert found.planned
+    assert found.safe
+    rng = np.random.Generator(np.random.Philox(6))
+    client, inspector = plan.after.paths[0], plan.after.paths[1]
+    for failed_at in rng.uniform(0.0, plan.end, 12):
+        assert drifted(inspector, client, failed_at, plan.end + 5e4) >= 20.0 * (1.0 - ROUNDING)
+    assert found.direct.ratio < 0.5  # 7.8 m
+    assert mission.verdict.status == 0
+    assert "passively safe for 24 h" in str(mission.verdict)
+    assert mission.results[1].passive.lasting == "for ever"
+    assert np.isnan(mission.results[1].passive.worst.failed_at)
+
+
+@pytest.mark.parametrize(
+    ("name", "planned", "least"), [("station_ellipsoid", False, 1.25), ("station_sphere", True, 1.0)]
+)
+def test_a_station_is_not_met(name, planned, least):
+    mission = fly(parse((EXAMPLES / f"{name}.toml").read_text()))
+    found = mission.results[0].passive
+    assert (found.planned, found.safe, mission.verdict.status) == (planned, True, 0)
+    assert found.worst.ratio > least
+
+
+def test_words_files_and_pictures(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("file.toml").write_text(HEAD + APPROACH + 'drift = "2 orbits"\n')
+    assert main(["run", "file.toml"]) == 1
+    out = capsys.readouterr().out
+    assert "Not passively safe for 2 orbits: Inspector comes to 0.0017 x zone" in out
+    assert "Judged, not planned for" in out
+    assert "not passively safe for 2 orbits in stage 1 (transfer): Inspector with Client" in out
+    folder = Path("file-results")
+    summary = json.loads((folder / "summary.json").read_text())
+    told = summary["stages"][0]["passive_safety"]
+    assert (told["safe"], told["planned"], told["unsafe"], told["pairs"]) == (False, False, 1, 1)
+    assert told["failure"] == {"what": "ThrustLost"}
+    rows = pq.read_table(folder / "drifts.parquet").to_pylist()
+    assert [(row["first"], row["second"]) for row in rows] == [("Inspector", "Client")]
+    assert rows[0]["ratio"] == told["nearest"]["ratio"]
+    assert {"stage-1-failures.png", "stage-1-drift.png"} <= {file.name for file in folder.iterdir()}
+    assert "Not passively safe" in (folder / "report.html").read_text()
+
+
+SWAP = """\
+closeform = 1
+title = "Three change places"
+
+[orbit]
+altitude = "550 km"
+
+[craft]
+name = ["F1", "F2", "F3"]
+start = { projected_circular = { radius = "200 m" } }
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+do = "reconfigure"
+to = { projected_circular = { radius = "260 m" } }
+within = "1 orbit"
+cost = "delta-v"
+drift = "1 orbit"
+"""
+
+
+def test_both_of_a_pair_may_fail():
+    """Six ways for three craft; each is met at its own instant, by motion that is flown here."""
+    (result,) = flown(SWAP).results
+    found = result.passive
+    assert {(pair.fails, pair.meets) for pair in found.pairs} == {
+        (one, other) for one in result.after.names for other in result.after.names if one != other
+    }
+    assert not found.planned  # by impulses
+    assert [pair.ratio for pair in found.pairs] == sorted(pair.ratio for pair in found.pairs)
+    for pair in found.pairs:
+        fails, meets = result.after.path(pair.fails), result.after.path(pair.meets)
+        n, end = fails.orbit.mean_motion, fails.end
+        assert pair.failed_at <= pair.time <= found.until
+        theirs = meets.state(min(pair.time, end))[:3]
+        if pair.time > end:
+            theirs = (expm(hill(n) * (pair.time - end)) @ meets.state(end))[:3]
+        just = np.nextafter(pair.failed_at, -np.inf) if pair.failed_at > 0.0 else 0.0
+        near = []
+        for at in (just, pair.failed_at):  # before an impulse, and after it; the worst may be in its midst
+            near.append((expm(hill(n) * (pair.time - at)) @ fails.state(at))[:3] - theirs)
+        toward = near[1] - near[0]
+        share = np.clip(-near[0] @ toward / max(toward @ toward, 1e-300), 0.0, 1.0)
+        assert np.linalg.norm(near[0] + share * toward) == pytest.approx(pair.distance, abs=1e-5)
+
+
+FAILURES = {
+    'failure = "burns missed"\nleast = "90 %"': "burns are missed",
+    'failure = "thrust weak"\nleast = "50 %"': "thrust gets weak",
+    'failure = "thrust stuck"\nlongest = "20 s"': "thrust is stuck",
+}
+
+
+@pytest.mark.parametrize(("keys", "words"), FAILURES.items())
+def test_other_failures(keys, words):
+    (result,) = flown(HEAD + APPROACH + f'drift = "2 orbits"\n{keys}\n').results
+    (first, second) = drift.lines(result)
+    assert words in first or result.passive.worst.ratio > 1.0
+    assert second.startswith("Judged")
+    assert drift.pictures(result) == ()
+
+
+def test_weaker_failures_come_less_near():
+    """All that a share of 90 % at least does, one of 50 % at least may do too."""
+    ratios = [
+        flown(HEAD + APPROACH + f'drift = "2 orbits"\nfailure = "thrust weak"\nleast = "{least} %"\n')
+        .results[0]
+        .passive.worst.ratio
+        for least in (90, 50, 0)
+    ]
+    assert ratios == sorted(ratios, reverse=True)
+
+
+def test_nothing_is_asked_where_no_drift_is(tmp_path):
+    """Without the key nobody loads what judges it."""
+    file = tmp_path / "file.toml"
+    file.write_text(HEAD + APPROACH)
+    code = (
+        "import sys; from closeform.mission import run; "
+        f"mission = run({str(file)!r}); "
+        "assert mission.results[0].passive is None; assert 'closeform.passive' not in sys.modules; "
+        "assert 'closeform.drift.search' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
