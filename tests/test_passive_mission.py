@@ -96,7 +96,7 @@ def test_a_plan_made_for_it_is_safe_whenever_it_fails():
 
 
 @pytest.mark.parametrize(
-    ("name", "planned", "least"), [("station_ellipsoid", False, 1.25), ("station_sphere", True, 1.0)]
+    ("name", "planned", "least"), [("station_ellipsoid", False, 1.25), ("station_sphere", True, 1.45)]
 )
 def test_a_station_is_not_met(name, planned, least):
     mission = fly(parse((EXAMPLES / f"{name}.toml").read_text()))
@@ -154,7 +154,7 @@ def test_both_of_a_pair_may_fail():
         (one, other) for one in result.after.names for other in result.after.names if one != other
     }
     assert not found.planned  # by impulses
-    assert [pair.ratio for pair in found.pairs] == sorted(pair.ratio for pair in found.pairs)
+    assert (np.diff([pair.ratio for pair in found.pairs]) > -ROUNDING).all()
     for pair in found.pairs:
         fails, meets = result.after.path(pair.fails), result.after.path(pair.meets)
         n, end = fails.orbit.mean_motion, fails.end

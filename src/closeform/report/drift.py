@@ -71,7 +71,7 @@ def judgement(passive: "PassiveSafety", fires: bool) -> str:
     told = "Planned for" if not fires else "Planned for, and judged as the pulses fly it"
     direct = passive.direct
     if direct is None:
-        return f"{told}: every instant of failure and all of the drift is looked at"
+        return f"{told}: the direct path is safe, at every instant of failure and for all of the drift"
     return f"{told}: by the direct path {direct.fails} would come to {near(direct)} of {direct.meets}"
 
 
