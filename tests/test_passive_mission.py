@@ -162,10 +162,13 @@ def test_both_of_a_pair_may_fail():
         theirs = meets.state(min(pair.time, end))[:3]
         if pair.time > end:
             theirs = (expm(hill(n) * (pair.time - end)) @ meets.state(end))[:3]
-        just = np.nextafter(pair.failed_at, -np.inf) if pair.failed_at > 0.0 else 0.0
-        near = []
-        for at in (just, pair.failed_at):  # before an impulse, and after it; the worst may be in its midst
-            near.append((expm(hill(n) * (pair.time - at)) @ fails.state(at))[:3] - theirs)
+        after = fails.state(pair.failed_at)
+        before = after - sum(  # an impulse, in whose midst the worst may be
+            (np.r_[0.0, 0.0, 0.0, push] for time, push in fails.impulses if time == pair.failed_at),
+            np.zeros(6),
+        )
+        flow = expm(hill(n) * (pair.time - pair.failed_at))
+        near = [(flow @ state)[:3] - theirs for state in (before, after)]
         toward = near[1] - near[0]
         share = np.clip(-near[0] @ toward / max(toward @ toward, 1e-300), 0.0, 1.0)
         assert np.linalg.norm(near[0] + share * toward) == pytest.approx(pair.distance, abs=1e-5)
