@@ -48,7 +48,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 
     who = [mover, *(names.index(name) for name in rest)]
     known = start.planned_errors(stage, who)
-    drift = start.drift(stage) if stage.method == "exact" and known is None else None
+    drift = start.drift(stage) if stage.method == "exact" else None
     seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
     others = [other(name, seen) for name in rest]
     zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)

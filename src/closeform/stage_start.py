@@ -82,7 +82,7 @@ class StageStart:
         A plan of another method, or one that is to be safe without thrust, does not know them: it is judged.
         """
         other = stage.method != "exact" if isinstance(stage, Avoid) else stage.plan != "joint"
-        if stage.sigmas is None or not self.errors or other or getattr(stage, "drift", None) is not None:
+        if stage.sigmas is None or not self.errors or other or stage.drift is not None:
             return None
         return [self.errors[k] for k in who]
 
