@@ -24,6 +24,8 @@ from closeform.motion.arc import (
     pushes,
 )
 
+SWING_RATE = 4.2  # |d Phi_vv/dt| is at most n sqrt(17)
+
 
 @kernel()
 def thrust_derivatives(arc, n, t, u):
@@ -127,5 +129,6 @@ def stuck_remainder(n, u, h, held, longest, span):
     push, rate, bend = greatest(u, 0, h), greatest(u, 1, h), greatest(u, 2, h)
     share, rest = 0.125 * h * h, 0.125 * span * span
     if held >= 0.0:  # a thrust that does not depend on s
-        return share * swing * (push + 2.0 * held) + rest * swing * held, share * rate
+        turn = min(2.0 * swing, SWING_RATE * n * longest)  # of Phi_vv, from when it sticks to its end
+        return share * (swing * push + turn * held) + rest * swing * held, share * rate
     return swing * push * (3.0 * share + rest), share * (5.0 * rate + longest * bend)
