@@ -13,11 +13,17 @@ from timing import say, side_by_side
 
 DEARER = 5e-4  # than the sequential programs, at most
 SIDES = 6  # as many as `avoid` looks at
+LIMITS = (1.0, 3.0, 30.0)  # of the peak thrust of the path of least energy around the same sphere
+NOTE = (
+    "Limits are shares of the peak thrust of the path of least energy around the sphere; burns and coasts, "
+    "certified clear as they are flown. Medians of those that do it in the given time."
+)
 
 
 def measure(quick: bool) -> Report:
     report = Report()
     spheres(report, 3 if quick else 40)
+    within_limits(report, 3 if quick else 40)
     swap(report, 2 if quick else 15)
     formations(report, 3 if quick else 200)
     return report
@@ -100,6 +106,39 @@ def spheres(report: Report, count: int) -> None:
     report.tables.append(Table(title, ["method", "median", "delta-v"], rows))
 
 
+def within_limits(report: Report, count: int) -> None:
+    """The same passages by burns, in the given time, within shares of the peak of least energy's path."""
+    rows, kept = [], 0
+    passages = [passage(seed) for seed in range(count)]
+    plans = [(avoided(one, "energy"), avoided(one, "delta-v")) for one in passages]
+    for share in LIMITS:
+        say(f"  within {share:g} of the peak of least energy")
+        spent, above, below, extra, weak = [], [], [], [], 0
+        for one, (smooth, kicks) in zip(passages, plans, strict=True):
+            limit = share * float(smooth.path.peak_thrust)
+            path = one.orbit.impulsive(one.initial, one.final, one.duration)
+            begin = perf_counter()
+            found = cf.avoid(
+                path, one.obstacle, cf.Sphere(one.radius), cost="delta-v", max_acceleration=limit
+            )
+            spent.append(perf_counter() - begin)
+            longer = not found.ok or found.path.end > one.duration * (1 + 1e-9)
+            weak += longer
+            kept += longer or found.path.peak_thrust <= limit * (1 + 1e-9)
+            if not longer:
+                above.append(found.delta_v / kicks.delta_v - 1)
+                below.append(1 - found.delta_v / smooth.delta_v)
+                extra.append(found.gap)
+        told = [f"{100 * float(np.median(values)):.2f} %" for values in (above, below, extra)]
+        time = f"{seconds(float(np.median(spent)))}, {seconds(max(spent))}"
+        rows.append([f"{share:g} of the peak", f"{len(above)}, {weak}", time, *told])
+    name = f"{len(LIMITS) * count} passages within thrust limits, none above its limit"
+    report.figures.append(Figure(name, f"{len(LIMITS) * count}", f"{kept}", kept == len(LIMITS) * count))
+    title = f"Delta-v around one sphere within a thrust limit, {count} passages"
+    columns = ["limit", "in the given time, not", "median, longest", "above impulses", "below energy", "gap"]
+    report.tables.append(Table(title, columns, rows, [NOTE]))
+
+
 def swap(report: Report, repeats: int) -> None:
     """Twelve craft cross the middle of a ring in a quarter of an orbit."""
     angles = 2 * np.pi * np.arange(12) / 12
@@ -117,7 +156,7 @@ def swap(report: Report, repeats: int) -> None:
 
 def formations(report: Report, count: int) -> None:
     """The random formations of the planner's own benchmark."""
-    spent, shares, planned, taken = [], [], 0, 0
+    spent, shares, fired, planned, taken = [], [], [], 0, 0
     for k, task in enumerate(cases()):
         if k == count:
             break
@@ -129,6 +168,7 @@ def formations(report: Report, count: int) -> None:
         spent.append(perf_counter() - begin)
         smooth = cf.reconfigure(**task.arguments)
         planned += plan.ok
+        fired += [len(path.impulses) for path in plan.paths] if plan.ok else []
         if plan.ok and smooth.ok and not plan.measures and not smooth.measures:
             shares.append(plan.delta_v / smooth.delta_v)
     name = f"{count} random formations for delta-v, planned and certified"
@@ -138,6 +178,7 @@ def formations(report: Report, count: int) -> None:
         ["time, median and longest", f"{seconds(float(np.median(spent)))}, {seconds(max(spent))}"],
         ["delta-v of that of least energy, median", f"{middle:.3f}"],
         ["5 to 95 %", f"{low:.3f} to {high:.3f}"],
+        ["impulses of a craft, median and mean", f"{np.median(fired):.0f}, {np.mean(fired):.1f}"],
     ]
     title = f"Least delta-v of {taken} random formations"
     report.tables.append(Table(title, ["of all plans", ""], rows))

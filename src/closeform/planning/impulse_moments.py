@@ -41,10 +41,11 @@ class Moments(NamedTuple):
     def joined(self, *others: "Moments") -> "Moments":
         """All of them, in order, each once."""
         every = Moments(*map(np.concatenate, zip(self, *others, strict=True)))
-        every = every.some(np.lexsort((every.which, every.times)))
-        new = np.ones(len(every.times), dtype=bool)
-        new[1:] = (np.diff(every.times) != 0.0) | (np.diff(every.which) != 0)
-        return every.some(new)
+        order = np.lexsort((every.which, every.times))
+        times, which = every.times[order], every.which[order]
+        new = np.ones(len(order), dtype=bool)
+        new[1:] = (times[1:] != times[:-1]) | (which[1:] != which[:-1])
+        return every.some(order[new])
 
     def merged(self, peaks: "Moments", apart: float, fixed: bool) -> "Moments":
         """Those that stand for all no further apart, of one direction: the peaks where there are some.
