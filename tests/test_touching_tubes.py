@@ -28,6 +28,14 @@ TUBES = {
 }
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """Kernels, before anything is timed."""
+    path, other = ORBIT.coast(AROUND, 1.0), ORBIT.coast(AT_REST, 1.0)
+    cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), rank_one(AROUND))
+    cf.find_conflicts(path, other, cf.Sphere(50.0), rank_one(0.01 * AROUND))
+
+
 @pytest.mark.parametrize("name", TUBES)
 def test_a_tube_that_touches_for_ever(name):
     """Twenty orbits within 1e-11 of touching, from both sides: all clear, or one stay of all the time."""
@@ -118,3 +126,16 @@ def test_a_burn_beside_a_tube_that_touches():
     )
     assert stays == ()
     assert process_time() - begin < 5.0
+
+
+def test_a_line_of_errors_that_passes_a_cylinder_ends_in_bounded_time():
+    """Errors along the track only, which lead past a cylinder: hundreds of sigmas, and no march for ever."""
+    mean = np.array([56.282, 114.489, 70.562, 0.0633574, -0.1245843, -0.1148241])
+    path, other = ORBIT.coast(mean, PERIOD), ORBIT.coast(AT_REST, PERIOD)
+    zone = cf.Cylinder(50.0, 40.0, [0.1257302, -0.1321049, 0.6404227])
+    begin = process_time()
+    found = cf.clearance_in_sigmas(path, other, zone, rank_one(1.1525 * ALONG))
+    # planes that lean past a line are good to 1e-8 of its length: it counts as so thick, and some thousand
+    # sigmas of that as near; it was marched in steps of nothing
+    assert found.sigmas > 300.0
+    assert process_time() - begin < 15.0

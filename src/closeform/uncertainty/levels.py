@@ -14,6 +14,7 @@ from closeform.uncertainty.tube import (
     HINT,
     NEVER,
     NOISY,
+    STALLS,
     TUBE,
     clear_for,
     level,
@@ -25,6 +26,8 @@ from closeform.uncertainty.tube import (
 
 PRECISION = 1e-10  # of the least level
 SLACK = 1e-13  # of the zone: less is rounding
+# Of a window, and how many steps that are as brief make a lower level do than the least that was found.
+BRIEF, STALLED = 1e-4, 100
 TURN_ANGLE = 0.3  # in n t: a local minimum is looked for in steps no longer than this
 
 
@@ -106,6 +109,10 @@ def least_in_window(tube, span, k, best, best_time, patience):
         if t == 0.0 and patience == LESS_PATIENCE:
             target = (1.0 if k < 0.0 else aim) - max(SLACK - gap, 0.0)
             h = max(h, beyond_for(tube, sigmas, target, span))
+            if h < BRIEF * span:  # planes are not good enough, as beside cylinders where errors are a line
+                tube.seen[STALLS] += 1.0
+                if tube.seen[STALLS] > STALLED:
+                    best = aim * (1.0 - min(0.5, PRECISION * 2.0 ** (tube.seen[STALLS] - STALLED)))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return best, best_time, t
 
@@ -117,6 +124,7 @@ def least_of_pair(tube, one, first, two, second, start, end, k):
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
     best, best_time = inf, nan
+    tube.seen[STALLS] = 0.0
     t, patience = start, PATIENCE
     while True:
         while i + 1 < i_end and one.arcs[i, END] <= t:
@@ -127,7 +135,7 @@ def least_of_pair(tube, one, first, two, second, start, end, k):
         see_tube(tube, one, i, first, two, j, second, t, stop - t)
         least, when, reached = least_in_window(tube, stop - t, k, best, nan, patience)
         if least < best:
-            best, best_time = least, min(t + when, stop)
+            best, best_time = least, min(t + when, stop) if when == when else best_time
         patience = LESS_PATIENCE if reached < stop - t else PATIENCE
         t = max(t + reached, t + 2.3e-16 * abs(t)) if reached < stop - t else stop
         if t >= end or best <= 0.0:

@@ -32,9 +32,9 @@ NEVER = 1e4  # as many sigmas are infinitely many
 ALMOST = 1e-3  # of a level: planes with less room than that beyond it are sought exactly
 COLUMNS = 20  # six that are settled, four under way of either craft, six of noise
 # Of `seen`: the mean's order and mean motion, how many columns are active, the noise of both, how long the
-# window is, how long the last step of a moving certificate was, and at an instant thrice
-# how many columns there are.
-ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT, WIDTH = 0, 1, 2, 3, 4, 5, 6
+# window is, how long the last step of a moving certificate was, at an instant thrice how
+# many columns there are, and how many steps of the pair nothing could lengthen.
+ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT, WIDTH, STALLS = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 class Tube(NamedTuple):
@@ -42,7 +42,7 @@ class Tube(NamedTuple):
 
     Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit.  Of a window the derivatives of the
     mean (8, 3), of the settled columns (4, 18) and of those under way (64, 3), `bounds` (6,) of acceleration
-    along the axes, of the mean and of columns that are not settled, and what is `seen` (7,).  At an instant
+    along the axes, of the mean and of columns that are not settled, and what is `seen` (8,).  At an instant
     `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the `best` plane
     (4,) and what of the columns is along it, `along` (3,): |l|^2, l . l' and |l'|^2.
     """
@@ -84,7 +84,7 @@ def tube_for(zone: Zone, mean_motion: float) -> Tube:
     shape, matrix, faces = zone.form
     if shape == CUBE:
         shape, faces = FACES, np.concatenate([np.eye(3), -np.eye(3)])
-    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 7, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
+    sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 8, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
     return Tube(shape, matrix, faces, mean_motion, *map(np.zeros, sizes))
 
 
