@@ -10,7 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.linalg import expm
 
+import closeform as cf
 from bridge import hill
+from closeform import plots
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report import drift
@@ -212,3 +214,34 @@ def test_nothing_is_asked_where_no_drift_is(tmp_path):
         "assert 'closeform.drift.search' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+ORBIT = cf.Orbit.circular(550e3)
+PATH = ORBIT.transfer([0, 200, 0, 0, 0, 0], [25, 0, 50, 0, -50 * ORBIT.mean_motion, 0], ORBIT.period)
+CLIENT = ORBIT.coast(np.zeros(6), 3 * ORBIT.period)
+ZONE = cf.Sphere(20.0)
+
+
+def test_a_curve_is_the_least_of_each_drift():
+    """Against drifts flown here, at some of the instants that are drawn."""
+    (axes, *_) = plots.drift_ratios(PATH, CLIENT, ZONE, CLIENT.end).axes
+    curve = max(axes.get_lines(), key=lambda line: len(line.get_xdata()))
+    for k in (40, 222, 401):
+        failed_at = 60.0 * curve.get_xdata()[k]
+        near = drifted(PATH, CLIENT, failed_at, CLIENT.end) / 20.0
+        assert near - 1e-3 <= curve.get_ydata()[k] <= near + ROUNDING  # samples are 2 s apart
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: plots.drift_ratios([PATH, PATH], CLIENT, ZONE, CLIENT.end), "other: 1 for 2 paths"),
+        (lambda: plots.drift_ratios([], [], ZONE, CLIENT.end), "path: give at least one"),
+        (lambda: plots.drift_ratios(PATH, CLIENT, ZONE, CLIENT.end, ["a", "b"]), "labels: 2 labels for 1"),
+        (lambda: plots.drift_ratios(PATH, CLIENT, ZONE, 1.0), "until: 1 s is before the end"),
+        (lambda: plots.drift_fan(PATH, CLIENT, ZONE, CLIENT.end, ["a"]), "names: 1 names for 2"),
+    ],
+)
+def test_pictures_refuse(wrong, message):
+    with pytest.raises(ValueError, match=message):
+        wrong()

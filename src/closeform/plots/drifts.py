@@ -194,5 +194,6 @@ def verdict(found: Sequence[Failed]) -> str:
     if worst.worst.ratio > 1.0:
         return f"Passively safe {spans}: least {number(worst.worst.ratio)} × zone"
     risky = np.interp(np.linspace(worst.times[0], worst.times[-1], 2000), worst.times, worst.ratios) <= 1.0
-    told = f"{number(worst.worst.ratio)} × zone, unsafe {100 * risky.mean():.0f} % of the time"
-    return f"Not passively safe {spans}: {told}"
+    share = 100.0 * risky.mean()  # nearly none where it is in the midst of an impulse
+    often = f", unsafe {share:.0f} % of the time" if share >= 0.5 else ""
+    return f"Not passively safe {spans}: {number(worst.worst.ratio)} × zone{often}"
