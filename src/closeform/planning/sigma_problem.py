@@ -67,10 +67,10 @@ class Margin:
         many = checked_sigmas(sigmas)
         return cls(tuple(errors), many) if many and any(errors) else None
 
-    @property
-    def fixed(self) -> bool:
-        """Whether no error depends on what is planned."""
-        return not any(one and (one.magnitude or one.pointing or any(one.impulse)) for one in self.errors)
+    def fixed(self, count: int) -> tuple[Errors | None, ...]:
+        """What of all errors no plan of the first `count` bodies changes: states and noise."""
+        own = [one and Errors(noise=one.noise)._with_root(one._root) for one in self.errors[:count]]
+        return (*own, *self.errors[count:])
 
     def problem(self, plain: Problem) -> Problem:
         """One of the same craft that keep this margin."""
@@ -121,8 +121,11 @@ class SigmaProblem(Problem):
 
     def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
         """Relative covariances (K, 3, 3) [m^2] of positions at contacts."""
-        known = self.fixed_spread if self.kept.fixed else self.spread(flown)
-        arcs, offsets, rows, execution = known
+        return self.relative(self.spread(flown) if self.moves else self.fixed, contacts)
+
+    def relative(self, spread: Spread, contacts: Contacts) -> Floats:
+        """The same of some errors."""
+        arcs, offsets, rows, execution = spread
         total = np.zeros((contacts.number, 3, 3))
         pairs = self.pairs[contacts.which]
         for body in np.unique(pairs):
@@ -137,9 +140,17 @@ class SigmaProblem(Problem):
         return total
 
     @cached_property
-    def fixed_spread(self) -> Spread:
-        """That of the unconstrained optima, which is everybody's where errors are fixed."""
-        return self.spread(self.direct)
+    def moves(self) -> bool:
+        """Whether errors depend on what is planned."""
+        own = self.kept.errors[: self.count]
+        return any(one is not None and (one.magnitude or one.pointing or any(one.impulse)) for one in own)
+
+    @cached_property
+    def fixed(self) -> Spread:
+        """What of the errors all plans have."""
+        arcs, offsets = self.direct
+        paths = path_of(self.orbit, arcs, offsets, (len(offsets) - 1,))
+        return spread_of(paths, self.kept.fixed(self.count))
 
     def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
         """The gauges (K,) of pairs at contacts, and gradients; below 0 sigmas the most that are clear."""
@@ -183,14 +194,12 @@ class SigmaProblem(Problem):
         spread = self.covariances(flown, contacts)
         return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", directions, spread, directions)))
 
-    def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
+    def insides(self, contacts: Contacts, directions: Floats) -> Floats:
         """Ellipsoids |W q| <= 1 in sums of zone and sigmas, which reach as far along directions: (K, 3, 3).
 
-        None where errors depend on what is flown: another plan may have less of them.
+        Of errors that all plans have: another may have less of the others.
         """
-        if not self.kept.fixed:
-            return None
-        spread, out = self.covariances(self.direct, contacts), np.empty((contacts.number, 3, 3))
+        spread, out = self.relative(self.fixed, contacts), np.empty((contacts.number, 3, 3))
         for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
             zone = self.zones[kind]
             radius = 1.0 / float(np.linalg.norm(zone.faces, axis=1).max()) if zone.shape == FACES else 1.0
