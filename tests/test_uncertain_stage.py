@@ -275,3 +275,21 @@ def test_the_slow_encounter_is_that_of_its_message() -> None:
     assert told.value == pytest.approx(cf.collision_probability(*pair).value, rel=1e-3)
     short = cf.collision_probability(*pair, method="short-encounter")
     assert short.value < 0.2 * told.value
+
+
+def test_a_probability_that_cannot_be_told_is_not_granted(monkeypatch) -> None:
+    """Histories of very many burns are not drawn: who asked for their probability is told so."""
+    monkeypatch.setattr("closeform.exchange.uncertain_flight.MOST_BURNS", 0)
+    monkeypatch.setattr("closeform.uncertainty.carried.MANY", 0)
+    move = CLOSER.split("[[stage]]")[2]
+    known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")
+    mission = fly(parse(f"{HEAD}{known}\n[[stage]]{move}max_probability = 0.5\n{PASS}"))
+    assert "probability of collision of F1 - F2 is not known" in str(mission.verdict)
+    assert mission.verdict.status == 1
+    path = mission.results[0].after.path("F2")
+    state = np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
+    errors = cf.Errors(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)))
+    expected = errors.covariance(path, path.end)
+    sizes = np.sqrt(np.diag(expected))
+    found = mission.results[1].uncertain.errors[1].state
+    assert np.abs((found - expected) / np.outer(sizes, sizes)).max() < 1e-9

@@ -6,7 +6,7 @@ from math import inf
 from typing import Self
 
 from closeform.conflicts.flight import Flight, watch
-from closeform.exchange.uncertain_flight import UncertainFlight, UncertainPair
+from closeform.exchange.uncertain_flight import MOST_BURNS, MOST_PROBABLE, UncertainFlight, UncertainPair
 from closeform.scenario import Scenario, StageTable
 from closeform.uncertainty.carried import carried
 from closeform.uncertainty.errors import Errors
@@ -70,6 +70,12 @@ class UncertainStage:
         return max(told, key=lambda pair: pair.probability.high, default=None)  # type: ignore[union-attr]
 
     @property
+    def undrawn(self) -> UncertainPair | None:
+        """A pair whose probability should be known, and is not."""
+        pairs = self.bodies.pairs[:MOST_PROBABLE] if self.bodies is not None else ()
+        return next((pair for pair in pairs if pair.probability is None), None)
+
+    @property
     def asked(self) -> Iterator[Asked]:
         """What the stage asks for, and whether it is so."""
         where = f"stage {self.number} ({self.stage.verb})"
@@ -88,6 +94,11 @@ class UncertainStage:
         if self.stage.max_probability is not None:
             limit, pair = self.stage.max_probability, self.likeliest
             high = 0.0 if pair is None or pair.probability is None else pair.probability.high
+            if unknown := self.undrawn:
+                who = f"{unknown.first} - {unknown.second}"
+                words = f"probability of collision of {who} is not known, with more than {MOST_BURNS} burns"
+                yield Asked("", f"{words}, in {where}", False, 0.0, "probability")
+                return
             who = "" if pair is None else f" of {pair.first} - {pair.second}"
             words = f"probability of collision{who} up to {high:.3g}"
             broken, margin = f"{words}, above {limit:g} in {where}", limit / high if high > 0.0 else inf

@@ -9,6 +9,7 @@ from scipy.special import gammaincc
 
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.uncertainty.clearance import clearance_in_sigmas
+from closeform.uncertainty.columns import burns_of
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.uncertainty.relative_errors import relative_errors
@@ -16,6 +17,7 @@ from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 MOST_PROBABLE = 10  # pairs, the fewest sigmas first, whose probability is told
+MOST_BURNS = 60  # of two craft, of which histories are drawn: each has up to four errors of its own
 HISTORIES = 200_000  # that are drawn where the surface of a zone is not resolved
 
 
@@ -23,8 +25,8 @@ HISTORIES = 200_000  # that are drawn where the surface of a zone is not resolve
 class UncertainPair:
     """Two craft by name that are clear of a `zone` by `sigmas` at least, fewest at `time` [s].
 
-    `probability` that they are ever within it; None where others are nearer, or the zone is no sphere
-    and no ellipsoid.
+    `probability` that they are ever within it; None where others are nearer, the zone is no sphere and no
+    ellipsoid, or there are too many burns with errors of their own.
     """
 
     first: str
@@ -66,9 +68,10 @@ class UncertainFlight:
         told = []
         for place, (clear, time, near) in enumerate(found):
             probability = None
-            looked = place < probable or (limit < inf and at_most(flight, near, known, clear) > limit)
-            if looked and near.zone.shape == BALL:
-                probability = probability_of(flight, near, known)
+            looked = place < probable or limit < inf
+            if looked and near.zone.shape == BALL and few_burns(flight, near, known):
+                sure = place >= probable and at_most(flight, near, known, clear) <= limit
+                probability = None if sure else probability_of(flight, near, known)
             told.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
         return cls(tuple(told), exact, sigmas)
 
@@ -76,6 +79,16 @@ class UncertainFlight:
     def within(self) -> tuple[UncertainPair, ...]:
         """The pairs that are not clear by so many sigmas."""
         return tuple(pair for pair in self.pairs if pair.sigmas < self.sigmas)
+
+
+def few_burns(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> bool:
+    """Whether two craft have few enough burns and impulses with errors that histories can be drawn."""
+    count = 0
+    for name in (near.first, near.second):
+        path, errors = flight.path(name), known[name]
+        if errors.magnitude or errors.pointing or any(errors.impulse):
+            count += len(burns_of(path)) + len(path.impulses)
+    return count <= MOST_BURNS
 
 
 def probability_of(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> Probability:

@@ -73,6 +73,9 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
     of = "keep-out zones" if found.zones is not None else "the hard bodies"
     told = [f"{lead}: {fewest(near)}, of {of}"] if near is not None else []
     pair = found.likeliest
+    if (unknown := found.undrawn) is not None:
+        who = f"{unknown.first} - {unknown.second}"
+        told.append(f"Probability of collision of {who} is not told: too many burns with errors of their own")
     if pair is None or (odds := pair.probability) is None:
         return tuple(told)
     about = radius(pair)
