@@ -1540,9 +1540,14 @@ CALLS = (
         "obstacles: obstacle 0 ends at 3000 s, the drift at 3600 s; give it until then, or drift less",
     ),
     Call(
-        "a drift for least delta-v",
-        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=0.0, cost='delta-v')",
-        "drift: goes with cost 'energy'; with 'delta-v' leave it out",
+        "a drift for least delta-v that nobody knows the obstacle for",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=9.0, cost='delta-v')",
+        "obstacles: obstacle 0 ends at 3000 s, the drift at 3009 s; give it until then, or drift less",
+    ),
+    Call(
+        "a drift for least delta-v and a proof",
+        "cf.avoid(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), drift=0.0, cost='delta-v', prove=2.0)",
+        "prove: goes with cost 'energy'; with 'delta-v' leave it out",
     ),
     Call(
         "a drift with one deviation for each conflict",

@@ -19,7 +19,7 @@ from closeform.planning.impulse_search import shortage, solve_impulses, unconstr
 from closeform.planning.least_energy import refused, shaped
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.obstacles import Zones, end_inside, obstacle_batch, obstacle_names, zones_around
-from closeform.planning.passive_ends import unsafe_end
+from closeform.planning.passive_ends import unsafe_end, unseparated
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
 from closeform.planning.planner import is_passive
 from closeform.planning.problem import Problem, deepest, transfer_of
@@ -98,10 +98,12 @@ class Around:
             reason = f"the path's {end} is {depth} from {other}; move it or the time"
             least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
             return refused(problem, Status.END_INSIDE, reason, least=least)
+        if self.drift is not None and (unsafe := unsafe_end(problem)):
+            reason = unsafe.reason(problem, ("path", *self.names))
+            least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
+            return refused(problem, Status.END_UNSAFE, reason, least=least)
         if by_delta_v and self.thrusters is not None:
             return impulsive(None, problem, self)
-        if self.drift is not None and (unsafe := unsafe_end(problem)):
-            return refused(problem, Status.END_UNSAFE, unsafe.reason(problem, ("path", *self.names)))
         met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too
         deep = bool(met) and deepest(met)[1][3] < DEEP
         clear = not deep and not problem.conflicts(problem.with_path(path)) and is_passive(problem, path)
@@ -200,6 +202,8 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
     ways = f"{found.tried} starts examined"
     if found.flown is None and clear is None:
         reason = f"no clear path among {ways}; raise budget for more"
+        if problem.drift is not None:
+            reason = f"no passively safe path among {ways}{unseparated(problem, ('path', *task.names))}"
         none = refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
         if found.enough is None or limits is None:
             return none
@@ -227,4 +231,5 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         tried=found.tried,
         cost="delta-v",
         priced=found.priced or not number,
+        drift=task.drift,
     )

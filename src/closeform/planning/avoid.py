@@ -84,8 +84,8 @@ def avoid(
         do.  Also a clear path is planned anew then.  Not with `max_acceleration`.
     drift : float [s], optional
         The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every
-        zone until so long after the path's end.  Obstacles must be known until then.  Not with cost
-        "delta-v", `prove` or "sauter-palmer".
+        zone until so long after the path's end.  Obstacles must be known until then.  Not with `prove`
+        or "sauter-palmer".
     errors : Errors or None, default None
         Of the craft, from the path's start on: no error within `sigmas` standard deviations is to bring it
         into a zone.  Errors of thrust are those of the path that is found.  Not with `drift`, `prove` or
@@ -119,7 +119,7 @@ def avoid(
         return path if factor == 1.0 else transfer_of(path, factor)
 
     check_effort(budget, prove)
-    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact", drift=drift is not None)
+    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact")
     instance("longer", longer, bool, np.bool_)
     if thrusters is not None:
         instance("thrusters", thrusters, Thrusters)

@@ -22,6 +22,7 @@ from closeform.motion.reduced import LOWER
 from closeform.motion.saturated import BOUND
 from closeform.motion.within_limit import TooLittleThrust, limited
 from closeform.planning.impulse_alone import answers_alone
+from closeform.planning.impulse_checks import Failures
 from closeform.planning.impulse_local import LAST, WIDEST, ImpulseSolver, Spent
 from closeform.planning.impulse_moments import Moments
 from closeform.planning.problem import Problem
@@ -41,9 +42,14 @@ class BurnSolver(ImpulseSolver):
     """Solves one problem from any contacts, by burns within limits (N,) [m/s^2], where inf by impulses."""
 
     def __init__(
-        self, problem: Problem, limits: Floats, thrusters: Sequence[Thrusters | None], names: Sequence[str]
+        self,
+        problem: Problem,
+        limits: Floats,
+        thrusters: Sequence[Thrusters | None],
+        names: Sequence[str],
+        failures: Failures | None = None,
     ) -> None:
-        super().__init__(problem, thrusters, names)
+        super().__init__(problem, thrusters, names, failures)
         self.limits = np.where(np.isfinite(limits), limits, 0.0)
         spans = problem.base[:, [START, END]]
         self.times = np.ptp(spans, axis=1)
@@ -81,13 +87,12 @@ class BurnSolver(ImpulseSolver):
                 arcs, _ = flown_arcs(*task, found)
                 least += float(found[0, LOWER])
             path = Path(problem.orbit, arcs, np.array([0, len(arcs)]), ())
-            paths.append(extended(path, problem.first, problem.last))
+            paths.append(extended(path, problem.first, problem.arrival))
         flown, spent = problem.with_path(*paths), float(sum(path.delta_v for path in paths))
         none = [Moments.slots(np.empty(1))] * problem.count
         impulses = np.empty((problem.count, 0, 3))
-        return Spent(
-            flown, spent, least, problem.conflicts(flown), Contacts.none(), 1.0, none, impulses, none
-        )
+        checked = self.checked(flown, Contacts.none())
+        return Spent(flown, spent, least, checked, Contacts.none(), 1.0, none, impulses, none)
 
     def alone(self) -> Spent | None:
         """The same by slots, with the bound of impulses, where the limit is not shown to be enough."""

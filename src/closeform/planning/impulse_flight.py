@@ -199,11 +199,8 @@ def keep_fewest(fleet, planes, impulses):
             row = 6
             for k in range(number):
                 if planes.first[k] == i or planes.second[k] == i:
-                    ahead = planes.times[k] - fleet.times[i, j]
-                    effects[row, j] = 0.0
-                    if ahead > 0.0:
-                        forces(n, ahead, fleet.widths[i, j], planes.rows[k], psi, pushed)
-                        effects[row, j] = (pushed[0] * v[0] + pushed[1] * v[1] + pushed[2] * v[2]) / size
+                    forces(fleet, planes, k, i, j, psi, pushed)
+                    effects[row, j] = (pushed[0] * v[0] + pushed[1] * v[1] + pushed[2] * v[2]) / size
                     row += 1
         scale_rows(effects, height, used, count)
         while count > 1:

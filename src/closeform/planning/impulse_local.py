@@ -22,19 +22,20 @@ from closeform.motion.reduced import COUNT, LOWER, UPPER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.impulse_alone import answers_alone
+from closeform.planning.impulse_checks import Checked, Failures, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
 from closeform.planning.impulse_moments import Moments, Pushes
 from closeform.planning.impulse_peaks import find_peaks
-from closeform.planning.impulse_scene import Dual, Fleet, Planes
+from closeform.planning.impulse_scene import BRIEF, Dual, Fleet, Planes
 from closeform.planning.joint_barrier import price
-from closeform.planning.problem import Flown, PairRow, Problem
+from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and more of them for each orbit
 LEVEL, ROOM = 0.9, 32  # length of a primer from which a maximum becomes a time to fire, and how many
 FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: an impulse whose time counts, and one that is none
-WEAK, NEAR = 1e-3, 1.05  # of the mean multiplier, and norm: planes that hardly push, far away, are left
+NEAR = 1.05  # norm: planes that hardly push, farther away, are left
 APART = 0.02  # of a craft's duration: impulses no further apart become one
 AIM = 1.0 + 1e-6  # of a zone: planes are this far out, that what moves between rounds stays clear
 ALIKE = 0.002  # of the time in which a pair can give way: planes no further apart are one
@@ -48,7 +49,7 @@ PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come a
 ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
 INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
-DEARER = 1.0002  # times the cost, that few impulses may cost
+DEARER, SAFER = 1.0002, 1.005  # times the cost, that few impulses may cost, and where thrust may be lost
 FEWER, COARSE = (
     1e-4,
     8,
@@ -65,7 +66,7 @@ class Spent:
     flown: Flown
     delta_v: float
     least: float  # [m/s]: nothing that keeps these planes costs less, fired at any time; certified
-    missed: list[PairRow]
+    checked: Checked
     contacts: Contacts
     margin: float  # of the zones, to which planes were moved out
     moments: list[Moments]  # of each craft
@@ -75,8 +76,7 @@ class Spent:
     @property
     def pushing(self) -> Any:
         """Which contacts (K,) push their pairs apart."""
-        pushes = self.contacts.multipliers
-        return pushes > WEAK * pushes.sum() / max(len(pushes), 1)
+        return pushing(self.contacts)
 
     def fired(self, share: float) -> list[Moments]:
         """When each craft fires more than a share of all."""
@@ -97,8 +97,15 @@ class Priced(NamedTuple):
 class ImpulseSolver:
     """Solves one problem from any contacts, by impulses."""
 
-    def __init__(self, problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        thrusters: Sequence[Thrusters | None],
+        names: Sequence[str],
+        failures: Failures | None = None,
+    ) -> None:
         self.problem, self.thrusters, self.names = problem, thrusters, names
+        self.failures = failures
         self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
         self.needed = inf  # times these limits, where burns within them were shown to be too weak
@@ -115,6 +122,8 @@ class ImpulseSolver:
         self.drift = drift, offsets  # who coasts on until its time is over
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
         self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs].swapaxes(1, 2)
+        own = np.concatenate([np.ptp(base[:, [START, END]], axis=1), np.zeros(len(never))])
+        self.brief = BRIEF * own[problem.pairs]
         self.matrices = problem.bare.matrices[problem.kinds]
 
     def unconstrained(self) -> Spent:
@@ -138,8 +147,8 @@ class ImpulseSolver:
         fleet = self.fleet(fired)
         impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
         flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
-        missed, spent = self.problem.conflicts(flown), float(found[:, UPPER].sum())
-        return Spent(flown, spent, least, missed, Contacts.none(), 1.0, fired, impulses, fired)
+        spent, none = float(found[:, UPPER].sum()), Contacts.none()
+        return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
         """The cheapest clear paths that a start leads to; None where there are none below `bar`."""
@@ -149,7 +158,7 @@ class ImpulseSolver:
             found = self.priced(moments, contacts, tolerance, (1.0 + tolerance) * bar)
             if found is None:
                 break
-            if not found.missed:
+            if found.checked.clear:
                 gained = inf if best is None else best.delta_v - found.delta_v
                 best = found if gained > 0.0 else best
                 idle = 0 if gained > SETTLED * found.delta_v else idle + 1
@@ -158,6 +167,14 @@ class ImpulseSolver:
             contacts, moments = self.turned(found), self.following(found)
             tolerance = max(LAST, FINER * tolerance)
         return best
+
+    def ways(self) -> Iterator[None]:
+        """How a start is solved, one after another: where thrust may be lost, holding planes and not."""
+        yield
+        if self.failures is not None:
+            self.failures.holding = True
+            yield
+            self.failures.holding = False
 
     def following(self, found: Spent) -> list[Moments]:
         """When each craft may fire in the round after one."""
@@ -171,8 +188,8 @@ class ImpulseSolver:
             def near_peaks(found: Spent, share: float = share) -> list[Moments]:
                 return list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
 
-            few = None
-            for found in self.refired(best, near_peaks, DEARER, steady=False):
+            few, dearer = None, DEARER if self.failures is None else SAFER
+            for found in self.refired(best, near_peaks, dearer, steady=False):
                 gained = inf if few is None else few.delta_v - found.delta_v
                 few = found if gained > 0.0 else few
                 if gained < SETTLED * found.delta_v:
@@ -214,11 +231,14 @@ class ImpulseSolver:
         found, self.aim = best, best.margin
         for _ in range(FOCUSING):
             self.aim = best.margin if steady else self.aim
-            again = self.priced(moments(found), self.turned(found, 0.0), LAST, dearer * best.delta_v)
+            after, contacts = moments(found), self.turned(found, 0.0)
+            if self.failures is not None:
+                contacts = self.failures.merged(contacts, found.moments, found.impulses, after)
+            again = self.priced(after, contacts, LAST, dearer * best.delta_v)
             if again is None:
                 return
             found = again
-            if not found.missed:
+            if found.checked.clear:
                 yield found
 
     def settled(self, best: Spent) -> Contacts:
@@ -248,16 +268,21 @@ class ImpulseSolver:
         if found is None:
             return None
         impulses = found.impulses
-        keep_fewest(fleet, planes, impulses)
-        flown = self.flown(fleet, impulses)
-        missed = self.problem.conflicts(flown)
-        worst = min((row[3] for _, row in missed), default=1.0)
-        if worst > NEARLY and tolerance == LAST:
-            self.aim = aim + 1.0 - worst if missed else 0.5 * (aim + AIM)
-        spent = float(np.linalg.norm(impulses, axis=2).sum())
         contacts = contacts._replace(multipliers=found.multipliers)
+        keep_fewest(fleet, planes if self.failures is None else planes.some(pushing(contacts)), impulses)
+        flown = self.flown(fleet, impulses)
+        checked = self.checked(flown, contacts)
+        if checked.worst > NEARLY and tolerance == LAST:
+            self.aim = 0.5 * (aim + AIM) if checked.clear else aim + 1.0 - checked.worst
+        spent = float(np.linalg.norm(impulses, axis=2).sum())
         least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
-        return Spent(flown, spent, least, missed, contacts, aim, moments, impulses, found.peaks)
+        return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)
+
+    def checked(self, flown: Flown, contacts: Contacts) -> Checked:
+        """Conflicts of paths that `contacts` led to, with thrust and where it may be lost without."""
+        if self.failures is None:
+            return Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
+        return self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
 
     def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
         """What it costs at least to keep planes and fire at the fleet's moments; None where above `bar`."""
@@ -285,7 +310,7 @@ class ImpulseSolver:
         for i, own in enumerate(moments):
             times[i, : counts[i]], which[i, : counts[i]], widths[i, : counts[i]] = own
         most = np.where(widths > 0.0, INSIDE * self.limits[:, None] * widths, inf)
-        along, span = self.pushes.along(which, times), np.array([self.problem.first, self.problem.last])
+        along, span = self.pushes.along(which, times), np.array([self.problem.first, self.problem.arrival])
         given = self.problem.bare.base, self.finals, times, along, widths, most, counts, span
         return Fleet(*given, *self.pushes)
 
@@ -293,18 +318,23 @@ class ImpulseSolver:
         """The planes of contacts, and by how much craft that coast on miss them."""
         times, which = contacts.times, contacts.which
         rows = (contacts.normals[:, None] @ self.matrices[which])[:, 0]
-        inside = (self.free[which, 0] < times[:, None]) & (times[:, None] < self.free[which, 1])
+        cuts, brief = times[:, None] - contacts.drifts, self.brief[which] * (contacts.drifts > 0.0)
+        inside = (self.free[which, 0] - brief < cuts) & (cuts < self.free[which, 1] + brief)
         first, second = np.where(inside, self.problem.pairs[which], -1).T.copy()
-        places = self.problem.motions(self.drift, contacts)[:, 0]
-        return Planes(times, rows, self.aim - (contacts.normals * places).sum(axis=1), first, second)
+        since = np.minimum(cuts, self.free[which].mean(axis=1))  # who coasts is where it would be, whenever
+        unforced = np.where(contacts.drifts > 0.0, times[:, None] - since, 0.0)
+        places = self.problem.motions(self.drift, contacts._replace(drifts=unforced))[:, 0]
+        gaps = self.aim - (contacts.normals * places).sum(axis=1)
+        return Planes(times, rows, gaps, first, second, np.ascontiguousarray(cuts))
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
         """The contacts that push or are nearer, turned to where their pairs are, and those of conflicts."""
-        problem, contacts = self.problem, found.contacts
+        problem, undrifting = self.problem, ~drifting(found.contacts)
+        contacts = found.contacts.some(undrifting)
         contacts = contacts._replace(normals=problem.normals(found.flown, contacts, TURNED))
         near = (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
-        contacts = contacts.some(near | found.pushing)
-        for pair, row in found.missed:
+        contacts = contacts.some(near | found.pushing[undrifting])
+        for pair, row in found.checked.missed:
             one = problem.at(pair, row[2])
             start, end = problem.windows[0][one.which[0]]
             when = np.abs(contacts.times - row[2])
@@ -316,7 +346,7 @@ class ImpulseSolver:
                 if len(near):  # begin with its other plane
                     one.normals[0] = contacts.normals[near[np.argmin(when[near])]]
                 contacts = contacts.joined(beside(problem, found.flown, one))
-        return contacts
+        return contacts.joined(found.checked.lost)
 
     def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
         """The paths of all bodies under impulses."""

@@ -10,7 +10,7 @@ from closeform.kernel_loans import lent
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
 from closeform.motion.hill import coast
 from closeform.motion.primer import peaks
-from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, coast_state, is_free
+from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, coast_state, cut_of, is_free
 from closeform.planning.scene import INDICES, PAIRS, ROWS
 
 BETWEEN = 1e-7  # by which d . p may differ from cubics between its samples
@@ -105,11 +105,11 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
         pieces = 0
         for k in range(number):
             if planes.first[k] == i or planes.second[k] == i:
-                place = pieces
-                while place > 0 and order[place - 1] > planes.times[k]:
+                place, cut = pieces, min(cut_of(planes, k, i), end)
+                while place > 0 and order[place - 1] > cut:
                     order[place] = order[place - 1]
                     place -= 1
-                order[place] = planes.times[k]
+                order[place] = cut
                 pieces += 1
         order[pieces] = end
         counts[i] = 0
@@ -119,7 +119,7 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
                 continue
             coast_state(n, t - start, dual.starts[i], state)
             for k in range(number):
-                if (planes.first[k] == i or planes.second[k] == i) and planes.times[k] >= order[piece]:
+                if (planes.first[k] == i or planes.second[k] == i) and cut_of(planes, k, i) >= order[piece]:
                     add_push(n, planes, k, i, dual.multipliers[k], t, state)
             for one in range(fleet.numbers[i]):
                 d, duration = fleet.directions[i, one], order[piece] - t

@@ -35,19 +35,16 @@ def fill_rows(fleet, planes, i, members, size, rows):
     n = fleet.base[i, MEAN_MOTION]
     psi, pushed = stack_matrix(3, 6), stack_vector(3)
     for j in range(fleet.counts[i]):
-        t, width = fleet.times[i, j], fleet.widths[i, j]
-        mean_rows(n, t - fleet.base[i, START], width, psi)
+        mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
         for axis in range(3):
             for k in range(6):
                 rows[j, axis, k] = psi[axis, k]
         for m in range(size):
             k = members[m]
-            ahead = planes.times[k] - t
             sign = 1.0 if planes.first[k] == i else -1.0
-            if ahead > 0.0:
-                forces(n, ahead, width, planes.rows[k], psi, pushed)
+            forces(fleet, planes, k, i, j, psi, pushed)
             for axis in range(3):
-                rows[j, axis, 6 + m] = sign * pushed[axis] if ahead > 0.0 else 0.0
+                rows[j, axis, 6 + m] = sign * pushed[axis]
         along = fleet.along[i, j]
         if not is_free(along):
             for k in range(6 + size):

@@ -17,6 +17,7 @@ POINTS: tuple[float, ...] = (0.06943184420297371, 0.33000947820757187)
 POINTS += (0.6699905217924281, 0.9305681557970263)
 WEIGHTS: tuple[float, ...] = (0.17392742256872692, 0.3260725774312731)
 WEIGHTS += (0.3260725774312731, 0.17392742256872692)
+BRIEF = 1e-7  # of a craft's time, before and after an impulse, in which its thrust may be lost
 
 
 class Fleet(NamedTuple):
@@ -43,7 +44,8 @@ class Fleet(NamedTuple):
 class Planes(NamedTuple):
     """K planes: when, along which rows [1/m], what unforced paths miss, and whose they are.
 
-    `first` and `second` (K,) are craft that can still give way, or -1.
+    `first` and `second` (K,) are craft that can still give way, or -1.  What they fire from their `cuts`
+    (K, 2) on is not felt: where thrust is lost that is before the plane's time.
     """
 
     times: Floats
@@ -51,6 +53,11 @@ class Planes(NamedTuple):
     misses: Floats
     first: Any
     second: Any
+    cuts: Floats
+
+    def some(self, chosen: Any) -> "Planes":
+        """Those of a mask."""
+        return Planes(*(column[chosen] for column in self))
 
 
 class Dual(NamedTuple):
@@ -63,7 +70,7 @@ class Dual(NamedTuple):
 FLEET = types.NamedTuple(
     (ROWS, ROWS, ROWS, BLOCKS, ROWS, ROWS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet
 )
-PLANES = types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES), Planes)
+PLANES = types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES, ROWS), Planes)
 DUAL = types.NamedTuple((ROWS, NUMBERS), Dual)
 
 
@@ -95,14 +102,27 @@ def mean_rows(n, t, width, psi):
 
 
 @kernel()
-def forces(n, dt, width, row, psi, out):
-    """Fill `out` (3,): Phi_rv(dt)^T a, what a push of a plane adds to the primer dt before it.
+def cut_of(planes, k, i):
+    """Until when what craft i fires is felt at plane k."""
+    return planes.cuts[k, 0 if planes.first[k] == i else 1]
 
-    In the mean over a `width` from there on, in which the plane may come.
+
+@kernel()
+def forces(fleet, planes, k, i, j, psi, out):
+    """Fill `out` (3,): Phi_rv(dt)^T a, what a push of plane k adds to craft i's primer at its moment j.
+
+    In the mean over a burn, in which the plane or its cut may come.  An impulse is cut as though it were
+    brief and thrust constant.                                                          # theory (38), (74)
     """
-    active = min(dt, width)
+    n, t, width = fleet.base[i, MEAN_MOTION], fleet.times[i, j], fleet.widths[i, j]
+    brief = BRIEF * (fleet.base[i, END] - fleet.base[i, START])
+    dt, flown, row = planes.times[k] - t, cut_of(planes, k, i) - t, planes.rows[k]
+    active = max(min(flown, width), 0.0)
+    share = active / width if width > 0.0 else min(max(0.5 * flown / brief + 0.5, 0.0), 1.0)
+    if not (dt > 0.0 and share > 0.0):
+        out[0], out[1], out[2] = 0.0, 0.0, 0.0
+        return
     mean_rows(n, dt - active, active, psi)
-    share = active / width if width > 0.0 else 1.0
     for axis in range(3):
         out[axis] = share * (
             psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]

@@ -23,6 +23,7 @@ from closeform.planning.side_search import FEW
 from closeform.planning.ways_out import exit_normals
 
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
+FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
 MORE = 4  # times as many where none of those is clear
 
 
@@ -41,10 +42,14 @@ def solve_impulses(
     Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go, and
     TooLittleThrust for one whose limit cannot.
     """
-    by_energy = cache(lambda: solve(problem, more=more))
+    by_energy, failures = cache(lambda: solve(problem, more=more)), None
+    if problem.drift is not None:
+        from closeform.planning.impulse_failures import ImpulseFailures
+
+        failures = ImpulseFailures(problem)
     if limits is None:
-        return solved(ImpulseSolver(problem, thrusters, names), by_energy, budget, more)
-    found, free = solved(BurnSolver(problem, limits, thrusters, names), by_energy, budget, more)
+        return solved(ImpulseSolver(problem, thrusters, names, failures), by_energy, budget, more)
+    found, free = solved(BurnSolver(problem, limits, thrusters, names, failures), by_energy, budget, more)
     if found.flown is not None:
         peaks = problem.path(found.flown).peak_thrust
         if (peaks > FULL * limits).any():  # of least energy
@@ -62,23 +67,29 @@ def solved(
 ) -> tuple[Outcome, Spent]:
     """The same of one solver, `by_energy` being the paths of least energy."""
     problem, free = solver.problem, solver.unconstrained()
-    if not free.missed:
+    if free.checked.clear:
         return Outcome(free.flown, (), 0.0, 1.0, True, 0, delta_v=free.delta_v), free
-    most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more else 1)
+    most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     best: Spent | None = None
     tried = 0
     for start in starts(solver, free, by_energy):
         if tried == most:
             break
-        found = solver.solve(start, inf if best is None else best.delta_v)
-        best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
+        for _ in solver.ways():
+            found = solver.solve(start, inf if best is None else best.delta_v)
+            best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
         tried += 1
     if best is not None:
         best = solver.fewest(solver.focused(best))
-        contacts = contacts_of(problem, solver.settled(best).some(best.pushing), best.flown)
-        return Outcome(best.flown, contacts, nan, best.margin, False, tried, delta_v=best.delta_v), free
+        touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
+        if solver.failures is not None:
+            touched = touched.some(touched.multipliers > FELT * best.delta_v)
+            touched, priced = solver.failures.touching(at, touched)
+            at = solver.failures.brief(at)
+        answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
+        return Outcome(*answer, delta_v=best.delta_v, priced=priced), free
     if solver.pushes.fixed.any():
-        return Outcome(None, (), nan, 1.0, False, tried, deepest(free.missed)[0]), free
+        return Outcome(None, (), nan, 1.0, False, tried, blocked(solver, free)), free
     other = by_energy()
     spent = nan if other.flown is None else float(np.sum(problem.path(other.flown).delta_v))
     return replace(other, proven=False, tried=tried + other.tried, delta_v=spent, priced=False), free
@@ -102,16 +113,18 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
     """Contacts to begin with: sides of other plans, the nearer ones, and each way out of a conflict.
 
     Of many craft, or within a limit, the plan of least energy; for thrusters, or of one craft within a
-    limit, that of impulses in any direction.
+    limit, that of impulses in any direction.  Where thrust may be lost, safe plans of least energy.
     """
     problem, limited = solver.problem, solver.limits.any()
-    if problem.count > 1 or limited:
+    if solver.failures is not None:
+        yield from solver.failures.starts()
+    elif problem.count > 1 or limited:
         yield from touched(problem, by_energy())
-    if solver.pushes.fixed.any() or (limited and problem.count == 1):
+    if solver.failures is None and (solver.pushes.fixed.any() or (limited and problem.count == 1)):
         anywhere = ImpulseSolver(problem, (None,) * problem.count, ("",) * problem.count)
         yield from touched(problem, solved(anywhere, by_energy)[0])
-    near = beside(problem, free.flown, problem.met(free.missed))
-    yield near
+    near = beside(problem, free.flown, problem.met(free.checked.missed))
+    yield near.joined(free.checked.lost)
     if near.number > FEW:
         return
     ways = []
@@ -123,6 +136,14 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
         normals = near.normals.copy()
         normals[k] = normal
         yield near._replace(normals=normals)
+
+
+def blocked(solver: ImpulseSolver, free: Spent) -> tuple[int, int]:
+    """The pair that is deepest in conflict where craft fly as though alone."""
+    if free.checked.missed:
+        return deepest(free.checked.missed)[0]
+    first, second = solver.problem.pairs[free.checked.lost.which[:1].sum()]  # the first, if none is known
+    return int(first), int(second)
 
 
 def touched(problem: Problem, found: Outcome) -> Iterator[Contacts]:

@@ -118,7 +118,7 @@ def reconfigure(
     drift : float [s], optional
         The plan is to be passively safe: whenever any one craft loses its thrust for good, while the others
         fly on and then coast, it keeps out of every zone until so long after the last arrival.  Obstacles
-        must be known until then.  Not with cost "delta-v", `prove` or "sequential".
+        must be known until then.  Not with `prove` or "sequential".
     errors : Errors, sequence of these, or None, default None
         One for all, or one for each craft and, after them, obstacle, independent, each from the start of its
         path in the plan on: no errors within `sigmas` standard deviations are to bring two into their zone.
@@ -146,7 +146,7 @@ def reconfigure(
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
-    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint", drift=drift is not None)
+    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint")
     drift = check_drift(drift, prove, method, "joint")
     request = Request.of(
         instance("orbit", orbit, Orbit),
@@ -219,6 +219,8 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
             plan = replace(plan, drift=request.drift)
             if unsafe := unsafe_end(problem):
                 reason = unsafe.reason(problem, request.names)
+                if request.cost == "delta-v":
+                    plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
                 return replace(plan, status=Status.END_UNSAFE, reason=reason, blocked=unsafe.pair)
         if request.cost == "delta-v":
             return _fired(plan, problem, request, budget, more)
@@ -277,7 +279,9 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         weak = shortage(problem, limits, found.enough)
         return replace(plan, status=Status.TOO_WEAK, weak=weak, reason=weakness(weak, names[weak.craft]))
     if found.flown is None:
-        return replace(plan, blocked=found.blocked, reason=_blocked(names, found.blocked, found.tried))
+        reason = _blocked(names, found.blocked, found.tried)
+        reason += "" if problem.drift is None else unseparated(problem, names)
+        return replace(plan, blocked=found.blocked, reason=reason)
     paths, number, spent = problem.path(found.flown), len(found.contacts), found.delta_v
     bound = min(free.least, spent)
     best = f"{number} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"

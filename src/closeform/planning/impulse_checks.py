@@ -1,0 +1,63 @@
+"""What paths of impulses are asked: whether they are clear, and stay so where thrust may be lost."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple, Protocol
+
+from closeform.arrays import Floats
+from closeform.planning.impulse_moments import Moments
+from closeform.planning.problem import Flown, PairRow
+from closeform.planning.scene import Contacts
+
+WEAK = 1e-3  # of the mean multiplier: planes that hardly push
+
+
+class Checked(NamedTuple):
+    """Conflicts of paths, and where craft that lost their thrust come near others; the least norm there."""
+
+    missed: list[PairRow]
+    lost: Contacts
+    nearest: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether there is no conflict, with thrust or without."""
+        return not self.missed and self.nearest >= 1.0
+
+    @property
+    def worst(self) -> float:
+        """The least norm of all conflicts, at most 1."""
+        return min([1.0, self.nearest, *(float(row[3]) for _, row in self.missed)])
+
+
+class Failures(Protocol):
+    """What lost thrust leads to, for plans that are to be passively safe."""
+
+    holding: bool  # planes that push, although paths have left them
+
+    def checked(self, flown: Flown, known: Contacts) -> Checked:
+        """Conflicts of paths, and where failed craft come near others, at `known` instants among others."""
+
+    def starts(self) -> Iterator[Contacts]:
+        """Contacts of other plans that are safe, to begin with."""
+
+    def merged(
+        self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
+    ) -> Contacts:
+        """The contacts for fewer moments `after`, each of which stands for those of `before` near it."""
+
+    def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
+        """The same, amid impulses where their chords touch, and whether all of them do."""
+
+    def brief(self, flown: Flown) -> Flown:
+        """The same paths, their impulses as brief burns, in the midst of which thrust may be lost."""
+
+
+def pushing(contacts: Contacts) -> Any:
+    """Which contacts (K,) push their pairs apart."""
+    pushes = contacts.multipliers
+    return pushes > WEAK * pushes.sum() / max(len(pushes), 1)
+
+
+def drifting(contacts: Contacts) -> Any:
+    """Which contacts (K,) are of a craft that lost its thrust before."""
+    return contacts.drifts.any(axis=1)

@@ -1,0 +1,249 @@
+"""Where craft that lost their thrust between impulses, or amid one, come near others.
+
+Between impulses a path is one natural motion, whenever thrust is lost there: a plane for its start, from
+which on nothing more is fired, and one for its end, before which all is.  Amid an impulse the failures are a
+chord; an impulse is taken to be a brief burn, so that each of them has an instant of its own.  # theory (74)
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.pulses import extended
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import path_of
+from closeform.planning.failures import find_failures
+from closeform.planning.impulse_checks import Checked, drifting
+from closeform.planning.impulse_moments import Moments
+from closeform.planning.impulse_scene import BRIEF
+from closeform.planning.passive_search import PassiveSearch, failures
+from closeform.planning.problem import Flown, Problem
+from closeform.planning.scene import Contacts
+from closeform.planning.side_search import MARGINS
+from closeform.zones.shapes import BALL
+from closeform.zones.zone import scaled_norm
+
+ROOM = 600  # minima, and for each pair
+STARTS, ANOTHER = 16, 0.01  # from which least energy is looked for, and by how much two are not one
+TOUCHING = 1.02  # zones: a plane that is kept farther away is no contact
+REACH = 1.4  # zones, within which a minimum becomes a plane
+AMID = (np.arange(32) + 0.5) / 32  # shares of an impulse after which thrust is lost
+OPEN = 1e-3  # share of a chord from its ends on: nearer is one of them
+INSIDE = 1.0 - 1e-12  # norm that is certainly inside
+BESIDE = np.array([0.02, 0.05])  # of a craft's time: instants and times of planes that stand for known ones
+CELLS = np.array([0.01, 0.02])  # and those that are one, the nearest
+
+
+class ImpulseFailures:
+    """Of one problem; `holding` planes that push where no other takes their place, or leaving them."""
+
+    holding = False
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.scene = problem, problem.seen
+        self.room = Contacts.none(ROOM * (1 + len(problem.pairs)))
+        self.norms = np.empty(self.room.number)
+        self.unshifted = np.zeros((len(self.scene.states), 6))
+        self.lengths = problem.base[:, END] - problem.base[:, START]
+
+    def checked(self, flown: Flown, known: Contacts) -> Checked:
+        """Conflicts of paths, and where failed craft come near others, at `known` instants among others.
+
+        Certified where there are none.
+        """
+        problem = self.problem
+        planned = problem.path(flown)
+        each = [extended(planned[k], problem.first, problem.last) for k in range(problem.count)]
+        drifting = problem.with_path(*each)
+        missed = problem.conflicts(drifting)
+        lost, nearest = self.near(flown, known)
+        if nearest >= 1.0 and not missed:
+            bodies = path_of(problem.orbit, *drifting, (len(drifting[1]) - 1,))
+            certain = failures(problem, planned, bodies)
+            if certain.number:
+                lost, nearest = self.near(flown, known.joined(certain))
+                nearest = min(nearest, INSIDE)
+        return Checked(missed, lost, nearest)
+
+    def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
+        """The same, amid impulses where their chords touch, and whether all of them do."""
+        wide = self.brief(flown)
+        lasting = np.ptp(wide[0][self.rows_of(wide, contacts), START : END + 1], axis=1)
+        amid = np.flatnonzero(drifting(contacts) & (lasting < 3.0 * BRIEF * self.lengths.max()))
+        placed, _ = self.placed(wide, contacts.some(amid))
+        contacts.drifts[amid], contacts.normals[amid] = placed.drifts, placed.normals
+        places = self.problem.motions(wide, contacts)[:, 0]
+        kinds = self.problem.kinds[contacts.which]
+        sizes = [scaled_norm(self.problem.zones[kind], q) for kind, q in zip(kinds, places, strict=True)]
+        return contacts, max(map(float, sizes), default=1.0) < TOUCHING
+
+    def starts(self) -> Iterator[Contacts]:
+        """Contacts of passively safe paths of least energy, one after another."""
+        search, known = PassiveSearch(self.problem, MARGINS[0], None, False), np.empty(0)
+        for seed in range(STARTS):
+            found = search.examine(seed)
+            if found.clear and (np.abs(known - found.energy) > ANOTHER * found.energy).all():
+                known = np.append(known, found.energy)
+                yield found.contacts
+
+    def brief(self, flown: Flown) -> Flown:
+        """The same paths, their impulses as brief burns, in the midst of which thrust may be lost."""
+        arcs, offsets = flown
+        own = [
+            widened(self.problem.orbit, arcs[offsets[i] : offsets[i + 1]], BRIEF * self.lengths[i])
+            for i in range(self.problem.count)
+        ]
+        starts = np.concatenate([[0], np.cumsum([len(rows) for rows in own])])
+        return self.problem.with_obstacles(np.concatenate(own), starts)
+
+    def near(self, flown: Flown, known: Contacts) -> tuple[Contacts, float]:
+        """Planes where failed craft come near others, and the least norm.
+
+        Where it is `holding` them with the `known` ones that none of these stands for.
+        """
+        wide = arcs, offsets = self.brief(flown)
+        own = offsets[: self.problem.count + 1]
+        craft, moments = self.failed(known), []
+        for i in range(self.problem.count):
+            rows = arcs[own[i] : own[i + 1]]
+            burning = rows[:, PUSH : PUSH + 3].any(axis=1)
+            coasts = rows[~burning, START : END + 1].mean(axis=1)
+            amid = rows[burning, START, None] + AMID * np.ptp(rows[burning, START : END + 1], axis=1)[:, None]
+            moments.append(np.concatenate([coasts, amid.ravel(), lost_at(known)[craft == i]]))
+        most = max(map(len, moments))
+        table = np.array([np.pad(row, (0, most - len(row)), mode="edge") for row in moments])
+        count = find_failures(self.scene, arcs, own, table, self.unshifted, REACH, self.room, self.norms)
+        planes, nearest = self.planes(wide, self.room.first(count), self.norms[:count].copy())
+        if self.holding:
+            planes = planes.joined(known.some(self.unlike(known, planes)))
+        return planes, nearest
+
+    def planes(self, wide: Flown, found: Contacts, norms: Floats) -> tuple[Contacts, float]:
+        """Planes of failures that were found, for the coasts and impulses in which they are."""
+        arcs, rows, side, lost = wide[0], self.rows_of(wide, found), side_of(found), lost_at(found)
+        start, end, amid = arcs[rows, START], arcs[rows, END], arcs[rows, PUSH : PUSH + 3].any(axis=1)
+        later = ~amid & (found.times > end)  # before it flies as planned
+        middle = later & (np.abs(lost - 0.5 * (start + end)) < 1e-9 * (end - start))
+        first, last, chords = found.some(middle), found.some(middle), found.some(amid)
+        first.drifts[np.arange(first.number), side[middle]] = first.times - start[middle]
+        last.drifts[np.arange(last.number), side[middle]] = last.times - end[middle]
+        chords, sizes = self.placed(wide, chords)
+        share = (lost_at(chords) - start[amid]) / (end - start)[amid]
+        within = (share > OPEN) & (share < 1.0 - OPEN)
+        groups = [found.some(later & ~middle), first, last, chords.some(within)]
+        planes = groups[0].joined(first).joined(last).joined(groups[3])
+        kinds = np.repeat(np.arange(4), [group.number for group in groups])
+        each = norms[later & ~middle], norms[middle], norms[middle], sizes[within]
+        order = np.argsort(np.concatenate(each), kind="stable")  # the nearest first
+        cells = np.rint(self.instants(planes) / CELLS)
+        key = np.column_stack([planes.which, side_of(planes), kinds, cells])[order]
+        _, once = np.unique(key, axis=0, return_index=True)
+        nearest = norms[later | amid].min(initial=np.inf)
+        return planes.some(order[once]), float(nearest)
+
+    def unlike(self, known: Contacts, planes: Contacts) -> Any:
+        """Which known contacts (K,) none of the planes stands for."""
+        same = (known.which[:, None] == planes.which) & (side_of(known)[:, None] == side_of(planes))
+        apart = np.abs(self.instants(known)[:, None] - self.instants(planes))
+        return ~(same & (apart < BESIDE).all(axis=2)).any(axis=1)
+
+    def instants(self, contacts: Contacts) -> Floats:
+        """When thrust was lost and when it touches (K, 2), in shares of a craft's time."""
+        return np.column_stack([lost_at(contacts), contacts.times]) / float(self.lengths.max())
+
+    def placed(self, wide: Flown, found: Contacts) -> tuple[Contacts, Floats]:
+        """Failures amid burns where their chords come nearest at the same time, and their norms there."""
+        rows, side = self.rows_of(wide, found), side_of(found)
+        start, end = wide[0][rows, START], wide[0][rows, END]
+        ball = self.scene.shapes[self.problem.kinds[found.which]] == BALL
+        ends = []
+        for at in (start, end):
+            drifts = np.ascontiguousarray(np.where(found.drifts > 0.0, (found.times - at)[:, None], 0.0))
+            ends.append(self.problem.motions(wide, found._replace(drifts=drifts))[:, 0])
+        chord = ends[1] - ends[0]
+        square = (chord * chord).sum(axis=1)
+        nearest = -(ends[0] * chord).sum(axis=1) / np.where(square > 0.0, square, 1.0)
+        share = np.where(ball, np.clip(nearest, 0.0, 1.0), (lost_at(found) - start) / (end - start))
+        placed = found.drifts.copy()
+        placed[np.arange(found.number), side] = found.times - start - share * (end - start)
+        place = ends[0] + share[:, None] * chord
+        size = np.linalg.norm(place, axis=1)[:, None]
+        outward = place / np.where(size > 0.0, size, 1.0)
+        turned = np.where(ball[:, None] & (size > 0.0), outward, found.normals)
+        return found._replace(drifts=placed, normals=turned), (turned * place).sum(axis=1)
+
+    def merged(
+        self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
+    ) -> Contacts:
+        """The contacts for fewer moments `after`, each of which stands for those of `before` nearest to it.
+
+        Thrust that was lost among some of these is lost amid the one, after as much of it.
+        """
+        craft, drifts = self.failed(contacts), contacts.drifts.copy()
+        for k in np.flatnonzero(contacts.drifts.any(axis=1)):
+            i, side = craft[k], int(np.argmax(contacts.drifts[k]))
+            lost, brief = contacts.times[k] - contacts.drifts[k, side], BRIEF * self.lengths[i]
+            times, whole = after[i].times, np.linalg.norm(impulses[i, : len(before[i].times)], axis=1)
+            given = whole * np.clip(0.5 * (lost - before[i].times) / brief + 0.5, 0.0, 1.0)
+            owner = np.abs(before[i].times[:, None] - times).argmin(axis=1)
+            total = np.bincount(owner, whole, len(times))
+            share = np.bincount(owner, given, len(times)) / np.where(total > 0.0, total, 1.0)
+            part = total * ((share > OPEN) & (share < 1.0 - OPEN))
+            if part.any():
+                m = part.argmax()
+                lost = times[m] + (2.0 * share[m] - 1.0) * brief
+            else:
+                low = np.max(times[(total > 0.0) & (share >= 1.0 - OPEN)] + brief, initial=-np.inf)
+                high = np.min(times[(total > 0.0) & (share <= OPEN)] - brief, initial=np.inf)
+                lost = min(max(lost, low), high)
+            drifts[k, side] = contacts.times[k] - lost
+        return contacts._replace(drifts=drifts)
+
+    def failed(self, contacts: Contacts) -> Any:
+        """Which body (K,) lost its thrust."""
+        return self.problem.pairs[contacts.which, side_of(contacts)]
+
+    def rows_of(self, wide: Flown, found: Contacts) -> Any:
+        """In which arc (K,) of the craft that failed its thrust was lost."""
+        arcs, offsets = wide
+        craft, lost = self.failed(found), lost_at(found)
+        rows = np.empty(found.number, dtype=np.int64)
+        for i in np.unique(craft):
+            starts, own = arcs[offsets[i] : offsets[i + 1], START], craft == i
+            rows[own] = offsets[i] + np.maximum(np.searchsorted(starts, lost[own], "right") - 1, 0)
+        return rows
+
+
+def side_of(contacts: Contacts) -> Any:
+    """Which (K,) of a pair failed."""
+    return np.argmax(contacts.drifts, axis=1)
+
+
+def lost_at(contacts: Contacts) -> Floats:
+    """When (K,) its thrust was lost."""
+    lost: Floats = contacts.times - contacts.drifts.max(axis=1)
+    return lost
+
+
+def widened(orbit: Orbit, rows: Floats, brief: float) -> Floats:
+    """Arcs of one craft whose impulses are burns from so long before their time to so long after it."""
+    found: list[Floats] = []
+    for row in rows:
+        push, state, at = row[IMPULSE : IMPULSE + 3], row[STATE : STATE + 6], row[START]
+        coast = row.copy()
+        if push.any():
+            if found:
+                found[-1][END] = at - brief
+            before, burn = state - np.concatenate([np.zeros(3), push]), np.zeros(WIDTH)
+            burn[[START, END, MEAN_MOTION]] = at - brief, at + brief, row[MEAN_MOTION]
+            burn[STATE : STATE + 6] = orbit.transition(-brief) @ before
+            burn[PUSH : PUSH + 3] = push / (2.0 * brief)
+            coast[IMPULSE : IMPULSE + 3] = 0.0
+            coast[START], coast[END] = at + brief, max(row[END], at + brief)
+            coast[STATE : STATE + 6] = orbit.transition(brief) @ state
+            found.append(burn)
+        found.append(coast)
+    return np.array(found)

@@ -1,0 +1,186 @@
+"""Plans of least delta-v that are safe when thrust is lost, amid impulses too: flown and solved otherwise."""
+
+from functools import lru_cache
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.linalg import expm
+
+import closeform as cf
+from ring_transfers import RADIUS, ring_transfers
+
+ORBIT = cf.Orbit.circular(500e3)
+PERIOD = ORBIT.period
+SOME = (8, 18, 20, 22, 28)  # of the thirty ring transfers: one contact and many, costly ones and free ones
+BRIEF = 1e-7  # of the duration: an impulse is lost in its midst at instants so close to it
+ZONE = cf.Sphere(RADIUS)
+EVERY = 20.0  # s, samples of a drift: between them 30 m are left by less than 1e-3 zones
+
+
+def hill(n):
+    matrix = np.zeros((6, 6))
+    matrix[:3, 3:] = np.eye(3)
+    matrix[3, 0], matrix[3, 4], matrix[4, 3], matrix[5, 2] = 3 * n * n, 2 * n, -2 * n, -n * n
+    return matrix
+
+
+MATRIX = hill(ORBIT.mean_motion)
+
+
+def fired(path):
+    """Times (J,) and impulses (J, 3)."""
+    return np.array([time for time, _ in path.impulses]), np.array([push for _, push in path.impulses])
+
+
+def failed_states(initial, path, lost, shares):
+    """States (K, 6) as thrust is lost at instants (K,), of an impulse there after a share of it."""
+    times, pushes = fired(path)
+    states = np.empty((len(lost), 6))
+    for k, (end, share) in enumerate(zip(lost, shares, strict=True)):
+        states[k] = expm(MATRIX * (end - path.start)) @ initial
+        for time, push in zip(times, pushes, strict=True):
+            part = share if time == end else float(time < end)
+            states[k] += part * expm(MATRIX * max(end - time, 0.0))[:, 3:] @ push
+    return states
+
+
+def least_ratio(states, lost, until, center=lambda time: np.zeros(3)):
+    """The least distance in zones of drifts from states (K, 6) at instants (K,), at samples of time."""
+    times = np.arange(0.0, until, EVERY)
+    powers = np.array([expm(MATRIX * time)[:3] for time in times])
+    epoch = np.array([expm(-MATRIX * at) @ state for at, state in zip(lost, states, strict=True)])
+    places = np.einsum("tij,kj->kti", powers, epoch) - np.array([center(time) for time in times])
+    distances = np.linalg.norm(places, axis=2)
+    return float(np.where(times >= lost[:, None], distances, np.inf).min()) / RADIUS
+
+
+@lru_cache
+def planned(k):
+    case = ring_transfers("thirty")[k]
+    return case, cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v")
+
+
+@pytest.mark.parametrize("k", SOME)
+def test_a_thousand_failures_stay_outside_those_amid_impulses_too(k):
+    case, plan = planned(k)
+    assert (plan.ok, plan.drift, plan.cost) == (True, case.drift, "delta-v")
+    times, pushes = fired(plan.path)
+    rng = np.random.default_rng(k)
+    lost = np.concatenate([rng.uniform(0.0, case.duration, 500), rng.choice(times, 500)])
+    states = failed_states(case.initial, plan.path, lost, rng.uniform(size=1000))
+    assert least_ratio(states, lost, case.duration + case.drift) > 1.0 - 1e-5
+    assert plan.delta_v == pytest.approx(np.linalg.norm(pushes, axis=1).sum(), rel=1e-9)
+    end = failed_states(case.initial, plan.path, np.array([case.duration]), np.ones(1))[0]
+    assert np.abs(end - case.final).max() < 1e-6
+
+
+@pytest.mark.parametrize("k", SOME)
+def test_a_cone_program_with_the_same_planes_costs_as_much(k):
+    """Impulses at any of many times; few impulses may cost half a per cent more."""
+    case, plan = planned(k)
+    own, _ = fired(plan.path)
+    times = np.union1d(np.linspace(0.0, case.duration, 240), own)
+    ends = np.hstack([expm(MATRIX * (case.duration - time))[:, 3:] for time in times])
+    rows, gaps = [], []
+    for one in plan.contacts:
+        lost = one.time if np.isnan(one.failed_at) else one.failed_at
+        shares = np.clip(0.5 * (lost - times) / (BRIEF * case.duration) + 0.5, 0.0, 1.0)
+        felt = [
+            s * one.normal @ expm(MATRIX * (one.time - t))[:3, 3:] for s, t in zip(shares, times, strict=True)
+        ]
+        rows.append(np.concatenate(felt))
+        gaps.append(one.reach - one.normal @ (expm(MATRIX * one.time) @ case.initial)[:3])
+    count, width = len(times), 3 * len(times)
+    missing = case.final - expm(MATRIX * case.duration) @ case.initial
+    planes = np.array(rows).reshape(-1, width)
+    norms = np.zeros((4 * count, width + count))
+    for j in range(count):  # (size, impulse) in the cone
+        norms[4 * j, width + j] = -1.0
+        norms[4 * j + 1 : 4 * j + 4, 3 * j : 3 * j + 3] = -np.eye(3)
+    units = np.repeat([1e-3, 1.0], 3)
+    sizes = np.linalg.norm(planes, axis=1)
+    a = np.vstack([ends * units[:, None], -planes / sizes[:, None]])
+    a = np.vstack([np.hstack([a, np.zeros((len(a), count))]), norms])
+    b = np.concatenate([missing * units, -np.array(gaps) / sizes, np.zeros(4 * count)])
+    cones = [clarabel.ZeroConeT(6), clarabel.NonnegativeConeT(len(rows))] + [
+        clarabel.SecondOrderConeT(4)
+    ] * count
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    cost = np.repeat([0.0, 1.0], [width, count])
+    zero = sparse.csc_matrix((width + count, width + count))
+    solution = clarabel.DefaultSolver(zero, cost, sparse.csc_matrix(a), b, cones, settings).solve()
+    assert str(solution.status) == "Solved"
+    assert plan.lower_bound <= plan.delta_v
+    assert (1.0 - 1e-4) * solution.obj_val <= plan.delta_v <= 1.012 * solution.obj_val
+
+
+def test_more_drift_costs_no_less():
+    case = ring_transfers("thirty")[22]
+    client = ORBIT.coast(np.zeros(6), case.duration + 3.0 * PERIOD)
+    spent = [
+        cf.avoid(case.path, client, case.zone, drift=share * PERIOD, cost="delta-v").delta_v
+        for share in (0.0, 0.5, 1.0, 2.0)
+    ]
+    assert spent[-1] > 1.001 * spent[0]
+    assert (np.diff(spent) >= -5e-3 * spent[0]).all()  # what few impulses may cost more
+
+
+def drifts(path, until, count=300):
+    """The least distance in zones of a path's failures at even instants, as the package evaluates states."""
+    lost = np.linspace(path.start, path.end, count)
+    return least_ratio(path.state(lost), lost, until)
+
+
+def test_burns_within_a_limit_and_thrusters_are_safe_too():
+    case = ring_transfers("thirty")[20]
+    given = case.path, case.client, case.zone
+    limited = cf.avoid(*given, drift=case.drift, cost="delta-v", max_acceleration=3e-4)
+    axes = cf.Thrusters(np.vstack([np.eye(3), -np.eye(3)]))
+    fixed = cf.avoid(*given, drift=case.drift, cost="delta-v", thrusters=axes)
+    free = planned(20)[1]
+    assert (limited.ok, fixed.ok) == (True, True)
+    assert limited.path.peak_thrust <= 3e-4 * (1.0 + 1e-9)
+    assert (np.count_nonzero(fired(fixed.path)[1], axis=1) <= 3).all()
+    for plan in (limited, fixed):
+        assert drifts(plan.path, case.duration + case.drift) > 1.0 - 1e-5
+        assert plan.delta_v > free.lower_bound
+        assert plan.drift == case.drift
+
+
+def test_craft_of_a_formation_may_fail_one_at_a_time():
+    begins = cf.targets.separated_ring(ORBIT, 2, 100.0, 100.0)
+    ends = cf.targets.separated_ring(ORBIT, 2, 120.0, 110.0, 0.8 * np.pi)
+    duration = 1.3 * PERIOD
+    final = (ORBIT.transition(duration) @ ends[:, :, None])[..., 0]
+    client = ORBIT.coast(np.zeros(6), duration + PERIOD)
+    given = ORBIT, begins, final, duration, ZONE
+    plan = cf.reconfigure(*given, obstacles=client, drift=PERIOD, cost="delta-v")
+    assert (plan.ok, plan.drift, plan.cost) == (True, PERIOD, "delta-v")
+    assert plan.lower_bound <= plan.delta_v < 1.05 * plan.lower_bound
+    for k, path in enumerate(plan.paths):
+        times, _ = fired(path)
+        rng = np.random.default_rng(k)
+        lost = np.concatenate([rng.uniform(0.0, duration, 100), rng.choice(times, 100)])
+        states = failed_states(begins[k], path, lost, rng.uniform(size=200))
+        assert least_ratio(states, lost, duration + PERIOD) > 1.0 - 1e-5
+
+        def other(time, there=plan.paths[1 - k]):
+            early = min(time, duration)
+            return (expm(MATRIX * (time - early)) @ there.state(early))[:3]
+
+        assert least_ratio(states, lost, duration + PERIOD, other) > 1.0 - 1e-5
+
+
+def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
+    low = np.array([-8.0, -250.0, 0.0, 0.0, 12.0 * ORBIT.mean_motion, 0.0])
+    ellipse = cf.targets.safety_ellipse(ORBIT, 1, 100.0, 100.0)[0]
+    path = ORBIT.transfer(low, ellipse, PERIOD)
+    client = ORBIT.coast(np.zeros(6), 9.0 * PERIOD)
+    plan = cf.avoid(path, client, cf.Sphere(20.0), drift=8.0 * PERIOD, cost="delta-v")
+    assert (plan.status, plan.path, plan.cost) == (cf.Status.END_UNSAFE, None, "delta-v")
+    least = cf.least_delta_v(ORBIT, low, ellipse, PERIOD)
+    assert plan.lower_bound == pytest.approx(least.lower, rel=1e-9)
+    assert "the start of its plan path comes to" in plan.reason
