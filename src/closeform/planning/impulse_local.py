@@ -10,7 +10,7 @@ Thrusters have moments of their own each: a time, and the direction of one of th
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, inf, pi
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
 from closeform.planning.impulse_moments import Moments, Pushes
 from closeform.planning.impulse_peaks import find_peaks
-from closeform.planning.impulse_scene import BRIEF, Dual, Fleet, Planes
+from closeform.planning.impulse_scene import BRIEF, Dual, Fleet, Planes, Priced
 from closeform.planning.joint_barrier import price
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
@@ -82,16 +82,6 @@ class Spent:
         """When each craft fires more than a share of all."""
         large = np.linalg.norm(self.impulses, axis=2) > share * self.delta_v
         return [own.some(row[: len(own.times)]) for own, row in zip(self.moments, large, strict=True)]
-
-
-class Priced(NamedTuple):
-    """The dual of planes: what it costs, by which multipliers and impulses, and where primers are longest."""
-
-    cost: float  # [m/s]
-    multipliers: Floats  # (K,)
-    impulses: Floats  # (N, J, 3)
-    longest: float
-    peaks: list[Moments]
 
 
 class ImpulseSolver:
@@ -167,14 +157,6 @@ class ImpulseSolver:
             contacts, moments = self.turned(found), self.following(found)
             tolerance = max(LAST, FINER * tolerance)
         return best
-
-    def ways(self) -> Iterator[None]:
-        """How a start is solved, one after another: where thrust may be lost, holding planes and not."""
-        yield
-        if self.failures is not None:
-            self.failures.holding = True
-            yield
-            self.failures.holding = False
 
     def following(self, found: Spent) -> list[Moments]:
         """When each craft may fire in the round after one."""

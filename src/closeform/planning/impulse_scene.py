@@ -10,6 +10,7 @@ from closeform.kernel_loans import stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
 from closeform.motion.primer import functional, position_rows
+from closeform.planning.impulse_moments import Moments
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
 
 # Four points of Gauss and their weights on [0, 1]: over a tenth of a radian exact to rounding.
@@ -65,6 +66,16 @@ class Dual(NamedTuple):
 
     starts: Floats  # (N, 6): c of each craft
     multipliers: Floats  # (K,)
+
+
+class Priced(NamedTuple):
+    """The dual of planes: what it costs, by which multipliers and impulses, and where primers are longest."""
+
+    cost: float  # [m/s]
+    multipliers: Floats  # (K,)
+    impulses: Floats  # (N, J, 3)
+    longest: float
+    peaks: list[Moments]
 
 
 FLEET = types.NamedTuple(

@@ -75,11 +75,15 @@ def solved(
     for start in starts(solver, free, by_energy):
         if tried == most:
             break
-        for _ in solver.ways():
+        for holding in (False, True) if solver.failures else (False,):
+            if solver.failures is not None:
+                solver.failures.holding = holding
             found = solver.solve(start, inf if best is None else best.delta_v)
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
         tried += 1
     if best is not None:
+        if solver.failures is not None:
+            solver.failures.holding = False
         best = solver.fewest(solver.focused(best))
         touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
         if solver.failures is not None:
