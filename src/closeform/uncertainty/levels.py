@@ -26,8 +26,8 @@ from closeform.uncertainty.tube import (
 
 PRECISION = 1e-10  # of the least level
 SLACK = 1e-13  # of the zone: less is rounding
-# Of a window, and how many steps that are as brief make a lower level do than the least that was found.
-BRIEF, STALLED = 1e-4, 100
+# Of a window, and how many such steps of a pair make a lower level do than the least that was found.
+BRIEF, STALLED = 1e-4, 20_000
 TURN_ANGLE = 0.3  # in n t: a local minimum is looked for in steps no longer than this
 
 
@@ -109,10 +109,9 @@ def least_in_window(tube, span, k, best, best_time, patience):
         if t == 0.0 and patience == LESS_PATIENCE:
             target = (1.0 if k < 0.0 else aim) - max(SLACK - gap, 0.0)
             h = max(h, beyond_for(tube, sigmas, target, span))
-            if h < BRIEF * span:  # planes are not good enough, as beside cylinders where errors are a line
-                tube.seen[STALLS] += 1.0
-                if tube.seen[STALLS] > STALLED:
-                    best = aim * (1.0 - min(0.5, PRECISION * 2.0 ** (tube.seen[STALLS] - STALLED)))
+            tube.seen[STALLS] += 1.0 if h < BRIEF * span else 0.0
+            if tube.seen[STALLS] > STALLED:  # planes are not good enough, as beside cylinders in a line
+                best = aim * (1.0 - min(0.5, PRECISION * 2.0 ** (tube.seen[STALLS] - STALLED)))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return best, best_time, t
 
