@@ -17,7 +17,7 @@ NUMBER = 10  # of cases of each
 ALTITUDE = 500e3  # m
 RADIUS = 30.0  # m, of the zone around each craft
 LEAST, MOST = 1.6, 3.0  # zones between neighbours' e-vectors, and their i-vectors
-TURN = pi / 3  # rad, either way: how far the ring is turned
+TURN = 0.5  # of a slot, either way: how far the ring is turned; farther on, another craft is nearer
 ORBITS = 1.0, 2.0  # duration of the transfer
 DRIFT = 1  # orbits after arrival
 
@@ -52,7 +52,7 @@ def ring_formations(count: int) -> tuple[RingFormation, ...]:
     found: list[RingFormation] = []
     while len(found) < NUMBER:
         sizes = RADIUS * rng.uniform(LEAST, MOST, 4) / apart
-        first, turn = rng.uniform(0.0, 2.0 * pi), rng.uniform(-TURN, TURN)
+        first, turn = rng.uniform(0.0, 2.0 * pi), rng.uniform(-TURN, TURN) * 2.0 * pi / count
         duration = rng.uniform(*ORBITS) * orbit.period
         initial = cf.targets.separated_ring(orbit, count, *sizes[:2], first)
         there = cf.targets.separated_ring(orbit, count, *sizes[2:], first + turn)
