@@ -12,6 +12,7 @@ import closeform as cf
 from closeform.motion.joining import stack
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
+from ring_formations import ring_formations
 from ring_transfers import RADIUS, ring_transfers
 
 ORBIT = cf.Orbit.circular(500e3)
@@ -256,3 +257,23 @@ def test_craft_of_a_formation_may_fail_one_at_a_time():
         safe.append(min(ratios))
     assert safe[0] > 1.0 - 1e-5
     assert safe[1] < 1.0
+
+
+@pytest.mark.parametrize("count", [4, 8, 12])
+def test_rings_of_many_craft_are_turned_safely(count):
+    """Each fails in turn at random instants, and keeps out of the others, which fly on and then coast."""
+    case = ring_formations(count)[0]
+    plan = cf.reconfigure(case.orbit, case.initial, case.final, case.duration, case.zone, drift=case.drift)
+    assert (plan.status, plan.drift) == (cf.Status.AVOIDED, case.drift)
+    until, rows = case.duration + case.drift, np.arange(count)
+    flights = [flown_with_failures(plan.paths[k], until, 40, seed=k) for k in rows]
+    for k, (times, places, lost) in enumerate(flights):
+        for j in rows[rows != k]:
+            coast = case.orbit.coast(plan.paths[j].state(case.duration), case.drift, case.duration)
+            there = np.where(
+                (times <= case.duration)[:, None],
+                plan.paths[j].position(np.minimum(times, case.duration)),
+                coast.position(np.clip(times, case.duration, until)),
+            )
+            apart = np.linalg.norm(places - there[:, None], axis=2)
+            assert np.where(lost, apart, np.inf).min() > case.zone.radius * (1.0 - 1e-5)

@@ -13,14 +13,16 @@ from closeform.planning.relative_motion import motion_after
 from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
 
 TOO_FAR = 1e5  # zones that a plane alone would push its craft
+WILD = 30.0  # zones that a craft is pushed by all together: no plan comes of it
 
 
-@kernel(float64(SCENE, CONTACTS, float64, float64, ROWS, INDICES))
-def press(scene, contacts, lift, give, arcs, offsets):
+@kernel(float64(SCENE, CONTACTS, float64, float64, float64, ROWS, INDICES))
+def press(scene, contacts, lift, give, stride, arcs, offsets):
     """Multipliers that keep failed craft beyond all planes at `lift` aims: the energy; fills the paths.
 
-    It begins with the contacts that push.  Each gives way by `give` of its own compliance.  inf where planes
-    ask for what cannot be together.                                                     # theory (72)
+    It begins with the contacts that push.  Each gives way by `give` of its own compliance.  Where a push is
+    farther than `stride` zones all are shorter.  inf where planes ask for what cannot be together.
+                                                                                         # theory (72)
     """
     scene, contacts = lent(scene), lent(contacts)
     arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
@@ -35,12 +37,20 @@ def press(scene, contacts, lift, give, arcs, offsets):
         for i in range(3):
             gaps[k] -= contacts.normals[k, i] * motion[0, i]
     solve_qp(gram, gaps, count, contacts.multipliers > 0.0, give, work, contacts.multipliers)
-    energy = 0.0
+    energy, farthest = 0.0, 0.0
     for k in range(count):
-        push = contacts.multipliers[k]
+        push, moved = contacts.multipliers[k], 0.0
         if not push * gram[k, k] < TOO_FAR:
             return inf
         for m in range(count):
-            energy += 0.5 * push * gram[k, m] * contacts.multipliers[m]
+            moved += gram[k, m] * contacts.multipliers[m]
+        energy += 0.5 * push * moved
+        farthest = max(farthest, abs(moved))
+    if farthest > WILD:
+        return inf
+    if farthest > stride:
+        energy *= (stride / farthest) ** 2
+        for k in range(count):
+            contacts.multipliers[k] *= stride / farthest
     deflect(scene, contacts, count, factors, arcs, offsets)
     return energy

@@ -14,13 +14,14 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, WIDTH
+from closeform.planning.deflection import fly
 from closeform.planning.failures import find_failures, slide_failures
 from closeform.planning.passive_planes import press
 from closeform.planning.problem import MARGIN, Problem
-from closeform.planning.scene import Contacts
+from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
-ROUNDS, HOPELESS = 40, 6  # rounds, and those without a better plan after one was found
+ROUNDS, BLIND, HOPELESS = 40, 12, 6  # rounds at most, to a first plan, and to a better one
 SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # how far planes give way at first, how fast that fades, and in the end
 REACH, NEAR = (
     1.8,
@@ -37,6 +38,11 @@ RAISES, BEYOND = 4, 1e-9  # times that planes are raised, by more than is missin
 ROOM = 400  # minima, and for each pair
 POWER = 32.0  # of norms whose balls stand in for zones with edges, and hold them
 GIVEN_UP = 2.0  # times the energy to beat
+CHEAP = 0.2  # of the unconstrained energy: plans that add less are not looked for as long
+STEPS, STRIDE = 60, 0.3  # short steps of a formation, and how long one is, in zones
+HELD, FORGOTTEN = 0.95, 1e-3  # shares of pushes that the next step begins with, and below which they end
+LOOSE, LOOSER = 3.0, 0.7  # how far planes give way in the first step, and how fast that fades
+LEFT = 1e-2  # and in the first round after the last of them
 
 
 class Relaxed(NamedTuple):
@@ -64,6 +70,7 @@ class Rounds:
         self.moments = start[:, None] + (end - start)[:, None] * shares
         self.coarse = np.ascontiguousarray(self.moments[:, ::COARSE])
         self.same = SAME * longest / count
+        self.direct_energy = problem.energy(problem.direct)
         self.unshifted = np.zeros((len(scene.states), 6))
         self.room = Contacts.none(ROOM * (1 + len(scene.pairs)))
         self.norms = np.empty(self.room.number)
@@ -85,6 +92,8 @@ class Rounds:
             if short < NEARLY and cost < least:
                 best, least, latest = (planes, short), cost, turn
             steady = turn - latest > HOPELESS or abs(energy - before) <= STEADY * energy
+            if best is None and turn == BLIND and bar < CHEAP * self.direct_energy:
+                break
             if best is not None and (steady or least > GIVEN_UP * bar):
                 break
             before, planes = energy, found
@@ -105,11 +114,33 @@ class Rounds:
                 break
         return Relaxed(pressing(planes), inf)
 
+    def walked(self, planes: Contacts, bar: float = inf) -> Relaxed:
+        """The same by rounds in short steps from paths to the next, until they are nearly safe.
+
+        Each begins with most of what the ones before have pushed.
+        """
+        held = Contacts.none()
+        for turn in range(STEPS):
+            held = held._replace(multipliers=HELD * held.multipliers)
+            held = held.some(held.multipliers > FORGOTTEN * held.multipliers.max(initial=0.0))
+            direct, direct_offsets = self.flown(held)
+            there = self.scene._replace(direct=direct, direct_offsets=direct_offsets)
+            if press_in(there, planes, 1.0, max(LOOSE * LOOSER**turn, HARD), STRIDE)[0] == inf:
+                break
+            held = held.joined(pressing(planes))
+            planes, short = self.failures(*self.flown(held), pressing(planes))
+            if short < NEARLY:
+                return self.relaxed(planes, bar, soft=LEFT)
+        return Relaxed(pressing(planes), inf)
+
+    def flown(self, contacts: Contacts) -> tuple[Floats, Any]:
+        """The craft's arcs under the contacts' multipliers."""
+        arcs, offsets = room_for(self.scene, contacts)
+        return arcs[: fly(self.scene, contacts, arcs, offsets)], offsets
+
     def pressed(self, planes: Contacts, lift: float, give: float) -> tuple[float, Floats, Any]:
         """The energy with which planes are kept, which fills their multipliers, and the craft's arcs then."""
-        craft = len(self.scene.base)
-        arcs, offsets = np.zeros((3 * craft + 2 * planes.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
-        return press(self.scene, planes, lift, give, arcs, offsets), arcs, offsets
+        return press_in(self.scene, planes, lift, give, inf)
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
         """Planes where failed craft of some paths come near others, and what the nearest misses of the aim.
@@ -134,6 +165,20 @@ class Rounds:
         given = self.scene, arcs, offsets, moments, shifts, reach, self.room, self.norms
         count = find_failures(*given)
         return self.room.first(count), self.norms[:count].copy()
+
+
+def press_in(
+    scene: Scene, planes: Contacts, lift: float, give: float, stride: float
+) -> tuple[float, Floats, Any]:
+    """`press` with room for the craft's arcs: the energy and these."""
+    arcs, offsets = room_for(scene, planes)
+    return press(scene, planes, lift, give, stride, arcs, offsets), arcs, offsets
+
+
+def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
+    """Room for the craft's arcs under contacts."""
+    craft = len(scene.base)
+    return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
 
 
 def pressing(planes: Contacts) -> Contacts:

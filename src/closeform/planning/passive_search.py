@@ -16,6 +16,7 @@ from closeform.planning.side_search import Found
 
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan: the search ends
+BOTH, MANY = 2, 4  # starts of so many craft and more: in short steps, then in long ones
 FINER = 4  # times that the certified search may find what samples missed
 SIZE = 1.2  # of the zone: the swings of natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
@@ -78,8 +79,10 @@ class PassiveSearch:
         self.problem = problem
         self.rounds = Rounds(problem, margin)
         self.margin = margin
-        self.budget = STARTS * (1 + more) if budget is None else budget
-        self.patience = inf if budget is not None else PATIENCE
+        self.few = problem.count < MANY
+        starts = STARTS if self.few else BOTH
+        self.budget = starts * (1 + more) if budget is None else budget
+        self.patience = PATIENCE if budget is None else inf
         self.best: Solution | None = None
         self.tried = 0
 
@@ -96,11 +99,13 @@ class PassiveSearch:
         assert self.best is not None  # a budget is at least one start
         return Found(self.best, self.margin, False, self.tried)
 
-    def examine(self, seed: int) -> Solution:
+    def examine(self, number: int) -> Solution:
         """What a start leads to, certified; what samples missed becomes a contact."""
         bar = self.best.energy if self.best is not None else inf
+        seed = number if self.few else max(number - 1, 0)
         planes = self.rounds.shifted(shifts(self.problem, seed) if seed else self.rounds.unshifted)
-        relaxed = self.rounds.relaxed(planes, bar)
+        lead = self.rounds.relaxed if self.few or number == 1 else self.rounds.walked
+        relaxed = lead(planes, bar)
         for _ in range(FINER):
             solution = Solution(self.problem, relaxed.contacts, relaxed.energy, relaxed.energy < inf, False)
             if not relaxed.energy < bar:

@@ -15,6 +15,7 @@ from closeform.planning.scene import ROWS
 
 STIFF = 1e-12  # of a contact's own compliance, added so that two like contacts share their force
 SLACK = 1e-10  # of the zone, by which an idle contact may fall short
+EXCHANGES = 200  # at most; rounding at planes that ask for too much keeps thousands going in circles
 STALLED = 5  # exchanges of all wrong contacts without progress, before one at a time
 SWEEPS = 200  # of coordinate descent, where exchanges go round in circles
 SOLVED, APPROXIMATE = 0, 1  # status: to rounding, or by coordinate descent
@@ -42,7 +43,7 @@ def solve_qp(gram, gaps, count, active, give, work, multipliers):
     wrong = np.empty(count, dtype=np.bool_)
     fewest, patience = count + 1, STALLED
     soft = 1.0 + max(give, STIFF)
-    for _ in range(4 * count + 50):
+    for _ in range(min(4 * count + 50, EXCHANGES)):
         size = 0
         for k in range(count):
             multipliers[k] = 0.0
