@@ -9,7 +9,7 @@ import pytest
 
 import closeform as cf
 from closeform.scenario import ScenarioError
-from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, is_named
+from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, STAYS, is_named
 from test_arguments import CALLS as OTHERS
 from test_docstrings import entries, sections
 from test_surface import CALLABLES
@@ -32,6 +32,10 @@ CALLS = {
     "plots.collision": {"found": MEETING, "path": NEAR, "limit": 0.5, "what": "a - b"},
     "plots.complementary_cones": {"search": SEARCH, "mops": 1},
     "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},
+    "plots.drift_fan": {"path": MOVE, "other": STAYS, "zone": BALL, "until": 1800.0, "names": ["a", "b"]},
+    "plots.drift_ratios": {
+        "path": [MOVE], "other": [STAYS], "zone": [BALL], "until": 1800.0, "labels": ["a"]
+    },
     "plots.formation_animation": {
         "paths": COAST, "file": io.BytesIO(), "names": ["a", "b", "c"], "zone": BALL, "frames": 3,
         "progress": lambda done, total: None,

@@ -52,8 +52,10 @@ def instance(name: str, value: Any, *kinds: Any) -> Any:
 
 
 def sequence(name: str, value: Any, *kinds: Any) -> list[Any]:
-    """An argument as a list of objects of some kinds."""
+    """An argument as a list of objects of some kinds; neither a word nor a dictionary is one."""
     try:
+        if isinstance(value, str | dict):
+            raise TypeError(type(value))
         given = list(value)
     except TypeError as error:
         raise ValueError(f"{name}: expected a sequence, got {shown(value)}") from error

@@ -201,7 +201,8 @@ def _jobs(zone: Zone | PairZones, paths: Path, errors: Any, sigmas: float) -> It
 def _search(paths: Path, zone: Zone | PairZones, errors: Any, sigmas: float) -> Any:
     """What finds the rows of some pairs, of a zone and both indices."""
     zones = (zone,) if isinstance(zone, Zone) else () if made_by_need(zone) else tuple(zone.zones)
-    known = one_of(*(errors if isinstance(errors, list | tuple) else [errors]))
+    given = errors if isinstance(errors, list | tuple) else [errors]
+    known = one_of([("errors", one) for one in given])
     if known is not None:
         if isinstance(zone, PairZones) and counts_covariances(zone):
             raise ValueError(TWICE)

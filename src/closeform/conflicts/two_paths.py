@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -156,7 +157,7 @@ def find_conflicts(
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
         )
-    if known := one_of(errors, other_errors):
+    if known := one_of([("errors", errors), ("other_errors", other_errors)]):
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
         return stays
     one = np.zeros(1, dtype=np.int64)
@@ -181,13 +182,13 @@ def find_conflicts(
         rows = np.empty((done[1], COLUMNS))
 
 
-def one_of(*errors: Any) -> Any:
-    """Any that are given: they know themselves how paths are searched with them."""
-    given = [one for one in errors if one is not None]
-    for one in given:
+def one_of(errors: Sequence[tuple[str, Any]]) -> Any:
+    """Any that are given, of arguments by name: they know themselves how paths are searched with them."""
+    given = [(name, one) for name, one in errors if one is not None]
+    for name, one in given:
         if not hasattr(one, "_find_conflicts"):
-            raise ValueError(f"errors: expected Errors, got {shown(one)}")
-    return given[0] if given else None
+            raise ValueError(f"{name}: expected Errors, got {shown(one)}")
+    return given[0][1] if given else None
 
 
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:

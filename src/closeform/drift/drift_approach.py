@@ -165,7 +165,7 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
     """The end of the drift, of arguments that fit each other."""
     check_comparable(path, other, zone)
     instance("failure", failure, *FAILURES)
-    if failing not in ("path", "other", "either", "both"):
+    if not isinstance(failing, str) or failing not in ("path", "other", "either", "both"):
         raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
     end = drift_end(until, path.orbit)
     fails = {"path": (True, False), "other": (False, True)}.get(failing, (True, True))

@@ -128,7 +128,7 @@ def common_frame(
     if not (inverse > 0.0).all():
         raise ValueError(f"{chief.name}: not on a closed orbit about {chief.center} with mu = {mu:g} m^3/s^2")
     radius = float((1.0 / inverse).mean())
-    circle = radius if along_track == "arc" else None
+    circle = radius if isinstance(along_track, str) and along_track == "arc" else None
     states = relative_from_inertial(inertial[0], inertial, along_track, circle)
     states[0] = 0.0
     covariances, ages = [], []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from closeform.arrays import Floats, instance, number, numbers, sequence
+from closeform.arrays import Floats, instance, number, numbers, sequence, shown
 from closeform.exchange.covariance import axes, canonical, check
 from closeform.motion.mean_motion import EARTH_MU
 
@@ -126,8 +126,8 @@ class Conjunction:
     Raises
     ------
     ValueError
-        If there are not two objects, their frames differ, a number is out of its range, or `miss_distance`
-        is ten times that of the states, or a tenth.
+        If there are not two objects, their frames differ, a number is out of its range, a word is no text,
+        or `miss_distance` is ten times that of the states, or a tenth.
 
     References
     ----------
@@ -147,6 +147,15 @@ class Conjunction:
     exclusion_radii: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.type in ("str", "str | None"):
+                optional = (type(None),) if field.type == "str | None" else ()
+                instance(field.name, getattr(self, field.name), str, *optional)
+        radii_told = numbers("exclusion_radii", self.exclusion_radii)
+        if radii_told.ndim != 1 or not ((radii_told >= 0.0) & (radii_told < np.inf)).all():
+            got = shown(self.exclusion_radii)
+            raise ValueError(f"exclusion_radii: expected numbers of m, none negative, got {got}")
+        object.__setattr__(self, "exclusion_radii", tuple(radii_told.tolist()))
         objects = tuple(sequence("objects", self.objects, ConjunctionObject))
         if len(objects) != 2:
             raise ValueError(f"objects: expected two, got {len(objects)}")

@@ -65,8 +65,6 @@ class Around:
         thrusters: Thrusters | None = None,
     ) -> Self:
         """Raises ValueError naming the argument of `avoid` that does not fit."""
-        if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
-            raise ValueError(f"method: 'exact' or 'sauter-palmer', not {shown(method)}")
         batch = obstacle_batch(orbit, obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")

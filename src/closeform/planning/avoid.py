@@ -13,7 +13,14 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 from closeform.planning.around import Around
 from closeform.planning.plan import Avoidance, Cost
-from closeform.planning.planner import check_cost, check_drift, check_effort, check_errors, check_obstacles
+from closeform.planning.planner import (
+    check_cost,
+    check_drift,
+    check_effort,
+    check_errors,
+    check_method,
+    check_obstacles,
+)
 from closeform.planning.problem import transfer_of
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -119,6 +126,7 @@ def avoid(
         return path if factor == 1.0 else transfer_of(path, factor)
 
     check_effort(budget, prove)
+    check_method(method, "exact", "sauter-palmer")
     check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact")
     instance("longer", longer, bool, np.bool_)
     if thrusters is not None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import shown
+from closeform.arrays import sequence, shown
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -44,9 +44,10 @@ def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
     """
     if names is None:
         return tuple(f"obstacle {k}" for k in range(count))
-    if isinstance(names, str) or len(names) != count:
+    given = tuple(sequence("names", names, str))
+    if len(given) != count:
         raise ValueError(f"names: give one for each of {count} obstacles, got {shown(names)}")
-    return tuple(names)
+    return given
 
 
 def end_inside(problem: Problem) -> tuple[str, float, int] | None:

@@ -76,6 +76,12 @@ def check_effort(budget: int | None, prove: float) -> None:
         raise ValueError(f"prove: seconds, 0 or more, got {prove}")
 
 
+def check_method(method: str, *known: str) -> None:
+    """Raise ValueError for an unknown method, before it is compared with anything."""
+    if not isinstance(method, str) or method not in known:
+        raise ValueError(f"method: {' or '.join(map(repr, known))}, not {shown(method)}")
+
+
 def check_cost(cost: str, thrusters: Any, **energy_only: bool) -> None:
     """Raise ValueError for an unknown cost, or for what one of them does without but was asked for."""
     if not isinstance(cost, str) or cost not in ("energy", "delta-v"):

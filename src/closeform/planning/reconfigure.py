@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import instance, sequence, shown
+from closeform.arrays import instance, sequence
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
@@ -27,6 +27,7 @@ from closeform.planning.planner import (
     check_drift,
     check_effort,
     check_errors,
+    check_method,
     check_obstacles,
     joined,
     outcome,
@@ -146,6 +147,7 @@ def reconfigure(
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
+    check_method(method, "joint", "sequential")
     check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint")
     drift = check_drift(drift, prove, method, "joint")
     request = Request.of(
@@ -174,8 +176,6 @@ def reconfigure(
         request = replace(request, kept=Margin.among(count, around, errors, sigmas))
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
-    if not isinstance(method, str) or method not in ("joint", "sequential"):
-        raise ValueError(f"method: 'joint' or 'sequential', not {shown(method)}")
     if order is not None:
         order = sequence("order", order, int, np.integer)
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats, instance
+from closeform.arrays import Floats, sequence
 from closeform.conflicts.two_paths import closest_approach
 from closeform.drift.drift_approach import DriftApproach, drift_approach
 from closeform.motion.path import Path
@@ -121,14 +121,12 @@ def drift_ratios(
         If others, zones or labels are not as many as paths, or as `drift_approach` does.
     """
     fail, fly = crafts("path", path), crafts("other", other)
-    zones = [zone] * len(fail) if isinstance(zone, Zone) else list(zone)
+    zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
     for name, some in (("other", fly), ("zone", zones)):
         if len(some) != len(fail):
             raise ValueError(f"{name}: {len(some)} for {len(fail)} paths; give one for each")
     if not fail:
         raise ValueError("path: give at least one")
-    for kept in zones:
-        instance("zone", kept, Zone)
     called = texts("labels", labels, len(fail), "paths") if labels is not None else [""] * len(fail)
     found = [Failed.of(*pair, until) for pair in zip(fail, fly, zones, strict=True)]
     start, end = min(one.times[0] for one in found), max(one.times[-1] for one in found)

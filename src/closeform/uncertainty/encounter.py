@@ -14,6 +14,7 @@ from closeform.motion.frames import relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.errors import Errors
 
 CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
@@ -111,6 +112,8 @@ class Encounter:
         chief, deputy = _state("primary", primary), _state("secondary", secondary)
         if not isinstance(axes, str) or axes not in ("rtn", "inertial"):
             raise ValueError(f'axes: expected "rtn" or "inertial", got {shown(axes)}')
+        root_of("covariance", covariance)
+        root_of("secondary_covariance", secondary_covariance)
         orbit, eccentricity = _circle(chief, number("mu", mu))
         relative = relative_from_inertial(chief, deputy)
         radius, distance = float(np.linalg.norm(chief[:3])), float(np.linalg.norm(relative[:3]))

@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, instance, number, numbers
 from closeform.conflicts.two_paths import Conflict
 from closeform.motion.ends import checked_below
 from closeform.motion.path import Path
@@ -126,7 +126,7 @@ class Errors:
         Raises
         ------
         ValueError
-            As `Errors`, or if a state spans no orbital plane.
+            As `Errors`, or if a state spans no orbital plane, the path is a batch or the time not finite.
 
         Notes
         -----
@@ -168,7 +168,7 @@ class Errors:
         Raises
         ------
         ValueError
-            As `Errors`, or if `chief` spans no orbital plane.
+            As `Errors`, or if `chief` spans no orbital plane, the path is a batch or the time not finite.
 
         References
         ----------
@@ -180,7 +180,10 @@ class Errors:
     def _from(
         cls, covariance: ArrayLike, turned: Any, path: Path, time: float, chief: Floats, execution: Any
     ) -> Self:
-        back = path.orbit.transition(path.start - float(numbers("time", time)))
+        when = number("time", time)
+        if not np.isfinite(when):
+            raise ValueError(f"time: must be finite, got {when:g} s")
+        back = _one_craft(path).orbit.transition(path.start - when)
         root: Any = back @ into_frame(chief) @ turned @ root_of("covariance", covariance)
         return cls(None, **execution)._with_root(root)
 
@@ -217,9 +220,7 @@ class Errors:
         docs/theory.md section 3, errors.
         """
         times = numbers("time", time)
-        path.state(times)  # which says what is wrong with them
-        if path.shape:
-            raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+        _one_craft(path).state(times)  # which says what is wrong with them
         spread = spread_of(path, [self])
         out = np.empty((times.size, 6, 6))
         flat = np.ascontiguousarray(times.reshape(-1))
@@ -270,6 +271,12 @@ def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Float
     if not (given >= 0.0).all():
         raise ValueError(f"{name}: standard deviations and densities are at least 0, got {given.tolist()}")
     return given
+
+
+def _one_craft(path: Path) -> Path:
+    if instance("path", path, Path).shape:
+        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+    return path
 
 
 def _one_state(name: str, value: ArrayLike) -> Floats:
