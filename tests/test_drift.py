@@ -251,3 +251,16 @@ def test_no_common_time():
     assert np.isnan(found.time)
     assert np.isinf(found.ratio)
     assert cf.passively_safe(path, late, ZONES[0], 1000.0)
+
+
+def test_least_of_many_unknowns_says_how_certain_it_is():
+    """Beside a box, with both craft weak at their own times, cells end before 1e-9; `lower` says where."""
+    orbit = cf.Orbit.circular(500e3)
+    one = orbit.transfer([60, -250, 60, 0, 0, 0], [-40, 120, 30, 0, 0, 0], 4000.0)
+    two = orbit.transfer([0, 10, 0, 0, 0, 0], [10, -10, 0, 0, 0, 0], 4000.0)
+    box = cf.Box([20.0, 40.0, 20.0])
+    both = cf.drift_approach(one, two, box, 6000.0, cf.WeakThrust(), "both")
+    assert both.lower <= both.ratio
+    alone = cf.drift_approach(one, two.orbit.coast(two.state(0.0), 6000.0), box, 6000.0)
+    assert alone.ratio - 1e-9 * max(1.0, alone.ratio) <= alone.lower <= alone.ratio
+    assert both.ratio <= cf.drift_approach(one, two, box, 6000.0, cf.ThrustLost(), "both").ratio + 1e-6

@@ -133,7 +133,8 @@ def judge(rng, samples):
     ]
     safe = cf.passively_safe(*given, keep_out, until, failure, failing)
     if not alone:
-        found = cf.DriftApproach(None, None, 1.0 if safe else -np.inf, None, failing)
+        ratio = 1.0 if safe else -np.inf
+        found = cf.DriftApproach(None, None, ratio, None, failing, ratio)
     else:
         found = cf.drift_approach(*given, keep_out, until, failure, failing)
     off, least = OFF * max(1.0, min(abs(found.ratio), 1e6)), np.inf

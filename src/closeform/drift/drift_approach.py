@@ -11,7 +11,7 @@ from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.conflicts.two_paths import check_comparable, craft_of
 from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, Side
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
-from closeform.drift.search import FAILURE, PLACE, RATIO, TIME, worst_failures
+from closeform.drift.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
 from closeform.motion.arc import IMPULSE, START, THRUST
 from closeform.motion.duration import MOST_ORBITS
@@ -44,6 +44,9 @@ class DriftApproach:
         Between the centres at that time, which need not be the least; inf where there is none.
     failing : str or array of str of shape (...)
         Who fails for the worst: "path", "other" or "both".
+    lower : float or array of shape (...), no unit
+        No failure leads to a norm below: 1e-9 under the ratio, or that share of it; less close where the
+        search had to end after many cells.
     """
 
     failed_at: Any
@@ -51,6 +54,7 @@ class DriftApproach:
     ratio: Any
     distance: Any
     failing: Any
+    lower: Any
 
 
 def passively_safe(
@@ -83,7 +87,8 @@ def passively_safe(
     Returns
     -------
     bool or array of bool of shape (...)
-        True where it is certain that no failure leads into the zone; also without a common time.
+        True where it is certain that no failure leads into the zone; also without a common time.  False
+        where one does, or nothing was certain after many cells (failures that graze it, of many unknowns).
 
     Raises
     ------
@@ -132,8 +137,9 @@ def drift_approach(
     Returns
     -------
     DriftApproach
-        Floats for two craft, arrays for batches.  The ratio is certain to 1e-9, or to that share of itself
-        where it is above 1: no instant of failure, and none of the drift, leads any nearer.
+        Floats for two craft, arrays for batches.  No instant of failure, and none of the drift, leads
+        below `lower`: the ratio is certain to 1e-9, or to that share of itself where it is above 1, unless
+        failures with many unknowns need more cells than are searched.
 
     Raises
     ------
@@ -152,12 +158,14 @@ def drift_approach(
     ]
     best = found[0]
     for other_one in found[1:]:
+        lower = np.minimum(best[-1], other_one[-1])
         best = [np.where(other_one[2] < best[2], b, a) for a, b in zip(best, other_one, strict=True)]
+        best[-1] = lower
     shape = broadcast(path=path.shape, other=other.shape)
     if not shape:
-        at, time, ratio, distance, who = (column[0] for column in best)
+        at, time, ratio, distance, who, lower = (column[0] for column in best)
         failed_at = float(at) if np.ndim(at) == 0 else at
-        return DriftApproach(failed_at, float(time), float(ratio), float(distance), str(who))
+        return DriftApproach(failed_at, float(time), float(ratio), float(distance), str(who), float(lower))
     return DriftApproach(*(column.reshape(shape + column.shape[1:]) for column in best))
 
 
@@ -290,7 +298,7 @@ def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: A
     distance[met] = np.linalg.norm(place[met] @ np.linalg.inv(zone.matrix).T, axis=1)
     at = np.stack(instants, axis=1) if who == "both" else instants[who == "other"]
     at = np.where(np.isnan(time).reshape(-1, *[1] * (at.ndim - 1)), np.nan, at)
-    return [at, time, ratio, distance, np.full(len(rows), who)]
+    return [at, time, ratio, distance, np.full(len(rows), who), rows[:, LOWER]]
 
 
 def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:

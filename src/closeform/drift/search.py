@@ -30,7 +30,15 @@ from closeform.zones.shapes import FACES, FORM
 
 RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cell is marched again, uncut
 NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
-TIME, RATIO, PLACE, FAILURE = 0, 1, 2, 5  # columns of what is told of a pair: in zone coordinates; a cell
+# Cells after which a verdict is that nothing is certain, and a least norm is looked for less closely.
+MANY, LESS = 5_000, 10.0
+TIME, RATIO, LOWER, PLACE, FAILURE = (
+    0,
+    1,
+    2,
+    3,
+    6,
+)  # columns of what is told of a pair: in zone coordinates; a cell
 
 
 @kernel()
@@ -85,9 +93,10 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
 
 @kernel()
 def search(one, two, top, width, end, n, form, scale, certain, room):
-    """Least norm over all failures and drifts, and its time; if `certain` is 0, any up to 1 or none.
+    """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
 
-    The failure stands in `room.point[1]`.
+    If `certain` is 0, any up to 1 or none, or 1 without a time where nothing is certain.  The failure stands
+    in `room.point[1]`.
     """
     shape, rest = form[0], stack_vector(8)
     best, when = sample(one, two, top, width, end, n, form, room) if certain > 0.0 else (MEETS, nan)
@@ -95,9 +104,15 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
     count = mine + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
+    spent = 0
     while top > 0:
+        spent += 1
+        if spent > MANY:
+            if certain == 0.0:
+                return 1.0, nan, 0.0
+            certain, spent = LESS * certain, 0
         target = target_below(best, certain)
-        if target <= NIL and shape != FACES:
+        if certain > 1.0 or (target <= NIL and shape != FACES):
             break
         top -= 1
         cell = room.cells[top]
@@ -124,13 +139,13 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
                 continue
         if extended:
             if top + 2 > len(room.cells):
-                return -inf, float(top)
+                return -inf, float(top), 0.0
             halves = cut(one, two, width, top, t, room, count)
             if halves == top and until < end:  # all in it is one failure
                 cell[FROM] = until
                 halves += 1
             top = halves
-    return best, when
+    return best, when, certain
 
 
 @kernel(
@@ -153,8 +168,8 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
 def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, tube, room, out):
     """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
 
-    The ratio is `certain` to that share of itself, or of 1; with 0 it is the first that meets the
-    zone, or inf.  A pair without a common time has nan and inf; one that needs more room than there is
+    The ratio is `certain` to that share of itself, or of 1, or to more where that takes too many cells: no
+    failure leads below LOWER.  With 0 it is the first that meets the zone, inf, or 1 where nothing is certain.  A pair without a common time has nan and inf; one that needs more room than there is
     has -inf, and how many cells there were for a time.
     With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
     """
@@ -167,7 +182,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
         choose(two, second[p])
         end = ends[p]
         begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
-        out[p, TIME], out[p, RATIO] = nan, inf
+        out[p, TIME], out[p, RATIO], out[p, LOWER] = nan, inf, inf
         if begin > end:
             continue
         top = fill_cells(one, two, begin, width, n, room.cells)
@@ -175,7 +190,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
             out[p, RATIO] = -inf
             out[p, TIME] = top
             continue
-        ratio, when = search(one, two, top, width, end, n, form, scale, certain, room)
+        ratio, when, known = search(one, two, top, width, end, n, form, scale, certain, room)
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
             top = fill_cells(one, two, end, width, n, room.cells)
             ratio, found, full = search_tail(
@@ -184,7 +199,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
             when = inf if found else when
             if full:
                 ratio, when = -inf, float(2 * len(room.cells))
-        if ratio == -inf:
+        if ratio == -inf or (ratio == 1.0 and when != when):  # too little room, or nothing is certain
             out[p, TIME], out[p, RATIO] = when, ratio
         if ratio == -inf or when != when:
             continue
@@ -193,7 +208,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
         single(two, worst, 1 + width, n, room.rows[1])
         seen = min(when, end)
         open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
-        out[p, TIME], out[p, RATIO] = when, ratio
+        out[p, TIME], out[p, RATIO], out[p, LOWER] = when, ratio, ratio - known * max(abs(ratio), 1.0)
         for axis in range(3):
             out[p, PLACE + axis] = room.motions[0, 0, axis]
         for c in range(len(worst)):
