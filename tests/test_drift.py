@@ -263,4 +263,4 @@ def test_least_of_many_unknowns_says_how_certain_it_is():
     assert both.lower <= both.ratio
     alone = cf.drift_approach(one, two.orbit.coast(two.state(0.0), 6000.0), box, 6000.0)
     assert alone.ratio - 1e-9 * max(1.0, alone.ratio) <= alone.lower <= alone.ratio
-    assert both.ratio <= cf.drift_approach(one, two, box, 6000.0, cf.ThrustLost(), "both").ratio + 1e-6
+    assert both.lower <= cf.drift_approach(one, two, box, 6000.0, cf.ThrustLost(), "both").ratio

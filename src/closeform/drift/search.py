@@ -169,8 +169,9 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
     """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
 
     The ratio is `certain` to that share of itself, or of 1, or to more where that takes too many cells: no
-    failure leads below LOWER.  With 0 it is the first that meets the zone, inf, or 1 where nothing is certain.  A pair without a common time has nan and inf; one that needs more room than there is
-    has -inf, and how many cells there were for a time.
+    failure leads below LOWER.  With 0 it is the first that meets the zone, inf, or 1 where nothing is
+    certain.  A pair without a common time has nan and inf; one that needs more room than there is has
+    -inf, and how many cells there were for a time.
     With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
