@@ -143,7 +143,7 @@ class SigmaSearch:
         """The energy with which planes are kept, which fills their multipliers, and all paths then."""
         craft = self.problem.count
         arcs, offsets = np.zeros((3 * craft + 2 * planes.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
-        energy = press(self.scene, planes, lift, HARD, arcs, offsets)
+        energy = press(self.scene, planes, lift, HARD, inf, arcs, offsets)
         if energy == inf:
             return energy, (arcs, offsets)
         return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
