@@ -1645,6 +1645,16 @@ CALLS = (
         'axes: expected "rtn" or "inertial", got \'LVLH\'',
     ),
     Call(
+        "the covariance of the other object upside down",
+        "cf.Encounter.of(primary, primary, known, [[-one for one in row] for row in known])",
+        "secondary_covariance: no covariance, its least eigenvalue, scaled by its diagonal, is -1; none may be below 0; were digits or signs lost?",
+    ),
+    Call(
+        "one word for names",
+        "cf.avoid(plan, other, cf.Sphere(9.0), names='client')",
+        "names: expected a sequence, got 'client'",
+    ),
+    Call(
         "a method of collision probability that is unknown",
         "cf.collision_probability(plan, other, cf.Sphere(9.0), errors, method='foster')",
         "method: expected entries, bound, monte-carlo, short-encounter, got 'foster'",
