@@ -97,6 +97,20 @@ def test_a_plan_made_for_it_is_safe_whenever_it_fails():
     assert np.isnan(mission.results[1].passive.worst.failed_at)
 
 
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_either_cost_is_planned_for(cost):
+    """The direct path is not safe; the plan is, as failures flown here say."""
+    text = HEAD.replace("0 200 0 m", "100 0 200 m") + APPROACH.replace('"transfer"', '"avoid"')
+    (result,) = flown(f'{text}cost = "{cost}"\ndrift = "2 orbits"\n').results
+    found = result.passive
+    assert (found.planned, found.safe) == (True, True)
+    assert found.direct.ratio < 1.0
+    client, inspector = result.after.paths[0], result.after.paths[1]
+    rng = np.random.Generator(np.random.Philox(7))
+    for failed_at in rng.uniform(0.0, result.end, 8):
+        assert drifted(inspector, client, failed_at, found.until) >= 20.0 * (1.0 - ROUNDING)
+
+
 @pytest.mark.parametrize(
     ("name", "planned", "least"), [("station_ellipsoid", False, 1.25), ("station_sphere", True, 1.45)]
 )
@@ -155,7 +169,7 @@ def test_both_of_a_pair_may_fail():
     assert {(pair.fails, pair.meets) for pair in found.pairs} == {
         (one, other) for one in result.after.names for other in result.after.names if one != other
     }
-    assert not found.planned  # by impulses
+    assert (found.planned, found.safe) == (True, True)  # by impulses
     assert (np.diff([pair.ratio for pair in found.pairs]) > -ROUNDING).all()
     for pair in found.pairs:
         fails, meets = result.after.path(pair.fails), result.after.path(pair.meets)

@@ -93,9 +93,9 @@ class Thrusting(Drifting):
 
     @property
     def plans_drift(self) -> bool:
-        """Whether a plan can be made to be safe for that drift: of least energy, when thrust is lost."""
+        """Whether a plan can be made to be safe for that drift: when thrust is lost, and it has an end."""
         lost = self.failure in (None, "thrust lost")
-        return self.drift is not None and not self.for_ever and lost and self.cost == "energy"
+        return self.drift is not None and not self.for_ever and lost
 
     @property
     def what_fails(self) -> Failure:
