@@ -128,15 +128,12 @@ def test_a_burn_beside_a_tube_that_touches():
     assert process_time() - begin < 5.0
 
 
-@pytest.mark.fault  # some minutes beside a busy machine
 def test_a_line_of_errors_that_passes_a_cylinder_ends_in_bounded_time():
-    """Errors along the track only, which lead past a cylinder: hundreds of sigmas, and no march for ever."""
+    """Errors along the track only, which lead past a cylinder by a quarter of it: no sigmas touch."""
     mean = np.array([56.282, 114.489, 70.562, 0.0633574, -0.1245843, -0.1148241])
     path, other = ORBIT.coast(mean, PERIOD), ORBIT.coast(AT_REST, PERIOD)
     zone = cf.Cylinder(50.0, 40.0, [0.1257302, -0.1321049, 0.6404227])
     begin = process_time()
     found = cf.clearance_in_sigmas(path, other, zone, rank_one(1.1525 * ALONG))
-    # planes that lean past a line are good to 1e-8 of its length: it counts as so thick, and some thousand
-    # sigmas of that as near; it was marched in steps of nothing
-    assert found.sigmas > 300.0
-    assert process_time() - begin < 300.0
+    assert found.sigmas == np.inf
+    assert process_time() - begin < 15.0

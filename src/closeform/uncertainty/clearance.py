@@ -62,8 +62,8 @@ def clearance_in_sigmas(
     Returns
     -------
     SigmaApproach
-        Floats for two craft, arrays for batches.  The sigmas are certain to 1e-9 of themselves: no error
-        within fewer brings them together, between any two instants.
+        Floats for two craft, arrays for batches.  No error within fewer sigmas brings them together,
+        between any two instants; they are the most such to 1e-9 of themselves, but see Notes.
 
     Raises
     ------
@@ -76,6 +76,10 @@ def clearance_in_sigmas(
     k sigmas are all errors xi, of whatever kind, with |xi| <= k.  In m dimensions a draw is outside with
     the probability that chi squared of m is above k^2, which bounds that of ever coming together; it is
     mostly far smaller.  From 1e4 sigmas on they count as inf.
+
+    Covariances may be singular.  Where errors along a line or in a plane, far longer than the zone, pass
+    close by it, the plane between both may not be found, and after 5000 steps that lead nowhere
+    the march settles for less: then fewer sigmas come back than there are, which are certain still.
 
     References
     ----------

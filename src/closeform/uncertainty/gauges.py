@@ -9,7 +9,7 @@ from math import inf, sqrt
 from numba import float64, int64, void
 
 from closeform.compiled import kernel
-from closeform.uncertainty.planes import plane
+from closeform.uncertainty.drum import plane
 from closeform.zones.shapes import norm
 
 MEET = 1e-9  # norm below which two craft meet, and no side of the zone is nearer

@@ -8,16 +8,16 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import lent
 from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
-from closeform.uncertainty.moving import beyond_for
+from closeform.uncertainty.moving import begin_count, beyond_for, stalled
 from closeform.uncertainty.spread import NOISE, SPREAD
 from closeform.uncertainty.tube import (
     HINT,
     NEVER,
     NOISY,
-    STALLS,
     TUBE,
     clear_for,
     level,
+    level_of_plane,
     level_rate,
     look,
     room_at,
@@ -26,8 +26,7 @@ from closeform.uncertainty.tube import (
 
 PRECISION = 1e-10  # of the least level
 SLACK = 1e-13  # of the zone: less is rounding
-# Of a window, and how many such steps of a pair make a lower level do than the least that was found.
-BRIEF, STALLED = 1e-4, 20_000
+LACKING = 1e-11  # what planes of one pair differ by at one time
 TURN_ANGLE = 0.3  # in n t: a local minimum is looked for in steps no longer than this
 
 
@@ -102,6 +101,9 @@ def least_in_window(tube, span, k, best, best_time, patience):
                     return 0.0, best_time, t
             aim = min(best * (1.0 - PRECISION), NEVER)
             gap = gap_at(tube, t, k, aim)
+            if gap < -LACKING:  # another plane than the level's, and worse: what it keeps is certain
+                best, best_time = min(best, level_of_plane(tube, k)), t
+                aim, gap = best * (1.0 - PRECISION), 0.0
         if not t < span:
             return best, best_time, span
         sigmas = aim if k < 0.0 else k * aim
@@ -109,9 +111,9 @@ def least_in_window(tube, span, k, best, best_time, patience):
         if t == 0.0 and patience == LESS_PATIENCE:
             target = (1.0 if k < 0.0 else aim) - max(SLACK - gap, 0.0)
             h = max(h, beyond_for(tube, sigmas, target, span))
-            tube.seen[STALLS] += 1.0 if h < BRIEF * span else 0.0
-            if tube.seen[STALLS] > STALLED:  # planes are not good enough, as beside cylinders in a line
-                best = aim * (1.0 - min(0.5, PRECISION * 2.0 ** (tube.seen[STALLS] - STALLED)))
+            many = stalled(tube, h, span)
+            if many > 0.0:  # planes are not good enough: a level a little lower is certain too
+                best = aim * (1.0 - min(0.5, PRECISION * 2.0**many))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return best, best_time, t
 
@@ -123,7 +125,7 @@ def least_of_pair(tube, one, first, two, second, start, end, k):
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
     best, best_time = inf, nan
-    tube.seen[STALLS] = 0.0
+    begin_count(tube)
     t, patience = start, PATIENCE
     while True:
         while i + 1 < i_end and one.arcs[i, END] <= t:

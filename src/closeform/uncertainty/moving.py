@@ -14,13 +14,14 @@ from math import inf, sqrt
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.uncertainty.tube import ACTIVE, COLUMNS, HINT, MEAN_RATE, NOISY, ORDER, look, room_at
+from closeform.uncertainty.tube import ACTIVE, COLUMNS, HINT, MEAN_RATE, NOISY, ORDER, STALLS, look, room_at
 from closeform.zones.shapes import BALL, CYLINDER, FACES
 
 TERMS = 9  # of a series
 ANGLE = 0.04  # reach in n t; the terms left out are below 1e-18 of the motion
 LOST = 2e-15  # of what a polynomial is the difference of, to rounding
 HALVINGS = 40
+BRIEF, STALLED = 1e-4, 5000  # of a window or of 1 / n, and how many such steps of a pair are enough
 
 
 @kernel()
@@ -163,6 +164,28 @@ def first_try(tube, longest):
     h = min(longest, 2.0 * tube.seen[HINT])
     n = max(tube.mean_motion, tube.seen[MEAN_RATE])
     return min(h, ANGLE / n) if n > 0.0 else h
+
+
+@kernel()
+def brief(tube, longest):
+    """Steps shorter than this lead nowhere."""
+    n = max(tube.mean_motion, tube.seen[MEAN_RATE])
+    return BRIEF * (min(longest, 1.0 / n) if n > 0.0 else longest)
+
+
+@kernel()
+def begin_count(tube):
+    tube.seen[STALLS] = 0.0
+
+
+@kernel()
+def stalled(tube, h, longest):
+    """Count a step: how many in a row were too brief since there were enough of them."""
+    if h < brief(tube, longest):
+        tube.seen[STALLS] += 1.0
+    else:
+        tube.seen[STALLS] = min(tube.seen[STALLS], STALLED)
+    return tube.seen[STALLS] - STALLED
 
 
 @kernel()

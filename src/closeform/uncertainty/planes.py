@@ -10,11 +10,10 @@ which is the least norm of any point of the ellipsoid, at p = r - k S a / sqrt(a
 less, so that g above 1 is a proof whatever a is.  A cube comes as six faces.
 """
 
-from math import cos, inf, sin, sqrt
+from math import inf, sqrt
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix
-from closeform.zones.shapes import BALL, FACES
 
 SETTLED = 1e-13  # relative: what a plane gains by less is rounding
 SKETCHED = 1e-4  # and where one will do that leaves enough
@@ -42,15 +41,18 @@ def room(r, s, k, x, y, z):
 
 @kernel()
 def shifted_inverse(s, shift, x, y, z):
-    """(S + shift I)^-1 times a vector, by cofactors."""
-    a, b, c = s[0, 0] + shift, s[1, 1] + shift, s[2, 2] + shift
-    d, e, f = s[0, 1], s[0, 2], s[1, 2]
-    m0, m1, m2 = b * c - f * f, e * f - d * c, d * f - b * e
-    share = 1.0 / (a * m0 + d * m1 + e * m2)
-    n1, n2 = a * c - e * e, d * e - a * f
-    wx = share * (m0 * x + m1 * y + m2 * z)
-    wy = share * (m1 * x + n1 * y + n2 * z)
-    wz = share * (m2 * x + n2 * y + (a * b - d * d) * z)
+    """(S + shift I)^-1 times a vector, by L D L^T: cofactors would lose what is not uncertain."""
+    a, d, e = s[0, 0] + shift, s[0, 1], s[0, 2]
+    low, lower = d / a, e / a
+    b, f = s[1, 1] + shift - low * d, s[1, 2] - low * e
+    b = max(b, shift)
+    last = f / b
+    c = max(s[2, 2] + shift - lower * e - last * f, shift)
+    y -= low * x
+    z -= lower * x + last * y
+    wz = z / c
+    wy = y / b - last * wz
+    wx = x / a - low * wy - lower * wz
     return wx, wy, wz
 
 
@@ -213,135 +215,3 @@ def try_mixture(f, g, h, share, other, r, s, k, best):
 def copy_row(source, target):
     for i in range(3):
         target[i] = source[i]
-
-
-@kernel()
-def drum_plane(r, s, k, enough, best):
-    """Best plane of a cylinder: at its side, at an end, or where they meet; `best` (4,) gets it and its g."""
-    fine = enough == inf
-    best[3] = -inf
-    side = stack_matrix(3, 3)
-    for i in range(3):
-        for j in range(3):
-            side[i, j] = s[i, j] if i < 2 and j < 2 else 0.0
-    up = 1.0 if r[2] >= 0.0 else -1.0
-    height = 0.0
-    if r[0] != 0.0 or r[1] != 0.0:
-        x, y, _ = round_plane(r[0], r[1], 0.0, side, k, fine)
-        g, _, _, height = room(r, s, k, x, y, 0.0)
-        best[0], best[1], best[2], best[3] = x, y, 0.0, g
-        if abs(height) <= g:
-            return
-    g, px, py, _ = room(r, s, k, 0.0, 0.0, up)
-    if g > best[3]:
-        best[0], best[1], best[2], best[3] = 0.0, 0.0, up, g
-    flat = sqrt(px * px + py * py)
-    if flat <= g:
-        return
-    if best[2] == 0.0:
-        px, py, up = best[0], best[1], 1.0 if height > 0.0 else -1.0
-        flat = 1.0
-    for _ in range(2):  # at the rim that seems nearer, or else at the other
-        climb_rim(
-            r, s, k, up, rim_start(r, s, k, up, px / flat, py / flat, best[3]), px / flat, py / flat, best
-        )
-        _, _, _, height = room(r, s, k, best[0], best[1], best[2])
-        if best[2] * up > 0.0 and abs(best[2]) < 1.0 and height * up > 0.0:
-            break
-        up = -up
-    _, px, py, height = room(r, s, k, best[0], best[1], best[2])
-    lacking = max(sqrt(px * px + py * py), abs(height)) - best[3]
-    if lacking > 1e-9 * (1.0 + abs(best[3])) and not lacking <= best[3] - enough:
-        search_rim(r, s, k, best)
-
-
-@kernel()
-def search_rim(r, s, k, best):
-    """Climb from the best of many planes at the rims, where the way from a side's to an end's led nowhere."""
-    most, x, y, high = -inf, 1.0, 0.0, 1.0
-    for m in range(48):
-        angle = 0.2617993877991494 * (m % 24)
-        up = 1.0 if m < 24 else -1.0
-        for j in range(1, 8):
-            share = 0.125 * j
-            g, _, _, _ = room(r, s, k, share * cos(angle), share * sin(angle), up * (1.0 - share))
-            if g > most:
-                most, x, y, high = g, share * cos(angle), share * sin(angle), up
-    climb_rim(r, s, k, high, 1.0, x, y, best)
-
-
-@kernel()
-def rim_start(r, s, k, up, x, y, g):
-    """Share of the side's plane (x, y) from which to climb: one with more than g, or the best of some.
-
-    Along the way from the side's plane to the end's g is concave.
-    """
-    most, share, tried = -inf, 0.5, 0.5
-    for m in range(50):
-        found, _, _, _ = room(r, s, k, tried * x, tried * y, up * (1.0 - tried))
-        if found > most:
-            most, share = found, tried
-        if most > g:
-            break
-        tried = 0.5 * (1.0 - tried) if m % 2 == 0 else 1.0 - tried
-    return share
-
-
-@kernel()
-def climb_rim(r, s, k, up, share, x, y, best):
-    """Newton's method for a = (x, y, up (1 - hypot(x, y))), from a share of (x, y), in steps that gain."""
-    x, y = share * x, share * y
-    g = -inf
-    stepx = stepy = 0.0
-    for _ in range(60):
-        part = 1.0
-        while True:  # the step, shorter until it gains
-            tx, ty = x + part * stepx, y + part * stepy
-            size = sqrt(tx * tx + ty * ty)
-            if 0.0 < size < 1.0:
-                gained, px, py, pz = room(r, s, k, tx, ty, up * (1.0 - size))
-                if gained > g:
-                    break
-            part *= 0.5
-            if part < 1e-9:
-                return
-        risen = gained - g
-        x, y, g = tx, ty, gained
-        ax, ay, az = x, y, up * (1.0 - size)
-        if g > best[3]:
-            best[0], best[1], best[2], best[3] = ax, ay, az, g
-        if risen <= SETTLED * abs(g):
-            return
-        ex, ey = x / size, y / size
-        gx, gy = px - up * pz * ex, py - up * pz * ey
-        ux, uy, uz = times(s, ax, ay, az)
-        square = ax * ux + ay * uy + az * uz
-        # the rates of a along x and y are (1, 0, -up ex) and (0, 1, -up ey)
-        bx, by, bz = times(s, 1.0, 0.0, -up * ex)
-        cx, cy, cz = times(s, 0.0, 1.0, -up * ey)
-        slope_x, slope_y = ux - up * ex * uz, uy - up * ey * uz
-        curve = k / sqrt(square) if square > 0.0 else 0.0
-        turn = max(up * pz, 0.0) / size  # where it is less, what is left of the curve still leads upward
-        inverse = 1.0 / square if square > 0.0 else 0.0
-        hxx = -curve * (bx - up * ex * bz - slope_x * slope_x * inverse) - turn * (1.0 - ex * ex)
-        hyy = -curve * (cy - up * ey * cz - slope_y * slope_y * inverse) - turn * (1.0 - ey * ey)
-        hxy = -curve * (by - up * ey * bz - slope_x * slope_y * inverse) + turn * ex * ey
-        determinant = hxx * hyy - hxy * hxy
-        if determinant > 1e-14 * hxx * hyy and hxx < 0.0:
-            stepx = -(hyy * gx - hxy * gy) / determinant
-            stepy = -(hxx * gy - hxy * gx) / determinant
-        else:
-            steep = sqrt(gx * gx + gy * gy)
-            stepx, stepy = 0.5 * gx / steep, 0.5 * gy / steep
-
-
-@kernel()
-def plane(shape, faces, r, s, k, enough, best):
-    """Fill `best` (4,) with the best plane and its g; if more than `enough` will do, with almost the best."""
-    if shape == FACES:
-        flat_plane(faces, r, s, k, enough == inf, best)
-    elif shape == BALL:
-        best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k, enough == inf)
-        best[3] = room(r, s, k, best[0], best[1], best[2])[0]
-    else:
-        drum_plane(r, s, k, enough, best)

@@ -12,10 +12,30 @@ from closeform.kernel_loans import borrowed, lent, stack_vector
 from closeform.motion.arc import END
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
 from closeform.uncertainty.levels import begin_pair, least_of_pair
-from closeform.uncertainty.moving import HALVINGS, beyond_for, errors_of_point, first_try, stays_inside
+from closeform.uncertainty.moving import (
+    HALVINGS,
+    STALLED,
+    begin_count,
+    beyond_for,
+    brief,
+    errors_of_point,
+    first_try,
+    stalled,
+    stays_inside,
+)
 from closeform.uncertainty.planes import room
 from closeform.uncertainty.spread import SPREAD
-from closeform.uncertainty.tube import HINT, TUBE, WIDTH, clear_for, column_bound, look, room_at, see_tube
+from closeform.uncertainty.tube import (
+    HINT,
+    STALLS,
+    TUBE,
+    WIDTH,
+    clear_for,
+    column_bound,
+    look,
+    room_at,
+    see_tube,
+)
 from closeform.zones.shapes import inside_step
 
 # As in `conflicts.entries`, but to what covariances and planes are good for.
@@ -26,7 +46,7 @@ DEEP, SHALLOW = 0.5, 0.75  # norms that a position is looked for at, and that wi
 
 @kernel()
 def enter(tube, t, span, k, patience):
-    """March outside until k sigmas reach the zone: (time reached, whether they do)."""
+    """March outside until k sigmas reach the zone, or cannot be told from it: (time reached, whether so)."""
     for _ in range(patience):
         norm = look(tube, t)
         g = room_at(tube, k, ENTRY_AIM) if norm > ENTERED else norm
@@ -37,6 +57,8 @@ def enter(tube, t, span, k, patience):
         h = clear_for(tube, k, g - ENTRY_AIM)
         if t == 0.0 and patience == LESS_PATIENCE:
             h = max(h, beyond_for(tube, k, ENTRY_AIM, span))
+            if stalled(tube, h, span) > 0.0:
+                return t, True
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
 
@@ -55,7 +77,7 @@ def position_inside(tube, norm, k):
         ahead = best[0] * place[0] + best[1] * place[1] + best[2] * place[2]
         wide = sqrt(tube.along[0])
         more = (ahead - DEEP) / wide if wide > 0.0 else k
-        used = min(k, max(more, used * (1.0 + 1e-9)))
+        used = min(k, max(more, 1.01 * used))
 
 
 @kernel()
@@ -98,17 +120,30 @@ def inside_for(tube, used, span):
 
 
 @kernel()
+def is_doubtful(tube, k, span):
+    """Whether k sigmas are outside but not certain to stay there for a while."""
+    return not clear_for(tube, k, room_at(tube, k, inf) - ENTRY_AIM) > brief(tube, span)
+
+
+@kernel()
 def leave(tube, t, span, k, patience):
-    """March inside, each time with one position that is inside: (time reached, whether none is)."""
+    """March inside, each time with one position that is inside: (time reached, whether none is).
+
+    Once too many steps were too brief, k sigmas count as inside until they are clear for longer than that.
+    """
     for _ in range(patience):
         used, g = position_inside(tube, look(tube, t), k)
-        if g > LEFT:
+        doubtful = tube.seen[STALLS] >= STALLED
+        if g > LEFT and not (doubtful and is_doubtful(tube, k, span)):
             return t, True
         if not t < span:
             return t, False
-        h = inside_for(tube, used, span - t)
+        h = inside_for(tube, used, span - t) if not g > LEFT else 0.0
         if t == 0.0 and patience == LESS_PATIENCE:
             h = max(h, within_for(tube, k, span))
+            stalled(tube, h, span)
+        if doubtful:
+            h = max(h, brief(tube, span))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
 
@@ -148,6 +183,7 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, times, near, m, 
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
     inside, entry = False, start
+    begin_count(tube)
     t = start
     while True:
         while i + 1 < i_end and one.arcs[i, END] <= t:

@@ -23,7 +23,7 @@ from closeform.kernel_loans import stack_vector
 from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window
 from closeform.motion.hill import oscillation
-from closeform.uncertainty.planes import plane
+from closeform.uncertainty.drum import plane
 from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, is_known, under_way
 from closeform.zones.shapes import CUBE, FACES, FORM, norm, time_to_level
 from closeform.zones.zone import Zone
@@ -270,6 +270,16 @@ def clear_for(tube, k, gap):
 
 
 @kernel()
+def level_of_plane(tube, k):
+    """The level up to which the plane that was found last keeps both apart."""
+    ahead = tube.best[0] * tube.place[0] + tube.best[1] * tube.place[1] + tube.best[2] * tube.place[2]
+    wide = sqrt(tube.along[0])
+    if k < 0.0:
+        return max((ahead - 1.0) / wide if wide > 0.0 else inf, 0.0)
+    return max(ahead / (1.0 + k * wide), 0.0)
+
+
+@kernel()
 def level(tube, t, k, start):
     """The level of the zone, or the sigmas, at which both just touch at time t, from above it or from 0.
 
@@ -282,13 +292,7 @@ def level(tube, t, k, start):
     s = start
     for _ in range(40):
         room_at(tube, s if k < 0.0 else s * k, inf)
-        ahead = tube.best[0] * tube.place[0] + tube.best[1] * tube.place[1] + tube.best[2] * tube.place[2]
-        wide = sqrt(tube.along[0])
-        if k < 0.0:
-            better = (ahead - 1.0) / wide if wide > 0.0 else inf
-        else:
-            better = ahead / (1.0 + k * wide)
-        better = max(better, 0.0)
+        better = level_of_plane(tube, k)
         if better >= NEVER:
             return inf
         if not abs(better - s) > 1e-13 * better:
