@@ -11,6 +11,7 @@ from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm
 
 import closeform as cf
+from closeform.fuel.burns import burns_of
 from formations import LOW_ORBIT
 from test_least_delta_v_plans import NEAR, passage, rates
 
@@ -256,3 +257,19 @@ def test_thrust_adds_up():
         for begin, end in zip(edges[:-1] + 1e-7, edges[1:] - 1e-7, strict=True)
     )
     assert found.delta_v == pytest.approx(total, rel=1e-6)
+
+
+def test_burns_that_are_none_are_left_out():
+    """Four craft that swap places: what is listed makes a share of all that counts, and all are clear."""
+    states = np.zeros((4, 6))
+    states[[0, 1, 2, 3], [1, 2, 1, 2]] = 100.0, 100.0, -100.0, -100.0
+    plan = cf.reconfigure(
+        ORBIT, states, np.roll(states, 2, axis=0), ORBIT.period / 2, cf.Sphere(20.0),
+        cost="delta-v", assign=False, max_acceleration=5e-3,
+    )  # fmt: skip
+    assert plan.ok
+    places = np.array([plan.paths[k].position(np.linspace(0.0, ORBIT.period / 2, 20001)) for k in range(4)])
+    gaps = [np.linalg.norm(places[i] - places[j], axis=1).min() for i in range(4) for j in range(i)]
+    assert min(gaps) > 20.0 * (1.0 - 1e-6)
+    sizes = np.concatenate([burns_of(plan.paths[k]).size for k in range(4)])
+    assert sizes.min() > 1e-4 * plan.delta_v  # without it 1e-7 of it

@@ -7,6 +7,7 @@ fine, so that thrust comes to be full or none, along the primer.                
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from math import ceil, inf, pi
 from typing import Any
 
@@ -23,7 +24,7 @@ from closeform.motion.saturated import BOUND
 from closeform.motion.within_limit import TooLittleThrust, limited
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures
-from closeform.planning.impulse_local import LAST, WIDEST, ImpulseSolver, Spent
+from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver, Spent
 from closeform.planning.impulse_moments import Moments
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
@@ -35,6 +36,7 @@ BRIEFEST = 1e-6  # of a craft's time: no slot is shorter
 USED, FULL = 1e-6, 0.98  # of what a slot allows: more is thrust, or all of it
 BESIDE = 0.1  # of a burn: the slots next to it
 TOUCHING = 1e-9  # of a craft's time: burns no further apart are one
+FURTHER = 1e-5  # of a zone: planes moved out, that fewer slots are clear of it
 ALONE = 8  # rounds in which burns settle where nothing is in the way
 
 
@@ -136,7 +138,16 @@ class BurnSolver(ImpulseSolver):
         return best
 
     def fewest(self, best: Spent) -> Spent:
-        """As it is: slots of one burn are one already."""
+        """The same without slots hardly used, where that is clear; slots of one burn are one already."""
+        for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
+            used, start = best.fired(share), replace(best, margin=best.margin + further)
+
+            def kept(_: Spent, used: list[Moments] = used) -> list[Moments]:
+                return used
+
+            found = next(self.refired(start, kept, 1.0 + FEWER, steady=True), None)
+            if found is not None and found.delta_v <= (1.0 + FEWER) * best.delta_v:
+                return found
         return best
 
     def settled(self, best: Spent) -> Contacts:

@@ -10,7 +10,7 @@ KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
     "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
     "delta-v": ("per_metre_1_s", "per_factor_m_s"),
 }
-TOUCHING = 1.0 + 1e-6  # a margin up to this is for rounding only
+TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
 
 
 def best(found: Avoidance | Plan) -> str:
