@@ -18,6 +18,7 @@ from closeform.report.table import Column, Table
 MOST = 24  # craft, up to which choices are looked at
 DURATIONS = np.geomspace(0.1, 3.0, 40)  # of the plan's, at which the trade is looked at
 LONGEST = 100.0  # orbits
+NOTHING = 1e-9  # m/s: what a plan costs at least, of which nobody tells shares
 CHOICE = (
     Column("choice", "choice", words=True),
     Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
@@ -101,7 +102,7 @@ class Choices:
             self.mission.burnt(self.result.number, k, float(one))
             for k, one in zip(self.places, spent, strict=True)
         )
-        above = total / self.lower - 1.0 if self.lower > 0.0 else None
+        above = effort.above(total, self.lower) if self.lower > NOTHING else None
         return name, total, above, burnt if isfinite(burnt) else None
 
     def by_thrusters(self) -> Floats:

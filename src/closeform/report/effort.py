@@ -20,6 +20,13 @@ COST = ENERGY, SPEED, PUSH, FORCE, FUEL
 OF_PLAN = {SPEED.key, PUSH.key, FORCE.key, FUEL.key}  # what pulses do not keep to
 CRAFT = Column("craft", "craft"), Column("slot", "slot"), *COST
 
+UNTOLD = 1e4  # times the least: greater shares are of next to nothing
+
+
+def above(spent: float, least: float) -> float | None:
+    """By what share of the least a path costs more; None where next to nothing is the least."""
+    return spent / least - 1.0 if spent < UNTOLD * least else None
+
 
 def in_grams(mission: Mission, column: Column) -> Column:
     """A column of propellant in the one unit that the whole mission is told in."""

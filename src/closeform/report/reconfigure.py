@@ -116,7 +116,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
             columns[Column(title, form="{:.1f}".format, absent="")] = [*times, None]
     columns[effort.SPEED if by_delta_v else effort.ENERGY] = [*cost]
     if result.planned is not result.before:
-        shares = [one / free - 1.0 if free else None for one, free in zip(cost, direct, strict=True)]
+        shares = [effort.above(one, free) for one, free in zip(cost, direct, strict=True)]
         columns[Column("extra [%]", form="{:.3f}".format, scale=100.0)] = shares
     spent = [effort.spent(mission, result, name, result.planned.path(name)) for name in moved.movers]
     _, speed, push, force, fuel = zip(*spent, strict=True)
