@@ -190,6 +190,13 @@ def test_both_of_a_pair_may_fail():
         assert np.linalg.norm(near[0] + share * toward) == pytest.approx(pair.distance, abs=1e-5)
 
 
+def test_a_plan_that_is_not_found_says_what_to_try():
+    text = HEAD + APPROACH.replace('"transfer"', '"avoid"') + 'drift = "2 orbits"\n'
+    (result,) = flown(text).results
+    assert "no passively safe path" in result.failure
+    assert "give it more time, arrive at another phase" in result.failure
+
+
 FAILURES = {
     'failure = "burns missed"\nleast = "90 %"': "burns are missed",
     'failure = "thrust weak"\nleast = "50 %"': "thrust gets weak",

@@ -104,14 +104,14 @@ def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[st
 
 
 def unseparated(problem: Problem, names: Sequence[str]) -> str:
-    """Who arrives without separation from an obstacle by eccentricity and inclination, in words; or ""."""
+    """What to try, in words: an end for who arrives without separation across the track, or else more."""
     found = (
         [(separation(problem, i, j), (i, j)) for i, j in problem.pairs.tolist() if problem.count <= j]
         if problem.orbit.mean_motion
         else []
     )
     if not found or min(found)[0] > ON:
-        return ""
+        return "; give it more time, arrive at another phase, or ask for less drift"
     ratio, (i, j) = min(found)
     return (
         f"; {names[i]} arrives {ratio:.2f} x zone from {names[j]} across the track, where any slow drift "
