@@ -174,3 +174,26 @@ def test_who_has_no_covariance_is_named(ephemerides, capsys):
 def test_boxes_have_sigmas_and_no_probability(ephemerides, capsys):
     main(["screen", "A.oem", "B.oem", "--box", "10 15 10 m", "--sigmas", "3"])
     assert re.search(rf"^A - B +{NUMBER} +{NUMBER} +- +- +- +-$", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_a_window_in_which_they_do_not_pass(capsys):
+    """The longer one finds more, as the line says, and a short encounter where they pass in it."""
+    found = {}
+    for window in ("1 h", "2 h"):
+        assert (
+            main(
+                [
+                    "encounter",
+                    str(Path(__file__).parents[1] / "examples" / "slow_encounter.cdm"),
+                    "--window",
+                    window,
+                ]
+            )
+            == 0
+        )
+        out = capsys.readouterr().out
+        assert "a longer --window gives more" in out
+        found[window] = float(out.split("collision probability")[-1])
+        (row,) = (line.split() for line in out.splitlines() if line.startswith("short encounter (2-D)"))
+        assert (row[-2] == "-") == (window == "1 h") == ("No short encounter" in out)
+    assert found["2 h"] > 1.2 * found["1 h"]

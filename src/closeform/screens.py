@@ -154,10 +154,14 @@ def judged(
     from closeform.report.encounter import EncounterReport
     from closeform.uncertainty.clearance import clearance_in_sigmas
     from closeform.uncertainty.probability import collision_probability
+    from closeform.uncertainty.short_encounter import NotPassing
     from closeform.zones.solids import Sphere
 
     met, zone = told.encounter(half_window), Sphere(radius)
     pair = met.path, met.other, zone, met.errors, met.other_errors
     entries = collision_probability(*pair)
-    short = collision_probability(*pair, method="short-encounter")
+    try:
+        short = collision_probability(*pair, method="short-encounter")
+    except NotPassing:
+        short = None  # nearest at an edge of the time: the report says so
     return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit)

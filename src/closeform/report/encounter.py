@@ -1,6 +1,6 @@
 """The report of a conjunction message: how near, how many sigmas clear, how probable, and by which method."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from closeform.exchange.conjunction import Conjunction
@@ -16,6 +16,7 @@ FIGURES = (
     Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
 )
 MET, NOT_MET = 0, 1
+EDGE = 0.01  # of the probability, and of the greatest rate: what an edge of the window may have
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class EncounterReport:
     encounter: Encounter
     clearance: SigmaApproach
     probability: Probability
-    short: Probability
+    short: Probability | None  # None where the two do not pass each other in the window
     limit: float | None
 
     @property
@@ -75,7 +76,17 @@ class EncounterReport:
         clear = f"Clear by {sigmas:.4g} sigmas, fewest at {time:.1f} s"
         if sigmas == 0.0:
             clear = f"Clear by 0 sigmas: the bodies overlap even without errors, most at {time:.1f} s"
-        return (clear, *(f"Warning: {line}" for line in self.encounter.warnings))
+        return (clear, *self.notes, *(f"Warning: {line}" for line in self.encounter.warnings))
+
+    @property
+    def notes(self) -> Iterator[str]:
+        """What the window leaves out."""
+        if self.short is None:
+            yield "No short encounter: the two are nearest at an edge of the window, and do not pass"
+        found = self.probability
+        grows = len(found.rates) > 0 and found.rates[-1] > EDGE * found.rates.max()
+        if found.at_start > EDGE * found.value or grows:
+            yield "The probability still grows at an edge of the window: a longer --window gives more"
 
     @property
     def tables(self) -> Sequence[Table]:
@@ -86,7 +97,7 @@ class EncounterReport:
             ("ever inside", "histories that touch, however often", found.value, sure),
             ("inside at the start", "a part of it", found.at_start, None),
             ("mean entries", "entries after the start, each counted", found.mean_entries, None),
-            ("short encounter (2-D)", "straight flight, errors of one instant", short.value, None),
+            ("short encounter (2-D)", "straight flight, errors of one instant", short and short.value, None),
         ]
         if message.collision_probability is not None:
             method = message.collision_probability_method or "method not told"

@@ -14,6 +14,10 @@ NODES = 200
 EDGE = 1e-6  # of the common time: nearer than that to its end nobody has passed
 
 
+class NotPassing(ValueError):
+    """Two craft that are nearest at the start or the end of their time, and do not pass each other in it."""
+
+
 def passes_through(histories: Histories) -> tuple[float, float]:
     """Probability to pass through an ellipsoid, and what quadrature may be off by: Foster's integral.
 
@@ -23,7 +27,7 @@ def passes_through(histories: Histories) -> tuple[float, float]:
     start, end = histories.edges[0], histories.edges[-1]
     if not start + EDGE * (end - start) < approach.time < end - EDGE * (end - start):
         edge = "start" if approach.time < 0.5 * (start + end) else "end"
-        raise ValueError(
+        raise NotPassing(
             f'path, other: are closest at the {edge}, and do not pass each other; use method="entries"'
         )
     mean, factor = histories.states(np.array([approach.time]))
