@@ -550,3 +550,30 @@ def test_thrusters_count_from_1_in_what_is_written(ran):
     assert {burn["thruster"] for burn in run.table("burns")} <= set(range(1, 7))
     why = fly(parse(TIGHT.replace("0.1 mN", "0.12 mN"))).stopped
     assert 1 <= int(re.search(r"thruster (\d+) fires", why)[1]) <= 6
+
+
+def test_no_share_of_next_to_nothing(ran):
+    """B and D, which hardly have to thrust, give way to each other: a dash, and not 1e20 %."""
+    places = "0 100 0 m", "0 0 100 m", "0 -100 0 m", "0 0 -100 m"
+    goals = ", ".join(
+        f'{{ position = "{place}", velocity = "0 0 0 m/s" }}' for place in places[2:] + places[:2]
+    )
+    run = ran(
+        f"""closeform = 1
+title = "Swap"
+[orbit]
+altitude = "550 km"
+[craft]
+name = ["A", "B", "C", "D"]
+position = {list(places)}
+velocity = "0 0 0 m/s"
+keep_out = {{ sphere = "20 m" }}
+[[stage]]
+do = "reconfigure"
+cost = "delta-v"
+within = "0.5 orbits"
+to = [{goals}]
+""".replace("'", '"')
+    )
+    table = run.printed.split("extra [%]")[1].splitlines()[1:5]
+    assert [line.split()[2] == "-" for line in table] == [False, True, False, True], table
