@@ -154,6 +154,9 @@ def test_summary_holds_every_printed_figure(flown: tuple[Path, str]) -> None:
     for key in ("energy_m2_s3", "delta_v_m_s", "peak_thrust_m_s2"):
         kept.append(100 * (stage["around"][key] / stage["direct"][key] - 1))  # the line "change"
     kept.append(100 * stage["gap"])  # printed in percent
+    price = stage["clearance_per_metre_m_s3"]
+    kept.append(100 * price / stage["around"]["energy_m2_s3"])
+    kept += [100 * one["per_metre_m_s3"] / price for one in stage["clearance"]]
     for row in summary["used"]:
         kept += [100 * row[f"share_of_{limit}"] for limit in ("delta_v_budget", "max_thrust")]
     kept += [1e3 * value for value in kept] + [2 * np.pi / summary["mean_motion_rad_s"] / 60]

@@ -82,4 +82,5 @@ def figures(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str])
         "margin": found.margin,
         "tried": found.tried,
         "clearance": prices(found, names, order).records if found.priced else None,
+        f"clearance_{KEYS[found.cost][0]}": found.price if found.priced else None,
     }

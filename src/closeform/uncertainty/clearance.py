@@ -77,9 +77,10 @@ def clearance_in_sigmas(
     the probability that chi squared of m is above k^2, which bounds that of ever coming together; it is
     mostly far smaller.  From 1e4 sigmas on they count as inf.
 
-    Covariances may be singular.  Where errors along a line or in a plane, far longer than the zone, pass
-    close by it, the plane between both may not be found, and after 5000 steps that lead nowhere
-    the march settles for less: then fewer sigmas come back than there are, which are certain still.
+    Covariances may be singular, but sigmas are then not certain: where errors along a line or in a plane,
+    far longer than the zone, pass close by it, the plane between both may not be found, and fewer sigmas come
+    back than there are; beside a cylinder more have come back, too (2278 for 734, errors in a plane).
+    Give directions that are known exactly a small deviation.
 
     References
     ----------
