@@ -61,6 +61,11 @@ SPREAD = types.NamedTuple((float64[:, ::1], int64[::1], float64[:, ::1], float64
 
 def spread_of(path: Path, errors: "Sequence[Errors | None]") -> Spread:
     """Of each craft of a batch by its own errors; None for one that is where its path is."""
+    return spread_to_ends(path, errors)[0]
+
+
+def spread_to_ends(path: Path, errors: "Sequence[Errors | None]") -> tuple[Spread, Floats]:
+    """The same, and the roots (N, 6, 6) of the covariances at the ends of all paths."""
     count = len(path.offsets) - 1
     roots, execution = np.zeros((count, 6, 6)), np.zeros((count, 7))
     for each in {one for one in errors if one is not None}:
@@ -70,7 +75,7 @@ def spread_of(path: Path, errors: "Sequence[Errors | None]") -> Spread:
             roots[k], execution[k] = one._root, one._execution
     rows = np.zeros((len(path.arcs), ROW))
     spread(path.arcs, path.offsets, path.orbit.mean_motion, roots, execution, rows)
-    return Spread(path.arcs, path.offsets, rows, execution)
+    return Spread(path.arcs, path.offsets, rows, execution), roots
 
 
 @kernel()
@@ -225,7 +230,7 @@ def add_settled(n, arc, row, execution, t, a, width):
 
 @kernel(void(float64[:, ::1], int64[::1], float64, float64[:, :, ::1], float64[:, ::1], float64[:, ::1]))
 def spread(arcs, offsets, n, roots, execution, rows):
-    """Fill the rows of every path from the roots (N, 6, 6) of the covariances at their starts."""
+    """Fill the rows of all paths from `roots` (N, 6, 6) at their starts, which become those at their ends."""
     arcs, rows, execution = borrowed(arcs), borrowed(rows), borrowed(execution)
     a = stack_matrix(6, 16)
     for p in range(len(offsets) - 1):
@@ -250,6 +255,9 @@ def spread(arcs, offsets, n, roots, execution, rows):
                 width = before
             if width > 6:
                 compress(a, width)
+        for i in range(6):
+            for j in range(6):
+                roots[p, i, j] = a[i, j]
 
 
 @kernel(void(float64[:, ::1], float64, float64[:, ::1], float64[:, ::1], float64[::1], float64[:, :, ::1]))
