@@ -23,11 +23,8 @@ from closeform.zones.shapes import BALL
 
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # rounds at most, to a first plan, and to a better one
 SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # how far planes give way at first, how fast that fades, and in the end
-REACH, NEAR = (
-    1.8,
-    1.4,
-)  # zones, within which a sampled minimum becomes a plane, and slides to the lowest beside it
-COARSE = 1  # every so many samples become planes
+# Zones, within which a sampled minimum becomes a plane, and slides to the lowest beside it.
+REACH, NEAR = 1.8, 1.4
 MOMENTS = 48  # instants of failure that are sampled, of each craft; of each orbit where that is more
 EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: more of them near its ends
 SAME = 0.25  # of the time between them: contacts that are closer are one
@@ -68,7 +65,6 @@ class Rounds:
         shares = np.concatenate([EARLY, (np.arange(count) + 0.5) / count, 1.0 - np.array(EARLY)])
         shares = MARGIN + (1.0 - 2.0 * MARGIN) * np.sort(shares)
         self.moments = start[:, None] + (end - start)[:, None] * shares
-        self.coarse = np.ascontiguousarray(self.moments[:, ::COARSE])
         self.same = SAME * longest / count
         self.direct_energy = problem.energy(problem.direct)
         self.unshifted = np.zeros((len(scene.states), 6))
@@ -78,7 +74,7 @@ class Rounds:
     def shifted(self, shifts: Floats) -> Contacts:
         """Planes to begin with: those of the unconstrained paths, shifted in thought by natural motions."""
         direct = self.scene.direct, self.scene.direct_offsets
-        return self.sampled(*direct, self.coarse, shifts, REACH)[0]
+        return self.sampled(*direct, shifts)[0]
 
     def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
         """What planes come to, that give way by `soft` at first; given up well above the energy `bar`."""
@@ -147,8 +143,8 @@ class Rounds:
 
         At sampled failures, where the near ones and `known` contacts slide to, and where these were.
         """
-        fresh, norms = self.sampled(arcs, offsets, self.coarse, self.unshifted, REACH)
-        slid = known.joined(self.sampled(arcs, offsets, self.moments, self.unshifted, NEAR)[0])
+        fresh, norms = self.sampled(arcs, offsets, self.unshifted)
+        slid = known.joined(fresh.some(norms < NEAR))
         stayed, ratios = slid.some(np.arange(slid.number)), np.empty(slid.number)
         slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
         order = np.argsort(ratios, kind="stable")
@@ -158,11 +154,9 @@ class Rounds:
         nearest = min(norms.min(initial=inf), ratios.min(initial=inf))
         return slid.some(once).joined(fresh), max(1.0 - float(nearest), 0.0)
 
-    def sampled(
-        self, arcs: Floats, offsets: Any, moments: Floats, shifts: Floats, reach: float
-    ) -> tuple[Contacts, Floats]:
-        """The minima after failures at `moments`, and their norms, as though bodies were shifted."""
-        given = self.scene, arcs, offsets, moments, shifts, reach, self.room, self.norms
+    def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
+        """The minima within REACH after sampled failures, and their norms, as though bodies were shifted."""
+        given = self.scene, arcs, offsets, self.moments, shifts, REACH, self.room, self.norms
         count = find_failures(*given)
         return self.room.first(count), self.norms[:count].copy()
 
