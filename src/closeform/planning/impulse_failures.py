@@ -57,11 +57,11 @@ class ImpulseFailures:
         problem = self.problem
         planned = problem.path(flown)
         each = [extended(planned[k], problem.first, problem.last) for k in range(problem.count)]
-        drifting = problem.with_path(*each)
-        missed = problem.conflicts(drifting)
+        until_the_end = problem.with_path(*each)
+        missed = problem.conflicts(until_the_end)
         lost, nearest = self.near(flown, known)
         if nearest >= 1.0 and not missed:
-            bodies = path_of(problem.orbit, *drifting, (len(drifting[1]) - 1,))
+            bodies = path_of(problem.orbit, *until_the_end, (len(until_the_end[1]) - 1,))
             certain = failures(problem, planned, bodies)
             if certain.number:
                 lost, nearest = self.near(flown, known.joined(certain))

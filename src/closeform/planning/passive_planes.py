@@ -12,8 +12,7 @@ from closeform.planning.qp import solve_qp
 from closeform.planning.relative_motion import motion_after
 from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
 
-TOO_FAR = 1e5  # zones that a plane alone would push its craft
-WILD = 30.0  # zones that a craft is pushed by all together: no plan comes of it
+ALONE, TOGETHER = 1e5, 30.0  # zones that one plane, and all of them, may push a craft: no plan comes of more
 
 
 @kernel(float64(SCENE, CONTACTS, float64, float64, float64, ROWS, INDICES))
@@ -40,13 +39,13 @@ def press(scene, contacts, lift, give, stride, arcs, offsets):
     energy, farthest = 0.0, 0.0
     for k in range(count):
         push, moved = contacts.multipliers[k], 0.0
-        if not push * gram[k, k] < TOO_FAR:
+        if not push * gram[k, k] < ALONE:
             return inf
         for m in range(count):
             moved += gram[k, m] * contacts.multipliers[m]
         energy += 0.5 * push * moved
         farthest = max(farthest, abs(moved))
-    if farthest > WILD:
+    if farthest > TOGETHER:
         return inf
     if farthest > stride:
         energy *= (stride / farthest) ** 2

@@ -39,7 +39,7 @@ CHEAP = 0.2  # of the unconstrained energy: plans that add less are not looked f
 STEPS, STRIDE = 60, 0.3  # short steps of a formation, and how long one is, in zones
 HELD, FORGOTTEN = 0.95, 1e-3  # shares of pushes that the next step begins with, and below which they end
 LOOSE, LOOSER = 3.0, 0.7  # how far planes give way in the first step, and how fast that fades
-LEFT = 1e-2  # and in the first round after the last of them
+SETTLING = 1e-2  # and in the first round after the last of them
 
 
 class Relaxed(NamedTuple):
@@ -126,7 +126,7 @@ class Rounds:
             held = held.joined(pressing(planes))
             planes, short = self.failures(*self.flown(held), pressing(planes))
             if short < NEARLY:
-                return self.relaxed(planes, bar, soft=LEFT)
+                return self.relaxed(planes, bar, soft=SETTLING)
         return Relaxed(pressing(planes), inf)
 
     def flown(self, contacts: Contacts) -> tuple[Floats, Any]:

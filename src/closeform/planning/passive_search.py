@@ -16,7 +16,7 @@ from closeform.planning.side_search import Found
 
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan: the search ends
-BOTH, MANY = 2, 4  # starts of so many craft and more: in short steps, then in long ones
+FORMATION, STARTS_OF_MANY = 4, 2  # from so many craft on so few starts: in short steps, then in long ones
 FINER = 4  # times that the certified search may find what samples missed
 SIZE = 1.2  # of the zone: the swings of natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
@@ -79,8 +79,8 @@ class PassiveSearch:
         self.problem = problem
         self.rounds = Rounds(problem, margin)
         self.margin = margin
-        self.few = problem.count < MANY
-        starts = STARTS if self.few else BOTH
+        self.few = problem.count < FORMATION
+        starts = STARTS if self.few else STARTS_OF_MANY
         self.budget = starts * (1 + more) if budget is None else budget
         self.patience = PATIENCE if budget is None else inf
         self.best: Solution | None = None

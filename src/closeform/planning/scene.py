@@ -49,9 +49,7 @@ class Contacts(NamedTuple):
     times: Floats  # (K,)
     normals: Floats  # (K, 3)
     multipliers: Floats  # (K,)
-    drifts: (
-        Floats  # (K, 2): how long before the time the thrust of each of the two has stopped; 0: it has not
-    )
+    drifts: Floats  # (K, 2): how long before the time the thrust of each has stopped; 0: it has not
 
     @classmethod
     def none(cls, count: int = 0) -> "Contacts":
