@@ -11,12 +11,12 @@ from numba import float64, int64, void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, acceleration, primer_at, state_at
+from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.hill import coast, oscillation
 from closeform.planning.approaches import sample_body, slide, spread
 from closeform.planning.contacts import turn_normal
-from closeform.planning.relative_motion import add_body, in_zone, motion_after
+from closeform.planning.relative_motion import add_body, add_coasting, in_zone, motion_after
 from closeform.planning.rounding import norm_rate, rounded_norm
 from closeform.planning.scene import CONTACTS, INDICES, NUMBERS, ROWS, SCENE
 from closeform.zones.shapes import BALL, norm
@@ -78,13 +78,9 @@ def fill_squares(scene, kind, sign, gaps, first, squares):
 @kernel()
 def drifting_motion(scene, arcs, offsets, which, side, lost, t, out):
     """Relative motion of a pair in zone coordinates, one of it on a natural motion from the first time."""
-    n = scene.base[0, MEAN_MOTION]
     sign = 1.0 if side == 0 else -1.0
-    x, y, z, vx, vy, vz = coast(n, t - scene.span[0], lost[0], lost[1], lost[2], lost[3], lost[4], lost[5])
-    ax, ay, az = acceleration(n, x, z, vx, vy)
-    out[0, 0], out[0, 1], out[0, 2] = sign * x, sign * y, sign * z
-    out[1, 0], out[1, 1], out[1, 2] = sign * vx, sign * vy, sign * vz
-    out[2, 0], out[2, 1], out[2, 2] = sign * ax, sign * ay, sign * az
+    out[:] = 0.0
+    add_coasting(scene.base[0, MEAN_MOTION], t - scene.span[0], lost, out, sign)
     add_body(scene, arcs, offsets, scene.pairs[which, 1 - side], t, 3, out, -sign)
     in_zone(scene, which, out)
 

@@ -38,11 +38,9 @@ def relative_motion(scene, arcs, offsets, which, t, out):
 
 
 @kernel()
-def add_drifting(arcs, offsets, craft, t, drift, out, sign):
-    """Add `sign` times the derivatives at time t of a craft that has been without thrust for a `drift`."""
-    arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], t - drift)]
-    n, lost = arc[MEAN_MOTION], state_at(arc, t - drift)
-    x, y, z, vx, vy, vz = coast(n, drift, lost[0], lost[1], lost[2], lost[3], lost[4], lost[5])
+def add_coasting(n, drift, state, out, sign):
+    """Add `sign` times the derivatives of natural motion a `drift` after it has a state."""
+    x, y, z, vx, vy, vz = coast(n, drift, state[0], state[1], state[2], state[3], state[4], state[5])
     ax, ay, az = acceleration(n, x, z, vx, vy)
     out[0, 0], out[0, 1], out[0, 2] = out[0, 0] + sign * x, out[0, 1] + sign * y, out[0, 2] + sign * z
     out[1, 0], out[1, 1], out[1, 2] = out[1, 0] + sign * vx, out[1, 1] + sign * vy, out[1, 2] + sign * vz
@@ -55,8 +53,10 @@ def motion_after(scene, arcs, offsets, which, t, drifts, out):
     out[:] = 0.0
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0
-        if drifts[side] > 0.0:
-            add_drifting(arcs, offsets, scene.pairs[which, side], t, drifts[side], out, sign)
+        body, drift = scene.pairs[which, side], drifts[side]
+        if drift > 0.0:
+            arc = arcs[locate(arcs, offsets[body], offsets[body + 1], t - drift)]
+            add_coasting(arc[MEAN_MOTION], drift, state_at(arc, t - drift), out, sign)
         else:
-            add_body(scene, arcs, offsets, scene.pairs[which, side], t, 3, out, sign)
+            add_body(scene, arcs, offsets, body, t, 3, out, sign)
     in_zone(scene, which, out)
