@@ -14,7 +14,6 @@ from closeform.arrays import Floats
 from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import path_of
 from closeform.planning.failures import find_failures
 from closeform.planning.impulse_checks import Checked, drifting
 from closeform.planning.impulse_moments import Moments
@@ -61,8 +60,7 @@ class ImpulseFailures:
         missed = problem.conflicts(until_the_end)
         lost, nearest = self.near(flown, known)
         if nearest >= 1.0 and not missed:
-            bodies = path_of(problem.orbit, *until_the_end, (len(until_the_end[1]) - 1,))
-            certain = failures(problem, planned, bodies)
+            certain = failures(problem, planned, problem.bodies(until_the_end))
             if certain.number:
                 lost, nearest = self.near(flown, known.joined(certain))
                 nearest = min(nearest, INSIDE)

@@ -7,7 +7,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.drift.drift_approach import drift_approach, passively_safe
 from closeform.motion.palmer import state_from_palmer
-from closeform.motion.path import Path, path_of
+from closeform.motion.path import Path
 from closeform.planning.certify import Solution
 from closeform.planning.passive_rounds import Rounds
 from closeform.planning.problem import Problem
@@ -120,7 +120,6 @@ class PassiveSearch:
 
     def missed(self, solution: Solution) -> Contacts:
         """Where, for all that samples say, craft meet after a failure or without one."""
-        arcs, offsets = solution.flown
-        bodies = path_of(self.problem.orbit, arcs, offsets, (len(offsets) - 1,))
+        bodies = self.problem.bodies(solution.flown)
         met = self.problem.met(self.problem.conflicts(solution.flown))
         return met.joined(failures(self.problem, self.problem.path(solution.planned), bodies))

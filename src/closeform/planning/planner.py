@@ -143,9 +143,7 @@ def is_passive(problem: Problem, path: Path) -> bool:
         return True
     from closeform.planning.passive_search import failures
 
-    others = [problem.obstacles[k] for k in range(len(problem.obstacles))]
-    bodies = stack([path, *others])
-    return not failures(problem, stack([path]), bodies).number
+    return not failures(problem, stack([path]), problem.bodies(problem.with_path(path))).number
 
 
 def outcome(found: Found) -> Outcome:

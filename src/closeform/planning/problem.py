@@ -124,7 +124,11 @@ class Problem:
     @property
     def obstacles(self) -> Path:
         """The obstacles' paths, of shape (M,)."""
-        return path_of(self.orbit, self.others, self.other_offsets, (len(self.other_offsets) - 1,))
+        return self.bodies((self.others, self.other_offsets))
+
+    def bodies(self, flown: Flown) -> Path:
+        """The paths of all bodies, of shape (N + M,)."""
+        return path_of(self.orbit, *flown, (len(flown[1]) - 1,))
 
     def with_obstacles(self, arcs: Floats, offsets: Any) -> Flown:
         """The craft's arcs and, after them, the obstacles'."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from closeform.arrays import Floats, shown
 from closeform.motion.arc import END, START
-from closeform.motion.path import Path, path_of
+from closeform.motion.path import Path
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 from closeform.uncertainty.errors import Errors
@@ -116,8 +116,7 @@ class SigmaProblem(Problem):
 
     def spread(self, flown: Flown) -> Spread:
         """The errors of all bodies along their paths."""
-        arcs, offsets = flown
-        return spread_of(path_of(self.orbit, arcs, offsets, (len(offsets) - 1,)), self.kept.errors)
+        return spread_of(self.bodies(flown), self.kept.errors)
 
     def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
         """Relative covariances (K, 3, 3) [m^2] of positions at contacts."""
@@ -148,9 +147,7 @@ class SigmaProblem(Problem):
     @cached_property
     def fixed(self) -> Spread:
         """What of the errors all plans have."""
-        arcs, offsets = self.direct
-        paths = path_of(self.orbit, arcs, offsets, (len(offsets) - 1,))
-        return spread_of(paths, self.kept.fixed(self.count))
+        return spread_of(self.bodies(self.direct), self.kept.fixed(self.count))
 
     def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
         """The gauges (K,) of pairs at contacts, and gradients; below 0 sigmas the most that are clear."""
