@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from closeform.arrays import Floats
+from closeform.campaign.draws import WORDS, uniform
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.motion.joining import join, stack
@@ -25,7 +26,6 @@ from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.histories import Histories
 from closeform.zones.pair_zones import PairZones, portions
 
-WORDS = 4  # random numbers in one block of Philox
 AT_ONCE = 1 << 17  # histories
 
 
@@ -158,8 +158,5 @@ def counted(
 
 def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
     """Normal random numbers (last - first, count) of one craft in some cases."""
-    stream = np.random.SeedSequence(seed, spawn_key=tuple(f"errors of {name}".encode()))
-    blocks = -(-count // WORDS)
-    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=first * blocks)
-    words = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, -1)[:, :count]
-    return np.asarray(ndtri(((words >> np.uint64(11)) + 0.5) * 2.0**-53))
+    random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
+    return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))
