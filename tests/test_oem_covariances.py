@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 from scipy.integrate import solve_ivp
 
-from closeform.exchange.carried_covariance import carried
+from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.covariance import Covariances, axes, inertial
 from closeform.exchange.oem import read_oem, write_oem
@@ -215,7 +215,7 @@ def test_a_carried_covariance_is_that_of_flown_errors(duration):
     times = np.arange(0.0, 1401.0, 10.0)
     craft = circular(times=times)
     held = Covariances([700.0], [MATRIX], [craft.frame])
-    found, age = carried(replace(craft, covariances=held), 700.0 + duration, EARTH_MU)
+    found, age = covariance_at(replace(craft, covariances=held), 700.0 + duration, EARTH_MU)
     assert age == duration
     root = np.linalg.cholesky(MATRIX)
     nominal = two_body(craft.states[70], duration)

@@ -10,10 +10,9 @@ from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.motion.circular import CircularOrbit
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements
 from closeform.motion.frames import relative_jacobian
-from closeform.motion.mean_motion import mean_motion_from_semi_major_axis
 
 
-def carried(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:
+def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:
     """A covariance (6, 6) [m^2, m^2/s, m^2/s^2] at a time, along inertial axes, and how old it was [s].
 
     It is the latest that is not later, else the first, which is carried back; by Hill's equations in the
@@ -24,17 +23,17 @@ def carried(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float
         return None
     index = max(int(np.searchsorted(held.times, time + SAME_EPOCH)) - 1, 0)
     age = float(time - held.times[index])
-    then, now = (state_at(ephemeris, instant, mu) for instant in (held.times[index], time))
+    then, now = (state_near(ephemeris, instant, mu) for instant in (held.times[index], time))
     fixed = inertial(held.matrices[index], held.frames[index], then)
     if abs(age) <= SAME_EPOCH:
         return fixed, 0.0
-    orbit = CircularOrbit(float(mean_motion_from_semi_major_axis(elements_from_inertial(now, mu)[0], mu)))
+    orbit = CircularOrbit.from_semi_major_axis(float(elements_from_inertial(now, mu)[0]), mu)
     moved = orbit.transition(age) @ relative_jacobian(then, then)
     whole = np.linalg.solve(relative_jacobian(now, now), moved)
     return whole @ fixed @ whole.T, age
 
 
-def state_at(ephemeris: Ephemeris, time: float, mu: float) -> Floats:
+def state_near(ephemeris: Ephemeris, time: float, mu: float) -> Floats:
     """Where axes are turned: the state (6,) at a time, by Kepler's motion from the nearest that is known."""
     nearest = int(np.argmin(np.abs(ephemeris.times - time)))
     known, ahead = ephemeris.states[nearest], time - ephemeris.times[nearest]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closeform.arrays import Floats, number, sequence
-from closeform.exchange.carried_covariance import carried
+from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
 from closeform.exchange.interpolation import interpolated
@@ -133,7 +133,7 @@ def common_frame(
     states[0] = 0.0
     covariances, ages = [], []
     for each, offset, state in zip(ephemerides, offsets, inertial[:, 0], strict=True):
-        found = carried(each, times[0] - offset, mu)
+        found = covariance_at(each, times[0] - offset, mu)
         if found is not None:
             turn = relative_jacobian(inertial[0, 0], state, along_track, circle)
             found = turn @ found[0] @ turn.T, found[1]

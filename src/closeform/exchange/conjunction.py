@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closeform.arrays import Floats, instance, number, numbers, sequence, shown
-from closeform.exchange.covariance import axes, canonical, check
+from closeform.exchange.covariance import axes, canonical, check, inertial
 from closeform.motion.mean_motion import EARTH_MU
 
 if TYPE_CHECKING:
@@ -96,8 +96,7 @@ class ConjunctionObject:
     @property
     def inertial_covariance(self) -> Floats:
         """The covariance (6, 6) [m^2, m^2/s, m^2/s^2] along the axes of `frame`, of the inertial state."""
-        turn = np.kron(np.eye(2), axes("RTN", self.inertial_state))
-        return np.asarray(turn.T @ self.covariance @ turn)
+        return inertial(self.covariance, "RTN", self.inertial_state)
 
 
 @dataclass(frozen=True, eq=False)
