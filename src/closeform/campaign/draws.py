@@ -35,7 +35,7 @@ def uniform(seed: int, key: str, blocks: int, first: int, last: int) -> Floats:
     """Random numbers (last - first, blocks, 4) above 0 and below 1, of a key in some cases."""
     stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
     philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=first * blocks)
-    words = philox.random_raw((last - first) * blocks * WORDS).reshape(-1, blocks, WORDS)
+    words = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
     return np.asarray(((words >> np.uint64(11)) + 0.5) * 2.0**-53)
 
 
