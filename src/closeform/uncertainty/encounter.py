@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, shown
-from closeform.motion.ends import checked_below
 from closeform.motion.frames import relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import root_of
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Errors, one_state
 
 CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
 FAR = 0.01  # of the orbit's radius: Hill's equations hold for separations that are small against it
@@ -109,7 +108,7 @@ class Encounter:
         ----------
         docs/uncertainty.md; Alfano, AAS 09-233, 2009; CCSDS 508.0-B-1.
         """
-        chief, deputy = _state("primary", primary), _state("secondary", secondary)
+        chief, deputy = one_state("primary", primary), one_state("secondary", secondary)
         if not isinstance(axes, str) or axes not in ("rtn", "inertial"):
             raise ValueError(f'axes: expected "rtn" or "inertial", got {shown(axes)}')
         root_of("covariance", covariance)
@@ -143,13 +142,6 @@ class Encounter:
             eccentricity,
             tuple(_warnings(eccentricity, distance, radius, errors, other_errors)),
         )
-
-
-def _state(name: str, value: ArrayLike) -> Floats:
-    state = checked_below(name, value, 6)
-    if state.shape != (6,):
-        raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")
-    return state
 
 
 def _circle(chief: Floats, mu: float) -> tuple[Orbit, float]:

@@ -137,8 +137,8 @@ class Errors:
         ----------
         docs/theory.md section 3, errors; CCSDS 508.0-B-1.
         """
-        centre = _one_state("chief", chief)
-        axes = axes_of(centre if craft is None else _one_state("craft", craft))
+        centre = one_state("chief", chief)
+        axes = axes_of(centre if craft is None else one_state("craft", craft))
         return cls._from(covariance, np.kron(np.eye(2), axes.T), path, time, centre, execution)
 
     @classmethod
@@ -174,7 +174,7 @@ class Errors:
         ----------
         docs/theory.md section 3, errors.
         """
-        return cls._from(covariance, np.eye(6), path, time, _one_state("chief", chief), execution)
+        return cls._from(covariance, np.eye(6), path, time, one_state("chief", chief), execution)
 
     @classmethod
     def _from(
@@ -279,7 +279,8 @@ def _one_craft(path: Path) -> Path:
     return path
 
 
-def _one_state(name: str, value: ArrayLike) -> Floats:
+def one_state(name: str, value: ArrayLike) -> Floats:
+    """An argument as the state (6,) of one craft."""
     state = checked_below(name, value, 6)
     if state.shape != (6,):
         raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")
