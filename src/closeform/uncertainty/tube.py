@@ -3,12 +3,12 @@
 With a of unit polar norm and l_j = a . r_j of the columns r_j,
 
     g(t) = a . r_0 - k |l|,   g(t + h) >= g + h (a . v_0 - k l . l' / |l|) - h^2/2 C         # theory (53)
-    C = sum |a_i| A_0i + k A + k |l' across l|^2 / |l|
+    C = sum |a_i| A_0i + k A + k |l' across l|^2 / (w |l|)
 
 where A_0i bounds the mean's acceleration along axis i, and A that of all l (for settled columns along a
-itself, a swing); or with |l'| for l . l' / |l| and without the last term, where |l| is small.  White noise
-since the window's start is six more columns, seen anew at each step, and what it adds within a step at most
-k (sqrt(m^2 + c h^3) - m).
+itself, a swing); w is 1 where |l| grows, and 1/2 as long as half of it is left where it shrinks.  Or with
+|l'| for l . l' / |l| and without the last term, where |l| is small.  White noise since the window's start is
+six more columns, seen anew at each step, and what it adds within a step at most k (sqrt(m^2 + c h^3) - m).
 """
 
 from math import inf, sqrt
@@ -236,8 +236,10 @@ def level_time(gap, slope, k, along, most, spread):
     if along[0] > 0.0:
         wide = sqrt(along[0])
         turn = along[1] / wide
-        bend = max(along[2] - turn * turn, 0.0) / wide
-        h = max(h, time_to_level(gap, slope - k * turn, most + k * (spread + bend)))
+        left = 1.0 if turn >= 0.0 else 0.5  # of |l|, which bends the more the less there is
+        bend = max(along[2] - turn * turn, 0.0) / (left * wide)
+        last = (left - 1.0) * wide / turn if turn < 0.0 else inf
+        h = max(h, min(last, time_to_level(gap, slope - k * turn, most + k * (spread + bend))))
     return h
 
 
@@ -260,7 +262,7 @@ def clear_for(tube, k, gap):
         if tube.mean_motion > 0.0:
             h = min(h, 1.0 / tube.mean_motion)
         for _ in range(200):
-            least = max(sqrt(along[0]) - h * sqrt(along[2]), 0.0)
+            least = max(sqrt(along[0]) - h * sqrt(along[2]) - 0.5 * h * h * spread, 0.0)
             fresh = cubic * h * h * h
             lost = k * fresh / (least + sqrt(least * least + fresh))
             if lost <= 0.5 * gap:
