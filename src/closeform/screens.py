@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from closeform.conflicts.flight import Flight
     from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
-    from closeform.exchange.uncertain_flight import UncertainFlight
     from closeform.report.encounter import EncounterReport
+    from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 
 def screen(
@@ -93,7 +93,7 @@ def uncertain(frame: "CommonFrame", flight: "Flight", sigmas: float | None) -> "
     """How many sigmas pairs are clear by, and how probable it is that they meet; None if nobody asked."""
     if sigmas is None:
         return None
-    from closeform.exchange.uncertain_flight import UncertainFlight
+    from closeform.uncertainty.uncertain_flight import UncertainFlight
 
     return UncertainFlight.of(flight, frame.errors, sigmas)
 

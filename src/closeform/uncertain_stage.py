@@ -6,10 +6,10 @@ from math import inf
 from typing import Self
 
 from closeform.conflicts.flight import Flight, watch
-from closeform.exchange.uncertain_flight import MOST_BURNS, MOST_PROBABLE, UncertainFlight, UncertainPair
 from closeform.scenario import Scenario, StageTable
 from closeform.uncertainty.carried import carried
 from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.uncertain_flight import MOST_BURNS, MOST_PROBABLE, UncertainFlight, UncertainPair
 from closeform.verdict import Asked
 from closeform.zones.shapes import BALL
 

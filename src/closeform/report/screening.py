@@ -13,7 +13,7 @@ from closeform.report.uncertain import SIGMAS, row
 from closeform.verdict import MOST_NAMES, Verdict, conflicts_in
 
 if TYPE_CHECKING:  # which a screening without errors can spare
-    from closeform.exchange.uncertain_flight import UncertainFlight
+    from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 
 if TYPE_CHECKING:  # whose kernels a stage without errors can spare
-    from closeform.exchange.uncertain_flight import UncertainPair
     from closeform.mission_result import StageResult
     from closeform.uncertain_stage import UncertainStage
     from closeform.uncertainty.probability import Probability
+    from closeform.uncertainty.uncertain_flight import UncertainPair
 
 FEWEST = (
     PAIR,

@@ -118,12 +118,13 @@ def _clearances(
     flight: Flight, pairs: Sequence[PairApproach], known: Mapping[str, Errors]
 ) -> Iterator[tuple[float, float, PairApproach]]:
     """Sigmas and when they are fewest [s], of pairs of one zone after another."""
+    place = {name: k for k, name in enumerate(flight.names)}
     groups: dict[Zone, list[PairApproach]] = {}
     for near in pairs:
         groups.setdefault(near.zone, []).append(near)
     for zone, some in groups.items():
         first, second = [near.first for near in some], [near.second for near in some]
-        one, other = (flight.paths[[flight.names.index(name) for name in names]] for names in (first, second))
+        one, other = (flight.paths[[place[name] for name in names]] for names in (first, second))
         errors, other_errors = ([known[name] for name in names] for names in (first, second))
         close = clearance_in_sigmas(one, other, zone, errors, other_errors)
         yield from zip(close.sigmas.tolist(), close.time.tolist(), some, strict=True)
