@@ -66,8 +66,8 @@ class UncertainStage:
     def likeliest(self) -> UncertainPair | None:
         """The pair whose hard bodies touch with the highest probability."""
         pairs = self.bodies.pairs if self.bodies is not None else ()
-        told = [pair for pair in pairs if pair.probability is not None]
-        return max(told, key=lambda pair: pair.probability.high, default=None)  # type: ignore[union-attr]
+        told = [(pair.probability.high, pair) for pair in pairs if pair.probability is not None]
+        return max(told, key=lambda one: one[0], default=(0.0, None))[1]
 
     @property
     def undrawn(self) -> UncertainPair | None:
