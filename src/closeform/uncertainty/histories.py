@@ -176,7 +176,7 @@ class Histories:
 
     @property
     def mean_motion(self) -> float:
-        """The greatest of all arcs' [rad/s]."""
+        """Of the orbit [rad/s]; arcs in deep space have none."""
         return self.path.orbit.mean_motion
 
     def states(self, times: Floats) -> tuple[Floats, Floats]:

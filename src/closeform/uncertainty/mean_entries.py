@@ -29,13 +29,15 @@ CHECKED = 12  # times at which a rate is compared with one of more nodes
 class Flux:
     """Entries that are expected from the start on: how many, how far off that may be, and when.
 
-    `of_time` holds the times looked at, with the rate and the part of all entries of each.
+    `of_time` holds the times looked at, with the rate and the part of all entries of each; `nearest` [s] when
+    the mean is nearest to the zone, the nearest first.
     """
 
     value: float
     error: float
     of_time: Integral
     fineness: float
+    nearest: Floats
 
 
 @cache
@@ -136,6 +138,7 @@ def passages(histories: Histories, nearest: Floats) -> Floats:
 def expected_entries(histories: Histories) -> Flux:
     """Integrate the rate over time, with as many nodes on the surface as its largest values need."""
     nearest, distances = nearest_times(histories)
+    order = np.argsort(distances, kind="stable")
     edges = passages(histories, nearest)
     some = np.concatenate([nearest, 0.5 * (edges[1:] + edges[:-1])])
     found = rates(histories, some, FINENESS[0])[:, 1]
@@ -144,12 +147,12 @@ def expected_entries(histories: Histories) -> Flux:
         fineness = FINENESS[level]
         flux = integral(partial(_entries, histories, fineness), edges, TOLERANCE)
         if flux.value == 0.0:
-            return Flux(0.0, float(distances.min() < SURE), flux, fineness)
+            return Flux(0.0, float(distances.min() < SURE), flux, fineness, nearest[order])
         reached = np.cumsum(flux.parts) / flux.value
         checked = flux.times[np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED)]
         finer, off = _enough(histories, checked, level)
         if finer == level:
-            return Flux(flux.value, flux.error + off * flux.value, flux, fineness)
+            return Flux(flux.value, flux.error + off * flux.value, flux, fineness, nearest[order])
         level = finer
 
 

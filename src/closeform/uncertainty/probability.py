@@ -13,7 +13,7 @@ from closeform.motion.path import Path
 from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.histories import CORES, Histories
-from closeform.uncertainty.mean_entries import Flux, expected_entries, inside, nearest_times, pool, rules
+from closeform.uncertainty.mean_entries import Flux, expected_entries, inside, pool, rules
 from closeform.uncertainty.relative_errors import relative_errors
 from closeform.uncertainty.short_encounter import passes_through
 from closeform.zones.shapes import BALL
@@ -173,9 +173,8 @@ def _by_entries(histories: Histories, method: Method, samples: int, seed: int) -
             'use method="monte-carlo"'
         )
     if method == "bound":
-        nearest, distances = nearest_times(histories)
-        times = nearest[np.argsort(distances, kind="stable")[:PASSAGES]]
-        low = max(at_start, *(inside(histories, float(time), flux.fineness)[0] for time in times))
+        times = flux.nearest[:PASSAGES].tolist()
+        low = max(at_start, *(inside(histories, time, flux.fineness)[0] for time in times))
         high = at_start + flux.value
         nan = float("nan")
         return _told(high, low, high, off, known, nan, flux, method, 0)
