@@ -33,7 +33,7 @@ def columns_of(path: Path, errors: Errors) -> Path:
     return path_of(path.orbit, arcs, offsets, (len(found),))
 
 
-def burns_of(path: Path) -> list[tuple[int, int]]:
+def burning(path: Path) -> list[tuple[int, int]]:
     """First arc and the one after the last of every burn of a craft: thrust without a pause."""
     on = np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
@@ -77,7 +77,7 @@ def _of_impulses(path: Path, errors: Errors) -> Iterator[Floats]:
 
 def _of_burns(path: Path, errors: Errors) -> Iterator[Floats]:
     """Of each burn its magnitude (all of its thrust, grown in proportion) and its pointing about x, y, z."""
-    burns = burns_of(path) if errors.magnitude or errors.pointing else []
+    burns = burning(path) if errors.magnitude or errors.pointing else []
     for first, last in burns:
         arcs = path.arcs[first:last]
         for forced in _forced(path.orbit.mean_motion, arcs, errors):

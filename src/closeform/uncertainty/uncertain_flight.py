@@ -9,7 +9,7 @@ from scipy.special import gammaincc
 
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.uncertainty.clearance import clearance_in_sigmas
-from closeform.uncertainty.columns import burns_of
+from closeform.uncertainty.columns import burning
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.uncertainty.relative_errors import relative_errors
@@ -87,7 +87,7 @@ def few_burns(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -
     for name in (near.first, near.second):
         path, errors = flight.path(name), known[name]
         if errors.magnitude or errors.pointing or any(errors.impulse):
-            count += len(burns_of(path)) + len(path.impulses)
+            count += len(burning(path)) + len(path.impulses)
     return count <= MOST_BURNS
 
 
