@@ -116,7 +116,7 @@ def planned(
         order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
         order += [k for k in range(len(who)) if k not in order]
     duration, known = start.asked(stage), start.planned_errors(stage, who + rest)
-    drift = start.drift(stage) if stage.plan == "joint" else None
+    drift = start.planned_drift(stage)
     seen = far_beyond(duration + (drift or 0.0), start.orbit.mean_motion)
     measures: tuple[str, ...] = ()
     punctual: Floats | None = None

@@ -59,13 +59,12 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []
     past: dict[str, tuple[float, Floats]] = {}
-    errors = tuple(craft.errors for craft in scenario.craft)
+    errors = tuple(craft.errors for craft in scenario.craft) if scenario.uncertain else ()
     for number, stage in enumerate(scenario.stages, 1):
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
-        known = errors if scenario.uncertain else ()
-        start = StageStart(scenario, orbit, number, states, begin, past, shares, errors=known)
+        start = StageStart(scenario, orbit, number, states, begin, past, shares, errors=errors)
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:

@@ -36,19 +36,21 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         for fellow in stage.meanwhile
     }
     rest = tuple(name for name in names if name != stage.craft)
+    own = start.transfer if stage.cost == "energy" else start.own_transfer  # which keeps limits
+    moves = {
+        name: own(targets[name], names.index(name), asked, stage.cost) for name in rest if name in targets
+    }
 
     def other(name: str, duration: float) -> Path:
-        k = names.index(name)
-        if name not in targets:
-            return start.coast(k, duration)
-        own = start.transfer if stage.cost == "energy" else start.own_transfer  # which keeps limits
-        path = own(targets[name], k, asked, stage.cost)
+        if name not in moves:
+            return start.coast(names.index(name), duration)
+        path = moves[name]
         later = start.time + duration - path.end
         return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
 
     who = [mover, *(names.index(name) for name in rest)]
     known = start.planned_errors(stage, who)
-    drift = start.drift(stage) if stage.method == "exact" else None
+    drift = start.planned_drift(stage)
     seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
     others = [other(name, seen) for name in rest]
     zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)

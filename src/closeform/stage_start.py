@@ -15,7 +15,7 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Destination, Joint, Scenario, Target, Transfer
-from closeform.scenario.stage_table import Cost, Thrusting
+from closeform.scenario.stage_table import Cost
 from closeform.verdict import Late, thrust_use
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
@@ -81,8 +81,7 @@ class StageStart:
 
         A plan of another method, or one that is to be safe without thrust, does not know them: it is judged.
         """
-        other = stage.method != "exact" if isinstance(stage, Avoid) else stage.plan != "joint"
-        if stage.sigmas is None or not self.errors or other or stage.drift is not None:
+        if stage.sigmas is None or not self.errors or not is_exact(stage) or stage.drift is not None:
             return None
         return [self.errors[k] for k in who]
 
@@ -96,12 +95,12 @@ class StageStart:
             )
         return asked - self.room.time
 
-    def drift(self, stage: Thrusting) -> float | None:
+    def planned_drift(self, stage: Avoid | Joint) -> float | None:
         """How long after a stage's plan thrust that was lost in it must not lead into a zone [s].
 
-        None where no plan can be made for it.
+        None where no plan can be made for it, or not by its method: it is judged.
         """
-        if stage.drift is None or not stage.plans_drift:
+        if stage.drift is None or not stage.plans_drift or not is_exact(stage):
             return None
         return stage.drift.on(self.orbit.mean_motion) + self.room.after
 
@@ -212,6 +211,11 @@ class StageStart:
         flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
         return self.flight([flying[k] for k in sorted(flying)])
+
+
+def is_exact(stage: Avoid | Joint) -> bool:
+    """Whether a stage's plan is of the method that knows errors and drift."""
+    return stage.method == "exact" if isinstance(stage, Avoid) else stage.plan == "joint"
 
 
 def too_late(
