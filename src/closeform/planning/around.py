@@ -82,6 +82,16 @@ class Around:
         plain = Problem.of(direct, self.obstacles, self.zones, self.drift)
         return plain if self.kept is None else self.kept.problem(plain)
 
+    def hopeless(self, problem: Problem) -> tuple[Status, str] | None:
+        """Why no plan between these states is clear, in words; None where one may be."""
+        if inside := end_inside(problem):
+            end, ratio, which = inside
+            depth, other = problem.depth(ratio), self.names[which]
+            return Status.END_INSIDE, f"the path's {end} is {depth} from {other}; move it or the time"
+        if self.drift is not None and (unsafe := unsafe_end(problem)):
+            return Status.END_UNSAFE, unsafe.reason(problem, ("path", *self.names))
+        return None
+
     def plan(self, path: Path, prove: float = 0.0, fixed: bool = False) -> Avoidance:
         """The way around for a path, or the path itself where it is clear.
 
@@ -90,16 +100,9 @@ class Around:
         optimum = transfer_of(path)
         problem = self.problem(stack([optimum]))
         by_delta_v = self.cost == "delta-v"
-        if inside := end_inside(problem):
-            end, ratio, which = inside
-            depth, other = problem.depth(ratio), self.names[which]
-            reason = f"the path's {end} is {depth} from {other}; move it or the time"
+        if hopeless := self.hopeless(problem):
             least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
-            return refused(problem, Status.END_INSIDE, reason, least=least)
-        if self.drift is not None and (unsafe := unsafe_end(problem)):
-            reason = unsafe.reason(problem, ("path", *self.names))
-            least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
-            return refused(problem, Status.END_UNSAFE, reason, least=least)
+            return refused(problem, *hopeless, least=least)
         if by_delta_v and self.thrusters is not None:
             return impulsive(None, problem, self)
         met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too

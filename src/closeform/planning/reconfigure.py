@@ -138,8 +138,8 @@ def reconfigure(
         If shapes do not fit, a number is not finite, slots are fewer than craft, a duration or limit is not
         positive, an obstacle is in another orbit, zones make none for a pair, names are not as many as craft,
         `order` is no order or given with "joint", a budget is below 1, a time negative, a drift not finite or
-        beyond the end of an obstacle, a word unknown, an
-        argument of another kind, or a craft's thrusters cannot make its transfer, whoever is in the way.
+        beyond the end of an obstacle, a word unknown, an argument of another kind, or a craft's thrusters
+        cannot make its transfer, whoever is in the way.
 
     References
     ----------
@@ -208,20 +208,12 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         bound = float(np.sum(direct.energy))
         times = request.starts, request.durations
         plan = Plan(None, direct, request.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
-        plan = replace(plan, sigmas=problem.sigmas)
-        if held := _held(problem.without_drift):
-            pair, words = held
-            reason = f"{request.names[pair[0]]} and {request.names[pair[1]]} {words}"
+        plan = replace(plan, drift=request.drift, sigmas=problem.sigmas)
+        if hopeless := _hopeless(problem, request.names):
+            status, pair, reason = hopeless
             if request.cost == "delta-v":
                 plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
-            return replace(plan, status=Status.END_INSIDE, reason=reason, blocked=pair)
-        if request.drift is not None:
-            plan = replace(plan, drift=request.drift)
-            if unsafe := unsafe_end(problem):
-                reason = unsafe.reason(problem, request.names)
-                if request.cost == "delta-v":
-                    plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
-                return replace(plan, status=Status.END_UNSAFE, reason=reason, blocked=unsafe.pair)
+            return replace(plan, status=status, reason=reason, blocked=pair)
         if request.cost == "delta-v":
             return _fired(plan, problem, request, budget, more)
         found = (
@@ -324,6 +316,16 @@ def _blocked(names: Sequence[str], pair: tuple[int, int] | None, tried: int) -> 
     """Why no plan was found."""
     who = f"{names[pair[0]]} and {names[pair[1]]}" if pair else "craft"
     return f"{who} are in each other's way in all of {tried} ways tried"
+
+
+def _hopeless(problem: Problem, names: Sequence[str]) -> tuple[Status, tuple[int, int], str] | None:
+    """Why no plan between these states is clear, which pair is not, and in words; None where one may be."""
+    if held := _held(problem.without_drift):
+        pair, words = held
+        return Status.END_INSIDE, pair, f"{names[pair[0]]} and {names[pair[1]]} {words}"
+    if problem.drift is not None and (unsafe := unsafe_end(problem)):
+        return Status.END_UNSAFE, unsafe.pair, unsafe.reason(problem, names)
+    return None
 
 
 def _held(problem: Problem) -> tuple[tuple[int, int], str] | None:
