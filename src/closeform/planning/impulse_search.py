@@ -20,7 +20,7 @@ from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW
-from closeform.planning.ways_out import exit_normals
+from closeform.planning.ways_out import ranked_exits
 
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
@@ -131,12 +131,7 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
     yield near.joined(free.checked.lost)
     if near.number > FEW:
         return
-    ways = []
-    for k, motion in enumerate(problem.motions(free.flown, near)):
-        zone, compliance = problem.zones[problem.kinds[near.which[k]]], problem.kernel(near.some([k]))
-        exits = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], compliance)
-        ways += [(cost, k, normal) for cost, normal in exits]
-    for _, k, normal in sorted(ways, key=lambda way: way[0]):
+    for _, k, normal in ranked_exits(problem, free.flown, near):
         normals = near.normals.copy()
         normals[k] = normal
         yield near._replace(normals=normals)

@@ -19,7 +19,7 @@ from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW, Found, Search
 from closeform.planning.sigma_problem import SigmaProblem
-from closeform.planning.ways_out import exit_normals
+from closeform.planning.ways_out import ranked_exits
 
 ONE, MANY, MORE = 8, 4, 3  # starts that are looked at, of one craft and of many; times as many
 ENLARGED = 4  # of them from the search with zones that hold sigmas
@@ -75,22 +75,16 @@ class SigmaSearch:
                 ways = metres(enlarged, one.contacts)
                 known = one.contacts._replace(which=which)
                 yield problem.sides(direct, known, ways)
-        met = problem.met(conflicts)
-        yield self.turned(direct, met)
+        near = self.turned(direct, problem.met(conflicts))
+        yield near.first(near.number)
         if len(conflicts) > FEW:
             return
-        exits = []
-        which = np.array([enlarged.index[pair] for pair, _ in conflicts], dtype=np.int64)
-        inside = met._replace(which=which)
-        for k, motion in enumerate(enlarged.motions(direct, inside)):
-            zone, compliance = enlarged.zones[enlarged.kinds[which[k]]], enlarged.kernel(inside.some([k]))
-            ways_out = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], compliance)
-            exits += [(cost, k, normal @ zone.matrix) for cost, normal in ways_out]
-        for _, k, way in sorted(exits, key=lambda one: one[0]):
-            near = self.turned(direct, met)
-            side = problem.sides(direct, met.some([k]), (way / np.linalg.norm(way))[None])
-            near.normals[k] = side.normals[0]
-            yield near
+        inside = enlarged.met(conflicts)
+        for _, k, normal in ranked_exits(enlarged, direct, inside):
+            way = metres(enlarged, inside.some([k])._replace(normals=normal[None]))
+            turned = near.first(near.number)
+            turned.normals[k] = problem.sides(direct, near.some([k]), way).normals[0]
+            yield turned
 
     def moments(self, conflicts: list[PairRow]) -> Contacts:
         """Of each pair the time at which zone and sigmas are met deepest, or else bodies are nearest."""

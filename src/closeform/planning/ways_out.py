@@ -3,6 +3,8 @@
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.planning.problem import Flown, Problem
+from closeform.planning.scene import Contacts
 from closeform.zones.shapes import BALL, CUBE, CYLINDER
 
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
@@ -32,6 +34,16 @@ def exit_normals(
     costs = 0.5 * np.maximum(aim - normals @ position, 0.0) ** 2 / give
     order = np.argsort(costs, kind="stable")
     return list(zip(costs[order].tolist(), normals[order], strict=True))
+
+
+def ranked_exits(problem: Problem, flown: Flown, contacts: Contacts) -> list[tuple[float, int, Floats]]:
+    """All ways out of zones from where pairs are at contacts, cheapest first: (rough cost, which, normal)."""
+    found = []
+    for k, motion in enumerate(problem.motions(flown, contacts)):
+        zone, compliance = problem.zones[problem.kinds[contacts.which[k]]], problem.kernel(contacts.some([k]))
+        exits = exit_normals(zone.shape, zone.faces, 1.0, motion[0], motion[1], compliance)
+        found += [(cost, k, normal) for cost, normal in exits]
+    return sorted(found, key=lambda way: way[0])
 
 
 def round_normals(aim: float, position: Floats, velocity: Floats, compliance: Floats) -> Floats:
