@@ -20,18 +20,18 @@ import numpy as np
 from closeform.arrays import Floats, shown
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
+from closeform.planning.pieces import inner_curvature
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.gauges import gauges
+from closeform.uncertainty.planes import faced
 from closeform.uncertainty.search import checked_sigmas, one_for_each, search_of
 from closeform.uncertainty.spread import Spread, covariances, spread_of
-from closeform.zones.shapes import CUBE, FACES
 from closeform.zones.solids import Ellipsoid
 from closeform.zones.sums import outer_sum
 from closeform.zones.zone import Zone
 
-CUBE_FACES = np.concatenate([np.eye(3), -np.eye(3)])
 ROUNDING = 1e-16  # of a covariance: where nothing is uncertain, planes could lean either way
 
 
@@ -156,9 +156,7 @@ class SigmaProblem(Problem):
         sizes, planes = np.empty(contacts.number), np.empty((contacts.number, 4))
         kinds = self.kinds[contacts.which]
         for kind in np.unique(kinds):
-            shape, matrix, faces = self.zones[kind].form
-            if shape == CUBE:
-                shape, faces = FACES, CUBE_FACES
+            shape, matrix, faces = faced(self.zones[kind])
             those = np.flatnonzero(kinds == kind)
             squares = matrix @ spread[those] @ matrix.T
             squares += ROUNDING * np.trace(squares, axis1=1, axis2=2)[:, None, None] * np.eye(3)
@@ -199,12 +197,11 @@ class SigmaProblem(Problem):
         spread, out = self.relative(self.fixed, contacts), np.empty((contacts.number, 3, 3))
         for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
             zone = self.zones[kind]
-            radius = 1.0 / float(np.linalg.norm(zone.faces, axis=1).max()) if zone.shape == FACES else 1.0
             values, vectors = np.linalg.eigh(zone.matrix @ spread[k] @ zone.matrix.T)
             axes = self.sigmas * vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
             normal = np.linalg.solve(zone.matrix.T, way)
-            turn = turned(axes.T @ normal, normal)
-            out[k] = np.linalg.inv(radius * np.eye(3) + axes @ turn)
+            turn = rotation_between(axes.T @ normal, normal)
+            out[k] = np.linalg.inv(np.eye(3) / inner_curvature(zone) + axes @ turn)
         return out
 
     def enlarged(self, contacts: Contacts) -> Problem:
@@ -221,7 +218,7 @@ class SigmaProblem(Problem):
         return Problem(**{**fields_of(self), **other})
 
 
-def turned(one: Floats, other: Floats) -> Floats:
+def rotation_between(one: Floats, other: Floats) -> Floats:
     """The rotation U (3, 3) by which U' one is along `other`."""
     sizes = np.linalg.norm(one), np.linalg.norm(other)
     if not min(sizes) > 0.0:

@@ -12,11 +12,23 @@ less, so that g above 1 is a proof whatever a is.  A cube comes as six faces.
 
 from math import inf, sqrt
 
+import numpy as np
+
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix
+from closeform.zones.shapes import CUBE, FACES
+from closeform.zones.zone import Zone
+
+CUBE_FACES = np.concatenate([np.eye(3), -np.eye(3)])
 
 SETTLED = 1e-13  # relative: what a plane gains by less is rounding
 SKETCHED = 1e-4  # and where one will do that leaves enough
+
+
+def faced(zone: Zone) -> tuple[int, Floats, Floats]:
+    """A zone's `form` for the search of planes: a cube is six faces."""
+    return (FACES, zone.matrix, CUBE_FACES) if zone.shape == CUBE else zone.form
 
 
 @kernel()

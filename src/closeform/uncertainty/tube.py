@@ -24,8 +24,9 @@ from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window
 from closeform.motion.hill import oscillation
 from closeform.uncertainty.drum import plane
+from closeform.uncertainty.planes import faced
 from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, is_known, under_way
-from closeform.zones.shapes import CUBE, FACES, FORM, norm, time_to_level
+from closeform.zones.shapes import FORM, norm, time_to_level
 from closeform.zones.zone import Zone
 
 NEVER = 1e4  # as many sigmas are infinitely many
@@ -80,12 +81,9 @@ TUBE = types.NamedTuple(
 
 
 def tube_for(zone: Zone, mean_motion: float) -> Tube:
-    """Room for pairs with a zone; a cube is six faces."""
-    shape, matrix, faces = zone.form
-    if shape == CUBE:
-        shape, faces = FACES, np.concatenate([np.eye(3), -np.eye(3)])
+    """Room for pairs with a zone."""
     sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 8, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
-    return Tube(shape, matrix, faces, mean_motion, *map(np.zeros, sizes))
+    return Tube(*faced(zone), mean_motion, *map(np.zeros, sizes))
 
 
 @kernel()
