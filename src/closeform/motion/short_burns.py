@@ -77,23 +77,18 @@ def _flown(n: float, arc: Floats, begins: Floats, lengths: Floats, pushes: Float
     """The arcs of burns and of the coasts between them."""
     rows: list[Floats] = []
     state, now = arc[STATE : STATE + 6], 0.0
-    ends = begins + lengths
-    legs = [
-        (begin, end, push / length)
-        for begin, end, push, length in zip(begins, ends, pushes, lengths, strict=True)
-    ]
-    for begin, end, thrust in [*legs, (arc[END] - arc[START], np.inf, None)]:
-        for last, push in ((begin, None), (end, thrust)):
-            if not now < last < np.inf:
-                continue
-            row = np.zeros(WIDTH)
-            row[START], row[END], row[MEAN_MOTION] = arc[START] + now, arc[START] + last, n
-            row[STATE : STATE + 6] = state
-            if push is not None:
-                row[PUSH : PUSH + 3] = push
-            after = np.empty((1, 1, 6))
-            evaluate(row[None], np.array([0, 1]), n, np.array([[row[END]]]), after)
-            rows.append(row)
-            state, now = after[0, 0], last
+    ends = np.append(np.stack([begins, begins + lengths], axis=1), arc[END] - arc[START])
+    thrusts = np.zeros((len(ends), 3))
+    thrusts[1::2] = pushes / lengths[:, None]
+    for last, thrust in zip(ends, thrusts, strict=True):
+        if last <= now:
+            continue
+        row = np.zeros(WIDTH)
+        row[START], row[END], row[MEAN_MOTION] = arc[START] + now, arc[START] + last, n
+        row[STATE : STATE + 6], row[PUSH : PUSH + 3] = state, thrust
+        after = np.empty((1, 1, 6))
+        evaluate(row[None], np.array([0, 1]), n, np.array([[row[END]]]), after)
+        rows.append(row)
+        state, now = after[0, 0], last
     rows[-1][END] = arc[END]
     return np.array(rows)
