@@ -86,10 +86,11 @@ class Samples:
             energy = 0.5 * float(forces @ self.gram @ forces)
         round_ones = all(zone.shape == BALL for zone in self.zones)
         start = sizes if round_ones else np.zeros(len(sizes))
-        curved = np.repeat([inner_curvature(zone) for zone in self.zones], 3)
-        places, gram = curved * self.places.ravel(), curved[:, None] * self.gram * curved
         ways = np.array([one.normal for one in contacts])
-        if (insides := self.problem.insides(self.contacts, ways)) is not None:
+        if (insides := self.problem.insides(self.contacts, ways)) is None:
+            curved = np.repeat([inner_curvature(zone) for zone in self.zones], 3)
+            places, gram = curved * self.places.ravel(), curved[:, None] * self.gram * curved
+        else:
             count, given = len(insides), self.gram.reshape(len(insides), 3, len(insides), 3)
             places = (insides @ self.places[:, :, None]).ravel()
             both = np.einsum("kia,kamb,mjb->kimj", insides, given, insides).reshape(3 * count, 3 * count)
