@@ -111,7 +111,7 @@ class BurnSolver(ImpulseSolver):
         for i, slots in enumerate(found.moments):
             if self.limits[i]:
                 shares = sizes[i, : len(slots.times)] / (self.limits[i] * slots.widths)
-                edges = self.cut(i, burns(slots, shares, found.peaks[i].times))
+                edges = self.cut(i, burn_times(slots, shares, found.peaks[i].times))
                 following[i] = Moments.slots(edges)
         return following
 
@@ -122,7 +122,7 @@ class BurnSolver(ImpulseSolver):
         n = self.problem.orbit.mean_motion
         fine = min(FINEST * whole, FINE / n) if n > 0.0 else FINEST * whole
         edges, open_edges = [], self.edges[i]
-        for start, end in joined(burns, TOUCHING * whole):
+        for start, end in without_gaps(burns, TOUCHING * whole):
             if end - start < brief:
                 start, end = 0.5 * (start + end) + np.array([-0.5, 0.5]) * brief
             beside = min(max(BESIDE * (end - start), brief), fine)
@@ -155,7 +155,7 @@ class BurnSolver(ImpulseSolver):
         return best.contacts
 
 
-def burns(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
+def burn_times(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
     """Where a craft burns (B, 2): slots as far as they are used, on the side of their neighbour.
 
     Without one about the time, of `peaks`, when its primer is longest.
@@ -176,7 +176,7 @@ def burns(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
     return np.array(found).reshape(-1, 2)
 
 
-def joined(burns: Floats, apart: float) -> list[list[Any]]:
+def without_gaps(burns: Floats, apart: float) -> list[list[Any]]:
     """Burns (B, 2) in order, those no further apart as one."""
     found: list[list[Any]] = []
     for start, end in burns:

@@ -50,10 +50,8 @@ ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
 INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
 DEARER, SAFER = 1.0002, 1.005  # times the cost, that few impulses may cost, and where thrust may be lost
-FEWER, COARSE = (
-    1e-4,
-    8,
-)  # of the cost, that even fewer may cost beyond that; and of them, how near to the fewest
+FEWER = 1e-4  # of the cost, that even fewer may cost beyond that
+COARSE = 8  # of all steps to fewer, within one part in so many of which the fewest are found
 
 
 @dataclass(frozen=True, eq=False)
