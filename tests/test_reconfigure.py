@@ -640,6 +640,14 @@ def test_ends_in_conflict_are_named(end, orbit):
     assert "3" in plan.reason
 
 
+def test_a_plan_refused_for_its_ends_says_its_drift():
+    task = asked(ORBIT, 4, 2, cf.Sphere(10.0))
+    task["final"][3] = task["final"][1] + [0, 2.5, 0, 0, 0, 0]
+    plan = cf.reconfigure(**task, drift=100.0)
+    refused(plan, Status.END_INSIDE)
+    assert plan.drift == 100.0
+
+
 def test_an_end_inside_an_obstacles_zone_is_named():
     task = asked(SPACE, 2, 2, cf.Sphere(10.0))
     rock = SPACE.coast(task["final"][1] * [1, 1, 1, 0, 0, 0] + [0, 0, 5.0, 0, 0, 0], 3000.0)
