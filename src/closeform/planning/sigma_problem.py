@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats, shown
+from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.planning.pieces import inner_curvature
@@ -26,7 +26,7 @@ from closeform.planning.scene import Contacts
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.gauges import gauges
 from closeform.uncertainty.planes import faced
-from closeform.uncertainty.search import checked_sigmas, one_for_each, search_of
+from closeform.uncertainty.search import checked_sigmas, given_errors, one_for_each, search_of
 from closeform.uncertainty.spread import Spread, covariances, spread_of
 from closeform.zones.solids import Ellipsoid
 from closeform.zones.sums import outer_sum
@@ -55,11 +55,8 @@ class Margin:
     def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
         """Of many craft and obstacles after them, as `reconfigure` is given them; raises as `around`."""
         bodies = count + obstacles
-        given = list(errors) if isinstance(errors, list | tuple) else [errors] * bodies
-        if wrong := [one for one in given if not (one is None or isinstance(one, Errors))]:
-            raise ValueError(f"errors: expected Errors, got {shown(wrong[0])}")
-        if len(given) not in (count, bodies):
-            raise ValueError(f"errors: {len(given)} for {count} craft; give one, or one for each")
+        craft_only = isinstance(errors, list | tuple) and len(errors) != bodies
+        given = given_errors("errors", errors, count if craft_only else bodies, Errors)
         return cls._of(given + [None] * (bodies - len(given)), sigmas)
 
     @classmethod

@@ -55,7 +55,11 @@ def checked_sigmas(sigmas: Any) -> float:
 
 def one_for_each(name: str, errors: Any, path: Path, kind: Any) -> list[Errors | None]:
     """Errors of the craft of a batch: one for all, or one for each (None: where its path is)."""
-    count = len(path.offsets) - 1
+    return given_errors(name, errors, len(path.offsets) - 1, kind)
+
+
+def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Errors | None]:
+    """The same of so many craft."""
     given = list(errors) if isinstance(errors, list | tuple) else [errors] * count
     for one in given:
         if not (one is None or isinstance(one, kind)):
