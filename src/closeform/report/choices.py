@@ -11,7 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path, ends_of
-from closeform.report import effort
+from closeform.report import burns, effort
 from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
 
@@ -34,6 +34,11 @@ class Choices:
     mission: Mission
     result: StageResult[Any, Any]
     movers: Sequence[str]
+
+    @property
+    def told(self) -> bool:
+        """Whether a stage that keeps zones tells of them, and of its burns, in words and pictures."""
+        return self.result.stage.cost == "delta-v" or self.result.pulsed is not None
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats, float, float]:
@@ -173,6 +178,18 @@ class Choices:
         each = [arrivals(orbit, one, slot[None], times) for one, slot in zip(initial, slots, strict=True)]
         spent, least = (np.sum([getattr(one, what) for one in each], axis=0) for what in ("delta_v", "lower"))
         return replace(each[0], delta_v=spent, lower=least)
+
+
+def tables_of_fuel(choices: Choices, fired: burns.Burns) -> Iterator[Table]:
+    """What choices there are, and every burn, where that is told."""
+    if choices.told:
+        yield from choices.table(zones=True)
+        yield from fired.tables
+
+
+def pictures_of_fuel(choices: Choices) -> tuple[Picture, ...]:
+    """Burns, and why they cost what they do, where that is told."""
+    return burns.pictures(choices.result) + choices.pictures if choices.told else ()
 
 
 def tried(spent: Callable[[], Any]) -> Any:

@@ -9,7 +9,7 @@ from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
 from closeform.report import arrival, burns, conflicts, effort, optimum
-from closeform.report.choices import Choices
+from closeform.report.choices import Choices, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import Column, Table
@@ -34,7 +34,7 @@ def section(mission: Mission, result: Move) -> Section:
         efforts(mission, result),
         *meanwhile(mission, result),
         *clearance(result),
-        *asked(choices, fired),
+        *tables_of_fuel(choices, fired),
         *after,
         *conflicts.approaches("Closest approaches before", result.before),
         *conflicts.approaches("Closest approaches after", result.after),
@@ -44,27 +44,12 @@ def section(mission: Mission, result: Move) -> Section:
         (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
         (*arrivals(result), *how(mission, result), *burns.lines(mission, result), *closing),
-        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(choices),
+        conflicts.film(result, mission.scenario.zones)
+        + pictures(mission, result)
+        + pictures_of_fuel(choices),
         {"change": figures(mission, result, choices, fired)},
         fired.files,
     )
-
-
-def speaks_of_fuel(result: Move) -> bool:
-    """Whether burns and choices are told on the terminal and drawn."""
-    return result.stage.cost == "delta-v" or result.pulsed is not None
-
-
-def asked(choices: Choices, fired: burns.Burns) -> Iterator[Table]:
-    """What choices there are, and every burn, of a stage that asks for least delta-v or has thrusters."""
-    if speaks_of_fuel(fired.result):
-        yield from choices.table(zones=True)
-        yield from fired.tables
-
-
-def fuel(choices: Choices) -> tuple[Picture, ...]:
-    """Burns, and why they cost what they do."""
-    return burns.pictures(choices.result) + choices.pictures if speaks_of_fuel(choices.result) else ()
 
 
 def efforts(mission: Mission, result: Move) -> Table:
@@ -171,7 +156,7 @@ def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Burns
         "direct": cost(moved.craft, moved.direct),
         "direct_longer": cost(moved.craft, moved.plain if moved.plain is not moved.direct else None),
         "around": cost(moved.craft, avoidance.path),
-        **(choices.figures if speaks_of_fuel(result) else {}),
+        **(choices.figures if choices.told else {}),
         **fired.figures,
         "meanwhile": {
             fellow.craft: cost(fellow.craft, result.after.path(fellow.craft))

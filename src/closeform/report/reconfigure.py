@@ -9,7 +9,7 @@ import numpy as np
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path
 from closeform.report import burns, conflicts, effort, optimum
-from closeform.report.choices import Choices
+from closeform.report.choices import Choices, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table
@@ -39,34 +39,19 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
     return Section(
         heading(result, who),
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
-        (*tables, *costs(mission, result), *asked(choices, fired), *contacts(result), *near),
+        (*tables, *costs(mission, result), *tables_of_fuel(choices, fired), *contacts(result), *near),
         (
             *worth(result),
             *burns.lines(mission, result),
             *closing,
             *([reached] if reached and moved.plan.ok else []),
         ),
-        conflicts.film(result, mission.scenario.zones) + pictures(mission, result) + fuel(choices),
+        conflicts.film(result, mission.scenario.zones)
+        + pictures(mission, result)
+        + pictures_of_fuel(choices),
         {"plan": figures(mission, result, slots, choices, fired)},
         {**effort.files(mission, result, slots), **fired.files},
     )
-
-
-def speaks_of_fuel(result: Moved) -> bool:
-    """Whether burns and choices are told on the terminal and drawn."""
-    return result.stage.cost == "delta-v" or result.pulsed is not None
-
-
-def asked(choices: Choices, fired: burns.Burns) -> Iterator[Table]:
-    """What choices there are, and every burn, of a stage that asks for least delta-v or has thrusters."""
-    if speaks_of_fuel(fired.result):
-        yield from choices.table(zones=True)
-        yield from fired.tables
-
-
-def fuel(choices: Choices) -> tuple[Picture, ...]:
-    """Burns, and why they cost what they do."""
-    return burns.pictures(choices.result) + choices.pictures if speaks_of_fuel(choices.result) else ()
 
 
 def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -> Section:
@@ -201,7 +186,7 @@ def figures(
         "measures": list(moved.measures),
         "blocked": [moved.names[k] for k in plan.blocked or ()] or None,
         "asked_s": moved.asked,
-        **(choices.figures if speaks_of_fuel(result) else {}),
+        **(choices.figures if choices.told else {}),
         **fired.figures,
         "energy_m2_s3": plan.energy,
         "delta_v_m_s": plan.delta_v,
