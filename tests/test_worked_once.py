@@ -115,7 +115,7 @@ within = "1.3 orbits"
 
 def test_the_list_of_burns_is_made_once(monkeypatch):
     flown = fly(parse(FILE))
-    calls = counted(monkeypatch, burns.Burns, "of_craft")
+    calls = counted(monkeypatch, burns.StageBurns, "of_craft")
     report = RunReport(flown)
     (section,) = report.sections
     (shown,) = (table for table in section.tables if table.title.startswith("Burns"))

@@ -37,7 +37,7 @@ from closeform.plots.look import (
     speed_unit,
     time_axes,
 )
-from closeform.plots.worth import Planes, Worth
+from closeform.plots.worth import PlanePushes, Worth
 
 LEAST = 0.05  # per cent above a bound, that count as it
 LETTERED = 12  # impulses or slots that are labelled
@@ -83,7 +83,7 @@ def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters |
     flown = _flown(path, craft)
     if thrusters is not None:
         instance("thrusters", thrusters, Thrusters)
-    planes = Planes.of(path, craft, flown)
+    planes = PlanePushes.of(path, craft, flown)
     if flown.impulses and (len(planes) or thrusters is not None):
         return _of_plan(flown, planes, thrusters)
     return _of_ends(flown)
@@ -125,7 +125,7 @@ def _of_ends(path: Path) -> Figure:
     return figure
 
 
-def _of_plan(path: Path, planes: Planes, thrusters: Thrusters | None) -> Figure:
+def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Figure:
     """The primer of a plan that keeps planes, or is made for thrusters."""
     worth, times = Worth.of(path, planes, thrusters), instants(path.start, path.end, path)
     lengths, when = worth.heights(times), np.array([time for time, _ in path.impulses])

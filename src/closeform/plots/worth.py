@@ -19,7 +19,7 @@ DEAR = 100.0  # what it costs where it is more, in the sizes of all impulses
 
 
 @dataclass(frozen=True, eq=False)
-class Planes:
+class PlanePushes:
     """What contacts add to the primer of one craft: at `times` (K,) [s], `pushes` (K, 3), no unit times 1/m.
 
     A contact's multiplier along its normal, for the second craft against it.
@@ -61,11 +61,11 @@ class Worth:
 
     start: float
     first: Floats  # (6,): c
-    planes: Planes
+    planes: PlanePushes
     thrusters: Thrusters | None = None
 
     @classmethod
-    def of(cls, path: Path, planes: Planes, thrusters: Thrusters | None) -> Self:
+    def of(cls, path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Self:
         """The primer that is along a path's impulses, and 1 there, as nearly as there is one."""
         times = np.array([time for time, _ in path.impulses])
         pushes = np.array([push for _, push in path.impulses])
@@ -104,7 +104,7 @@ def positions(orbit: Orbit, times: Any) -> Floats:
     return orbit.transition(times)[..., :3, :]
 
 
-def _along(path: Path, planes: Planes, thrusters: Thrusters, pushes: Floats, rows: Floats) -> Floats:
+def _along(path: Path, planes: PlanePushes, thrusters: Thrusters, pushes: Floats, rows: Floats) -> Floats:
     """The start c of the primer that is worth most to impulses, with d . p at most 1.       # theory (36)"""
     from scipy.optimize import linprog
 

@@ -45,7 +45,7 @@ SHOT = (
 
 
 @dataclass(frozen=True, eq=False)
-class Burns:
+class StageBurns:
     """What is fired in a stage."""
 
     mission: Mission

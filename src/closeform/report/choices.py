@@ -180,7 +180,7 @@ class Choices:
         return replace(each[0], delta_v=spent, lower=least)
 
 
-def tables_of_fuel(choices: Choices, fired: burns.Burns) -> Iterator[Table]:
+def tables_of_fuel(choices: Choices, fired: burns.StageBurns) -> Iterator[Table]:
     """What choices there are, and every burn, where that is told."""
     if choices.told:
         yield from choices.table(zones=True)

@@ -64,7 +64,7 @@ def unjudged(mission: Mission, gathering: Gathering) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class Moment:
+class EventMoment:
     """An event, the labels that its two craft had before it, and everybody's after it."""
 
     event: Event
@@ -72,11 +72,11 @@ class Moment:
     labels: tuple[int, ...]
 
 
-def replayed(gathering: Gathering) -> Iterator[Moment]:
+def replayed(gathering: Gathering) -> Iterator[EventMoment]:
     """Every event with the sets before and after it; -1 lost, 0 the formation set, k knowledge set k."""
     history = gathering.history.tolist()
     for event, before, after in zip(gathering.events, history[:-1], history[1:], strict=True):
-        yield Moment(event, (before[event.first], before[event.second]), tuple(after))
+        yield EventMoment(event, (before[event.first], before[event.second]), tuple(after))
 
 
 def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
@@ -112,7 +112,7 @@ def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
     return Table("Timeline", columns, rows, folded=len(rows) > MOST_ROWS)
 
 
-def met(moment: Moment, pair: Sequence[str | None]) -> str:
+def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
     """A lock in words."""
     label, before = moment.event.label, moment.before
     goal = f"knowledge set {label}" if label else "the formation set"

@@ -23,7 +23,7 @@ MOST_CONTACTS = 4  # on one line; more are counted
 def section(mission: Mission, result: Move) -> Section:
     """One craft moves."""
     moved = result.result
-    choices, fired = Choices(mission, result, [moved.craft]), burns.Burns(mission, result)
+    choices, fired = Choices(mission, result, [moved.craft]), burns.StageBurns(mission, result)
     lines, before = conflicts.summed("Conflicts before", result.before, avoided=True)
     closing, after = conflicts.summed("Conflicts after", result.after)
     if not moved.avoidance.ok:
@@ -129,7 +129,7 @@ def extra(mission: Mission, result: Move) -> str:
     return f"energy {moved.avoidance.extra_energy:.6g} m²/s³"
 
 
-def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Burns) -> dict[str, Any]:
+def figures(mission: Mission, result: Move, choices: Choices, fired: burns.StageBurns) -> dict[str, Any]:
     """What a move changed."""
     moved, avoidance = result.result, result.result.avoidance
 

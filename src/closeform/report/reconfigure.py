@@ -23,7 +23,7 @@ MOST_CONTACTS = 6  # on one line; more are counted
 def section(mission: Mission, result: Moved, reached: str | None = None) -> Section:
     """Craft that moved to new relative orbits; `reached` says what that has come to."""
     moved, plan = result.result, result.result.plan
-    choices, fired = Choices(mission, result, moved.movers), burns.Burns(mission, result)
+    choices, fired = Choices(mission, result, moved.movers), burns.StageBurns(mission, result)
     direct = result.planned is result.before  # all of them
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
     lines, tables = conflicts.summed(title, result.before, avoided=not direct)
@@ -171,7 +171,7 @@ def worth(result: Moved) -> Iterator[str]:
 
 
 def figures(
-    mission: Mission, result: Moved, slots: dict[str, int], choices: Choices, fired: burns.Burns
+    mission: Mission, result: Moved, slots: dict[str, int], choices: Choices, fired: burns.StageBurns
 ) -> dict[str, Any]:
     """How a formation moved together."""
     moved, plan = result.result, result.result.plan

@@ -16,7 +16,7 @@ Flown = StageResult[Transfer, TransferResult]
 def section(mission: Mission, result: Flown) -> Section:
     """One craft moves."""
     name = result.result.craft
-    choices, fired = Choices(mission, result, [name]), burns.Burns(mission, result)
+    choices, fired = Choices(mission, result, [name]), burns.StageBurns(mission, result)
     lines, met = conflicts.summed("Conflicts", result.after) if result.after.approaches else ((), ())
     path = result.planned.path(name)
     shown = effort.of_plan(effort.columns(mission, [path]), result.pulsed is not None)
