@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +16,10 @@ from closeform.report.run import STATE_COLUMNS
 from closeform.report.table import Column, Table
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
+from closeform.verdict import MET, NOT_MET
+
+if TYPE_CHECKING:
+    from closeform.campaign.error_cases import ErrorCampaign
 
 
 def interval(share: Estimate) -> str:
@@ -28,6 +33,19 @@ def percent(heading: str) -> tuple[Column, Column]:
         Column(heading, form=lambda share: f"{100.0 * share.share:.3f}", absent=""),
         Column("95 % interval", form=interval, absent=""),
     )
+
+
+def studied(campaign: "Campaign | ErrorCampaign", verdict: str) -> dict[str, Any]:
+    """What was studied, and what it has come to."""
+    scenario = campaign.scenario
+    return {
+        "title": scenario.title,
+        "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
+        "seed": campaign.seed,
+        "cases": len(campaign),
+        "status": MET if campaign.ok else NOT_MET,
+        "verdict": verdict,
+    }
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from closeform.campaign.error_cases import ErrorCampaign, PairCases
 from closeform.campaign.shares import Estimate, estimate
 from closeform.report import page
-from closeform.report.cases import percent
+from closeform.report.cases import percent, studied
 from closeform.report.table import MOST_ROWS, Column, Table, counted
 from closeform.result_folder import REPORT, Folder
 
@@ -85,12 +84,7 @@ class ErrorStudyReport:
         """Every figure printed, in full."""
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
-            "title": scenario.title,
-            "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
-            "seed": campaign.seed,
-            "cases": len(campaign),
-            "status": 0 if campaign.ok else 1,
-            "verdict": self.verdict,
+            **studied(campaign, self.verdict),
             "craft": list(scenario.names),
             "draws": "errors",
             "inside": {

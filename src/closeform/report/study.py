@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate
 from closeform.campaign.shares import estimate
 from closeform.report import page, search
-from closeform.report.cases import SUBJECTS, Subject, percent, published, shown
+from closeform.report.cases import SUBJECTS, Subject, percent, published, shown, studied
 from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
 from closeform.result_folder import REPORT, Folder
@@ -84,12 +83,7 @@ class StudyReport:
         """Every figure printed, in full."""
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
-            "title": scenario.title,
-            "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
-            "seed": campaign.seed,
-            "cases": len(campaign),
-            "status": 0 if campaign.ok else 1,
-            "verdict": self.verdict,
+            **studied(campaign, self.verdict),
             "failed": len(campaign.failed),
             "asked": {what: {"cases": count, **vars(share)} for what, count, share in asked(campaign)},
             "craft": list(scenario.names),
@@ -113,29 +107,24 @@ class StudyReport:
 
     def leave(self, folder: Folder) -> None:
         """Fill a result folder with everything that a study leaves."""
-        leave(self, folder)
-
-
-def leave(report: StudyReport, folder: Folder) -> None:
-    """Fill a result folder with everything that a study leaves."""
-    campaign, subject = report.campaign, report.subject
-    folder.text("scenario.toml", campaign.scenario.text)
-    for first in range(0, len(campaign), EACH_FILE):
-        rows = slice(first, min(first + EACH_FILE, len(campaign)))
-        folder.table(f"cases/{first:09d}", subject.cases(rows))
-    times, what = subject.histogram
-    caption = f"When cases were {campaign.done}"
-    picture = Picture("histogram", caption, "histogram", (times, campaign.search), {"what": what})
-    shot = picture.leave(folder, lambda text: None)
-    title, *lines = report.opening
-    parts = page.head(title, lines, report.verdict, campaign.ok)
-    parts += map(page.paragraph, report.hint)
-    parts += map(page.titled, report.tables)
-    parts.append(page.embedded(shot, caption))
-    whole = search.facts(campaign.search, campaign.search.duration)
-    parts += map(page.titled, (whole, *draw_table(campaign)))
-    folder.text(REPORT, page.document(title, parts))
-    folder.summary(report.summary)
+        campaign, subject = self.campaign, self.subject
+        folder.text("scenario.toml", campaign.scenario.text)
+        for first in range(0, len(campaign), EACH_FILE):
+            rows = slice(first, min(first + EACH_FILE, len(campaign)))
+            folder.table(f"cases/{first:09d}", subject.cases(rows))
+        times, what = subject.histogram
+        caption = f"When cases were {campaign.done}"
+        picture = Picture("histogram", caption, "histogram", (times, campaign.search), {"what": what})
+        shot = picture.leave(folder, lambda text: None)
+        title, *lines = self.opening
+        parts = page.head(title, lines, self.verdict, campaign.ok)
+        parts += map(page.paragraph, self.hint)
+        parts += map(page.titled, self.tables)
+        parts.append(page.embedded(shot, caption))
+        whole = search.facts(campaign.search, campaign.search.duration)
+        parts += map(page.titled, (whole, *draw_table(campaign)))
+        folder.text(REPORT, page.document(title, parts))
+        folder.summary(self.summary)
 
 
 def share_table(campaign: Campaign) -> Table:
