@@ -3,9 +3,12 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor, log10
+from typing import TYPE_CHECKING
 
-from closeform.conflicts.flight import Flight
 from closeform.scenario import Craft
+
+if TYPE_CHECKING:  # whose kernels a verdict can spare
+    from closeform.conflicts.flight import Flight
 
 ROUNDING = 1e-9  # of a limit that a plan was to keep to
 MET, NOT_MET = 0, 1  # exit status: of what was asked for
@@ -199,7 +202,7 @@ def beyond(uses: Iterable[Use]) -> str:
     return ", ".join(parts)
 
 
-def conflicts_in(flights: Iterable[Flight]) -> tuple[int, int]:
+def conflicts_in(flights: Iterable["Flight"]) -> tuple[int, int]:
     """How many conflicts there are in flights that follow one another, and of how many pairs.
 
     One that lasts from one flight into the next is one.

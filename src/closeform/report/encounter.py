@@ -8,6 +8,7 @@ from closeform.report.table import Column, Table
 from closeform.uncertainty.clearance import SigmaApproach
 from closeform.uncertainty.encounter import Encounter
 from closeform.uncertainty.probability import Probability
+from closeform.verdict import MET, NOT_MET
 
 FIGURES = (
     Column("figure", "figure", words=True),
@@ -15,7 +16,6 @@ FIGURES = (
     Column("value", "value", "{:.5g}".format),
     Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
 )
-MET, NOT_MET = 0, 1
 EDGE = 0.01  # of the probability, and of the greatest rate: what an edge of the window may have
 
 
