@@ -112,7 +112,7 @@ def tube(
         swept(axes, camera, unit.size, found, many, some, nearest)
         outline = shadow(zone, camera.basis[:2]) / unit.size
         place(axes, outline, (0.0, 0.0), facecolor=ZONE, edgecolor=ZONE, alpha=0.4, linewidth=1.2, zorder=4)
-        headings(axes, lambda points, seen=camera: seen(points) / unit.size, [track], [AFTER], 6.0)  # type: ignore[misc]
+        headings(axes, camera, [track / unit.size], [AFTER], 6.0)
     marks(figure, many, nearest is not None)
     swept_by = f"All that errors within {many:g} sigma sweep; outlines at {SHOWN} equal times"
     figure.text(SIDE / across, 1.0 - 0.55 / high, swept_by, fontsize=SMALL, color=INK)
