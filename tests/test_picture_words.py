@@ -276,6 +276,53 @@ within = "0.4 orbits"
     assert shown["thrust"].arguments[0][0].delta_v > 0.0
 
 
+class Shown:
+    """A folder that keeps a figure."""
+
+    def picture(self, name, figure):
+        self.figure = figure
+
+
+STILL = 'velocity = "0 0 0 m/s" }'
+PAST = f'{{ position = "0 8 80 m", {STILL}'
+REST = f'{{ position = "0 0 0 m", {STILL}, {{ position = "0 500 0 m", {STILL}'
+
+
+@pytest.mark.parametrize(
+    ("move", "plot", "direct"),
+    [
+        (f'do = "avoid"\ncraft = "C"\nto = {PAST}', "distances", "path"),
+        (f'do = "reconfigure"\nto = [{REST}, {PAST}]', "ratio_matrix", "paths"),
+    ],
+)
+def test_pictures_of_direct_paths_that_are_not_flown_say_so(move, plot, direct):
+    """One crosses the zone of another, and is led around it."""
+    file = f"""
+closeform = 1
+title = "Around"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["A", "B", "C"]
+position = ["0 0 0 m", "0 500 0 m", "0 8 -80 m"]
+velocity = "0 0 0 m/s"
+keep_out = {{ sphere = "20 m" }}
+[[stage]]
+{move}
+within = "0.3 orbits"
+"""
+    mission = fly(parse(file))
+    assert mission.results[0].before.conflicts
+    assert not mission.results[0].after.conflicts
+    (told,) = RunReport(mission).sections
+    said = []
+    for picture in told.pictures:
+        picture.leave(shown := Shown(), lambda text: None)
+        if any(f"; before: the direct {direct}" in text.get_text() for text in shown.figure.texts):
+            said.append(picture.plot)
+    assert said == [plot]
+
+
 EVERY = """
 closeform = 1
 title = "Every stage that moves"

@@ -178,12 +178,14 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     closest = int(np.argmin(ratios))
     other, zone = moved.others[closest], moved.zones[closest]
     obstacle = before.path(other)
-    caption = f"{craft} relative to {other}, before"
-    found = [Picture("distances", caption, "distances", (path, obstacle, zone), {"names": (craft, other)})]
+    changed = around is not None and around is not path
+    caption, pair = f"{craft} relative to {other}, before", {"names": (craft, other)}
+    shows = "before: the direct path" if changed else ""
+    found = [Picture("distances", caption, "distances", (path, obstacle, zone), pair, shows=shows)]
     if before.conflicts and result.stage.cost == "energy":
         caption = f"Ways of {craft} around {other}: the cheapest found on each side"
         found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone), {"name": other}))
-    if around is not None and around is not path:
+    if changed:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
         ways = path, around, [before.path(name) for name in names], zone
         near = f"How near {craft} comes to the zones of the others, before and after"

@@ -22,6 +22,7 @@ class Picture:
     options: Mapping[str, Any] = field(default_factory=dict)
     stage: str = ""  # written above it, in red where that has
     failed: bool = False
+    shows: str = ""  # written there too, where it is not what is flown
     moves: ClassVar[bool] = False
 
     def leave(self, folder: "Folder", progress: Progress) -> Path:
@@ -31,7 +32,7 @@ class Picture:
 
         figure = getattr(plots, self.plot)(*self.arguments, **self.options)
         if self.stage:
-            banner(figure, self.stage, self.failed)
+            banner(figure, "; ".join(filter(None, (self.stage, self.shows))), self.failed)
         return folder.picture(self.name, figure)
 
 

@@ -225,7 +225,10 @@ def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
         matrix = len(result.after.approaches) > 1
         if matrix and result.before.conflicts and changed:
             caption = "How near each two craft would come on their direct paths"
-            found.append(Picture("ratios-before", caption, "ratio_matrix", (direct, zones), names))
+            shows = "before: the direct paths"
+            found.append(
+                Picture("ratios-before", caption, "ratio_matrix", (direct, zones), names, shows=shows)
+            )
         if matrix:
             found.append(
                 Picture("ratios", "How near each two craft come", "ratio_matrix", (flown, zones), names)
