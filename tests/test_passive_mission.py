@@ -225,14 +225,15 @@ def test_weaker_failures_come_less_near():
 
 
 def test_nothing_is_asked_where_no_drift_is(tmp_path):
-    """Without the key nobody loads what judges it."""
+    """Without the key nobody loads what judges it, nor what thrusters and errors need."""
     file = tmp_path / "file.toml"
     file.write_text(HEAD + APPROACH)
+    spared = {"closeform.passive", "closeform.drift.search", "closeform.drift.sides", "closeform.fuel.order"}
+    spared |= {"closeform.uncertain_stage", "closeform.planning.burn_local"}
     code = (
-        "import sys; from closeform.mission import run; "
-        f"mission = run({str(file)!r}); "
-        "assert mission.results[0].passive is None; assert 'closeform.passive' not in sys.modules; "
-        "assert 'closeform.drift.search' not in sys.modules"
+        "import sys; from closeform.mission import run; from closeform.report.run import RunReport; "
+        f"mission = run({str(file)!r}); RunReport(mission).sections; "
+        f"assert mission.results[0].passive is None; assert not {spared!r} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

@@ -49,17 +49,16 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         found = plan(later)
         if found.failure is not None:
             return found if kept is None else kept
-        from closeform.fuel.order import Overlap
+        if not (shooting := shooters(start, found.after)):
+            return found
+        from closeform.fuel.order import Overlap  # whose kernels only thrusters need
         from closeform.fuel.pulses import extended
 
         try:
-            firing = fired(start, found.after)
+            names, shot = fired(start, found.after, shooting)
         except Overlap as overlap:
             failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {REMEDY}"
             return replace(found, failure=failure, flown=False) if kept is None else kept
-        if firing is None:
-            return found
-        names, shot = firing
         end = found.after.end + room.after
         early, late = start.time - float(np.min(shot.path.start)), float(np.max(shot.path.end)) - end
         if max(early, late) > 0.0:
@@ -85,19 +84,18 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     return kept
 
 
-def fired(start: StageStart, flight: Flight) -> "tuple[tuple[str, ...], Firing] | None":
-    """Who fires pulses on a flight, and what; None where nobody has thrusters and needs them.
+def shooters(start: StageStart, flight: Flight) -> list[int]:
+    """Who has thrusters and needs them on a flight."""
+    craft = enumerate(start.scenario.craft)
+    return [k for k, one in craft if one.thrusters is not None and flight.paths[k].delta_v > 0.0]
+
+
+def fired(start: StageStart, flight: Flight, shooting: list[int]) -> "tuple[tuple[str, ...], Firing]":
+    """What some craft fire on a flight, with their names.
 
     Raises ValueError that counts craft by their names and thrusters from 1.
     """
     scenario = start.scenario
-    shooting = [
-        k
-        for k, craft in enumerate(scenario.craft)
-        if craft.thrusters is not None and flight.paths[k].delta_v > 0.0
-    ]
-    if not shooting:
-        return None
     thrusters = [scenario.craft[k].fired(float(start.shares[k])) for k in shooting]
     masses = [scenario.craft[k].mass for k in shooting]
     impulses = [scenario.craft[k].specific_impulse for k in shooting]

@@ -12,7 +12,6 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
-from closeform.planning.burn_local import BurnSolver
 from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
 from closeform.planning.limits import FULL
 from closeform.planning.plan import TooWeak
@@ -49,6 +48,8 @@ def solve_impulses(
         failures = ImpulseFailures(problem)
     if limits is None:
         return solved(ImpulseSolver(problem, thrusters, names, failures), by_energy, budget, more)
+    from closeform.planning.burn_local import BurnSolver  # which plans without limits can spare
+
     found, free = solved(BurnSolver(problem, limits, thrusters, names, failures), by_energy, budget, more)
     if found.flown is not None:
         peaks = problem.path(found.flown).peak_thrust

@@ -6,7 +6,6 @@ from math import inf, isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
 from closeform.drift.failures import ThrustLost
-from closeform.drift.sides import carried
 from closeform.mission_result import StageResult
 from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, record
@@ -145,6 +144,8 @@ def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
     failing = [pair for pair in passive.pairs if not isnan(pair.failed_at)][:CURVES]
     if not failing:
         return ()
+    from closeform.drift.sides import carried  # whose kernels only a drift needs
+
     flown = result.after.paths if passive.until == inf else carried(result.after.paths, passive.until)
     names = result.after.names
     fail = [names.index(pair.fails) for pair in failing]
