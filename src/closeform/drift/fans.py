@@ -170,8 +170,6 @@ def place_all(room, ones, twos, last, order, n, t):
     p = inverse_transforms(n, t) if order == 8 else (0.0,) * 12
     c2, c3, c4 = oscillation(n, t) if order == 4 else (t, 0.5 * t * t, t * t * t / 6.0)
     b4, b5, d4 = p[8] + 2.0 * n * n * p[10], p[9] + 2.0 * n * n * p[11], p[7] + 2.0 * n * n * p[9]
-    if order == 8:
-        b4, b5, d4 = p[8] + 2.0 * n * n * p[10], p[9] + 2.0 * n * n * p[11], p[7] + 2.0 * n * n * p[9]
     for k in range(last):
         if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
             q, place = room.motions[k], room.places[k]

@@ -10,11 +10,10 @@ from below.                                                                     
 from math import inf, pi, sqrt
 
 from closeform.compiled import kernel
-from closeform.drift.cells import FROM, parameter_count, span_cell
+from closeform.drift.cells import FROM, parameter_count, span_both
 from closeform.drift.fans import open_window
 from closeform.drift.flown import SMALLEST, aim, cut, fly, note, target_below
 from closeform.drift.planes import march, widest
-from closeform.kernel_loans import stack_vector
 from closeform.zones.shapes import FACES
 
 FEW = 60  # steps of the march, in which a drift is found to lead away for good
@@ -35,7 +34,7 @@ def is_closed(one, two, cell, width, t, far, n, form, room):
 @kernel()
 def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, best):
     """Least norm in the tube of failures that drift slowly, if below `best`; it stands in `room.point[1]`."""
-    rest, found = stack_vector(8), False
+    found = False
     count = parameter_count(one) + parameter_count(two)
     while top > 0:
         target = target_below(best, certain)
@@ -44,8 +43,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
         top -= 1
         cell = room.cells[top]
         t = cell[FROM]
-        rest[0], rest[1], rest[2], rest[3] = span_cell(one, cell, 1, n, room.rows[0])
-        rest[4], rest[5], rest[6], rest[7] = span_cell(two, cell, 1 + width, n, room.rows[1])
+        rest = span_both(one, two, cell, width, n, room.rows)
         if march(one, two, cell, width, far, n, form, scale, target, -1.0, rest, FEW, room)[1]:
             continue
         turn = t + 2.0 * pi / n

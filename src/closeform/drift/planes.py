@@ -286,17 +286,12 @@ def valley(one, two, room, window, local, span, form):
 def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, room):
     """How far a cell is certainly clear of the zone enlarged by `target`: the time reached, and whether all.
 
-    `rest`: how far motions of each side are off those that span it (see `span_cell`).  Where it ends, the
-    edges of the set and its nearest point stand in `room`; where that is nearer than `best` they do so
-    for the time, the third answer, at which it is nearest.  At most `most` steps, if that is not negative.
+    `rest`: how far motions are off those that span them (see `span_both`).  Where it ends, the edges of the
+    set and its nearest point stand in `room`; where that is nearer than `best` they do so for the time,
+    the third answer, at which it is nearest.  At most `most` steps, if that is not negative.
     """
     t, taken = cell[FROM], 0
-    place, speed, still, epoch = (
-        rest[0] + rest[4],
-        rest[1] + rest[5],
-        rest[2] + rest[6],
-        min(rest[3], rest[7]),
-    )
+    place, speed, always, epoch = rest
     while True:
         order, stop, ones, twos, last = open_window(one, two, cell, width, t, end, n, 4, epoch, form, room)
         generators = GENERATORS + one.now[BURNS] - one.now[BURN]
@@ -306,7 +301,7 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
                 for axis in range(3):
                     room.bends[k, axis] = bound(room.motions[k], order, n, span, axis)[0]
         for_place, for_speed = growth(n, stop - epoch)
-        level = target + scale * (still + place * for_place + speed * for_speed)
+        level = target + scale * (always + place * for_place + speed * for_speed)
         local, steps = 0.0, 0
         while True:
             place_all(room, ones, twos, last, order, n, local)

@@ -17,13 +17,13 @@ from closeform.drift.cells import (
     first_cells,
     parameter_count,
     single,
-    span_cell,
+    span_both,
 )
 from closeform.drift.fans import ROOM_TYPE, open_window
 from closeform.drift.flown import MEETS, SMALLEST, aim, cut, fly, has_extent, note, target_below
 from closeform.drift.for_ever import search_tail
 from closeform.drift.planes import march, widest
-from closeform.kernel_loans import borrowed, lent, stack_vector
+from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
 from closeform.zones.shapes import FACES, FORM
@@ -98,10 +98,8 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
     If `certain` is 0, any up to 1 or none, or 1 without a time where nothing is certain.  The failure stands
     in `room.point[1]`.
     """
-    shape, rest = form[0], stack_vector(8)
     best, when = sample(one, two, top, width, end, n, form, room) if certain > 0.0 else (MEETS, nan)
-    mine = parameter_count(one)
-    count = mine + parameter_count(two)
+    count = parameter_count(one) + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
     spent = 0
@@ -112,14 +110,13 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
                 return 1.0, nan, 0.0
             certain, spent = LESS * certain, 0
         target = target_below(best, certain)
-        if certain > 1.0 or (target <= NIL and shape != FACES):
+        if certain > 1.0 or (target <= NIL and form[0] != FACES):
             break
         top -= 1
         cell = room.cells[top]
         if cell[FROM] > end:
             continue
-        rest[0], rest[1], rest[2], rest[3] = span_cell(one, cell, 1, n, room.rows[0])
-        rest[4], rest[5], rest[6], rest[7] = span_cell(two, cell, 1 + width, n, room.rows[1])
+        rest = span_both(one, two, cell, width, n, room.rows)
         t, near, extended = cell[FROM], 0.0, has_extent(one, cell, 1) or has_extent(two, cell, 1 + width)
         if extended:
             t, clear, near = march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, room)
