@@ -52,6 +52,23 @@ class Room(NamedTuple):
 ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, ROWS, NUMBERS), Room)
 
 
+class Window(NamedTuple):
+    """Which of the motions in `Room` are seen for a while, and how they move."""
+
+    ones: int  # of the first side, from 0 on
+    twos: int  # of the second, from OTHER on
+    generators: int  # where the second side's begin; those of the first do at GENERATORS
+    last: int  # where they end
+    order: int  # of the derivatives
+    n: float
+
+
+@kernel()
+def is_seen(window, k):
+    """Whether the k-th motion is one of a window's."""
+    return k < window.ones or OTHER <= k < OTHER + window.twos or k >= GENERATORS
+
+
 @kernel()
 def see(arc, t, order, sign, q, fresh):
     """Make `q` (8, 3) `sign` times the first derivatives of an arc, or add to it where it is not fresh."""
@@ -132,7 +149,7 @@ def arc_of(side, t):
 
 @kernel()
 def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
-    """See both fans from time t on: order of the motions, and the window's end."""
+    """See both fans from time t on: the window, and its end."""
     shape, matrix, faces = form
     motions = room.motions
     i, j = arc_of(one, t), arc_of(two, t)
@@ -157,21 +174,23 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
         for k in range(ones):
             mix(motions[k], motions[k], 1.0, motions[OTHER], -1.0, order)
         mix(motions[OTHER], motions[OTHER], 0.0, motions[OTHER], 0.0, order)
+    window = Window(ones, twos, generators, last, order, n)
     for k in range(last):
-        if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
+        if is_seen(window, k):
             for m in range(order):
                 store(motions[k], m, matrix, motions[k, m, 0], motions[k, m, 1], motions[k, m, 2])
-    return order, stop, ones, twos, last
+    return window, stop
 
 
 @kernel()
-def place_all(room, ones, twos, last, order, n, t):
+def place_all(room, window, t):
     """Places and velocities of all motions at time t after the window's start."""
+    n, order = window.n, window.order
     p = inverse_transforms(n, t) if order == 8 else (0.0,) * 12
     c2, c3, c4 = oscillation(n, t) if order == 4 else (t, 0.5 * t * t, t * t * t / 6.0)
     b4, b5, d4 = p[8] + 2.0 * n * n * p[10], p[9] + 2.0 * n * n * p[11], p[7] + 2.0 * n * n * p[9]
-    for k in range(last):
-        if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
+    for k in range(window.last):
+        if is_seen(window, k):
             q, place = room.motions[k], room.places[k]
             for axis in range(3):
                 x = q[0, axis] + q[1, axis] * t + q[2, axis] * c3 + q[3, axis] * c4

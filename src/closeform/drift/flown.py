@@ -42,10 +42,10 @@ def fly(one, two, cell, width, begin, end, n, form, room, best):
     single(two, cell, 1 + width, n, room.rows[1])
     when, t, patience = nan, begin, PATIENCE
     while True:
-        order, stop, _, _, _ = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
+        window, stop = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
         motion = room.motions[0]
         best, local, reached = minimum_norm(
-            shape, faces, motion, order, n, 0.0, stop - t, patience, best, nan
+            shape, faces, motion, window.order, n, 0.0, stop - t, patience, best, nan
         )
         if local == local:
             when = min(t + local, stop)

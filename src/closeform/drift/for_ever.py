@@ -23,12 +23,12 @@ STILL = 1e-3  # of a zone: an ellipse that drifts by less in all of the time is 
 @kernel()
 def is_closed(one, two, cell, width, t, far, n, form, room):
     """Whether the motion at a cell's low ends is a closed ellipse, as that lasts until `far`."""
-    order, _, _, _, _ = open_window(one, two, cell, width, t, far, n, 1, t, form, room)
+    window, _ = open_window(one, two, cell, width, t, far, n, 1, t, form, room)
     q, square = room.motions[0], 0.0
     for axis in range(3):
         drift = q[1, axis] + q[3, axis] / (n * n)
         square += drift * drift
-    return order == 4 and sqrt(square) * (far - t) < STILL
+    return window.order == 4 and sqrt(square) * (far - t) < STILL
 
 
 @kernel()

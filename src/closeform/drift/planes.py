@@ -12,7 +12,7 @@ from math import inf, sqrt
 
 from closeform.compiled import kernel
 from closeform.drift.cells import BURN, BURNS, FLIES, FROM, KIND, LOST, MISSED, STUCK
-from closeform.drift.fans import GENERATORS, OTHER, PATH, open_window, place_all
+from closeform.drift.fans import GENERATORS, OTHER, PATH, is_seen, open_window, place_all
 from closeform.drift.remainders import growth
 from closeform.motion.certified_march import bound
 from closeform.motion.hill import oscillation
@@ -23,7 +23,7 @@ LEAST_STEP = 2.3e-16
 
 
 @kernel()
-def find_edges(one, two, room, generators):
+def find_edges(one, two, room, window):
     """Fill the edges of the set, one for each parameter of one side, then of the other; how many."""
     edges, places, count = room.edges, room.places, 0
     for second in range(2):
@@ -31,7 +31,7 @@ def find_edges(one, two, room, generators):
         base = OTHER if second else 0
         sign = -1.0 if second else 1.0
         if kind == MISSED:
-            first = generators if second else GENERATORS
+            first = window.generators if second else GENERATORS
             side = two if second else one
             for j in range(side.now[BURNS] - side.now[BURN]):
                 for axis in range(3):
@@ -106,11 +106,11 @@ def nearest(room, count):
 
 
 @kernel()
-def project(room, ones, twos, last, ax, ay, az):
+def project(room, window, ax, ay, az):
     """Fill the terms of every motion along a plane's normal; their least sum there."""
     least, most, rest = inf, -inf, 0.0
-    for k in range(last):
-        if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
+    for k in range(window.last):
+        if is_seen(window, k):
             place, bend, q, term = room.places[k], room.bends[k], room.motions[k], room.terms[k]
             x = ax * place[0] + ay * place[1] + az * place[2]
             term[0] = x
@@ -128,10 +128,11 @@ def project(room, ones, twos, last, ax, ay, az):
 
 
 @kernel()
-def pair_step(gap, rate, bend, b, c, order, n, local, wanted):
+def pair_step(gap, rate, bend, b, c, window, local, wanted):
     """How long one motion certainly stays above a plane: as a parabola, or as a drifting oscillation."""
     h = time_to_level(gap, rate, bend)
-    if h >= wanted or order == 8 or n * wanted < 1.0:
+    n = window.n
+    if h >= wanted or window.order == 8 or n * wanted < 1.0:
         return h
     nn = n * n
     p0, p1, _ = oscillation(n, local)
@@ -145,14 +146,14 @@ def pair_step(gap, rate, bend, b, c, order, n, local, wanted):
 
 
 @kernel()
-def lowest(room, ones, twos, last, h):
+def least_after(room, window, h):
     """A lower bound of the sum of all terms after a time h, without the level."""
     least, most, rest = inf, -inf, 0.0
-    for k in range(last):
+    for k in range(window.last):
         term = room.terms[k]
-        if k < ones:
+        if k < window.ones:
             least = min(least, term[0] + h * (term[1] - 0.5 * h * term[2]))
-        elif OTHER <= k < OTHER + twos:
+        elif OTHER <= k < OTHER + window.twos:
             most = max(most, term[0] + h * (term[1] + 0.5 * h * term[2]))
         elif k >= GENERATORS:
             rest += min(0.0, term[0] + h * (term[1] - 0.5 * h * term[2]))
@@ -160,24 +161,24 @@ def lowest(room, ones, twos, last, h):
 
 
 @kernel()
-def plane_step(room, ones, twos, last, level, order, n, local, wanted):
+def plane_step(room, window, level, local, wanted):
     """How long the whole set certainly stays above a plane of which the terms were filled."""
     rest, slower, bends, h = 0.0, 0.0, 0.0, inf
-    for j in range(GENERATORS, last):
+    for j in range(GENERATORS, window.last):
         term = room.terms[j]
         rest, slower, bends = rest + min(0.0, term[0]), slower + min(0.0, term[1]), bends + term[2]
-    for k in range(ones):
+    for k in range(window.ones):
         one = room.terms[k]
-        for m in range(OTHER, OTHER + twos):
+        for m in range(OTHER, OTHER + window.twos):
             two = room.terms[m]
             gap, rate, bend = one[0] - two[0] - level + rest, one[1] - two[1], one[2] + two[2]
-            if last == GENERATORS:
+            if window.last == GENERATORS:
                 b, c = one[3] - two[3], one[4] - two[4]
-                h = min(h, pair_step(gap, rate, bend, b, c, order, n, local, wanted))
+                h = min(h, pair_step(gap, rate, bend, b, c, window, local, wanted))
             else:
                 h = min(h, time_to_level(gap, rate + slower, bend + bends))
-    if last > GENERATORS:  # not all of them turn at once; the sum is concave
-        while 0.0 < h < wanted and lowest(room, ones, twos, last, 2.0 * h) >= level:
+    if window.last > GENERATORS:  # not all of them turn at once; the sum is concave
+        while 0.0 < h < wanted and least_after(room, window, 2.0 * h) >= level:
             h *= 2.0
     return h
 
@@ -216,7 +217,7 @@ def mixed_plane(room, count, form, x, y, z):
 
 
 @kernel()
-def best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, local, wanted):
+def best_plane(room, window, count, form, level, x, y, z, local, wanted):
     """The plane that lasts longest, of a norm's parts and of these mixed: for how long, and the gap there."""
     shape, _, faces = form
     longest, gap, parts = 0.0, -inf, part_count(shape, faces)
@@ -227,10 +228,10 @@ def best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, lo
             ax, ay, az = mixed_plane(room, count, form, x, y, z)
         else:
             break
-        above = project(room, ones, twos, last, ax, ay, az) - level
+        above = project(room, window, ax, ay, az) - level
         gap = max(gap, above)
         if above > 0.0:
-            longest = max(longest, plane_step(room, ones, twos, last, level, order, n, local, wanted))
+            longest = max(longest, plane_step(room, window, level, local, wanted))
             if longest >= wanted:
                 break
     return longest, gap
@@ -239,9 +240,8 @@ def best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, lo
 @kernel()
 def deepest(one, two, room, window, local, form):
     """Least norm of the parallelotope at one time of a window, or near it; `shares` are where."""
-    ones, twos, last, order, n, generators = window
-    place_all(room, ones, twos, last, order, n, local)
-    count = find_edges(one, two, room, generators)
+    place_all(room, window, local)
+    count = find_edges(one, two, room, window)
     nearest(room, count)
     if form[0] != BALL:
         sink(room, count, form)
@@ -251,7 +251,7 @@ def deepest(one, two, room, window, local, form):
 @kernel()
 def valley(one, two, room, window, local, span, form):
     """From a time of a window on along the deepest of the parallelotope to where that is least: the time."""
-    n = window[4]
+    n = window.n
     low, value = local, deepest(one, two, room, window, local, form)
     step = 1e-3 / n if n > 0.0 else 1e-4 * span
     middle, high = local, local
@@ -293,31 +293,30 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
     t, taken = cell[FROM], 0
     place, speed, always, epoch = rest
     while True:
-        order, stop, ones, twos, last = open_window(one, two, cell, width, t, end, n, 4, epoch, form, room)
-        generators = GENERATORS + one.now[BURNS] - one.now[BURN]
+        window, stop = open_window(one, two, cell, width, t, end, n, 4, epoch, form, room)
         span = stop - t
-        for k in range(last):
-            if k < ones or OTHER <= k < OTHER + twos or k >= GENERATORS:
+        for k in range(window.last):
+            if is_seen(window, k):
                 for axis in range(3):
-                    room.bends[k, axis] = bound(room.motions[k], order, n, span, axis)[0]
+                    room.bends[k, axis] = bound(room.motions[k], window.order, n, span, axis)[0]
         for_place, for_speed = growth(n, stop - epoch)
         level = target + scale * (always + place * for_place + speed * for_speed)
         local, steps = 0.0, 0
         while True:
-            place_all(room, ones, twos, last, order, n, local)
-            count = find_edges(one, two, room, generators)
+            place_all(room, window, local)
+            count = find_edges(one, two, room, window)
             x, y, z = nearest(room, count)
             if form[0] == CYLINDER:  # whose gradient depends on where
                 sink(room, count, form)
                 x, y, z = place_at(room, count, -1.0)
             wanted = span - local
-            h, gap = best_plane(room, ones, twos, last, count, form, level, x, y, z, order, n, local, wanted)
+            h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)
             steps += 1
             taken += 1
             if taken == most:
                 return t + local, False, t + local
             if h == 0.0 or (steps > STEPS and widest(room, count)[1] > gap):
-                when, window = local, (ones, twos, last, order, n, generators)
+                when = local
                 if deepest(one, two, room, window, local, form) < best:
                     when = valley(one, two, room, window, local, span, form)
                 return t + local, False, t + when
