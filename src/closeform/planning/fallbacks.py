@@ -26,6 +26,9 @@ def tried_openly(
     done: list[str] = []
     for fallback in if_blocked:
         for changed, words in _changes(request, fallback):
+            if changed is not request and changed.longest < 1.0:
+                done.append(f"{words}: an obstacle ends before the drift does")
+                continue
             other = attempt(changed, fallback == "more sides")
             done.append(f"{words}: {other.reason}")
             if other.ok:
@@ -78,7 +81,8 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
         return np.zeros(1) if sparing else np.asarray(request.longer(factor).direct.peak_thrust / limits)
 
     asked = float(request.durations.max())
-    later = stretched(excess, free, attempted, longest(request.orbit, asked) / asked)
+    most = min(longest(request.orbit, asked) / asked, request.longest)
+    later = stretched(excess, free, attempted, most)
     measures = *plan.measures, later.measure
     if later.found is None:
         return request, replace(refused("give it more", later.excess, later.factor), measures=measures)

@@ -141,6 +141,14 @@ class Request:
         )
         return costs
 
+    @property
+    def longest(self) -> float:
+        """How many times as long all may take, with obstacles that must be known until the drift ends."""
+        if self.drift is None or self.others is None:
+            return np.inf
+        last = float(np.min(self.others.end)) - self.drift
+        return float(((last - self.starts) / self.durations).min())
+
     def problem(self) -> Problem:
         """What is to be planned."""
         plain = Problem.of(self.direct, self.others, self.zones, self.drift)
