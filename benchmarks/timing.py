@@ -9,6 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import TypeVar
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,18 @@ def side_by_side(methods: dict[str, Callable[[], object]], repeats: int) -> dict
             method()
             runs[name].append(perf_counter() - begin)
     return {name: Timing(tuple(times)) for name, times in runs.items()}
+
+
+def timed(
+    task: Callable[[], Result], repeats: int, clock: Callable[[], float] = perf_counter
+) -> tuple[float, Result]:
+    """The median [s] of some runs, after one that loads kernels, and what came out."""
+    result, runs = task(), []
+    for _ in range(repeats):
+        begin = clock()
+        result = task()
+        runs.append(clock() - begin)
+    return statistics.median(runs), result
 
 
 def say(line: str) -> None:

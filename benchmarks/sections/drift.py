@@ -8,6 +8,7 @@ import closeform as cf
 from cases import MEAN_MOTION, PERIOD, RADIUS
 from peers import vbar_drift, vbar_peer
 from tables import Figure, Report, Table, seconds, times
+from timing import timed
 
 INSTANTS = 101
 
@@ -24,17 +25,6 @@ def transfers(count: int) -> list[cf.Path]:
     return found
 
 
-def taken(work, repeats: int) -> float:
-    """Seconds of this process for one run, the median of some."""
-    work()
-    runs = []
-    for _ in range(repeats):
-        begin = process_time()
-        work()
-        runs.append(process_time() - begin)
-    return float(np.median(runs))
-
-
 def measure(quick: bool) -> Report:
     zone, orbit = cf.Sphere(RADIUS), cf.Orbit(MEAN_MOTION)
     paths, repeats = transfers(5 if quick else 60), 1 if quick else 5
@@ -45,8 +35,8 @@ def measure(quick: bool) -> Report:
             until = path.end + orbits * PERIOD
             other = orbit.coast(np.zeros(6), until)
             pair = path, other, zone, until
-            verdicts.append(taken(lambda pair=pair: cf.passively_safe(*pair), repeats))
-            leasts.append(taken(lambda pair=pair: cf.drift_approach(*pair), repeats))
+            verdicts.append(timed(lambda pair=pair: cf.passively_safe(*pair), repeats, process_time)[0])
+            leasts.append(timed(lambda pair=pair: cf.drift_approach(*pair), repeats, process_time)[0])
         for what, found in (("verdict", verdicts), ("least ratio", leasts)):
             rows.append(
                 [f"{what}, {name} of drift", seconds(np.median(found)), seconds(np.max(found)), "-", "-"]

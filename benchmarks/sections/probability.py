@@ -1,6 +1,5 @@
 """Collision probabilities: by entries, by Monte Carlo, and Alfano's cases; plain Monte Carlo as the peer."""
 
-from statistics import median
 from time import perf_counter
 
 import numpy as np
@@ -9,7 +8,7 @@ import closeform as cf
 from peers.motion import Array
 from peers.probability import sampled
 from tables import Figure, Report, Table, seconds
-from timing import say
+from timing import say, timed
 
 ORBIT = cf.Orbit.circular(500e3)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
@@ -24,14 +23,14 @@ CASES = {  # state, deviations, orbits
 
 
 def measure(quick: bool) -> Report:
-    rows, slowest, widest = [], 0.0, 0.0
+    rows, slowest, widest, repeats = [], 0.0, 0.0, 1 if quick else 7
     for name, (state, deviations, orbits) in CASES.items():
         say(f"  {name}")
         pair = ORBIT.coast(state, orbits * PERIOD), ORBIT.coast(np.zeros(6), orbits * PERIOD)
         errors = cf.Errors(np.diag(deviations) ** 2)
-        took, figure = timed(lambda p=pair, e=errors: cf.collision_probability(*p, ZONE, e), quick)
+        took, figure = timed(lambda p=pair, e=errors: cf.collision_probability(*p, ZONE, e), repeats)
         half = 0.5 * (figure.high - figure.low) / figure.value
-        drawn, share = timed(lambda s=state, d=deviations, o=orbits: peer(s, d, o, quick), quick=True)
+        drawn, share = timed(lambda s=state, d=deviations, o=orbits: peer(s, d, o, quick), 1)
         rows.append(
             [
                 name,
@@ -56,7 +55,7 @@ def measure(quick: bool) -> Report:
     pair = ORBIT.coast(state, 2 * PERIOD), ORBIT.coast(np.zeros(6), 2 * PERIOD)
     errors = cf.Errors(np.diag(deviations) ** 2)
     marched, _ = timed(
-        lambda: cf.collision_probability(*pair, ZONE, errors, method="monte-carlo", samples=samples), quick
+        lambda: cf.collision_probability(*pair, ZONE, errors, method="monte-carlo", samples=samples), repeats
     )
     alfano, met = alfanos()
     return Report(
@@ -74,17 +73,6 @@ def measure(quick: bool) -> Report:
             Figure("Alfano's circular cases in the published intervals", "4", f"{met}", met == 4),
         ],
     )
-
-
-def timed(task, quick):  # type: ignore[no-untyped-def]
-    """The median of some runs, after one that loads kernels, and what came out."""
-    result = task()
-    runs = []
-    for _ in range(1 if quick else 7):
-        begin = perf_counter()
-        result = task()
-        runs.append(perf_counter() - begin)
-    return median(runs), result
 
 
 def peer_samples(quick: bool) -> int:

@@ -1,8 +1,5 @@
 """k sigmas: a pair's verdict, its sigmas, a fleet; grids of nearest points and drawn errors as peers."""
 
-from statistics import median
-from time import perf_counter
-
 import numpy as np
 
 import closeform as cf
@@ -11,7 +8,7 @@ from closeform.uncertainty.spread import spread_of
 from peers.sigmas import drawn, on_grid
 from sections.probability import CASES, ORBIT, PERIOD, N
 from tables import Figure, Report, Table, seconds
-from timing import say
+from timing import say, timed
 
 MOVING = ("hold 200 m ahead", "safety ellipse", "walking ellipse")
 ZONES = {
@@ -68,8 +65,9 @@ def one_pair(name: str, zone: cf.Zone, pairs: int, repeats: int) -> tuple[float,
     def verdict() -> None:
         assert len(stays(one, two, first, second, zone, N, 0.9 * k)) == 0
 
-    least = timed(lambda: cf.clearance_in_sigmas(path, other, zone, errors), repeats)
-    return timed(verdict, repeats) / pairs, least / pairs, k
+    least, _ = timed(lambda: cf.clearance_in_sigmas(path, other, zone, errors), repeats)
+    judged, _ = timed(verdict, repeats)
+    return judged / pairs, least / pairs, k
 
 
 def peers(quick: bool) -> Table:
@@ -87,7 +85,7 @@ def peers(quick: bool) -> Table:
         }
         certified, *others = found = [method() for method in methods]
         assert certified <= min(others) * (1 + 1e-9)
-        times = [timed(method, repeats) for method, repeats in methods.items()]
+        times = [timed(method, repeats)[0] for method, repeats in methods.items()]
         cells = [(f"{k:.7g}", seconds(took)) for k, took in zip(found, times, strict=True)]
         rows.append([name, *(cell for both in cells for cell in both)])
     note = (
@@ -108,17 +106,5 @@ def fleet(quick: bool) -> tuple[int, float, int]:
     paths = ORBIT.coast(states, 2 * PERIOD)
     errors = cf.Errors(np.diag([2.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     body = cf.Body(cf.Sphere(5.0))
-    took = timed(lambda: cf.screen(paths, body, errors=errors), 1 if quick else 5)
-    pairs = cf.screen(paths, body, errors=errors).pairs
-    return craft, took, len({tuple(pair) for pair in pairs.tolist()})
-
-
-def timed(task, repeats):  # type: ignore[no-untyped-def]
-    """The median of some runs, after one that loads kernels."""
-    task()
-    runs = []
-    for _ in range(repeats):
-        begin = perf_counter()
-        task()
-        runs.append(perf_counter() - begin)
-    return median(runs)
+    took, found = timed(lambda: cf.screen(paths, body, errors=errors), 1 if quick else 5)
+    return craft, took, len({tuple(pair) for pair in found.pairs.tolist()})
