@@ -13,9 +13,23 @@ SPACING = 30.0  # of its samples of a drift [s]
 
 
 def least_margin(states: Array, n: float, radius: float, horizon: float) -> float:
-    """Least margin [m] over drifts of one horizon from states (M, 6) relative to the other craft."""
+    """Least margin [m] over drifts of one horizon from states (M, 6) relative to the other craft.
+
+    As `passive_metrics` finds it: refined only for what can be the least.
+    """
+    from vbar.metrics import passive
+
+    return float(passive._settle(_drifts(states, n, radius, horizon), len(states), 1)[1])
+
+
+def refined_margins(states: Array, n: float, radius: float, horizon: float) -> Array:
+    """Margins (M,) [m] of the drifts from each state, all refined."""
+    arcs = _drifts(states, n, radius, horizon)
+    return np.array([arcs.refine(k) for k in range(len(states))])
+
+
+def _drifts(states: Array, n: float, radius: float, horizon: float):  # type: ignore[no-untyped-def]
     from vbar.metrics import passive
 
     none = np.zeros((len(states), 3))
-    arcs = passive._cw_arcs(n, radius, states, none, 0.0, none, horizon, SPACING)
-    return float(passive._settle(arcs, len(states), 1)[1])
+    return passive._cw_arcs(n, radius, states, none, 0.0, none, horizon, SPACING)
