@@ -1,0 +1,146 @@
+// Frame: what tells a reader of a view where he looks from, where things are and how big they are.
+
+import { length, niceStep } from "./units.js";
+
+const SQUARE = 64; // least pixels between two lines of a grid
+const MOST_LINES = 60;
+const ARM = 30; // pixels of an axis of the triad
+const FLAT = 0.999; // cosine from which on a view looks along an axis
+
+export class Frame {
+  constructor(scene) {
+    this.scene = scene;
+    this.short = scene.axes.map((name) => name.replace("-track", ""));
+    this.middle = scene.low.map((low, i) => (low + scene.high[i]) / 2);
+  }
+
+  /** The axis along which a view looks, -1 for none. */
+  facing(view) {
+    return view.back.findIndex((one) => Math.abs(one) > FLAT);
+  }
+
+  /** Lines of a grid: with numbers where the view looks along an axis, else on the floor. Gives its step [m]. */
+  grid(pen, view, palette, shown) {
+    const facing = this.facing(view);
+    view.floor = null;
+    const step = niceStep(SQUARE * view.scale);
+    if (!shown) return step;
+    if (facing >= 0) this.numbered(pen, view, palette, step, facing);
+    else this.floor(pen, view, palette, step);
+    return step;
+  }
+
+  numbered(pen, view, palette, step, facing) {
+    const { left, top, width, height } = view.place;
+    const unit = step >= 1000 ? 1000 : 1;
+    pen.font(10.5);
+    for (const axis of [0, 1, 2].filter((one) => one !== facing)) {
+      const upright = Math.abs(view.right[axis]) > 0.7; // lines go up and down
+      const sign = upright ? view.right[axis] : -view.up[axis];
+      const size = upright ? width : height;
+      const first = view.target[axis] - (sign * view.scale * size) / 2;
+      const last = view.target[axis] + (sign * view.scale * size) / 2;
+      const [low, high] = [Math.min(first, last), Math.max(first, last)];
+      for (let at = Math.ceil(low / step); at * step <= high; at++) {
+        const pixel = (sign * (at * step - first)) / view.scale;
+        const look = { alpha: at ? 0.7 : 1, width: at ? 1 : 1.6 };
+        const number = `${at * step < 0 ? "−" : ""}${Number(Math.abs((at * step) / unit).toPrecision(6))}`;
+        if (upright) {
+          pen.line([[left + pixel, top], [left + pixel, top + height]], palette.grid, look);
+          if (pixel > 60 && pixel < size - 14) pen.text(number, left + pixel, top + height - 9, palette.quiet, { align: "center", halo: palette.panel });
+        } else {
+          pen.line([[left, top + pixel], [left + width, top + pixel]], palette.grid, look);
+          if (pixel > 40 && pixel < size - 24) pen.text(number, left + 5, top + pixel, palette.quiet, { halo: palette.panel });
+        }
+      }
+    }
+  }
+
+  /** The plane across the view's upright direction, through the chief in an orbit, else below all craft. */
+  floor(pen, view, palette, step) {
+    const { low, high, mean_motion } = this.scene;
+    const up = view.pole.findIndex((one) => Math.abs(one) > 0.5);
+    const level = mean_motion ? Math.min(high[up], Math.max(low[up], 0)) : view.pole[up] > 0 ? low[up] : high[up];
+    view.floor = { up, level };
+    const [a, b] = [0, 1, 2].filter((one) => one !== up);
+    const range = (axis) => [Math.floor(low[axis] / step) - 1, Math.ceil(high[axis] / step) + 1];
+    const [[a0, a1], [b0, b1]] = [range(a), range(b)];
+    if (a1 - a0 > MOST_LINES || b1 - b0 > MOST_LINES) return;
+    const point = (i, j) => {
+      const place = [0, 0, 0];
+      [place[a], place[b], place[up]] = [i * step, j * step, level];
+      return view.project(...place);
+    };
+    for (let i = a0; i <= a1; i++) pen.line([point(i, b0), point(i, b1)], palette.grid, { alpha: i ? 0.65 : 1, width: i ? 1 : 1.5 });
+    for (let j = b0; j <= b1; j++) pen.line([point(a0, j), point(a1, j)], palette.grid, { alpha: j ? 0.65 : 1, width: j ? 1 : 1.5 });
+  }
+
+  /** Title, scale and directions; gives the boxes that they take. */
+  words(pen, view, palette, step, title) {
+    const { left, top, width, height } = view.place;
+    const taken = [];
+    pen.font(13, 650);
+    const said = pen.fitted(title, width - 60);
+    pen.text(said, left + 10, top + 15, palette.ink, { halo: palette.panel });
+    taken.push([left, top, left + 14 + pen.width(said), top + 26]);
+    taken.push(this.scale(pen, view, palette, step));
+    taken.push(this.triad(pen, view, palette));
+    taken.push([left, top + height - 18, left + width, top + height]);
+    return taken;
+  }
+
+  scale(pen, view, palette, step) {
+    const { left, top, width, height } = view.place;
+    const size = step / view.scale;
+    const [right, low] = [left + width - 14, top + height - (this.facing(view) >= 0 ? 24 : 14)];
+    pen.line([[right - size, low], [right, low]], palette.panel, { width: 6 });
+    pen.line([[right - size, low - 4], [right - size, low + 1], [right, low + 1], [right, low - 4]], palette.ink, { width: 2 });
+    pen.font(12);
+    pen.text(length(step), right - size / 2, low - 9, palette.ink, { align: "center", halo: palette.panel });
+    return [right - size - 4, low - 20, right + 6, low + 6];
+  }
+
+  triad(pen, view, palette) {
+    const { left, top, width, height } = view.place;
+    const small = width < 300 || height < 200;
+    const arm = small ? 0.75 * ARM : ARM;
+    const flat = this.facing(view) >= 0;
+    const names = small ? this.short : this.scene.axes;
+    const colours = this.scene.mean_motion ? [palette.radial, palette.along, palette.cross] : [palette.ink, palette.ink, palette.ink];
+    const [x, y] = [left + (flat ? 66 : 58), top + height - (flat ? 40 : 50)];
+    const box = [x - 12, y - 12, x + 12, y + 12];
+    pen.font(11.5, 600);
+    names.forEach((name, i) => {
+      const [u, v] = [view.right[i], -view.up[i]];
+      const size = Math.hypot(u, v);
+      if (size < 0.08) {
+        pen.ring(x, y, 5, colours[i], { fill: palette.panel });
+        if (view.back[i] > 0) pen.ring(x, y, 1.2, colours[i], { fill: colours[i] });
+        else pen.cross(x, y, 2.6, colours[i]);
+      } else {
+        pen.arrow([x, y], [x + arm * u, y + arm * v], colours[i], { width: 1.8, head: 6 });
+      }
+      const away = size < 0.08 ? [-0.75, 0.75] : [u / size, v / size];
+      const [tx, ty] = size < 0.08 ? [x - 8, y + 13] : [x + arm * u + 5 * away[0], y + arm * v + 8 * away[1]];
+      const align = Math.abs(away[0]) < 0.35 ? "center" : away[0] > 0 ? "left" : "right";
+      pen.text(name, tx, ty, colours[i], { align, halo: palette.panel });
+      const wide = pen.width(name);
+      const from = align === "left" ? tx : align === "right" ? tx - wide : tx - wide / 2;
+      [box[0], box[1]] = [Math.min(box[0], from), Math.min(box[1], ty - 8)];
+      [box[2], box[3]] = [Math.max(box[2], from + wide), Math.max(box[3], ty + 8)];
+    });
+    if (this.scene.sun) this.sun(pen, view, palette, x, y, arm);
+    return box;
+  }
+
+  sun(pen, view, palette, x, y, arm) {
+    const { sun } = this.scene;
+    const u = sun.reduce((sum, one, i) => sum + one * view.right[i], 0);
+    const v = -sun.reduce((sum, one, i) => sum + one * view.up[i], 0);
+    if (Math.hypot(u, v) < 0.08) return;
+    const [tx, ty] = [x + 1.15 * arm * u, y + 1.15 * arm * v];
+    pen.line([[x, y], [tx, ty]], palette.sun, { width: 1.5, dash: [3, 3] });
+    pen.ring(tx, ty, 5, palette.ink, { width: 1, fill: palette.sun });
+    pen.text("Sun", tx + 9, ty, palette.ink, { halo: palette.panel });
+  }
+}

@@ -1,0 +1,74 @@
+// Guards: keep-out zones as glass around those whom others keep away from, and ellipsoids of errors.
+
+import { polyhedron, SHAPES, Solids } from "./solids.js";
+import { root, Tube } from "./tube.js";
+
+const UNIT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+
+export class Guards {
+  constructor(scene, moment) {
+    Object.assign(this, { scene, moment });
+    const room = 2 * scene.craft.length + 8;
+    this.shapes = scene.zones.map((zone) => (zone.shape === "faces" ? `faces ${scene.zones.indexOf(zone)}` : zone.shape));
+    this.zones = new Map();
+    scene.zones.forEach((zone, k) => {
+      const key = this.shapes[k];
+      if (!this.zones.has(key)) this.zones.set(key, new Solids(zone.mesh ? polyhedron(zone.mesh) : SHAPES[zone.shape](), room));
+    });
+    this.tubes = scene.tubes.map((entry) => {
+      const stage = scene.stages.find(({ number }) => number === entry.stage);
+      return new Tube(entry, stage, moment.ways[entry.craft], scene);
+    });
+    this.outlines = this.tubes.map((tube) => new Solids(tube.outline(), 1, { order: 0.9 }));
+    this.spreads = new Solids(SHAPES.ball(), Math.max(1, this.tubes.length), { order: 1.1, edge: 1.5 });
+  }
+
+  /** Whose zone is drawn: of those that only coast, else of the one that is followed. */
+  keepers(chosen) {
+    const { craft } = this.scene;
+    const resting = craft.flatMap((one, k) => (one.moves || one.zone < 0 ? [] : [k]));
+    const shown = resting.length && resting.length < craft.length && craft.length <= 40 ? resting : [chosen];
+    return shown.filter((k) => craft[k].zone >= 0 && this.moment.ways[k]);
+  }
+
+  /** The zone of a pair, -1 for none. */
+  pair(first, second) {
+    const { craft, pairs } = this.scene;
+    if (!pairs) return craft[first].zone;
+    const [i, j] = [Math.min(first, second), Math.max(first, second)];
+    return pairs.table[pairs.kind[i]]?.[pairs.kind[j]] ?? -1;
+  }
+
+  update(palette, chosen, ghosts) {
+    const { scene, moment } = this;
+    for (const solids of this.zones.values()) solids.clear();
+    const put = (zone, middle, colour, alpha) =>
+      this.zones.get(this.shapes[zone]).put(scene.zones[zone].axes, middle, colour, alpha);
+    const struck = new Map(); // craft in conflict now, and whether as flown
+    for (const { first, second, when } of moment.conflicts) {
+      if (when === "before" && !ghosts) continue;
+      const resting = scene.craft[first].moves ? second : first;
+      const zone = this.pair(first, second);
+      if (zone >= 0) struck.set(`${resting} ${zone}`, { resting, zone, when });
+    }
+    for (const k of this.keepers(chosen)) {
+      if (!struck.has(`${k} ${scene.craft[k].zone}`)) put(scene.craft[k].zone, moment.positions[k], palette.zone, 0.42);
+    }
+    for (const { resting, zone, when } of struck.values()) {
+      const ghost = when === "before" && moment.ghosts("before").find((track) => track.craft === resting);
+      put(zone, ghost ? ghost.position(moment.time) : moment.positions[resting], palette.conflict, when === "after" ? 0.7 : 0.5);
+    }
+    for (const solids of this.zones.values()) solids.finish();
+
+    this.spreads.clear();
+    this.tubes.forEach((tube, k) => {
+      this.outlines[k].clear();
+      this.outlines[k].put(UNIT, [0, 0, 0], palette.tube, 0.3);
+      this.outlines[k].finish();
+      if (tube.start <= moment.time && moment.time <= tube.end) {
+        this.spreads.put(root(tube.spread(moment.time)), moment.positions[tube.craft], palette.tube, 0.6);
+      }
+    });
+    this.spreads.finish();
+  }
+}

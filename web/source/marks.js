@@ -1,0 +1,130 @@
+// Marks: what is drawn over the views: names, thrust, burns, ghosts, distances. Names never cover each other.
+
+import { Labels } from "./labels.js";
+import { clock, length, measured } from "./units.js";
+
+const NAMED = 40; // craft that are named at once
+const ARROW = 46; // pixels of the greatest thrust
+const MARKED = 600; // impulses that are marked on the ways
+const MOMENT = 1 / 160; // of the scene: how long an impulse or a closest approach is shown
+
+export class Marks {
+  constructor(scene, moment) {
+    Object.assign(this, { scene, moment });
+    this.window = MOMENT * (scene.end - scene.start);
+    this.labels = new Map(["oblique", "top", "close"].map((key) => [key, new Labels()]));
+    this.burns = scene.burns.filter(({ kind }) => kind === "impulse").flatMap(({ craft, rows }) => {
+      const table = scene.numbers(rows);
+      return Array.from({ length: rows.rows }, (_, k) => ({ craft, time: table[5 * k], place: moment.ways[craft].position(table[5 * k]) }));
+    }).slice(0, MARKED);
+    this.slips = scene.failures.filter(({ track, failed_at: at }) => track >= 0 && at !== null).map((failure) => {
+      const way = moment.tracks[failure.track];
+      return { failure, from: way.position(failure.failed_at), near: way.position(failure.time ?? failure.failed_at) };
+    });
+  }
+
+  /** Draws all that `layers` show over a view; `taken` are boxes without names. */
+  draw(pen, view, palette, chosen, layers, taken) {
+    const { moment, scene } = this;
+    const spots = moment.positions.map((place, k) => (moment.ways[k] ? view.project(...place) : null));
+    const labels = this.labels.get(view.key);
+    const seen = spots.map((spot) => spot && view.holds(spot[0], spot[1], -2));
+    labels.begin([...taken, ...spots.flatMap((spot, k) => (seen[k] ? [[spot[0] - 6, spot[1] - 6, spot[0] + 6, spot[1] + 6]] : []))]);
+    if (layers.grid) this.stems(pen, view, palette, spots);
+    if (layers.thrust) this.impulses(pen, view, palette);
+    if (layers.before) this.ghosts(pen, view, palette, "before");
+    if (layers.drifts) this.failed(pen, view, palette, chosen, labels);
+    if (layers.thrust) this.thrust(pen, view, palette, spots);
+    this.approaches(pen, view, palette, spots, labels);
+    const spot = spots[chosen];
+    if (spot) pen.ring(spot[0], spot[1], view.follows ? 14 : 9, palette.ink, { width: 1.4, dash: [3, 2] });
+    if (layers.names) this.names(pen, view, palette, chosen, spots, seen, labels);
+  }
+
+  names(pen, view, palette, chosen, spots, seen, labels) {
+    const { craft } = this.scene;
+    const urgent = new Set(this.moment.conflicts.filter(({ when }) => when === "after").flatMap(({ first, second }) => [first, second]));
+    const rank = (k) => (k === chosen ? 0 : urgent.has(k) ? 1 : 2);
+    const shown = craft.map((_, k) => k).filter((k) => seen[k] || (k === chosen && spots[k])).sort((a, b) => rank(a) - rank(b) || a - b).slice(0, NAMED);
+    const { left, top, width, height } = view.place;
+    for (const k of shown) {
+      pen.font(12, k === chosen ? 700 : 500);
+      const name = pen.fitted(craft[k].name, 130);
+      const place = labels.place(k, spots[k][0], spots[k][1], pen.width(name), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
+      if (!place) continue;
+      if (place.led) pen.line([spots[k], [Math.max(place.left, Math.min(spots[k][0], place.left + pen.width(name))), place.top + 7]], palette.quiet, { alpha: 0.8 });
+      pen.text(name, place.left, place.top + 7.5, palette.craft(craft[k].colour), { halo: palette.panel });
+    }
+  }
+
+  /** Plumb lines from craft to the floor. */
+  stems(pen, view, palette, spots) {
+    if (!view.floor || this.scene.craft.length > NAMED) return;
+    const { up, level } = view.floor;
+    this.moment.positions.forEach((place, k) => {
+      if (!spots[k]) return;
+      const foot = [...place];
+      foot[up] = level;
+      const [x, y] = view.project(...foot);
+      pen.line([spots[k], [x, y]], palette.quiet, { alpha: 0.55 });
+      pen.ring(x, y, 1.5, palette.quiet, { fill: palette.quiet, width: 0.5 });
+    });
+  }
+
+  impulses(pen, view, palette) {
+    for (const { time, place } of this.burns) {
+      const [x, y] = view.project(...place);
+      if (view.holds(x, y)) pen.diamond(x, y, 3.6, palette.thrust, time <= this.moment.time);
+    }
+  }
+
+  thrust(pen, view, palette, spots) {
+    for (const { craft, vector, share, size } of this.moment.pushes(this.window)) {
+      if (!spots[craft]) continue;
+      const [u, v] = [0, 1].map((row) => vector.reduce((sum, one, i) => sum + one * (row ? -view.up[i] : view.right[i]), 0) / size);
+      const long = (view.follows ? 1.4 : 1) * ARROW * (0.25 + 0.75 * share);
+      const [x, y] = spots[craft];
+      if (Math.hypot(u, v) * long > 3) pen.arrow([x + 5 * u, y + 5 * v], [x + (5 + long) * u, y + (5 + long) * v], palette.thrust, { width: 2.4, head: 8 });
+    }
+  }
+
+  ghosts(pen, view, palette, kind) {
+    for (const track of this.moment.ghosts(kind)) {
+      const [x, y] = view.project(...track.position(this.moment.time));
+      pen.ring(x, y, 4.5, palette[kind === "before" ? "before" : "drift"], { width: 1.6, fill: palette.panel });
+    }
+  }
+
+  /** Where thrust is lost, and where the drift comes nearest; in words for the craft that is followed. */
+  failed(pen, view, palette, chosen, labels) {
+    this.ghosts(pen, view, palette, "drift");
+    const { left, top, width, height } = view.place;
+    for (const { failure, from, near } of this.slips) {
+      const [[x, y], [u, v]] = [view.project(...from), view.project(...near)];
+      if (view.holds(x, y)) pen.cross(x, y, 4, palette.drift);
+      if (view.holds(u, v)) pen.diamond(u, v, 4.5, failure.safe ? palette.drift : palette.conflict);
+      if (failure.fails !== chosen || view.follows || !view.holds(u, v)) continue;
+      pen.font(11.5);
+      const text = `nearest after thrust lost at ${clock(failure.failed_at)}: ${measured(failure.ratio, "x zone")}`;
+      const place = labels.place(`drift ${failure.meets}`, u, v, pen.width(text), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
+      if (place) pen.text(text, place.left, place.top + 7.5, palette.ink, { halo: palette.panel });
+    }
+  }
+
+  /** How far apart the closest are when they are closest. */
+  approaches(pen, view, palette, spots, labels) {
+    const { left, top, width, height } = view.place;
+    const near = this.scene.approaches.filter(({ time }) => Math.abs(time - this.moment.time) <= this.window).slice(0, 3);
+    for (const { first, second, distance, ratio } of near) {
+      if (!spots[first] || !spots[second]) continue;
+      const colour = ratio < 1 - 1e-6 ? palette.conflict : palette.ink;
+      pen.line([spots[first], spots[second]], colour, { width: 1.2, dash: [2, 2] });
+      const [x, y] = [0, 1].map((i) => (spots[first][i] + spots[second][i]) / 2);
+      if (!view.holds(x, y)) continue;
+      pen.font(11.5);
+      const text = `${length(distance)}, ${measured(ratio, "x zone")}`;
+      const place = labels.place(`approach ${first} ${second}`, x, y, pen.width(text), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
+      if (place) pen.text(text, place.left, place.top + 7.5, colour, { halo: palette.panel });
+    }
+  }
+}

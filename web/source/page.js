@@ -1,0 +1,71 @@
+// Page: the elements that a reader sees and presses, without what is drawn in them.
+
+import { button, element } from "./element.js";
+import { TITLES } from "./strip.js";
+
+const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow craft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help"]];
+
+export class Page {
+  constructor(root, scene, does) {
+    this.root = root;
+    const craft = scene.craft.map(({ name }, k) => element("option", { value: k }, name));
+    this.follow = element("select", { class: "follow", "aria-label": "Craft to follow", onchange: () => does.follow(Number(this.follow.value)) }, ...craft);
+    this.clock = element("strong", { class: "clock" });
+    this.fine = element("span", { class: "fine" });
+    this.phase = element("span", { class: "phase" });
+    this.theme = button("◐", "Theme", does.theme);
+    this.help = button("?", "Help", does.help, { "aria-expanded": "false" });
+    const report = scene.report ? [element("a", { href: scene.report, class: "report" }, "Report")] : [];
+    const head = element("header", {},
+      element("div", { class: "titles" },
+        element("h1", { title: scene.title }, scene.title),
+        element("p", { class: `verdict ${scene.ok ? "good" : "bad"}`, title: [scene.verdict, ...scene.warnings].join("\n") }, scene.verdict)),
+      element("div", { class: "now", "aria-live": "off" }, this.phase, this.clock, this.fine),
+      element("div", { class: "tools" }, ...report, this.theme, this.help));
+
+    this.space = element("canvas", { class: "space", "aria-hidden": "true" });
+    this.over = element("canvas", { class: "over", "aria-hidden": "true" });
+    this.panes = Object.fromEntries(["oblique", "top", "close"].map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "img" })]));
+    this.whole = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button("⛶", "This view alone", () => does.alone(key), { class: "alone" })]));
+    this.home = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button("⌂", "As at first", () => does.home(key), { class: "home" })]));
+    for (const [key, pane] of Object.entries(this.panes)) pane.append(element("span", { class: "tools" }, ...(key === "close" ? [this.follow] : []), this.home[key], this.whole[key]));
+    this.views = element("section", { class: "views", "aria-label": "Views" }, this.space, this.over, ...Object.values(this.panes));
+
+    this.play = button("▶", "Play", does.play, { class: "play" });
+    this.speed = element("output", { class: "speed", "aria-label": "Speed" });
+    const transport = element("div", { class: "transport" },
+      button("⏮", "Previous event", () => does.event(-1)), button("‹", "Step back", () => does.step(-1)), this.play,
+      button("›", "Step on", () => does.step(1)), button("⏭", "Next event", () => does.event(1)),
+      button("−", "Slower", () => does.faster(-1)), this.speed, button("+", "Faster", () => does.faster(1)));
+    this.line = element("canvas", { class: "line", role: "slider", tabindex: "0", "aria-label": "Time", "aria-valuemin": scene.start, "aria-valuemax": scene.end });
+    this.time = element("section", { class: "time", "aria-label": "Time" }, transport, this.line);
+
+    const kinds = Object.keys(TITLES).filter((kind) => scene.series.some((one) => one.kind === kind));
+    this.strips = Object.fromEntries(kinds.map((kind) => [kind, element("canvas", { class: "strip", role: "img", "aria-label": TITLES[kind] })]));
+    this.charts = element("section", { class: "charts", "aria-label": "Curves" }, ...Object.values(this.strips));
+    if (!kinds.length) this.charts.hidden = true;
+
+    this.side = element("aside", { "aria-label": "Events and legend" });
+    this.hint = element("div", { class: "hint", hidden: true });
+    this.keys = element("p", { class: "keys", hidden: true }, ...KEYS.map(([key, what]) => element("span", {}, element("kbd", {}, key), ` ${what}`)),
+      element("span", {}, "drag turns, wheel or two fingers zoom, Shift and drag moves, a click on a craft follows it"));
+    root.append(head, this.views, this.time, this.charts, this.side, this.keys, this.hint);
+  }
+
+  /** A line of words at the pointer; none without text. */
+  tell(text, x = 0, y = 0) {
+    this.hint.hidden = !text;
+    if (!text) return;
+    this.hint.textContent = text;
+    const wide = this.hint.offsetWidth;
+    this.hint.style.left = `${Math.max(4, Math.min(window.innerWidth - wide - 4, x - wide / 2))}px`;
+    this.hint.style.top = `${y - this.hint.offsetHeight - 14}px`;
+  }
+
+  /** Fills the column beside the views with sections that can be folded. */
+  fill(events, legend) {
+    this.side.append(
+      element("details", { open: true, class: "key" }, element("summary", {}, "Legend"), legend),
+      element("details", { open: true, class: "list" }, element("summary", {}, "Events"), events));
+  }
+}

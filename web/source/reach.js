@@ -1,0 +1,45 @@
+// Reach: how far what is flown goes along a direction, by which views are fitted.
+
+import { dot } from "./view.js";
+
+const CLOSE = 1.15; // of a zone's size, seen to either side of the craft that is followed
+const SHADES = 5; // half of the close view, in shades, of craft that look for each other
+const ALONE = 0.04; // of the scene, where a craft has neither
+
+/** A function of (view, craft) that gives the function from a direction to [least, most] for `View.fit`. */
+export function reaches(scene, moment) {
+  const ways = moment.tracks.filter(({ kind }) => kind !== "drift").map((track) => ({ track, points: track.chords(Infinity) }));
+  const spans = (direction) => {
+    let [low, high] = [Infinity, -Infinity];
+    for (const { track, points } of ways) {
+      const { zone, moves } = scene.craft[track.craft];
+      const room = zone >= 0 && !moves ? support(scene.zones[zone], direction) : 0;
+      for (let k = 0; k < points.length; k += 4) {
+        const at = points[k] * direction[0] + points[k + 1] * direction[1] + points[k + 2] * direction[2];
+        [low, high] = [Math.min(low, at - room), Math.max(high, at + room)];
+      }
+    }
+    return low <= high ? [low, high] : [-1, 1];
+  };
+  const size = Math.max(...scene.low.map((low, i) => scene.high[i] - low), 1);
+  const near = (craft) => {
+    const { zone } = scene.craft[craft];
+    const offset = moment.searches[0]?.sensor.offset ?? 0;
+    if (moment.searches.length) return SHADES * Math.max(offset, 0.017 * size);
+    return zone >= 0 ? CLOSE * scene.zones[zone].radius : ALONE * size;
+  };
+  return (view, craft) => {
+    if (!view.follows) return spans;
+    const [half, place] = [near(craft), moment.positions[craft]];
+    return (direction) => [dot(place, direction) - half, dot(place, direction) + half];
+  };
+}
+
+/** How far a zone goes from its middle. */
+function support({ shape, axes, mesh, radius }, direction) {
+  if (mesh) return Math.min(radius, Math.max(...mesh.corners.map((corner) => dot(corner, direction))));
+  const parts = [0, 1, 2].map((j) => axes[j] * direction[0] + axes[3 + j] * direction[1] + axes[6 + j] * direction[2]);
+  if (shape === "ball") return Math.hypot(...parts);
+  if (shape === "cylinder") return Math.hypot(parts[0], parts[1]) + Math.abs(parts[2]);
+  return parts.reduce((sum, one) => sum + Math.abs(one), 0);
+}
