@@ -60,6 +60,7 @@ _NAMES = {
     "search.gather": "gather gather_cases",
     "campaign": "study",
     "mission": "run",
+    "exchange.chief": "Chief",
     "exchange.ephemeris": "Ephemeris",
     "exchange.oem": "read_oem read_oem_segments write_oem",
     "exchange.covariance": "Covariances",

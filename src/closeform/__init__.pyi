@@ -25,6 +25,7 @@ from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission import run as run
+from closeform.exchange.chief import Chief as Chief
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
 from closeform.exchange.conjunction import (
     Conjunction as Conjunction,

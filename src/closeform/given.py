@@ -62,7 +62,7 @@ def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "Com
 
     try:
         return common_frame([read_oem(file) for file in files], interpolate=interpolate)
-    except (ValueError, ImportError) as error:
+    except ValueError as error:
         raise UsageError(str(error)) from None
 
 

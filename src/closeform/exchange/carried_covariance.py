@@ -8,7 +8,7 @@ from closeform.arrays import Floats
 from closeform.exchange.covariance import inertial
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.motion.circular import CircularOrbit
-from closeform.motion.elements import elements_from_inertial, inertial_from_elements
+from closeform.motion.elements import elements_from_inertial, inertial_later
 from closeform.motion.frames import relative_jacobian
 
 
@@ -39,6 +39,4 @@ def state_near(ephemeris: Ephemeris, time: float, mu: float) -> Floats:
     known, ahead = ephemeris.states[nearest], time - ephemeris.times[nearest]
     if ahead == 0.0:
         return np.asarray(known)
-    elements = elements_from_inertial(known, mu)
-    elements[1] += ahead * np.sqrt(mu / elements[0] ** 3)
-    return inertial_from_elements(elements, mu)
+    return inertial_later(known, ahead, mu)

@@ -17,7 +17,7 @@ import numpy as np
 from closeform.arrays import instance
 from closeform.exchange.conjunction import Conjunction, ConjunctionObject
 from closeform.exchange.covariance import LOWER, from_lower
-from closeform.exchange.epochs import calendar
+from closeform.exchange.epochs import clock
 from closeform.exchange.message import (
     CORRECT,
     Entry,
@@ -87,7 +87,7 @@ def read_cdm(file: str | PathLike[str]) -> Conjunction:
         found = by_keyword(relative, "before OBJECT1")
         require(found, (*HEADER, *RELATIVE), "before OBJECT1")
         try:
-            calendar(found["TCA"].value)
+            clock(found["TCA"].value, "UTC")
         except ValueError:
             what = f"TCA: '{found['TCA'].value[:30]}' is no epoch; write it as 2010-03-13T22:37:52.618"
             raise ValueError(f"line {found['TCA'].line}: {what}") from None

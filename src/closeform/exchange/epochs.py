@@ -1,75 +1,207 @@
-"""Epochs of CCSDS messages: instants as they are written, in the scales that astropy counts.
+"""Epochs: instants as CCSDS messages write them, the seconds between them, and what they are in UTC.
 
-astropy comes with the extra `ephemeris`, and is imported when it is first used.
+ERFA counts leap seconds and turns time systems into each other; dates are in two parts, which lose no
+nanosecond.  It is imported when it is first used.
 """
+
+from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import date, timedelta
-from importlib import import_module
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, numbers
 
-# Scales in which astropy counts seconds; GPS time runs at TAI's rate, a constant 19 s behind.
-SCALES = {"GPS": "tai"} | {name.upper(): name for name in ("tai", "tcb", "tcg", "tdb", "tt", "ut1", "utc")}
+SYSTEMS = ("GPS", "TAI", "TCB", "TCG", "TDB", "TT", "UTC")
+DAY = 86400.0  # s
+GPS_BEHIND_TAI = 19.0  # s, for good
+EXAMPLE = "2010-07-27T00:00:00"
 
-EPOCH = re.compile(r"(\d{4})-(?:(\d{3})|(\d\d-\d\d))T(\d\d:\d\d:\d\d(?:\.\d*)?)Z?")
+EPOCH = re.compile(r"(\d{4}-(?:\d{3}|\d\d-\d\d))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
+Dates = tuple[Floats, Floats]  # Julian, in two parts that add
 
 
 class EpochError(ValueError):
     """What is no epoch; `index`: which of several."""
 
     def __init__(self, index: int, stamp: str) -> None:
-        super().__init__(f"'{stamp}' is no epoch; write it as 2010-07-27T00:00:00")
+        super().__init__(f"'{stamp}' is no epoch; write it as {EXAMPLE}")
         self.index = index
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """An instant: how it is written (`stamp`), in which time `system`.  Raises ValueError if it is none."""
+
+    stamp: str
+    system: str = "UTC"
+
+    def __post_init__(self) -> None:
+        _ = self._date
+
+    @classmethod
+    def of(cls, text: str) -> Epoch:
+        """From "2026-11-22T12:00:00Z", in UTC, or "2026-11-22T12:00:15 TAI"."""
+        stamp, _, system = text.strip().partition(" ")
+        return cls(stamp, system.strip() or "UTC")
+
+    def __str__(self) -> str:
+        return f"{self.stamp.removesuffix('Z')} {self.system}"
+
+    @cached_property
+    def _date(self) -> Dates:
+        return dates([self.stamp], self.system)
+
+    def until(self, other: Epoch) -> float:
+        """Seconds until another epoch, also of another time system; negative if that was before."""
+        if self.system.upper() == other.system.upper():
+            return float(seconds_of([self.stamp, other.stamp], self.system)[1])
+        (day, part), (other_day, other_part) = (tai(each._date, each.system) for each in (self, other))
+        return float(((other_day - day) + (other_part - part))[0] * DAY)
+
+    def stamps(self, times: ArrayLike) -> list[str]:
+        """The epochs that are so many seconds (T,) later, in the same time system, to a nanosecond."""
+        later = self._later(times)
+        if self.system.upper() != "UTC":
+            return written(later, "TAI", 9)
+        return written(utc(later), "UTC", 9)
+
+    def utc(self, times: ArrayLike, decimals: int = 9) -> list[str]:
+        """The same in UTC, with a Z at the end."""
+        later = utc(tai(self._later(times), self.system))
+        return [f"{stamp}Z" for stamp in written(later, "UTC", decimals)]
+
+    def _later(self, times: ArrayLike) -> Dates:
+        """Dates so many seconds (T,) later, that count like those of `dates`."""
+        day, part = self._date
+        whole, rest = np.divmod(np.ravel(numbers("times", times)), DAY)
+        return day + whole, part + rest / DAY
 
 
 def seconds_of(stamps: Sequence[str], system: str) -> Floats:
     """Seconds of ISO epochs after the first of them; leap seconds are counted."""
-    scale = scale_of(system)
-    iso = []
+    day, part = dates(stamps, system)
+    seconds: Floats = ((day - day[0]) + (part - part[0])) * DAY
+    return seconds.round(10)  # as written: 20.0
+
+
+def dates(stamps: Sequence[str], system: str) -> Dates:
+    """Dates of ISO epochs in days of 86400 s: of UTC those in TAI, else those of the system itself."""
+    if (known := system.upper()) not in SYSTEMS:
+        why = "follows the turning Earth, as tables tell" if known == "UT1" else "is not supported"
+        raise ValueError(f"TIME_SYSTEM {system} {why}; use one of {', '.join(SYSTEMS)}")
+    import erfa
+
+    parts = []
     for index, stamp in enumerate(stamps):
         try:
-            iso.append(calendar(stamp.strip()))
+            parts.append(clock(stamp.strip(), known))
         except ValueError:
             raise EpochError(index, stamp) from None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # "dubious year": UTC after the last known leap second
-        epochs = imported("astropy.time").Time(iso, format="isot", scale=scale)
-        return np.asarray((epochs - epochs[0]).to_value("s"), dtype=float).round(10)  # as written: 20.0
+    columns = np.array(parts, dtype=float).T
+    year, month, day, hour, minute = columns[:5].astype(int)
+    with quiet():
+        scale = "UTC" if known == "UTC" else "TAI"
+        found = erfa.dtf2d(scale, year, month, day, hour, minute, columns[5])
+        return dated(erfa.utctai(*found) if known == "UTC" else found)
 
 
-def calendar(stamp: str) -> str:
-    """A CCSDS epoch, with month and day or day of year, as calendar date and clock."""
+def clock(stamp: str, system: str) -> tuple[int, int, int, int, int, float]:
+    """Year, month, day, hour, minute and second of a CCSDS epoch, whichever way its day is written."""
     match = EPOCH.fullmatch(stamp)
     if match is None:
         raise ValueError
-    year, day_of_year, month_day, clock = match.groups()
-    if day_of_year:
-        day = date(int(year), 1, 1) + timedelta(int(day_of_year) - 1)
-    else:
-        day = date.fromisoformat(f"{year}-{month_day}")
-    hour, minute, second = (float(part) for part in clock.split(":"))
-    if day.year != int(year) or hour > 23 or minute > 59 or second >= 61:  # 60: a leap second
+    day, hour, minute, second = calendar(match[1]), int(match[2]), int(match[3]), float(match[4])
+    if hour > 23 or minute > 59 or second >= 60.0 + (hour == 23 and minute == 59 and leap(day, system)):
         raise ValueError
-    return f"{day}T{clock}"
+    return day.year, day.month, day.day, hour, minute, second
 
 
-def scale_of(system: str) -> str:
-    """The scale of a TIME_SYSTEM in astropy's words."""
-    if system.upper() not in SCALES:
-        raise ValueError(f"TIME_SYSTEM {system} is not supported; use one of {', '.join(sorted(SCALES))}")
-    return SCALES[system.upper()]
+@lru_cache(maxsize=1000)
+def calendar(text: str) -> date:
+    """A day, with month and day or with the day of the year."""
+    year, _, rest = text.partition("-")
+    if "-" in rest:
+        return date.fromisoformat(text)
+    day = date(int(year), 1, 1) + timedelta(int(rest) - 1)
+    if day.year != int(year):
+        raise ValueError
+    return day
 
 
-def imported(module: str) -> Any:
-    """A module of the extra `ephemeris`; ImportError with the remedy where it is missing."""
-    try:
-        return import_module(module)
-    except ImportError:
-        package = module.partition(".")[0]
-        raise ImportError(f"{package} is not installed; run: pip install 'closeform[ephemeris]'") from None
+@lru_cache(maxsize=1000)
+def leap(day: date, system: str) -> bool:
+    """Whether a day has a second more, of those that are known."""
+    if system != "UTC":
+        return False
+    import erfa
+
+    after = day + timedelta(1)
+    with quiet():
+        behind = [erfa.dat(one.year, one.month, one.day, 0.0) for one in (day, after)]
+    return bool(behind[1] - behind[0] > 0.5)
+
+
+def tai(found: Dates, system: str) -> Dates:
+    """Dates of a time system (see `dates`) in TAI."""
+    import erfa
+
+    known = system.upper()
+    with quiet():
+        if known in ("UTC", "TAI"):
+            return found
+        if known == "GPS":
+            return found[0], found[1] + GPS_BEHIND_TAI / DAY
+        if known == "TCB":
+            found = erfa.tcbtdb(*found)
+        if known == "TCG":
+            found = erfa.tcgtt(*found)
+        if known in ("TCB", "TDB"):  # at the Earth's centre
+            found = erfa.tdbtt(*found, erfa.dtdb(*found, 0.0, 0.0, 0.0, 0.0))
+        return dated(erfa.tttai(*found))
+
+
+def dated(found: tuple[Any, Any]) -> Dates:
+    """Dates as ERFA answers with them, which carries no types."""
+    return found
+
+
+def utc(found: Dates) -> Dates:
+    """Dates of TAI in UTC, as ERFA counts them: a day with a leap second is a day."""
+    import erfa
+
+    with quiet():
+        return dated(erfa.taiutc(*found))
+
+
+def written(found: Dates, scale: str, decimals: int) -> list[str]:
+    """Dates as ISO epochs; "UTC" is the scale with leap seconds."""
+    import erfa
+
+    with quiet():
+        *days, times = erfa.d2dtf(scale, decimals, *found)
+    rows = zip(
+        *(column.tolist() for column in (*days, times["h"], times["m"], times["s"], times["f"])), strict=True
+    )
+    dot = "." if decimals else ""
+    return [
+        f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}{dot}"
+        + f"{part:0{decimals}}" * bool(dot)
+        for year, month, day, hour, minute, second, part in rows
+    ]
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without ERFA's word on each year for which leap seconds are not known yet."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield

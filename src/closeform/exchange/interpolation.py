@@ -3,11 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
-from closeform.exchange.ephemeris import Ephemeris
+from closeform.arrays import Floats, numbers
+from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.epochs import Epoch
 
 MOST = 6  # states that one polynomial goes through, of degree 11
+
+
+def states_of(ephemeris: Ephemeris, epoch: Epoch, times: ArrayLike) -> tuple[Floats, Floats]:
+    """States (T, 6) of an ephemeris so many seconds (T,) after an epoch, and errors (T,) [m] by estimate.
+
+    Raises ValueError where it does not reach.
+    """
+    own = Epoch(ephemeris.epoch, ephemeris.time_system)
+    begin, end = ephemeris.times[0], ephemeris.times[-1]
+    wanted = numbers("times", times) + own.until(epoch)
+    outside = (wanted < begin - SAME_EPOCH) | (wanted > end + SAME_EPOCH)
+    if outside.any():
+        first, last, missed = own.stamps([begin, end, wanted[np.argmax(outside)]])
+        raise ValueError(
+            f"{ephemeris.name}: has states from {first} to {last} {own.system}, and none at {missed}; "
+            "give an epoch within them, or a longer file"
+        )
+    return interpolated(ephemeris, wanted.clip(begin, end))
 
 
 def interpolated(ephemeris: Ephemeris, times: Floats) -> tuple[Floats, Floats]:

@@ -1,7 +1,6 @@
 """CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B): read and write.
 
-Files hold km and km/s; here all is in m and m/s.  Epochs need the extra `ephemeris` (astropy), which is
-imported when it is first used.
+Files hold km and km/s; here all is in m and m/s.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from pathlib import Path as FilePath
 from closeform.arrays import Floats, instance, sequence
 from closeform.exchange.covariance import Covariances
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
-from closeform.exchange.epochs import imported, scale_of, seconds_of
+from closeform.exchange.epochs import Epoch, seconds_of
 from closeform.exchange.message import message, within
 from closeform.exchange.segments import ephemeris_of, segments_of
 
@@ -42,8 +41,6 @@ def read_oem(file: str | PathLike[str]) -> Ephemeris:
         If the file is absent, damaged, not an OEM, of several segments, with fewer than two states, with
         values that are not finite or epochs that do not rise, with covariances that are incomplete,
         indefinite or in an unknown frame; in one line, with file and line.
-    ImportError
-        If the extra `ephemeris` is not installed.
 
     References
     ----------
@@ -79,8 +76,6 @@ def read_oem_segments(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
     ValueError
         As `read_oem`; or if segments are of different objects or time systems, or the useable span of one
         begins before that of the last has ended.
-    ImportError
-        If the extra `ephemeris` is not installed.
 
     References
     ----------
@@ -131,8 +126,6 @@ def write_oem(
     ------
     ValueError
         If an argument is of another kind, or `epoch` or `time_system` cannot be read.
-    ImportError
-        If the extra `ephemeris` is not installed.
 
     References
     ----------
@@ -171,11 +164,8 @@ def write_oem(
 
 def _stamps(ephemeris: Ephemeris, times: Floats) -> list[str]:
     """Times [s] as epochs, to a nanosecond."""
-    time = imported("astropy.time")
-    start = time.Time(ephemeris.epoch, scale=scale_of(ephemeris.time_system))
-    epochs = start + time.TimeDelta(times, format="sec")
-    epochs.precision = 9
-    return [re.sub(r"\.?0+$", "", stamp) for stamp in epochs.isot]
+    start = Epoch(ephemeris.epoch, ephemeris.time_system)
+    return [re.sub(r"\.?0+$", "", stamp) for stamp in start.stamps(times)]
 
 
 def _lines_of(covariances: Covariances, stamps: Sequence[str], frame: str) -> list[str]:

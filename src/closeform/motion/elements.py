@@ -109,6 +109,15 @@ def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
     return np.concatenate([position, vx[..., None] * to_node + vy[..., None] * across], axis=-1)
 
 
+def inertial_later(state: ArrayLike, time: ArrayLike, mu: float = EARTH_MU) -> Floats:
+    """Inertial states (..., 6) [m, m/s] some time (...) [s] after a state, by Kepler's motion."""
+    elements = elements_from_inertial(state, mu)
+    ahead = np.sqrt(mu / elements[..., 0]) / elements[..., 0] * np.asarray(time)
+    turned = np.broadcast_to(elements, np.shape(ahead) + (6,)).copy()
+    turned[..., 1] += ahead
+    return inertial_from_elements(turned, mu)
+
+
 def ellipse(name: str, elements: ArrayLike) -> Any:
     """The six elements of an argument, checked; ValueError unless they are of ellipses."""
     parts = np.moveaxis(checked(name, elements, last=6), -1, 0)

@@ -1,0 +1,349 @@
+"""Chief: the orbit of the formation's origin, by which Hill's frame is inertial and seconds are UTC."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance, numbers, shown
+from closeform.exchange.common_frame import INERTIAL
+from closeform.exchange.ephemeris import Ephemeris
+from closeform.exchange.epochs import Epoch
+from closeform.exchange.interpolation import states_of
+from closeform.motion.elements import elements_from_inertial, inertial_from_elements, inertial_later
+from closeform.motion.frames import AlongTrack, inertial_from_relative, relative_from_inertial
+from closeform.motion.mean_motion import EARTH_MU, checked
+
+if TYPE_CHECKING:
+    from closeform.motion.orbit import Orbit
+
+ALMOST_CIRCULAR = 1e-3  # eccentricity: beyond, Hill's equations are off by more than flattening makes them
+OFF_BY = 25.0  # m for each metre of separation, orbit and unit of eccentricity, at most: docs/validity.md
+
+
+@dataclass(frozen=True, eq=False)
+class Chief:
+    """The orbit of a formation's origin: an inertial state at an epoch, and Kepler's motion or an ephemeris.
+
+    Parameters
+    ----------
+    epoch : str
+        The instant from which times count: ISO, as "2026-11-22T12:00:00".
+    state : array of shape (6,) [m, m/s]
+        At `epoch`, in `frame` about `center`; anything array_like will do.
+    frame : str, default "EME2000"
+        An inertial frame: EME2000, GCRF, ICRF, J2000, MCI, MOD, TEME or TOD.
+    time_system : str, default "UTC"
+        Of `epoch`: GPS, TAI, TCB, TCG, TDB, TT or UTC.
+    center : str, default "EARTH"
+        The body in the frame's origin.
+    mu : float [m^3/s^2], default that of the Earth
+        Its gravitational parameter.
+    ephemeris : Ephemeris, optional
+        What `from_ephemeris` made it of, which it follows instead of Kepler's motion.
+
+    Raises
+    ------
+    ValueError
+        If `epoch` is none, a frame or time system is unknown, or the state is not on an ellipse.
+
+    References
+    ----------
+    Kepler's laws; docs/epochs.md.
+    """
+
+    epoch: str
+    state: Floats
+    frame: str = "EME2000"
+    time_system: str = "UTC"
+    center: str = "EARTH"
+    mu: float = EARTH_MU
+    ephemeris: Ephemeris | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("epoch", "frame", "time_system", "center"):
+            instance(name, getattr(self, name), str)
+        try:
+            _ = self.instant
+        except ValueError as error:
+            raise ValueError(f"epoch: {error}") from None
+        if self.frame.upper() not in INERTIAL:
+            remedy = f"convert to one of {', '.join(INERTIAL)}"
+            raise ValueError(f"frame: {shown(self.frame)} turns or is unknown; {remedy}")
+        state = numbers("state", self.state)
+        if state.shape != (6,):
+            raise ValueError(f"state: expected shape (6,), got {state.shape}")
+        object.__setattr__(self, "state", state)
+        elements_from_inertial(state, self.mu)
+        instance("ephemeris", self.ephemeris, Ephemeris, type(None))
+
+    @classmethod
+    def from_elements(
+        cls,
+        epoch: str,
+        elements: ArrayLike,
+        frame: str = "EME2000",
+        time_system: str = "UTC",
+        center: str = "EARTH",
+        mu: float = EARTH_MU,
+    ) -> Self:
+        """The orbit of some elements.
+
+        Parameters
+        ----------
+        epoch : str
+            The instant from which times count: ISO.
+        elements : array_like of shape (6,) [m, rad, no unit, no unit, rad, rad]
+            Elements [a, u, ex, ey, i, O] at `epoch`, as in `inertial_from_elements`.
+        frame : str, default "EME2000"
+            An inertial frame.
+        time_system : str, default "UTC"
+            Of `epoch`.
+        center : str, default "EARTH"
+            The body in the frame's origin.
+        mu : float [m^3/s^2], default that of the Earth
+            Its gravitational parameter.
+
+        Returns
+        -------
+        Chief
+            On Kepler's orbit.
+
+        Raises
+        ------
+        ValueError
+            If the elements are not six of an ellipse, or as `Chief` itself.
+
+        References
+        ----------
+        docs/epochs.md.
+        """
+        return cls(epoch, inertial_from_elements(elements, mu), frame, time_system, center, mu)
+
+    @classmethod
+    def from_ephemeris(
+        cls,
+        ephemeris: Ephemeris,
+        epoch: str | None = None,
+        time_system: str | None = None,
+        mu: float = EARTH_MU,
+    ) -> Self:
+        """What an ephemeris says, between its states by interpolation.
+
+        Parameters
+        ----------
+        ephemeris : Ephemeris
+            In an inertial frame.
+        epoch : str, optional
+            The instant from which times count, within its span; its own first one unless given.
+        time_system : str, optional
+            Of `epoch`; that of the ephemeris unless given.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body in its centre.
+
+        Returns
+        -------
+        Chief
+            Which follows the ephemeris, from its first state to its last.
+
+        Raises
+        ------
+        ValueError
+            If the epoch is outside of its span, its frame turns, or as `Chief` itself.
+
+        References
+        ----------
+        docs/epochs.md.
+        """
+        instance("ephemeris", ephemeris, Ephemeris)
+        own = Epoch(ephemeris.epoch, ephemeris.time_system)
+        start = own if epoch is None else Epoch(epoch, time_system or ephemeris.time_system)
+        (state,), _ = states_of(ephemeris, start, [0.0])
+        return cls(start.stamp, state, ephemeris.frame, start.system, ephemeris.center, mu, ephemeris)
+
+    @cached_property
+    def instant(self) -> Epoch:
+        """The epoch in its time system; to count seconds to others."""
+        return Epoch(self.epoch, self.time_system)
+
+    @property
+    def elements(self) -> Floats:
+        """Its elements [a, u, ex, ey, i, O] (6,) [m, rad, no unit, no unit, rad, rad] at the epoch."""
+        return elements_from_inertial(self.state, self.mu)
+
+    @cached_property
+    def semi_major_axis(self) -> float:
+        """Of its orbit [m]; along an ephemeris the mean of what it is at each state."""
+        states = self.state if self.ephemeris is None else self.ephemeris.states
+        return float(np.mean(elements_from_inertial(states, self.mu)[..., 0]))
+
+    @property
+    def eccentricity(self) -> float:
+        """Of its orbit at the epoch (no unit)."""
+        return float(np.hypot(*self.elements[2:4]))
+
+    @property
+    def orbit(self) -> Orbit:
+        """The circle that Hill's equations take its orbit for, by its semi-major axis."""
+        from closeform.motion.orbit import Orbit  # whose kernels states alone can spare
+
+        return Orbit.from_semi_major_axis(self.semi_major_axis, self.mu)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What its orbit has that Hill's equations leave out."""
+        e = self.eccentricity
+        what = f"the chief's eccentricity is {e:.4f}, and Hill's equations are of a circle"
+        off = f"off by up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
+        return (f"{what}: {off}",) if e > ALMOST_CIRCULAR else ()
+
+    def states(self, times: ArrayLike) -> Floats:
+        """Its inertial states: Kepler's motion, or those of the ephemeris.
+
+        Parameters
+        ----------
+        times : array_like of shape (...) [s]
+            Since `epoch`, of any sign; of an ephemeris within its span.
+
+        Returns
+        -------
+        array of shape (..., 6) [m, m/s]
+            In `frame`.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite, or outside of the ephemeris.
+
+        References
+        ----------
+        Kepler's equation; docs/epochs.md.
+        """
+        return self._flown(times)[0]
+
+    def interpolation_errors(self, times: ArrayLike) -> Any:
+        """How far `states` may be off as those of an ephemeris are interpolated, by estimate.
+
+        Parameters
+        ----------
+        times : array_like of shape (...) [s]
+            Since `epoch`.
+
+        Returns
+        -------
+        float or array of shape (...) [m]
+            Of positions; 0 at its epochs, and without an ephemeris.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite, or outside of the ephemeris.
+
+        References
+        ----------
+        docs/ephemerides.md.
+        """
+        return self._flown(times)[1][()]
+
+    def inertial_from_relative(
+        self, times: ArrayLike, relative: ArrayLike, along_track: AlongTrack = "arc"
+    ) -> Floats:
+        """Inertial states of craft, from those in the Hill frame that the chief carries.
+
+        Parameters
+        ----------
+        times : array_like of shape (...) [s]
+            Since `epoch`; broadcasts with the states.
+        relative : array_like of shape (..., 6) [m, m/s]
+            In the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
+        along_track : "arc" or "straight", default "arc"
+            What y and z are: arcs on the circle of the chief's semi-major axis, as `common_frame` and a
+            screening measure them, or Cartesian components.
+
+        Returns
+        -------
+        array of shape (..., 6) [m, m/s]
+            In `frame`.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, a value is not finite, a word is unknown, or a time is outside of the
+            ephemeris.
+
+        References
+        ----------
+        docs/validity.md and docs/epochs.md.
+        """
+        return inertial_from_relative(self.states(times), relative, along_track, self._circle(along_track))
+
+    def relative_from_inertial(
+        self, times: ArrayLike, inertial: ArrayLike, along_track: AlongTrack = "arc"
+    ) -> Floats:
+        """States of craft in the Hill frame that the chief carries: the inverse of `inertial_from_relative`.
+
+        Parameters
+        ----------
+        times : array_like of shape (...) [s]
+            Since `epoch`; broadcasts with the states.
+        inertial : array_like of shape (..., 6) [m, m/s]
+            In `frame`.
+        along_track : "arc" or "straight", default "arc"
+            As there.
+
+        Returns
+        -------
+        array of shape (..., 6) [m, m/s]
+            In the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, a value is not finite, a word is unknown, or a time is outside of the
+            ephemeris.
+
+        References
+        ----------
+        docs/validity.md and docs/epochs.md.
+        """
+        return relative_from_inertial(self.states(times), inertial, along_track, self._circle(along_track))
+
+    def utc(self, times: ArrayLike) -> list[str]:
+        """Times in UTC, leap seconds counted.
+
+        Parameters
+        ----------
+        times : array_like of shape (T,) [s]
+            Since `epoch`.
+
+        Returns
+        -------
+        list of str
+            ISO, as "2026-11-22T12:00:00.000000000Z"; to a nanosecond.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite.
+
+        References
+        ----------
+        docs/epochs.md.
+        """
+        return self.instant.utc(np.ravel(checked("times", times)))
+
+    def _flown(self, times: ArrayLike) -> tuple[Floats, Floats]:
+        """Inertial states (..., 6) and how far they may be off (...) [m]."""
+        given = np.asarray(checked("times", times))
+        if self.ephemeris is None:
+            return inertial_later(self.state, given, self.mu), np.zeros(given.shape)
+        states, errors = states_of(self.ephemeris, self.instant, given.ravel())
+        return states.reshape((*given.shape, 6)), errors.reshape(given.shape)
+
+    def _circle(self, along_track: str) -> float | None:
+        """The radius [m] on which arcs are measured."""
+        return self.semi_major_axis if along_track == "arc" else None

@@ -1,0 +1,200 @@
+"""The chief: Kepler's motion against an integrator, real orbits, the same frame as a screening's, UTC."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from astropy.time import Time, TimeDelta
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from closeform.exchange.chief import Chief
+from closeform.exchange.oem import read_oem
+
+GRACE = Path(__file__).parents[1] / "examples" / "grace"
+EPOCH = "2026-11-22T12:00:00.123456789"
+INCLINED = [6.928137e6, 0.3, 2e-3, -1e-3, np.radians(97.6), 1.2]
+
+
+def attracted(_, state):
+    return np.concatenate([state[3:], -cf.EARTH_MU * state[:3] / np.linalg.norm(state[:3]) ** 3])
+
+
+def to_fifty_digits(state, time):
+    """The position by Lagrange's coefficients; Kepler's equation is that of the change of the anomaly."""
+    with mpmath.workdps(50):
+        mu, time = mpmath.mpf(cf.EARTH_MU), mpmath.mpf(float(time))
+        place, speed = (
+            mpmath.matrix([mpmath.mpf(float(one)) for one in part]) for part in (state[:3], state[3:])
+        )
+        radius, climb = mpmath.norm(place), (place.T * speed)[0] / mpmath.sqrt(mu)
+        a = 1 / (2 / radius - (speed.T * speed)[0] / mu)
+        rate = mpmath.sqrt(mu / a**3)
+
+        def kepler(turn):
+            shape = (1 - radius / a) * mpmath.sin(turn) - climb / mpmath.sqrt(a) * (1 - mpmath.cos(turn))
+            return turn - shape - rate * time
+
+        turn = mpmath.findroot(kepler, (rate * time - 1, rate * time + 1), solver="anderson")
+        f = 1 - a / radius * (1 - mpmath.cos(turn))
+        g = time - (turn - mpmath.sin(turn)) / rate
+        return [float(one) for one in f * place + g * speed]
+
+
+@pytest.fixture(scope="module")
+def grace():
+    return read_oem(GRACE / "GRACE-A.oem")
+
+
+@pytest.mark.parametrize(
+    "elements", [INCLINED, [2.5e7, -2.0, 0.5, 0.4, 0.3, -1.0], [7e6, 0.0, 0.0, 0.0, 0.0, 0.0]]
+)
+def test_keplers_motion_is_that_of_an_integrator(elements):
+    chief = Chief.from_elements(EPOCH, elements)
+    period = chief.orbit.period
+    times = np.linspace(0.0, 2.3 * period, 40)
+    flown = solve_ivp(attracted, (0.0, times[-1]), chief.state, "DOP853", times, rtol=1e-13, atol=1e-9).y.T
+    # the integrator's own error after two turns
+    np.testing.assert_allclose(chief.states(times)[:, :3], flown[:, :3], rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(chief.states(times)[:, 3:], flown[:, 3:], rtol=0.0, atol=1e-6)
+    exact = [to_fifty_digits(chief.state, time) for time in times]
+    np.testing.assert_allclose(
+        chief.states(times)[:, :3], exact, rtol=0.0, atol=1e-14 * 2.3 * 2 * np.pi * elements[0]
+    )
+    np.testing.assert_allclose(chief.states(period), chief.state, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(chief.states(0.0), chief.state, rtol=0.0, atol=1e-7)
+    assert chief.states(times.reshape(8, 5)).shape == (8, 5, 6)
+    back = Chief(EPOCH, flown[0]).states(-times[:3])
+    ahead = replace(chief, state=chief.states(-times[2])).states(times[2])
+    np.testing.assert_allclose(ahead, chief.state, rtol=0.0, atol=1e-6)
+    assert back.shape == (3, 6)
+
+
+def test_flown_orbits_are_followed_with_a_stated_error(grace):
+    """Every state of GRACE-A from every sixth: as good as stated, on other clocks, too."""
+    sparse = replace(grace, times=grace.times[::6], states=grace.states[::6])
+    chief = Chief.from_ephemeris(sparse, "2010-07-27T00:01:45", "UTC")  # GPS is 15 s ahead then
+    times = grace.times - 120.0
+    off = np.linalg.norm((chief.states(times) - grace.states)[:, :3], axis=1)
+    errors = chief.interpolation_errors(times)
+    assert (off <= errors + 8e-3).all()  # m: velocities are good to 0.2 mm/s rms, over 30 s
+    assert 0.0 < errors.max() < 0.1
+    assert not errors[::6].any()
+    np.testing.assert_allclose(chief.state, grace.states[12], rtol=0.0, atol=1e-7)
+    assert chief.utc(times[:1]) == ["2010-07-26T23:59:45.000000000Z"]
+
+
+def test_an_ephemeris_is_left_neither_early_nor_late(grace):
+    chief = Chief.from_ephemeris(grace)
+    assert chief.states(10800.0).tolist() == pytest.approx(grace.states[-1].tolist(), rel=1e-14)
+    for time, stamp in ((-1.0, "2010-07-26T23:59:59"), (10801.0, "2010-07-27T03:00:01")):
+        with pytest.raises(
+            ValueError, match=rf"GRACE-A: has states from .* GPS, and none at {stamp}\.0+; give an"
+        ):
+            chief.states(time)
+    with pytest.raises(ValueError, match="GRACE-A: has states from"):
+        Chief.from_ephemeris(grace, "2010-07-28T00:00:00")
+
+
+@pytest.mark.parametrize("along_track", ["arc", "straight"])
+@pytest.mark.parametrize("flown", [False, True])
+def test_relative_states_go_there_and_back(along_track, flown, grace):
+    chief = Chief.from_ephemeris(grace) if flown else Chief.from_elements(EPOCH, INCLINED)
+    times = np.linspace(0.0, 9000.0, 7)
+    states = np.random.default_rng(1).normal(size=(3, 7, 6)) * ([500.0] * 3 + [0.5] * 3)
+    inertial = chief.inertial_from_relative(times, states, along_track)
+    assert inertial.shape == (3, 7, 6)
+    back = chief.relative_from_inertial(times, inertial, along_track)
+    np.testing.assert_allclose(back[..., :3], states[..., :3], rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(back[..., 3:], states[..., 3:], rtol=0.0, atol=1e-10)
+    zero = chief.inertial_from_relative(times, np.zeros(6), along_track)
+    np.testing.assert_allclose(zero, chief.states(times), rtol=0.0, atol=1e-8)
+
+
+def test_the_frame_is_that_of_a_screening(grace):
+    """Where the chief stands alone and in a common frame: the same axes, circle and mean motion."""
+    other = read_oem(GRACE / "GRACE-B.oem")
+    frame = cf.common_frame([grace, other])
+    chief = Chief.from_ephemeris(grace)
+    assert chief.orbit.mean_motion == pytest.approx(frame.mean_motion, rel=1e-14)
+    assert chief.semi_major_axis == pytest.approx(frame.radius, rel=1e-14)
+    found = chief.relative_from_inertial(frame.times, other.states)
+    np.testing.assert_allclose(found[:, :3], frame.states[1, :, :3], rtol=0.0, atol=1e-6)
+
+
+def test_a_craft_ahead_by_arcs_is_on_the_same_circle():
+    """By exact two-body motion: the arc is the lead in anomaly times the radius, and stays so for a turn."""
+    circle = [7e6, 0.4, 0.0, 0.0, 1.0, 0.2]
+    chief = Chief.from_elements(EPOCH, circle)
+    ahead = Chief.from_elements(EPOCH, np.array(circle) + [0, 1e-3, 0, 0, 0, 0])
+    times = np.linspace(0.0, chief.orbit.period, 9)
+    found = chief.relative_from_inertial(times, ahead.states(times))
+    np.testing.assert_allclose(found, np.tile([0, 7e3, 0, 0, 0, 0], (9, 1)), rtol=0.0, atol=1e-6)
+
+
+def test_utc_is_that_of_astropy():
+    chief = Chief.from_elements("2016-12-31T23:00:00.123456789", INCLINED, time_system="GPS")
+    times = np.linspace(0.0, 7200.0, 50)
+    start = Time(chief.epoch, scale="tai") + TimeDelta(19.0, format="sec")
+    for stamp, time in zip(chief.utc(times), times, strict=True):
+        truth = (start + TimeDelta(time, format="sec")).utc
+        assert abs((Time(stamp[:-1], scale="utc") - truth).to_value("s")) < 0.61e-9
+    assert any(
+        "T23:59:60" in stamp for stamp in Chief.from_elements("2016-12-31T23:59:58", INCLINED).utc([0, 2])
+    )
+
+
+def test_elements_and_warnings():
+    chief = Chief.from_elements(EPOCH, INCLINED)
+    np.testing.assert_allclose(chief.elements, INCLINED, rtol=1e-12)
+    assert chief.semi_major_axis == pytest.approx(INCLINED[0], rel=1e-12)
+    assert chief.eccentricity == pytest.approx(np.hypot(2e-3, 1e-3), rel=1e-9)
+    assert chief.warnings == (
+        "the chief's eccentricity is 0.0022, and Hill's equations are of a circle: "
+        "off by up to 55.9 m for each km of separation and orbit",
+    )
+    assert Chief.from_elements(EPOCH, [7e6, 0, 5e-4, 0, 1, 0]).warnings == ()
+
+
+def test_the_warned_error_is_what_two_bodies_fly():
+    """Craft 1 km ahead on orbits a little different: the worst leaves Hill's path by about what is said."""
+    chief = Chief.from_elements(EPOCH, [6.85e6, 0.0, 2e-3, 0.0, 1.0, 0.2])
+    said = 1e3 * 25.0 * chief.eccentricity
+    times, worst = np.linspace(0.0, chief.orbit.period, 200), 0.0
+    for phase in np.linspace(0.0, 2 * np.pi, 8, endpoint=False):
+        roe = np.array([0.0, 1e3, 300 * np.cos(phase), 300 * np.sin(phase), 100.0, 300.0]) / 6.85e6
+        deputy = replace(chief, state=cf.inertial_from_elements(cf.elements_from_roe(chief.elements, roe)))
+        relative = chief.relative_from_inertial(times, deputy.states(times), "straight")
+        hill = chief.orbit.coast(relative[0], times[-1]).state(times)
+        worst = max(worst, np.linalg.norm((hill - relative)[:, :3], axis=1).max())
+    assert 0.3 * said < worst < said
+
+
+def test_a_chief_pickles(grace):
+    for chief in (Chief.from_elements(EPOCH, INCLINED), Chief.from_ephemeris(grace)):
+        back = pickle.loads(pickle.dumps(chief))
+        assert back.utc([1.0]) == chief.utc([1.0])
+        np.testing.assert_array_equal(back.states(5.0), chief.states(5.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"epoch": "noon"}, "epoch: 'noon' is no epoch; write it as"),
+        ({"time_system": "UT1"}, "epoch: TIME_SYSTEM UT1 follows the turning Earth"),
+        ({"epoch": 5}, "epoch: expected str, got 5"),
+        ({"frame": "ITRF"}, "frame: 'ITRF' turns or is unknown; convert to one of EME2000"),
+        ({"state": [1, 2, 3]}, r"state: expected shape \(6,\), got \(3,\)"),
+        ({"state": [7e6, 0, 0, 0, 12e3, 0]}, "state: the orbit must be an ellipse"),
+        ({"state": [7e6, 0, 0, 0, np.nan, 0]}, "state: every value must be finite"),
+        ({"mu": -1.0}, "mu: must be positive"),
+        ({"ephemeris": "file"}, "ephemeris: expected Ephemeris"),
+    ],
+)
+def test_what_is_no_chief(changes, message):
+    chief = Chief.from_elements(EPOCH, INCLINED)
+    with pytest.raises(ValueError, match=message):
+        replace(chief, **changes)
