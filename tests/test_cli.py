@@ -25,7 +25,7 @@ from test_errors import contents, oem
 
 CLUSTER = Path(__file__).parents[1] / "examples" / "cluster.toml"
 FILES = {
-    *("scenario.toml", "summary.json", "report.html"),
+    *("scenario.toml", "summary.json", "report.html", "viewer.html"),
     *("conflicts.parquet", "approaches.parquet", "paths.parquet", "craft.parquet"),
 }
 
@@ -320,9 +320,23 @@ def test_what_is_not_built_says_so(tmp_path, capsys) -> None:
 def test_view(flown: tuple[Path, str], monkeypatch, capsys) -> None:
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
-    assert main(["view", str(flown[0])]) == 0
-    assert opened == [(flown[0] / "report.html").resolve().as_uri()]
-    assert capsys.readouterr().out.rstrip() == str((flown[0] / "report.html").resolve())
+    for options, name in (([], "viewer.html"), (["--report"], "report.html")):
+        assert main(["view", str(flown[0]), *options]) == 0
+        assert opened.pop() == (flown[0] / name).resolve().as_uri()
+        assert capsys.readouterr().out.rstrip() == str((flown[0] / name).resolve())
+
+
+def test_run_leaves_the_viewer_unless_asked_not_to(flown: tuple[Path, str], tmp_path, monkeypatch) -> None:
+    """Then `view` opens the report."""
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    assert "viewer.html" in json.loads((flown[0] / "summary.json").read_text())["files"]
+    file, out = tmp_path / "file.toml", tmp_path / "out"
+    file.write_text(GOOD)
+    assert main(["run", str(file), "--out", str(out), "--no-viewer"]) == 0
+    assert not (out / "viewer.html").exists()
+    assert main(["view", str(out)]) == 0
+    assert opened == [(out / "report.html").resolve().as_uri()]
 
 
 def test_screen(tmp_path, capsys) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from bad_input import GOOD, LOST
 from closeform.publishing import BESIDE, folder, workplace
-from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, report_of
+from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, page_of
 
 BUILDERS = (folder, workplace)
 
@@ -303,7 +303,7 @@ def test_an_end_at_every_step(builder, fault, before, tmp_path) -> None:
                 assert names(around) == [], k
         elif not finished(place):
             with pytest.raises(FolderError, match=r"holds no finished results|no such folder"):
-                report_of(place)
+                page_of(place)
         made(builder, place, "new", overwrite=finished(place))  # no other remedy is needed
         assert (age_of(place), names(place)) == ("new", NEW), k
         assert [name for name in os.listdir(around) if name.startswith(BESIDE)] == [], k

@@ -262,7 +262,8 @@ export interface Failure {
   time: number | null;
   /** Least norm: below 1 it is in the zone. */
   ratio: number;
-  distance: number;
+  /** Between the centres then [m]; null where `time` is. */
+  distance: number | null;
   safe: boolean;
   /** The drift of who fails, and that of who is met once its stage has ended. */
   track: Index;
@@ -299,7 +300,7 @@ export interface Series {
   kind: "ratio" | "range" | "thrust" | "delta-v";
   /** What it is, such as "F6 - F8". */
   name: string;
-  /** "x zone", "m", "m/s²", "m/s". */
+  /** "× zone", "m", "m/s²", "m/s". */
   unit: string;
   /** One craft, or the two of a pair. */
   craft: Index[];

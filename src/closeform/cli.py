@@ -103,6 +103,7 @@ def run(
     out: Path | None = None,
     case: int | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
+    no_viewer: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Fly a scenario: who finds whom, every conflict, the cheapest way around found; leaves results.
 
@@ -116,6 +117,8 @@ def run(
         One case of the study, counted from 0, instead of the nominal values.
     overwrite
         Replace finished results.
+    no_viewer
+        Leave viewer.html out, the page in which all of it moves.
     """
     from closeform.publishing import folder
     from closeform.result_folder import check_free, written
@@ -131,6 +134,7 @@ def run(
     from closeform.mission import fly
     from closeform.report.run import RunReport, leave
     from closeform.scenario import ScenarioError
+    from closeform.viewer import page
 
     notes = stderr()
     try:
@@ -138,7 +142,8 @@ def run(
             mission = fly(loaded, lambda text: status.update(text))
             report = RunReport(mission)
             with written(place):
-                leave(report, under_way, lambda text: status.update(text))
+                shown = None if no_viewer else page.leave
+                leave(report, under_way, lambda text: status.update(text), shown)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
@@ -254,21 +259,23 @@ def study_report(campaign: Any, scenario: "Scenario") -> "StudyReport | ErrorStu
 
 
 @app.command(sort_key=4)
-def view(directory: Path, /) -> int:
-    """Open the report that a run left in a browser.
+def view(directory: Path, /, *, report: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Open in a browser what a run left: the page in which it moves; or its report, as of a study.
 
     Parameters
     ----------
     directory
-        Result folder of a run.
+        Result folder of a run, or of a study.
+    report
+        The report instead.
     """
     import webbrowser
 
-    from closeform.result_folder import report_of
+    from closeform.result_folder import page_of
 
-    report = report_of(directory).resolve()
-    print(report)
-    webbrowser.open(report.as_uri())
+    page = page_of(directory, report).resolve()
+    print(page)
+    webbrowser.open(page.as_uri())
     return CLEAR
 
 

@@ -21,7 +21,7 @@ from typing import Any
 from closeform.lock_file import is_held
 
 SUMMARY = "summary.json"
-REPORT = "report.html"
+REPORT, VIEWER = "report.html", "viewer.html"
 FORMAT = 1  # of summary.json
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
 
@@ -203,10 +203,15 @@ def refusal(path: Path, overwrite: bool, mine: bool) -> str | None:
     return None
 
 
-def report_of(path: Path) -> Path:
-    """The report in a finished result folder. Raises FolderError where there is none."""
+def page_of(path: Path, report: bool = False) -> Path:
+    """The page that a finished result folder is looked at by: the viewer, or the `report`, as of a study.
+
+    Raises FolderError where there is none.
+    """
     if not os.path.isdir(path):
         raise FolderError(f"{path}: no such folder; give the folder that a run left")
-    if not finished(path) or not os.path.isfile(path / REPORT):
+    pages = (REPORT,) if report else (VIEWER, REPORT)
+    found = next((path / name for name in pages if os.path.isfile(path / name)), None)
+    if not finished(path) or found is None:
         raise FolderError(f"{path}: holds no finished results; run the scenario first")
-    return path / REPORT
+    return found

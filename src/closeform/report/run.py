@@ -53,6 +53,7 @@ SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Lock: lock.section,
     Gather: gather.section,
 }
+Drawn = list[tuple[Path, str]]  # files of pictures, each with its caption
 SAMPLES = 201  # instants of each craft and stage in paths.parquet
 STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
@@ -200,15 +201,24 @@ def states(mission: Mission) -> dict[str, Any]:
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
-def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: None) -> None:
-    """Fill a result folder with everything that a run leaves; `progress` is told what is under way."""
+def leave(
+    report: RunReport,
+    folder: Folder,
+    progress: Progress = lambda text: None,
+    viewer: Callable[[Mission, Folder, Drawn], None] | None = None,
+) -> None:
+    """Fill a result folder with everything that a run leaves; `progress` is told what is under way.
+
+    `viewer` writes the page in which the mission moves, beside the pictures that were drawn.
+    """
     mission = report.mission
     folder.text("scenario.toml", mission.scenario.text)
     progress("writing tables")
     for name, columns in {**report.files, "paths": states(mission)}.items():
         folder.table(name, columns)
     pictures = [picture for told in report.sections for picture in told.pictures]
-    shown = iter(drawn(pictures, folder, progress))
+    files = drawn(pictures, folder, progress)
+    shown = iter(files)
     folder.csv("burns", report.files.get("burns", {}))
     faint = f"{report.opening}; {Path(mission.scenario.file).name}"
     parts = page.head(mission.scenario.title, [faint], str(mission.verdict), mission.verdict.ok)
@@ -217,4 +227,7 @@ def leave(report: RunReport, folder: Folder, progress: Progress = lambda text: N
         parts += page.section(told, islice(shown, len(told.pictures)))
     parts += map(page.titled, report.closing)
     folder.text(REPORT, page.document(mission.scenario.title, parts))
+    if viewer is not None:
+        progress("writing viewer.html")
+        viewer(mission, folder, files)
     folder.summary(report.summary)

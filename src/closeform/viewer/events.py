@@ -1,0 +1,177 @@
+"""Events: what happens when, in words, as marks on the time line."""
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closeform.mission_result import FirstLocks, Mission, StageResult
+from closeform.report import drift as failing
+from closeform.report.gather import BURNS, met, replayed
+from closeform.report.section import fate
+from closeform.search.gather_result import EventKind, Gathering
+from closeform.viewer.meetings import closest, places_of
+from closeform.viewer.searches import seen
+from closeform.viewer.thrusts import pushes, stretches
+
+if TYPE_CHECKING:
+    from closeform.passive import PairDrift
+
+Record = dict[str, Any]
+MANY = 40  # burns of a craft in a stage, above which the first and the last stand for them
+LISTED = 400  # events of one kind and stage
+NEAREST = 3  # failures of a stage, and approaches, that are marked
+
+
+def events(mission: Mission) -> list[Record]:
+    """Every `Event` of web/scene.d.ts, in order of time."""
+    found: list[Record] = []
+    for result in mission.results:
+        for kind in (stage, phases, gathered, locked, burnt, conflicts, approaches, failures):
+            found += list(kind(mission, result))[:LISTED]
+    if mission.results:
+        last = mission.results[-1]
+        level = "good" if mission.verdict.ok else "bad"
+        found.append(event("end", last, last.end, str(mission.verdict), level=level))
+    return sorted(found, key=lambda one: one["time"])
+
+
+def event(
+    kind: str,
+    result: StageResult[Any, Any],
+    time: float,
+    text: str,
+    craft: tuple[int, ...] = (),
+    until: float | None = None,
+    level: str = "plain",
+) -> Record:
+    """One `Event`."""
+    return {
+        "time": time,
+        "until": time if until is None else until,
+        "kind": kind,
+        "craft": list(craft),
+        "stage": result.number,
+        "text": text,
+        "level": level,
+    }
+
+
+def stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """That a stage begins, or why it failed."""
+    level = "plain" if result.failure is None else "bad"
+    yield event("stage", result, result.start, fate(result), until=result.end, level=level)
+
+
+def phases(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """The phases of a search."""
+    if not isinstance(result.result, Gathering | FirstLocks):
+        return
+    for name, number, start, end in result.result.search.phases:
+        if start < result.end - result.start:
+            until = min(result.start + end, result.end)
+            yield event("phase", result, result.start + start, f"{name} {number}", until=until)
+
+
+def gathered(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """Locks and burns of a gathering."""
+    if not isinstance(result.result, Gathering):
+        return
+    names = result.after.names
+    for moment in replayed(result.result):
+        one, time = moment.event, result.start + moment.event.time
+        if one.kind is EventKind.LOCK:
+            pair = names[one.first], names[one.second]
+            text = f"{pair[0]} - {pair[1]}: {met(moment, pair)}"
+            yield event("lock", result, time, text, (one.first, one.second), level="good")
+        else:
+            size = float(np.linalg.norm(one.delta_v))
+            yield event(
+                "burn", result, time, f"{names[one.first]}: {BURNS[one.kind]}, {speed(size)}", (one.first,)
+            )
+
+
+def locked(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """First locks of a search in which nothing burns."""
+    if not isinstance(result.result, FirstLocks):
+        return
+    names = result.after.names
+    for time, one, other in sorted(seen(result.result)):
+        text = f"{names[one]} - {names[other]}: lock"
+        yield event("lock", result, result.start + time, text, (one, other), level="good")
+
+
+def burnt(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """Impulses, pulses and thrust between coasts, of craft that do not gather."""
+    if isinstance(result.result, Gathering):
+        return
+    found = [one for craft in range(len(result.after.names)) for one in burns_of(result, craft)]
+    yield from sorted(found, key=lambda one: (one["time"], one["craft"]))
+
+
+def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
+    """The burns of one craft; of very many the first and the last."""
+    name, (kind, rows) = result.after.names[craft], pushes(result, craft)
+    some = [*rows[:1], *rows[-1:]] if len(rows) > MANY else list(rows)
+    for k, (start, lasts, *push) in enumerate(some):
+        word = kind if len(rows) <= MANY else f"{('first', 'last')[k]} of {len(rows)} {kind}s"
+        text = f"{name}: {word}, {speed(float(np.linalg.norm(push)))}"
+        yield event("burn", result, float(start), text, (craft,), float(start + lasts))
+    steady = stretches(result, craft)
+    if len(steady) > MANY or (len(steady) == 1 and np.allclose(steady[0], [result.start, result.end])):
+        return  # it thrusts all the time, which the stage says
+    for start, end in steady.tolist():
+        yield event("burn", result, start, f"{name}: thrusts for {end - start:.1f} s", (craft,), end)
+
+
+def conflicts(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """Who would have been in whose zone, and who still is."""
+    place = places_of(result)
+    for flight in (result.after,) if result.before is result.after else (result.before, result.after):
+        remains = flight is result.after
+        for conflict in sorted(flight.conflicts, key=lambda one: one.start):
+            who = f"{conflict.first} - {conflict.second}"
+            word = "conflict" if remains else "in conflict without avoidance"
+            text = f"{who}: {word}, {conflict.ratio:.4f} x zone at {conflict.time:.1f} s"
+            craft = place[conflict.first], place[conflict.second]
+            level = "bad" if remains else "plain"
+            yield event("conflict", result, conflict.start, text, craft, conflict.end, level)
+
+
+def approaches(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """The closest of a stage, each pair where somebody is closest to anybody."""
+    names = result.after.names
+    for near in closest(result)[:NEAREST]:
+        one, other = near["first"], near["second"]
+        text = (
+            f"{names[one]} - {names[other]}: closest approach, {near['ratio']:.4f} x zone "
+            f"({near['distance']:.4g} m)"
+        )
+        yield event("approach", result, near["time"], text, (one, other))
+
+
+def failures(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """The failures that lead nearest to anybody."""
+    if result.passive is None:
+        return
+    place = places_of(result)
+    for pair in result.passive.pairs[:NEAREST]:
+        if not isfinite(pair.failed_at):
+            continue
+        text = f"{pair.fails}: {told(result, pair)}"
+        craft = place[pair.fails], place[pair.meets]
+        level = "good" if pair.safe else "bad"
+        yield event("failure", result, pair.failed_at, text, craft, level=level)
+
+
+def told(result: StageResult[Any, Any], pair: "PairDrift") -> str:
+    """What a failure leads to."""
+    assert result.passive is not None
+    comes = "comes to" if not pair.safe else "stays clear, least"
+    return f"if {failing.event(result.passive)}, {comes} {failing.near(pair)} of {pair.meets}"
+
+
+def speed(size: float) -> str:
+    """A delta-v in words."""
+    return f"{size:.4g} m/s" if size >= 0.1 else f"{1e3 * size:.4g} mm/s"

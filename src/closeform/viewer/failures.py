@@ -1,0 +1,112 @@
+"""Failures: the worst that a lost thrust leads to, and the drifts on which it does."""
+
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.drift.failures import ThrustLost
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.arc import IMPULSE, START
+from closeform.motion.path import Path
+from closeform.viewer.numbers import Numbers
+from closeform.viewer.tracks import track
+
+if TYPE_CHECKING:
+    from closeform.passive import PairDrift
+
+Record = dict[str, Any]
+DRAWN, LISTED = 12, 100  # failures of a stage that have a track, and that are listed; the nearest
+BEYOND = 0.5  # orbits that a drift is shown after it is nearest
+SHARES = np.linspace(0.0, 1.0, 1025)  # of an impulse in whose midst thrust is lost
+
+
+def failures(mission: Mission, numbers: Numbers, drawn: list[Record], error: float) -> list[Record]:
+    """Every `Failure` of web/scene.d.ts; their drifts are added to the tracks `drawn`."""
+    found = []
+    for result in mission.results:
+        if result.passive is None:
+            continue
+        coasts: dict[int, int] = {}  # by who is met: its track after the stage
+        lost = isinstance(result.passive.failure, ThrustLost)
+        for row, pair in enumerate(result.passive.pairs[:LISTED]):
+            names = result.after.names
+            fails, meets = names.index(pair.fails), names.index(pair.meets)
+            record = {
+                "fails": fails,
+                "meets": meets,
+                "stage": result.number,
+                "failed_at": known(pair.failed_at),
+                "time": known(pair.time),
+                "ratio": pair.ratio,
+                "distance": pair.distance if isfinite(pair.distance) else None,
+                "safe": pair.safe,
+                "track": -1,
+                "met_track": -1,
+            }
+            if lost and row < DRAWN and isfinite(pair.failed_at):
+                way = drift(result, pair)
+                record["track"] = len(drawn)
+                drawn.append(track(numbers, way, fails, result.number, "drift", error))
+                if way.end > result.end:
+                    if meets not in coasts:
+                        coasts[meets] = len(drawn)
+                        coast = onward(result, meets, last_shown(result))
+                        drawn.append(track(numbers, coast, meets, result.number, "drift", error))
+                    record["met_track"] = coasts[meets]
+            found.append(record)
+    return found
+
+
+def known(value: float) -> float | None:
+    """A time that there is, else None."""
+    return value if isfinite(value) else None
+
+
+def drift(result: StageResult[Any, Any], pair: "PairDrift") -> Path:
+    """The worst drift of a pair: until half an orbit after it is nearest, at most until it is judged."""
+    state = lost_state(result, pair)
+    orbit = result.after.paths.orbit
+    end = shown_until(result, pair)
+    return orbit.coast(state, end - pair.failed_at, pair.failed_at)
+
+
+def shown_until(result: StageResult[Any, Any], pair: "PairDrift") -> float:
+    """When the drift of a pair is no longer shown [s]."""
+    assert result.passive is not None
+    period = result.after.paths.orbit.period
+    nearest = pair.time if isfinite(pair.time) else result.end
+    beyond = BEYOND * period if isfinite(period) else 0.5 * (result.end - result.start)
+    return float(min(result.passive.until, max(nearest, pair.failed_at) + beyond))
+
+
+def last_shown(result: StageResult[Any, Any]) -> float:
+    """When the last drift of a stage is no longer shown [s]."""
+    assert result.passive is not None
+    some = [pair for pair in result.passive.pairs[:DRAWN] if isfinite(pair.failed_at)]
+    return max(shown_until(result, pair) for pair in some)
+
+
+def onward(result: StageResult[Any, Any], craft: int, until: float) -> Path:
+    """Where a craft coasts after the stage."""
+    path = result.after.paths[craft]
+    return path.orbit.coast(path.state(path.end), until - path.end, path.end)
+
+
+def lost_state(result: StageResult[Any, Any], pair: "PairDrift") -> Floats:
+    """The state (6,) with which thrust is lost: in the midst of an impulse the one of the worst share."""
+    path = result.after.path(pair.fails)
+    state = path.state(min(pair.failed_at, path.end))
+    at: Any = np.flatnonzero(path.arcs[:, START] == pair.failed_at)
+    kick = path.arcs[at, IMPULSE : IMPULSE + 3].sum(axis=0) if len(at) else np.zeros(3)
+    if not kick.any() or not isfinite(pair.time):
+        return state
+    given = np.concatenate([np.zeros((len(SHARES), 3)), (SHARES - 1.0)[:, None] * kick], axis=1)
+    later = path.orbit.transition(pair.time - pair.failed_at)
+    met = result.after.path(pair.meets)
+    other = met.state(min(pair.time, met.end))
+    if pair.time > met.end:
+        other = path.orbit.transition(pair.time - met.end) @ other
+    gaps = ((state + given) @ later.T - other)[:, :3]
+    return np.asarray(state + given[np.argmin(np.abs(pair.zone.norm(gaps) - pair.ratio))])

@@ -1,0 +1,96 @@
+"""Meetings: who comes into whose zone when, and how close all pairs come."""
+
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from closeform.mission_result import Mission, StageResult
+
+Record = dict[str, Any]
+LISTED = 500  # conflicts and approaches of a stage, the deepest and the closest
+FEW = 30  # craft up to which distances of all pairs are looked at
+
+
+def conflicts(mission: Mission) -> list[Record]:
+    """Every `Conflict` of web/scene.d.ts, in order of time."""
+    found = []
+    for result in mission.results:
+        place = places_of(result)
+        for when, flight in (("before", result.before), ("after", result.after)):
+            if when == "before" and flight is result.after:
+                continue
+            for met in sorted(flight.conflicts, key=lambda met: met.ratio)[:LISTED]:
+                found.append(
+                    {
+                        "first": place[met.first],
+                        "second": place[met.second],
+                        "stage": result.number,
+                        "when": when,
+                        "start": met.start,
+                        "end": met.end,
+                        "time": met.time,
+                        "ratio": met.ratio,
+                    }
+                )
+    return sorted(found, key=lambda met: (met["start"], met["first"], met["second"], met["when"]))
+
+
+def approaches(mission: Mission) -> list[Record]:
+    """Every `Approach` of web/scene.d.ts, the closest first."""
+    found = [record for result in mission.results for record in closest(result)]
+    return sorted(found, key=lambda one: (one["ratio"], one["time"], one["first"], one["second"]))
+
+
+def closest(result: StageResult[Any, Any]) -> list[Record]:
+    """The closest pairs of a stage."""
+    place = places_of(result)
+    near = [pair for pair in result.after.approaches if pair.ratio < inf]
+    return [
+        {
+            "first": place[pair.first],
+            "second": place[pair.second],
+            "stage": result.number,
+            "time": pair.time,
+            "ratio": pair.ratio,
+            "distance": pair.distance,
+        }
+        for pair in sorted(near, key=lambda pair: pair.ratio)[:LISTED]
+    ]
+
+
+def places_of(result: StageResult[Any, Any]) -> dict[str, int]:
+    """The index of each craft by its name."""
+    return {name: k for k, name in enumerate(result.after.names)}
+
+
+def worth_watching(mission: Mission, most: int) -> list[tuple[int, int]]:
+    """Up to `most` pairs (i < j): those that come closest, and first of all the closest one of each craft.
+
+    In terms of zones; in a scene without any by distance, of few craft.
+    """
+    ranked = list(dict.fromkeys((one["first"], one["second"]) for one in approaches(mission)))
+    if not ranked:
+        ranked = by_distance(mission)
+    firsts, seen = [], set[int]()
+    for pair in ranked:
+        if not seen.issuperset(pair):
+            firsts.append(pair)
+            seen.update(pair)
+    chosen = set(firsts[:most])
+    chosen.update([pair for pair in ranked if pair not in chosen][: most - len(chosen)])
+    return [pair for pair in ranked if pair in chosen]
+
+
+def by_distance(mission: Mission) -> list[tuple[int, int]]:
+    """All pairs of few craft, those that come nearest first."""
+    count = len(mission.scenario.craft)
+    if not 1 < count <= FEW or not mission.results:
+        return []
+    first, second = np.triu_indices(count, 1)
+    least = np.full(len(first), inf)
+    for result in mission.results:
+        places = result.after.paths.position(np.linspace(result.start, result.end, 65))
+        least = np.minimum(least, np.linalg.norm(places[first] - places[second], axis=2).min(axis=1))
+    order = np.argsort(least, kind="stable")
+    return [(int(first[k]), int(second[k])) for k in order]

@@ -1,0 +1,60 @@
+"""The page: a scene, the script that shows it, and still views for who cannot see it move, in one file."""
+
+import json
+import re
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from closeform.mission_result import Mission
+from closeform.report.page import letters
+from closeform.result_folder import REPORT, VIEWER, Folder
+from closeform.viewer.scene import Scene, scene_of
+from closeform.viewer.stills import stills
+
+HERE = Path(__file__).parent  # the script and its style are made of web/ by `npm run build` there
+POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+REASON = "This page moves with JavaScript and WebGL, of which one is missing here; what follows stands still."
+ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
+
+
+def leave(mission: Mission, folder: Folder, pictures: Sequence[tuple[Path, str]] = ()) -> None:
+    """Write `viewer.html` into a result folder that holds `pictures`, each a file with its caption."""
+    named = [(file.name, caption) for file, caption in pictures]
+    folder.text(VIEWER, document(mission, scene_of(mission, named, REPORT)))
+
+
+def document(mission: Mission, scene: Scene) -> str:
+    """A scene as one HTML document without requests."""
+    script = ENDS_SCRIPT.sub(r"<\\/", (HERE / "viewer.js").read_text(encoding="utf-8"))
+    style = (HERE / "viewer.css").read_text(encoding="utf-8")
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(scene.record['title'])}</title>\n<style>{style}</style></head>\n<body>\n"
+        f'{still(mission, scene)}\n<div id="viewer"></div>\n'
+        f'<script type="application/json" id="scene">{as_json(scene)}</script>\n'
+        f'<script type="text/plain" id="numbers">{scene.numbers}</script>\n'
+        f"<script>{script}</script>\n</body></html>\n"
+    )
+
+
+def as_json(scene: Scene) -> str:
+    """The record as JSON in which nothing ends a script, or is no ASCII."""
+    text = json.dumps(scene.record, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def still(mission: Mission, scene: Scene) -> str:
+    """What stands on the page until its script has taken over: words, views, the way to other pictures."""
+    record = scene.record
+    tone = "good" if record["ok"] else "bad"
+    links = [(REPORT, "report")] if record["report"] else []
+    links += [(one["name"], one["title"]) for one in record["pictures"]]
+    listed = "".join(f'<li><a href="{escape(name)}">{letters(title)}</a></li>' for name, title in links)
+    return (
+        f'<main id="still">\n<h1>{letters(record["title"])}</h1>\n<p>{letters(record["opening"])}</p>\n'
+        f'<p class="verdict {tone}">{letters(record["verdict"])}</p>\n<p id="still-reason">{REASON}</p>\n'
+        f"{stills(mission, scene)}\n<ul>{listed}</ul>\n</main>"
+    )

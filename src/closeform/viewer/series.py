@@ -1,0 +1,102 @@
+"""Series: the curves of the strip chart, pairs' ratios and ranges, thrust, what was spent."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission_result import Mission, StageResult
+from closeform.viewer.meetings import places_of, worth_watching
+from closeform.viewer.numbers import Numbers
+from closeform.viewer.thrusts import instants, spent, thrust_of
+
+Record = dict[str, Any]
+PAIRS = 30  # that have curves
+UNITS = {"ratio": "× zone", "range": "m", "thrust": "m/s²", "delta-v": "m/s"}
+
+
+def series(mission: Mission, numbers: Numbers) -> list[Record]:
+    """Every `Series` of web/scene.d.ts."""
+    chart = Chart(mission.scenario.names, numbers)
+    return [*nearness(mission, chart), *efforts(mission, chart)]
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """The curves under way."""
+
+    names: tuple[str, ...]
+    numbers: Numbers
+
+    def curve(self, kind: str, craft: list[int], times: Floats, values: Floats) -> Record:
+        """One `Series`."""
+        return {
+            "kind": kind,
+            "name": " - ".join(self.names[k] for k in craft),
+            "unit": UNITS[kind],
+            "craft": craft,
+            "times": self.numbers.block(times, "f8"),
+            "values": self.numbers.block(values),
+        }
+
+
+def nearness(mission: Mission, chart: Chart) -> list[Record]:
+    """How near pairs are, in terms of their zone where they have one, and in metres."""
+    watched = worth_watching(mission, PAIRS)
+    if not watched:
+        return []
+    looks = [(result, looked_at(result, watched)) for result in mission.results]
+    times = np.concatenate([some for _, some in looks])
+    places = np.concatenate([result.after.paths.position(some) for result, some in looks], axis=1)
+    found = []
+    for kind in ("ratio", "range"):
+        for one, other in watched:
+            gap = places[one] - places[other]
+            zone = mission.scenario.zones.between(one, other) if kind == "ratio" else None
+            if zone is None and kind == "ratio":
+                continue
+            values = np.linalg.norm(gap, axis=1) if zone is None else zone.norm(gap)
+            found.append(chart.curve(kind, [one, other], times, values))
+    return found
+
+
+def looked_at(result: StageResult[Any, Any], watched: list[tuple[int, int]]) -> Floats:
+    """Instants of a stage, those of closest approaches and the edges of conflicts among them."""
+    place, chosen = places_of(result), set(watched)
+    every: list[tuple[Any, tuple[float, ...]]] = [(met, (met.time,)) for met in result.after.approaches]
+    every += [(met, (met.start, met.time, met.end)) for met in result.after.conflicts]
+    marked = [
+        time for met, times in every if (place[met.first], place[met.second]) in chosen for time in times
+    ]
+    within = [time for time in marked if result.start < time < result.end]
+    return np.unique(np.concatenate([instants(result), within]))
+
+
+def efforts(mission: Mission, chart: Chart) -> list[Record]:
+    """The thrust of each craft, and the delta-v that it has spent since the start of the mission."""
+    found = []
+    for craft in range(len(mission.scenario.craft)):
+        pushed = [thrust for result in mission.results if (thrust := thrust_of(result, craft)) is not None]
+        if pushed:
+            times = np.concatenate([some for some, _ in pushed])
+            sizes = np.concatenate([np.linalg.norm(thrust, axis=1) for _, thrust in pushed])
+            found.append(chart.curve("thrust", [craft], times, sizes))
+        if (used := used_up(mission, craft)) is not None:
+            found.append(chart.curve("delta-v", [craft], *used))
+    return found
+
+
+def used_up(mission: Mission, craft: int) -> tuple[Floats, Floats] | None:
+    """Times [s] and the delta-v [m/s] until then in all stages flown; None of who spends none."""
+    parts, so_far = [], 0.0
+    for result in mission.results:
+        if not result.flown:
+            continue
+        edges = np.array([result.start, result.end])
+        times, values = spent(result, craft) or (edges, np.zeros(2))
+        parts.append((times, so_far + values))
+        so_far += float(values[-1])
+    if so_far == 0.0:
+        return None
+    return np.concatenate([times for times, _ in parts]), np.concatenate([values for _, values in parts])

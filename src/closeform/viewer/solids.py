@@ -1,0 +1,70 @@
+"""Solids: zones as the page draws them, and in whose norm it measures."""
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.plots.zones_and_tracks import drawn
+from closeform.zones.combined_zones import key
+from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.zone import Zone
+
+NAMES = {BALL: "ball", CUBE: "box", CYLINDER: "cylinder", FACES: "faces"}
+ON = 1e-9  # of a face's offset: a corner is on it
+
+
+class Solids:
+    """The zones of a scene, each once, in the order in which they were asked for."""
+
+    def __init__(self) -> None:
+        self.records: list[dict[str, Any]] = []
+        self._found: dict[Any, int] = {}
+
+    def index(self, zone: Zone | None) -> int:
+        """Which of the records a zone is; -1 for none."""
+        if zone is None:
+            return -1
+        number = self._found.setdefault(key(zone), len(self.records))
+        if number == len(self.records):
+            self.records.append(record(zone))
+        return number
+
+
+def record(zone: Zone) -> dict[str, Any]:
+    """The `Zone` of web/scene.d.ts."""
+    shown = drawn(zone)
+    return {
+        "shape": NAMES[zone.shape],
+        "norm": zone.matrix.ravel().tolist(),
+        "axes": np.linalg.inv(zone.matrix).ravel().tolist(),
+        "faces": zone.faces.tolist(),
+        "mesh": mesh(shown) if zone.shape == FACES else None,
+        "radius": shown.radius,
+    }
+
+
+def mesh(zone: Zone) -> dict[str, Any]:
+    """Corners, triangles seen from outside, and edges of half-spaces that end in every direction."""
+    corners, ways = zone.vertices, zone.faces @ zone.matrix
+    on = corners @ ways.T > 1.0 - ON
+    triangles = [
+        triangle for face, way in zip(on.T, ways, strict=True) for triangle in fan(corners, face, way)
+    ]
+    edges = [[a, b] for a, b in combinations(range(len(corners)), 2) if int((on[a] & on[b]).sum()) > 1]
+    return {"corners": corners.tolist(), "triangles": triangles, "edges": edges}
+
+
+def fan(corners: Floats, face: Any, way: Floats) -> list[list[int]]:
+    """The triangles of one face, whose normal is along `way`, counterclockwise."""
+    members = np.flatnonzero(face)
+    if len(members) < 3:
+        return []
+    middle = corners[members].mean(axis=0)
+    right = corners[members[0]] - middle
+    up = np.cross(way, right)
+    spokes = corners[members] - middle
+    around = np.arctan2(spokes @ up / np.linalg.norm(up), spokes @ right / np.linalg.norm(right))
+    ordered = members[np.argsort(around)].tolist()
+    return [[ordered[0], one, other] for one, other in zip(ordered[1:-1], ordered[2:], strict=True)]

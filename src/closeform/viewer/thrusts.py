@@ -1,0 +1,138 @@
+"""Thrusts: what pushes everybody, when and how hard, and what it adds up to."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.arc import END, IMPULSE, START, THRUST
+from closeform.motion.path import Path
+from closeform.viewer.numbers import Numbers
+
+Record = dict[str, Any]
+SAMPLES, ALL_SAMPLES, FEWEST = 240, 24_000, 40  # instants of a stage: of one craft, of all together
+JOINTS = 400  # of a path up to which each has instants of its own
+NOTHING = 1e-9  # of the greatest thrust: rounding where a craft coasts
+
+
+class Pushes(NamedTuple):
+    """Impulses or pulses of a craft in order of time: `rows` (K, 5) [s, s, m/s], as a `Burn` has them."""
+
+    kind: str
+    rows: Floats
+
+
+def instants(result: StageResult[Any, Any]) -> Floats:
+    """Equal steps through a stage."""
+    count = int(np.clip(ALL_SAMPLES / len(result.after.names), FEWEST, SAMPLES))
+    return np.linspace(result.start, result.end, count + 1)
+
+
+def is_pulsed(result: StageResult[Any, Any], craft: int) -> bool:
+    """Whether a craft's thrusters are on or off in a stage."""
+    return result.pulsed is not None and result.after.names[craft] in result.pulsed.names
+
+
+def pushes(result: StageResult[Any, Any], craft: int) -> Pushes:
+    """The pulses of a craft that has thrusters, else its impulses."""
+    if result.pulsed is not None and is_pulsed(result, craft):
+        pulses = result.pulsed.firing.pulses
+        own = pulses[pulses.craft == result.pulsed.names.index(result.after.names[craft])]
+        order = np.argsort(own.start, kind="stable")
+        given = own.direction * own.impulse[:, None]
+        return Pushes("pulse", np.column_stack([own.start, own.duration, given])[order])
+    arcs = arcs_of(result.after.paths, craft)
+    kicked = arcs[np.abs(arcs[:, IMPULSE : IMPULSE + 3]).any(axis=1)]
+    jumps = kicked[:, IMPULSE : IMPULSE + 3]
+    return Pushes("impulse", np.column_stack([kicked[:, START], np.zeros(len(kicked)), jumps]))
+
+
+def arcs_of(paths: Path, craft: int) -> Floats:
+    """The arcs of one craft of a formation."""
+    return paths.arcs[paths.offsets[craft] : paths.offsets[craft + 1]]
+
+
+def stretches(result: StageResult[Any, Any], craft: int) -> Floats:
+    """When a craft thrusts without a pause (K, 2) [s]: from and until; pulses are not among them."""
+    if is_pulsed(result, craft):
+        return np.empty((0, 2))
+    arcs = arcs_of(result.after.paths, craft)
+    on = arcs[:, THRUST:].any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
+    return np.column_stack([arcs[edges[::2], START], arcs[edges[1::2] - 1, END]])
+
+
+def thrust_of(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
+    """Times (K,) [s] and thrust accelerations (K, 3), linear between; None of who has none, or pulses."""
+    if not len(stretches(result, craft)):
+        return None
+    path = result.after.paths[craft]
+    joints = path.arcs[1:, START]
+    times = instants(result)
+    if len(joints) <= JOINTS:
+        times = np.unique(np.concatenate([times, joints, np.nextafter(joints, -np.inf)]))
+    return times, path.thrust(times)
+
+
+def thrusts(mission: Mission, numbers: Numbers) -> list[Record]:
+    """Every `Thrust` of web/scene.d.ts."""
+    found = []
+    for result in mission.results:
+        for craft in range(len(result.after.names)):
+            if (thrust := thrust_of(result, craft)) is None:
+                continue
+            times, pushed = thrust
+            peak = float(np.linalg.norm(pushed, axis=1).max())
+            rows = numbers.block(np.column_stack([times - result.start, pushed]))
+            found.append(
+                {"craft": craft, "stage": result.number, "start": result.start, "peak": peak, "rows": rows}
+            )
+    return found
+
+
+def burns(mission: Mission, numbers: Numbers) -> list[Record]:
+    """Every `Burn` of web/scene.d.ts."""
+    found = []
+    for result in mission.results:
+        for craft in range(len(result.after.names)):
+            kind, rows = pushes(result, craft)
+            if len(rows):
+                peak = float(np.linalg.norm(rows[:, 2:], axis=1).max())
+                block = numbers.block(rows, "f8")
+                found.append(
+                    {"craft": craft, "stage": result.number, "kind": kind, "peak": peak, "rows": block}
+                )
+    return found
+
+
+def spent(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
+    """Times (K,) [s] and the delta-v (K,) [m/s] spent in the stage until then; None of who spends none."""
+    total = float(result.delta_v[craft])
+    if total == 0.0:
+        return None
+    thrust, (_, rows) = thrust_of(result, craft), pushes(result, craft)
+    times = instants(result) if thrust is None else thrust[0]
+    so_far = np.zeros(len(times))
+    if thrust is not None:
+        size = np.linalg.norm(thrust[1], axis=1)
+        so_far = np.concatenate([[0.0], np.cumsum(0.5 * (size[1:] + size[:-1]) * np.diff(times))])
+        lasting = total - float(np.linalg.norm(rows[:, 2:], axis=1).sum())
+        so_far *= lasting / so_far[-1] if so_far[-1] > 0.0 else 0.0  # to what the closed form says
+    if is_pulsed(result, craft):
+        return pulsed(times, rows)
+    return jumping(times, so_far, rows[:, 0], np.linalg.norm(rows[:, 2:], axis=1))
+
+
+def pulsed(times: Floats, rows: Floats) -> tuple[Floats, Floats]:
+    """What pulses gave until some times: a share of the one under way."""
+    begun = np.clip((times[:, None] - rows[:, 0]) / np.maximum(rows[:, 1], 1e-12), 0.0, 1.0)
+    return times, begun @ np.linalg.norm(rows[:, 2:], axis=1)
+
+
+def jumping(times: Floats, so_far: Floats, moments: Floats, sizes: Floats) -> tuple[Floats, Floats]:
+    """A curve that jumps by `sizes` (M,) at some `moments` (M,), where it has two rows."""
+    every = np.concatenate([moments, times, moments])
+    jumps = np.concatenate([np.zeros(len(moments) + len(times)), sizes])
+    order = np.argsort(every, kind="stable")  # before the jump comes first
+    return every[order], np.interp(every, times, so_far)[order] + np.cumsum(jumps[order])

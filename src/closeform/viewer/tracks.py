@@ -1,0 +1,87 @@
+"""Tracks: the ways of all craft in all stages, as flown, and where it differs as it would have been."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.path import Path
+from closeform.viewer.nodes import nodes_of
+from closeform.viewer.numbers import Numbers
+
+Record = dict[str, Any]
+COARSE = 33  # instants of each stage at which a first look tells how large the scene is
+DETAIL = 1e-4  # of the scene's size that a track may be off
+ZONE_DETAIL = 0.01  # of the smallest zone, which a close view fills the page with
+ROUNDING = 2.0**-22  # of the largest coordinate: two roundings to Float32
+
+
+def box(mission: Mission) -> Floats:
+    """The smallest box (2, 3) [m] about all craft at some instants of all stages."""
+    points = [
+        result.after.paths.position(np.linspace(result.start, result.end, COARSE)).reshape(-1, 3)
+        for result in mission.results
+    ]
+    if not points:
+        points = [mission.scenario.states(mission.orbit)[:, :3]]
+    every = np.concatenate(points)
+    return np.array([every.min(axis=0), every.max(axis=0)])
+
+
+def error_for(corners: Floats, smallest: float | None) -> float:
+    """How far a track may be off [m] between two `corners`; `smallest`: the radius of the smallest zone."""
+    wide = float(np.linalg.norm(corners[1] - corners[0]))
+    wanted = DETAIL * wide if smallest is None else min(DETAIL * wide, ZONE_DETAIL * smallest)
+    return max(wanted, ROUNDING * float(np.abs(corners).max()), 1e-6)
+
+
+def track(numbers: Numbers, path: Path, craft: int, stage: int, kind: str, error: float) -> Record:
+    """One `Track` of web/scene.d.ts, of one craft's path."""
+    nodes = nodes_of(path, 0.5 * error)  # the other half is left to Float32
+    return {
+        "craft": craft,
+        "stage": stage,
+        "kind": kind,
+        "start": float(path.start),
+        "end": float(path.end),
+        "times": numbers.block(nodes.times, "f8"),
+        "states": numbers.block(nodes.states),
+    }
+
+
+def tracks(mission: Mission, numbers: Numbers, error: float) -> list[Record]:
+    """Every track but drifts after a failure; those flown come first."""
+    return [
+        track(numbers, path, craft, result.number, kind, error)
+        for kind, ways in (("flown", flown), ("before", before), ("planned", planned))
+        for result in mission.results
+        for craft, path in ways(result)
+    ]
+
+
+def flown(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
+    """Every craft's path."""
+    paths = result.after.paths
+    yield from ((k, paths[k]) for k in range(len(paths)))
+
+
+def before(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
+    """The paths without avoidance of those that fly other ones."""
+    yield from differing(result.before.paths, result.planned.paths)
+
+
+def planned(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
+    """The plans that pulses follow."""
+    yield from differing(result.planned.paths, result.after.paths)
+
+
+def differing(paths: Path, others: Path) -> Iterator[tuple[int, Path]]:
+    """The paths, craft by craft, that are not as the `others`."""
+    if paths is others:
+        return
+    for k in range(len(paths)):
+        one, other = paths[k], others[k]
+        if one.arcs.shape != other.arcs.shape or (one.arcs != other.arcs).any():
+            yield k, one

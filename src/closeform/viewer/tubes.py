@@ -1,0 +1,32 @@
+"""Tubes: where everybody may be within some sigmas, along what is flown."""
+
+from typing import Any
+
+import numpy as np
+
+from closeform.mission_result import Mission
+from closeform.viewer.numbers import Numbers
+
+USUAL = 3.0  # sigmas that a tube is wide where none are asked for
+SAMPLES, ALL_SAMPLES, FEWEST = 96, 4800, 24  # times: of one craft, of all together
+UPPER = np.triu_indices(3)
+
+
+def tubes(mission: Mission, numbers: Numbers) -> list[dict[str, Any]]:
+    """Every `Tube` of web/scene.d.ts."""
+    found = []
+    for result in mission.results:
+        if result.uncertain is None:
+            continue
+        many = result.stage.sigmas or USUAL
+        count = int(np.clip(ALL_SAMPLES / len(result.after.names), FEWEST, SAMPLES))
+        times = np.linspace(result.start, result.end, count + 1)
+        for craft, errors in enumerate(result.uncertain.errors):
+            if errors is None:
+                continue
+            spread = many**2 * errors.covariance(result.after.paths[craft], times)[:, :3, :3]
+            rows = np.column_stack([times - result.start, spread[:, *UPPER]])
+            found.append(
+                {"craft": craft, "stage": result.number, "sigmas": float(many), "rows": numbers.block(rows)}
+            )
+    return found
