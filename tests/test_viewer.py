@@ -1,15 +1,18 @@
 """The scene of a mission: against the closed form, the contract with the page, and what others measure."""
 
+import json
 import re
 from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation, Slerp
 
 import closeform as cf
+from closeform.cli import main
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.scenario import parse
@@ -337,3 +340,29 @@ def test_page_is_one_file_that_asks_for_nothing() -> None:
 def test_same_mission_same_bytes() -> None:
     again = cf.run(EXAMPLES / "cluster.toml")
     assert document(again, scene_of(again)) == document(mission("cluster"), scene_of(mission("cluster")))
+
+
+def test_study_links_its_worst_cases_to_their_replays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With another seed than the file's, which a replay has to keep."""
+    place, options = tmp_path / "study", ["--cases", "300", "--seed", "5"]
+    main(["study", str(EXAMPLES / "h03.toml"), *options, "--out", str(place)])
+    capsys.readouterr()
+    summary = json.loads((place / "summary.json").read_text())
+    report = (place / "report.html").read_text()
+    cases = pyarrow.parquet.read_table(place / "cases" / "000000000.parquet").to_pydict()
+    links = dict(re.findall(r'<a href="(case-\d+\.html)">.*?</a>: (.*?)</li>', report))
+    assert set(links) <= set(summary["files"])
+    last, most = (int(np.argmax(np.array(cases[name]))) for name in ("duration_s", "delta_v_m_s"))
+    assert "gathered last" in links[f"case-{last}.html"]
+    assert "most delta-v" in links[f"case-{most}.html"]
+    for case in (last, most):
+        page = Seen.of((place / f"case-{case}.html").read_text())
+        assert page.record["end"] == pytest.approx(cases["duration_s"][case])
+        spent = [page.rows(one["values"])[-1] for one in page.record["series"] if one["kind"] == "delta-v"]
+        assert sum(spent) == pytest.approx(cases["delta_v_m_s"][case], rel=1e-5)
+        assert page.record["report"] == "report.html"
+    assert {int(name[5:-5]) for name, why in links.items() if "not clear" in why} <= {
+        case for case, clear in enumerate(cases["clear"]) if not clear
+    }

@@ -225,6 +225,7 @@ def study(
     from closeform.campaign import flown
     from closeform.scenario import ScenarioError
     from closeform.verdict import MET, NOT_MET
+    from closeform.viewer import replays
 
     notes = stderr()
     try:
@@ -234,7 +235,7 @@ def study(
                 campaign = flown(loaded, cases, seed, lambda done: bar.update(task, completed=done))
             report = study_report(campaign, loaded)
             with notes.status("writing results"), written(place):
-                report.leave(under_way)
+                report.leave(under_way, replays.leave(campaign, under_way))
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

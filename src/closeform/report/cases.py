@@ -1,6 +1,6 @@
 """What a study of one kind of search has of its own: of first locks, and of gatherings."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,9 @@ from closeform.verdict import MET, NOT_MET
 
 if TYPE_CHECKING:
     from closeform.campaign.error_cases import ErrorCampaign
+
+
+Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
 
 
 def interval(share: Estimate) -> str:

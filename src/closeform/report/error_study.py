@@ -10,7 +10,7 @@ import numpy as np
 from closeform.campaign.error_cases import ErrorCampaign, PairCases
 from closeform.campaign.shares import Estimate, estimate
 from closeform.report import page
-from closeform.report.cases import percent, studied
+from closeform.report.cases import Replays, percent, studied
 from closeform.report.table import MOST_ROWS, Column, Table, counted
 from closeform.result_folder import REPORT, Folder
 
@@ -94,8 +94,8 @@ class ErrorStudyReport:
             },
         }
 
-    def leave(self, folder: Folder) -> None:
-        """Fill a result folder: the page, the summary, and a row for each case."""
+    def leave(self, folder: Folder, replays: Replays = ()) -> None:
+        """Fill a result folder: the page, the summary, and a row for each case; `replays` are pages in it."""
         campaign = self.campaign
         folder.text("scenario.toml", campaign.scenario.text)
         columns: dict[str, Any] = {"case": np.arange(len(campaign))}
@@ -108,5 +108,6 @@ class ErrorStudyReport:
         title, *lines = self.opening
         parts = page.head(title, lines, self.verdict, campaign.ok)
         parts += map(page.titled, self.tables)
+        parts += page.links("Cases to look at", replays)
         folder.text(REPORT, page.document(title, parts))
         folder.summary(self.summary)

@@ -74,6 +74,15 @@ def section(told: Section, pictures: Iterable[tuple[Path, str]]) -> Iterator[str
             yield f"<details><summary>{escape(one.title)}</summary>{table(one)}</details>"
 
 
+def links(title: str, some: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Files beside the page, what each shows, and why it is worth looking at; nothing without any."""
+    rows = [
+        f'<li><a href="{escape(file)}">{letters(what)}</a>: {letters(why)}</li>' for file, what, why in some
+    ]
+    if rows:
+        yield f"<h2>{escape(title)}</h2><ul>{''.join(rows)}</ul>"
+
+
 def titled(shown: Table) -> str:
     """A table under a title of its own."""
     return f"<h2>{escape(shown.title)}</h2>{table(shown)}"

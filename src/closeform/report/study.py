@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate
 from closeform.campaign.shares import estimate
 from closeform.report import page, search
-from closeform.report.cases import SUBJECTS, Subject, percent, published, shown, studied
+from closeform.report.cases import SUBJECTS, Replays, Subject, percent, published, shown, studied
 from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
 from closeform.result_folder import REPORT, Folder
@@ -105,8 +105,8 @@ class StudyReport:
             **self.subject.figures,
         }
 
-    def leave(self, folder: Folder) -> None:
-        """Fill a result folder with everything that a study leaves."""
+    def leave(self, folder: Folder, replays: Replays = ()) -> None:
+        """Fill a result folder with everything that a study leaves; `replays` are pages in it."""
         campaign, subject = self.campaign, self.subject
         folder.text("scenario.toml", campaign.scenario.text)
         for first in range(0, len(campaign), EACH_FILE):
@@ -120,6 +120,7 @@ class StudyReport:
         parts = page.head(title, lines, self.verdict, campaign.ok)
         parts += map(page.paragraph, self.hint)
         parts += map(page.titled, self.tables)
+        parts += page.links("Cases to look at", replays)
         parts.append(page.embedded(shot, caption))
         whole = search.facts(campaign.search, campaign.search.duration)
         parts += map(page.titled, (whole, *draw_table(campaign)))

@@ -10,39 +10,38 @@ from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.campaign.error_cases import ErrorCampaign
 from closeform.mission import fly
 from closeform.mission_result import Mission
-from closeform.result_folder import REPORT, VIEWER, Folder
+from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
 from closeform.viewer.page import document
 from closeform.viewer.scene import scene_of
 
+PLANNED = "planned.html"
 UNMET = 2  # cases in which something is not met, at most, of each kind
 
 
 class Replay(NamedTuple):
-    """A page in a study's folder: its `file`, which `case` it shows, and why that one."""
+    """A page in a study's folder: its `file`, what it shows, and why that."""
 
     file: str
-    case: int | None
+    title: str
     why: str
 
 
 def leave(campaign: Campaign | ErrorCampaign, folder: Folder) -> tuple[Replay, ...]:
     """Write a page of each case worth looking at into a folder; of errors, of the mission as planned."""
     if isinstance(campaign, ErrorCampaign):
-        write(campaign.mission, folder, VIEWER)
-        return (Replay(VIEWER, None, "as planned, without errors"),)
-    found: dict[int, str] = {}
+        write(campaign.mission, folder, PLANNED)
+        return (Replay(PLANNED, "the mission as planned", "without errors"),)
+    reasons: dict[int, list[str]] = {}
     for case, why in worst(campaign):
-        found[case] = f"{found[case]}; {why}" if case in found else why
+        reasons.setdefault(case, []).append(why)
     seeded = with_seed(campaign.scenario, campaign.seed)
-    for case in found:
-        write(fly(case_of(seeded, case)), folder, page_of(case))
-    return tuple(Replay(page_of(case), case, why) for case, why in found.items())
-
-
-def page_of(case: int) -> str:
-    """The file that shows a case."""
-    return f"case-{case}.html"
+    found = tuple(
+        Replay(f"case-{case}.html", f"case {case}", "; ".join(why)) for case, why in reasons.items()
+    )
+    for case, replay in zip(reasons, found, strict=True):
+        write(fly(case_of(seeded, case)), folder, replay.file)
+    return found
 
 
 def write(mission: Mission, folder: Folder, name: str) -> None:
