@@ -190,7 +190,7 @@ def test_source(name: str) -> None:
     """A year of a paper, or a page of the docs; equations and sections of theory are there."""
     found = sections(PUBLIC[name].__doc__)
     if not (name in OURS | RESULTS or name.startswith("plots.")):
-        assert re.search(r"\b(19|20)\d\d\b|\bdocs/\w+\.md\b", found["References"])
+        assert re.search(r"\b(19|20)\d\d\b|\bdocs/[\w-]+\.md\b", found["References"])
     for text in found.values():
         for section in re.findall(r"docs/theory\.md section (\d)", text):
             assert f"\n## {section} " in THEORY

@@ -25,6 +25,7 @@ RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Le
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses", "SigmaApproach"}
 RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
 RESULTS |= {"DriftApproach", "DriftScreening"}
+RESULTS |= {"LoadedRun", "LoadedStage", "LoadedStudy"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 
 

@@ -61,6 +61,7 @@ _NAMES = {
     "campaign": "study",
     "mission": "run",
     "exchange.chief": "Chief",
+    "reopened": "LoadedRun LoadedStage LoadedStudy load",
     "exchange.ephemeris": "Ephemeris",
     "exchange.oem": "read_oem read_oem_segments write_oem",
     "exchange.covariance": "Covariances",

@@ -111,6 +111,12 @@ from closeform.conflicts.all_pairs import (
     screen as screen,
 )
 from closeform.search.gather import gather as gather, gather_cases as gather_cases
+from closeform.reopened import (
+    LoadedRun as LoadedRun,
+    LoadedStage as LoadedStage,
+    LoadedStudy as LoadedStudy,
+    load as load,
+)
 from closeform.search.gather_result import (
     Event as Event,
     EventKind as EventKind,

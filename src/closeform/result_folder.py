@@ -6,6 +6,7 @@ when it holds one, and what it does not list belongs to somebody else.
 """
 
 import csv
+import hashlib
 import io
 import json
 import os
@@ -23,12 +24,14 @@ from closeform.lock_file import is_held
 SUMMARY = "summary.json"
 REPORT, VIEWER = "report.html", "viewer.html"
 FORMAT = 1  # of summary.json
+DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
 
 PRIVATE = ".unfinished"  # the folder in a study's folder where it works, and how those of runs end
 LOCK = "lock"  # in a private folder: its owner lives
 RESULTS, REPLACED = "results", "replaced"  # in it too: what is being made, and what it will take the place of
 UNDER_WAY = "a study is under way in it; wait for its end or choose another --out"
+AGAIN = "run it again, or give another folder"
 NAMED = 3  # files that are named where more are in the way
 
 
@@ -46,6 +49,7 @@ class Folder:
         """Write `summary.json`, last: `figures`, versions and files; numbers that are not finite as null."""
         files = sorted(file.relative_to(self.path).as_posix() for file in below(self.path))
         content = {"closeform": FORMAT, "versions": versions(), "files": [*files, SUMMARY], **figures}
+        content["digests"] = {name: digest(self.path / name) for name in files if name.endswith(DIGESTED)}
         self.text(SUMMARY, json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
@@ -82,6 +86,12 @@ class Folder:
     def text(self, name: str, text: str) -> None:
         """Write a text file as it is; what is no Unicode, as in the name of a file, as JSON writes it."""
         (self.path / name).write_bytes(text.encode("utf-8", "backslashreplace"))
+
+
+def digest(file: Path) -> str:
+    """SHA-256 of a file."""
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def versions() -> dict[str, str]:
@@ -215,3 +225,54 @@ def page_of(path: Path, report: bool = False) -> Path:
     if not finished(path) or found is None:
         raise FolderError(f"{path}: holds no finished results; run the scenario first")
     return found
+
+
+def summary_of(path: Path) -> dict[str, Any]:
+    """What `summary.json` of a finished result folder says. Raises FolderError where there is none."""
+    if not os.path.isdir(path):
+        what = "is a file" if os.path.exists(path) else "no such folder"
+        raise FolderError(f"{path}: {what}; give the folder that a run left")
+    try:
+        content = json.loads((path / SUMMARY).read_bytes())
+    except FileNotFoundError:
+        raise FolderError(f"{path}: holds no finished results; run the scenario first") from None
+    except (OSError, ValueError, RecursionError):
+        raise FolderError(f"{path}: {SUMMARY} is damaged; {AGAIN}") from None
+    form = content.get("closeform") if isinstance(content, dict) else None
+    if isinstance(form, int) and form != FORMAT:
+        raise FolderError(f"{path}: has format {form}, this version reads {FORMAT}; {AGAIN}")
+    if not finished(path):
+        raise FolderError(f"{path}: {SUMMARY} is none of closeform's; give the folder that a run left")
+    return content  # type: ignore[no-any-return]
+
+
+@contextmanager
+def intact(path: Path, name: str) -> Iterator[None]:
+    """Say in one line that what stands in a folder is damaged."""
+    try:
+        yield
+    except FolderError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        what = "is missing" if isinstance(error, FileNotFoundError) else "is damaged"
+        raise FolderError(f"{path}: {name} {what}; {AGAIN}") from None
+
+
+def content(path: Path, summary: Mapping[str, Any], name: str) -> bytes:
+    """What stands in a file of a folder, to the last bit that was left there. Raises FolderError for else."""
+    with intact(path, name):
+        data = (path / name).read_bytes()
+        if hashlib.sha256(data).hexdigest() != summary["digests"][name]:
+            raise FolderError(f"{path}: {name} was changed or is damaged; {AGAIN}")
+    return data
+
+
+def table(path: Path, summary: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The columns of a table of a folder, as arrays."""
+    import pyarrow
+    import pyarrow.parquet
+
+    data = content(path, summary, name)
+    with intact(path, name):
+        found = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
+        return {key: found[key].to_numpy() for key in found.column_names}

@@ -42,6 +42,7 @@ def studied(campaign: "Campaign | ErrorCampaign", verdict: str) -> dict[str, Any
     """What was studied, and what it has come to."""
     scenario = campaign.scenario
     return {
+        "kind": "study",
         "title": scenario.title,
         "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
         "seed": campaign.seed,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from closeform import arc_tables
 from closeform.mission_result import Mission, StageResult
 from closeform.report import (
     coast,
@@ -89,11 +90,13 @@ class RunReport:
         mission, scenario = self.mission, self.mission.scenario
         delta_v, propellant = mission.spent_of_each
         return {
+            "kind": "run",
             "title": scenario.title,
             "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
             "seed": scenario.study.seed if scenario.study is not None and scenario.case is not None else None,
             "case": scenario.case,
             **verdict(mission.verdict),
+            "stopped": mission.stopped,
             "warnings": list(mission.warnings),
             "mean_motion_rad_s": mission.orbit.mean_motion,
             "craft": list(scenario.names),
@@ -167,6 +170,8 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "do": result.stage.verb,
             "start_s": result.start,
             "end_s": result.end,
+            "flown": result.flown,
+            "failure": result.failure,
             "before": conflicts.figures(result.before),
             "after": conflicts.figures(result.after),
             **told.figures,
@@ -201,6 +206,20 @@ def states(mission: Mission) -> dict[str, Any]:
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
 
 
+def exact(mission: Mission) -> dict[str, dict[str, Any]]:
+    """What `load` makes the paths and searches of a mission from again, to the last bit."""
+    arcs, legs = [], []
+    for result in mission.results:
+        flights = {"after": result.after} | (
+            {"before": result.before} if result.before is not result.after else {}
+        )
+        for when, flight in flights.items():
+            arcs.append(arc_tables.of_paths(flight.paths, flight.names, result.number, when))
+        if result.stage.searches:
+            legs.append(arc_tables.of_legs(result.result.search.legs, result.number))
+    return {name: arc_tables.together(parts) for name, parts in {"arcs": arcs, "legs": legs}.items() if parts}
+
+
 def leave(
     report: RunReport,
     folder: Folder,
@@ -214,7 +233,7 @@ def leave(
     mission = report.mission
     folder.text("scenario.toml", mission.scenario.text)
     progress("writing tables")
-    for name, columns in {**report.files, "paths": states(mission)}.items():
+    for name, columns in {**report.files, "paths": states(mission), **exact(mission)}.items():
         folder.table(name, columns)
     pictures = [picture for told in report.sections for picture in told.pictures]
     files = drawn(pictures, folder, progress)
