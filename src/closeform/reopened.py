@@ -45,7 +45,7 @@ class LoadedStage:
     result : Gathering, FirstLocks or None
         What a search came to: of a lock the `search`, its `pairs` and their `locks`; None of other stages, of
         whose plans the paths and the `figures` are kept.
-    burns : Mapping of str to array [s, m/s, kg]
+    burns : Mapping of str to array of shape (K,) [s, m/s, kg]
         The columns of `burns.parquet`, one row for each burn or pulse.
     figures : Mapping of str
         What `summary.json` says of it.
@@ -121,7 +121,7 @@ class LoadedStudy:
     ----------
     scenario : Scenario
         What `scenario.toml` says.
-    cases : Mapping of str to array [s, m, m/s]
+    cases : Mapping of str to array of shape (K,) [s, m, m/s]
         The columns of `cases/*.parquet`, all cases one after another.
     summary : Mapping of str
         The content of `summary.json`: shares with their intervals, times, every figure that was printed.
