@@ -1,5 +1,6 @@
 """Every page of the docs, and README, runs as it stands."""
 
+import ast
 import re
 import runpy
 import shlex
@@ -110,3 +111,38 @@ def test_the_table_of_tasks_names_every_stage_and_nothing_that_is_not_there() ->
         assert attrgetter(name)(cf) is not None
     for name in re.findall(r"\borbit\.(\w+)", page):
         assert hasattr(cf.Orbit, name)
+
+
+def test_equations_that_the_code_cites_are_there() -> None:
+    """`# theory (13), (14)` in the source; none is defined twice."""
+    theory = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
+    tags = re.findall(r"\\tag\{(\w+)\}", theory)
+    assert len(tags) == len(set(tags))
+    cited = set()
+    for file in (ROOT / "src").rglob("*.py"):
+        for numbers in re.findall(r"theory(?:\.md)? ((?:\(\w+\)(?:, | and )?)+)", file.read_text(encoding="utf-8")):
+            cited |= set(re.findall(r"\((\w+)\)", numbers))
+    assert len(cited) > 40
+    assert cited - set(tags) == set()
+
+
+def test_gallery_has_every_example() -> None:
+    tool = runpy.run_path(str(ROOT / "tools" / "gallery.py"))
+    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    assert text == tool["page"](), "run tools/gallery.py"
+    shown = {name for names in tool["EXAMPLES"].values() for name in names}
+    # robustness.toml asks for what is not built yet
+    assert shown == {file.stem for file in (ROOT / "examples").glob("*.toml")} - {"robustness"}
+    assert all((ROOT / "docs" / "images" / "gallery" / f"{name}.png").exists() for name in shown)
+
+
+def test_every_page_is_in_a_table_of_contents() -> None:
+    """conf.py, which gives the site its tables of contents, names each page of the docs once."""
+    conf = ast.parse((ROOT / "docs" / "conf.py").read_text(encoding="utf-8"))
+    (contents,) = (
+        ast.literal_eval(one.value)
+        for one in conf.body
+        if isinstance(one, ast.Assign) and ast.unparse(one.targets[0]) == "CONTENTS"
+    )
+    named = [page for below in contents.values() for page in below.split()]
+    assert sorted([*named, "index"]) == sorted(page.stem for page in (ROOT / "docs").glob("*.md"))

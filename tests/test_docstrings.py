@@ -195,7 +195,7 @@ def test_source(name: str) -> None:
         for section in re.findall(r"docs/theory\.md section (\d)", text):
             assert f"\n## {section} " in THEORY
         for equation in re.findall(r"docs/theory\.md \((\d+\w?)\)", text):
-            assert f"({equation})" in THEORY
+            assert f"\\tag{{{equation}}}" in THEORY
 
 
 def getter(value: Any) -> Any:

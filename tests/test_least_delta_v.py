@@ -1,4 +1,4 @@
-"""By how much a plan of least energy is above the least delta-v: README's figures, by convex programs."""
+"""By how much a plan of least energy is above the least delta-v: the figures of docs/certified.md, by convex programs."""
 
 import re
 from pathlib import Path
@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import closeform as cf
 from bridge import hill
 
-README = Path(__file__).parents[1] / "README.md"
+PAGE = Path(__file__).parents[1] / "docs" / "certified.md"
 CASES, TIMES = 250, 121
 N = np.sqrt(3.986004418e14 / 6878137.0**3)  # rad/s, at 500 km
 ORBIT = cf.Orbit(N)
@@ -64,7 +64,7 @@ def test_in_deep_space_it_is_half() -> None:
 
 
 def test_energy_is_not_delta_v() -> None:
-    """README's median and its range of nine in ten cases, as far as so many cases can tell."""
+    """The median of docs/certified.md and its range of nine in ten cases, as far as so many cases can tell."""
     rng = np.random.default_rng(11)
     above = []
     for _ in range(CASES):
@@ -73,7 +73,7 @@ def test_energy_is_not_delta_v() -> None:
         above.append(ORBIT.transfer(initial, final, duration).delta_v / least(initial, final, duration) - 1.0)
     above = 100.0 * np.sort(above)
     assert above[0] > -0.5  # %: impulses at equal times only are dearer than the least by as much as that
-    text = " ".join(README.read_text(encoding="utf-8").split())
+    text = " ".join(PAGE.read_text(encoding="utf-8").split())
     claim = re.search(r"(\d+) % above the least in the median, and in nine of ten by (\d+) to (\d+) %", text)
     assert claim is not None
     rng = np.random.default_rng(12)

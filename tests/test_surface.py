@@ -104,6 +104,16 @@ def test_every_public_name_is_shown_in_the_docs() -> None:
     assert names - shown() == set()
 
 
+def test_every_public_name_has_its_place_in_the_reference() -> None:
+    """docs/api.md lists each name once, under the module that it is reached by."""
+    text = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    listed = []
+    for module, names in re.findall(r"currentmodule:: (\S+)\n.*?:nosignatures:\n\n(.*?)```", text, re.DOTALL):
+        listed += [f"{module}.{name}".removeprefix("closeform.") for name in names.split()]
+    public = {*cf._HOMES, *(f"{name}.{one}" for name in cf._MODULES for one in getattr(cf, name).__all__)}
+    assert sorted(listed) == sorted(public)
+
+
 def test_stub_says_what_the_package_says() -> None:
     """`__init__.pyi`, which editors and type checkers read, has the names of `__init__.py`."""
     stub = ast.parse((PACKAGE / "__init__.pyi").read_text())

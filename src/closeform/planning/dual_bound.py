@@ -9,7 +9,7 @@ matrix of the kernel (12) between them.  Whatever pairs and times are looked at,
 So for any multipliers l, n >= 0 for which S = I - R G_ss R is positive definite, with R = diag(sqrt(l))
 over the rows of the squares and v = R (places + G_sh n),
 
-    extra energy >= sum(l) / 2 + n (floor - places) - n G_hh n / 2 - v S^-1 v / 2        # theory (14)
+    extra energy >= sum(l) / 2 + n (floor - places) - n G_hh n / 2 - v S^-1 v / 2        # theory (21a)
 
 No inverse of G is taken, so times may coincide.  The right side is concave; Newton's method climbs it
 with barriers on S, l and n.  Nothing of the climb is trusted: what is returned is worked out anew, with

@@ -3,7 +3,7 @@
 What is kept out of is the sum of the zone and the ellipsoid of k sigmas, which moves and grows.  Its norm
 is a gauge with gradient a / (1 + k |l_a|): contacts have these for normals, so that their planes are
 
-    a . (q + dr) >= 1 + k |l_a(t)|                                                   # theory (74)
+    a . (q + dr) >= 1 + k |l_a(t)|                                                   # theory (56)
 
 and all that keeps planes a . q >= 1 keeps them.
 """

@@ -3,7 +3,7 @@
 A round solves the program of the known planes, flies all craft, and looks at all stays in a sum of zone and
 sigmas that is a little larger: where each is deepest, the sum's supporting plane is the next one.  Planes
 that press are turned to where their pairs are.  A sum is convex, so what is clear stays clear when planes
-turn, and gets cheaper.                                                            # theory (74)
+turn, and gets cheaper.                                                            # theory (56)
 """
 
 from collections.abc import Iterator

@@ -1,0 +1,138 @@
+"""The documentation site, from the pages as they stand: `sphinx-build -W --keep-going docs build/site`.
+
+Pages read the same on GitHub: tables of contents are given here, formulas stand in ```math blocks.
+"""
+
+import re
+import sys
+from importlib.metadata import version as version_of
+from importlib.util import find_spec
+from pathlib import Path
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+import closeform as cf
+
+sys.modules["closeform.targets"] = cf.targets  # which it is for users, without being a module of that name
+
+project = "closeform"
+author = "the authors of closeform"
+copyright = author
+release = version = version_of("closeform")
+
+# The pages below each page, in their order.
+CONTENTS = {
+    "index": "start tour guide gallery reference background",
+    "guide": (
+        "choose search conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides epochs "
+        "motion elements pictures"
+    ),
+    "reference": "scenario command-line api errors",
+    "background": "certified theory validity benchmarks peers",
+}
+
+# One file that draws formulas as SVG, and asks no network for anything.
+MATHJAX = Path(str(find_spec("sphinx-mathjax-offline").origin)).parent / "static" / "mathjax" / "tex-svg.js"
+
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+]
+exclude_patterns = ["_build"]
+templates_path = ["_templates"]
+default_role = "code"
+suppress_warnings = ["misc.highlighting_failure"]  # errors.md shows what is no TOML
+
+myst_enable_extensions = ["dollarmath"]
+myst_dmath_allow_space = False
+myst_fence_as_directive = ["math"]
+myst_heading_anchors = 4
+
+autosummary_generate = True
+autodoc_typehints = "none"  # sections say more than annotations
+numpydoc_show_class_members = False  # members stand on the page of their class
+
+html_theme = "pydata_sphinx_theme"
+html_title = "closeform"
+html_static_path = ["_static", str(MATHJAX)]
+mathjax_path = MATHJAX.name
+html_css_files = ["closeform.css"]
+html_show_sourcelink = False
+html_show_copyright = False
+html_theme_options = {
+    "logo": {"text": "closeform"},
+    "navbar_align": "left",
+    "navbar_persistent": [],
+    "navbar_end": ["search-field", "theme-switcher"],
+    "show_toc_level": 2,
+    "navigation_depth": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": [],
+    "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+
+TAG = re.compile(r"\\tag\{(\w+)\}")
+CITED = re.compile(r"(\(\d\d?[ab]?\))")
+NUMBERS = {
+    tag: f"equation-{tag}"
+    for tag in TAG.findall((Path(__file__).parent / "theory.md").read_text(encoding="utf-8"))
+}
+
+
+def append_contents(app: Sphinx, page: str, source: list[str]) -> None:
+    """A page's table of contents, which GitHub would show as code."""
+    if page in CONTENTS:
+        below = "\n".join(CONTENTS[page].split())
+        source[0] += f"\n```{{toctree}}\n:hidden:\n\n{below}\n```\n"
+
+
+def number_formulas(app: Sphinx, doctree: nodes.document) -> None:
+    """Formulas as they are written, with their own numbers, which can be linked to."""
+    std = app.env.domains.standard_domain
+    for block in doctree.findall(nodes.math_block):
+        formula = block.astext()
+        block["no-wrap"] = True
+        block.children = [nodes.Text(rf"\[{formula}\]")]
+        for tag in TAG.findall(formula):
+            block["ids"].append(NUMBERS[tag])
+            std.labels[NUMBERS[tag]] = (app.env.docname, NUMBERS[tag], f"({tag})")
+
+
+def link_formulas(app: Sphinx, doctree: nodes.document) -> None:
+    """A number in brackets in the text of the theory leads to its formula."""
+    if app.env.docname != "theory":
+        return
+    for text in [one for one in doctree.findall(nodes.Text) if isinstance(one.parent, nodes.paragraph | nodes.strong)]:
+        parts = CITED.split(text.astext())
+        linked = [
+            nodes.reference("", part, refid=NUMBERS[part[1:-1]]) if part[1:-1] in NUMBERS else nodes.Text(part)
+            for part in parts
+        ]
+        if len(linked) > 1:
+            text.parent.replace(text, linked)
+
+
+def link_pages(app: Sphinx, what: str, name: str, owner: object, options: object, lines: list[str]) -> None:
+    """`docs/fuel.md` and `docs/theory.md (13)` of docstrings lead there; |u| and *args are no markup."""
+    for k, line in enumerate(lines):
+        code = re.split(r"(`[^`]*`)", line)
+        code[::2] = [re.sub(r"([|*])", r"\\\1", text) for text in code[::2]]
+        cited = re.sub(
+            r"docs/theory\.md \((\w+)\)",
+            lambda found: f":ref:`theory ({found[1]}) <{NUMBERS[found[1]]}>`",
+            "".join(code),
+        )
+        lines[k] = re.sub(r"docs/([\w-]+)\.md", r":doc:`\1 </\1>`", cited)
+
+
+def setup(app: Sphinx) -> None:
+    app.connect("source-read", append_contents)
+    app.connect("doctree-read", link_formulas)
+    app.connect("doctree-read", number_formulas)
+    app.connect("autodoc-process-docstring", link_pages, priority=400)  # before numpydoc

@@ -1,0 +1,90 @@
+"""The documentation site: built without a warning, whole without a network, every link inside it leads somewhere."""
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+# What a browser fetches by itself to show a page.
+FETCHED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href", "object": "data"}
+
+
+class Page(HTMLParser):
+    """The anchors of a page, where its links lead, and what it fetches."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.fetched: list[str] = []
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.anchors |= {given["id"]} if given.get("id") else set()
+        if tag == "a" and given.get("href"):
+            self.links.append(str(given["href"]))
+        if tag in FETCHED and given.get(FETCHED[tag]) and given.get("rel") not in ("canonical", "next", "prev"):
+            self.fetched.append(str(given[FETCHED[tag]]))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The built pages; any warning of Sphinx ends it."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, Page]:
+    return {file: Page(file) for file in site.rglob("*.html")}
+
+
+def test_every_page_of_the_docs_is_there(site: Path, pages: dict[Path, Page]) -> None:
+    for source in (ROOT / "docs").glob("*.md"):
+        assert site / f"{source.stem}.html" in pages
+
+
+def test_nothing_is_fetched_from_elsewhere(site: Path, pages: dict[Path, Page]) -> None:
+    """Scripts, styles, pictures and frames are files of the site; so are fonts and what styles import."""
+    for file, page in pages.items():
+        for target in page.fetched:
+            if target.startswith("data:"):
+                continue
+            parts = urlsplit(target)
+            assert not parts.scheme and not parts.netloc, f"{file.name} fetches {target}"
+            assert (file.parent / unquote(parts.path)).exists(), f"{file.name}: no {target}"
+    for sheet in site.rglob("*.css"):
+        text = sheet.read_text(encoding="utf-8")
+        for target in re.findall(r"url\(\s*['\"]?([^'\")]+)", text) + re.findall(r"@import\s+['\"]([^'\"]+)", text):
+            assert not target.startswith(("http:", "https:", "//")), f"{sheet.name} fetches {target}"
+
+
+def test_links_within_the_site_lead_somewhere(pages: dict[Path, Page]) -> None:
+    for file, page in pages.items():
+        for target in page.links:
+            parts = urlsplit(target)
+            if parts.scheme or parts.netloc or target == "#":
+                continue
+            other = (file.parent / unquote(parts.path)).resolve() if parts.path else file
+            assert other.exists(), f"{file.name}: no {target}"
+            if parts.fragment and other in pages:
+                assert unquote(parts.fragment) in pages[other].anchors, f"{file.name}: no {target}"
+
+
+def test_formulas_are_there_with_their_numbers(site: Path, pages: dict[Path, Page]) -> None:
+    """As formulas, not as code, each with the number that the source cites."""
+    text = (site / "theory.html").read_text(encoding="utf-8")
+    tags = re.findall(r"\\tag\{(\w+)\}", (ROOT / "docs" / "theory.md").read_text(encoding="utf-8"))
+    assert len(tags) == len(set(tags)) > 60
+    for tag in tags:
+        assert f"equation-{tag}" in pages[site / "theory.html"].anchors
+    assert text.count('class="math notranslate') >= len(tags)

@@ -1,0 +1,134 @@
+"""Write docs/gallery.md from the examples; with --pictures run them, some minutes, and write its pictures, too.
+
+Run from the repository: python tools/gallery.py [--pictures]
+"""
+
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+from PIL import Image
+
+from closeform.cli import main as closeform
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "gallery.md"
+PICTURES = ROOT / "docs" / "images" / "gallery"
+WIDTH = 1100  # of a picture [px]
+
+# By question: each example with the picture of its result folder that says most.
+EXAMPLES = {
+    "Lost craft find each other": {
+        "tpf": "view-4",
+        "find_then_fly": "paths",
+        "s04": "histogram",
+        "s04_counterexample": "manoeuvres",
+        "h03": "histogram",
+        "swarm": "view",
+    },
+    "One craft passes others": {
+        "cluster": "before-after",
+        "inspector": "stage-2-paths",
+        "three_sigmas": "tube",
+        "slow_encounter": "collision",
+    },
+    "A formation moves as one": {
+        "swap": "paths",
+        "swap_deep_space": "ratios",
+        "f6_scatter": "paths",
+    },
+    "As little delta-v as possible, and real thrusters": {
+        "safety_ellipse": "primer",
+        "swap_impulses": "burns",
+        "cubesats": "pulses",
+    },
+    "Thrust fails": {
+        "passive_inspector": "drift",
+        "station_ellipsoid": "drift",
+        "station_sphere": "drift",
+    },
+}
+
+HEAD = """# Gallery
+
+Every example in `examples/`, what it shows, and the command that flies it. Each leaves a folder with its report, pictures and
+tables; the files are short, and a good place to begin one of your own ([scenario file](scenario.md)).
+"""
+TAIL = """
+## Real orbits
+
+Three hours of the GRACE mission are in `examples/grace`, and a conjunction message in `examples/slow_encounter.cdm`
+([ephemerides](ephemerides.md)):
+
+```sh
+closeform screen examples/grace/GRACE-A.oem examples/grace/GRACE-B.oem --ellipsoid "20 40 20 m"
+closeform encounter examples/slow_encounter.cdm
+```
+"""
+
+
+def text_of(name: str) -> str:
+    return (ROOT / "examples" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def title_of(name: str) -> str:
+    return str(tomllib.loads(text_of(name))["title"])
+
+
+def command_of(name: str) -> list[str]:
+    return ["study" if "study" in tomllib.loads(text_of(name)) else "run", f"examples/{name}.toml"]
+
+
+def entry(name: str) -> str:
+    """One example: its title, its picture, what its first comment says, and the command."""
+    said = []
+    for line in text_of(name).splitlines():
+        if not line.startswith("# "):
+            break
+        said.append(line.removeprefix("# "))
+    command = " ".join(["closeform", *command_of(name)])
+    return "\n\n".join(
+        [
+            f"### {title_of(name)}",
+            f"![{title_of(name)}](images/gallery/{name}.png)",
+            "\n".join(said),
+            f"```sh\n{command}\n```",
+        ]
+    )
+
+
+def page() -> str:
+    parts = [HEAD]
+    for question, names in EXAMPLES.items():
+        parts.append(f"## {question}\n")
+        parts += [entry(name) + "\n" for name in names]
+    return "\n".join(parts) + TAIL
+
+
+def draw(name: str, stem: str, folder: Path) -> None:
+    """The example is flown, and its picture of that stem is kept, smaller and in few colours."""
+    out = folder / name
+    try:
+        closeform([*command_of(name), "--out", str(out)])
+    except SystemExit as end:  # 1 is a valid result: lost craft, or a conflict
+        assert end.code in (0, 1, None), name
+    found = sorted(out.glob(f"*{stem}*.png"))
+    assert found, f"{name}: no {stem} among {sorted(one.name for one in out.glob('*.png'))}"
+    picture = Image.open(found[0]).convert("RGB")
+    picture.thumbnail((WIDTH, WIDTH))
+    picture.quantize(128).save(PICTURES / f"{name}.png", optimize=True)
+
+
+def main() -> None:
+    if "--pictures" in sys.argv:
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as folder:
+            for names in EXAMPLES.values():
+                for name, stem in names.items():
+                    draw(name, stem, Path(folder))
+    PAGE.write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
