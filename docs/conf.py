@@ -25,8 +25,8 @@ release = version = version_of("closeform")
 CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
-        "choose search conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides epochs "
-        "motion elements pictures"
+        "choose search conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
+        "epochs motion elements pictures"
     ),
     "reference": "scenario command-line api errors",
     "background": "certified theory validity benchmarks peers",
@@ -101,18 +101,20 @@ def number_formulas(app: Sphinx, doctree: nodes.document) -> None:
         block.children = [nodes.Text(rf"\[{formula}\]")]
         for tag in TAG.findall(formula):
             block["ids"].append(NUMBERS[tag])
-            std.labels[NUMBERS[tag]] = (app.env.docname, NUMBERS[tag], f"({tag})")
+            std.anonlabels[NUMBERS[tag]] = (app.env.docname, NUMBERS[tag])
 
 
 def link_formulas(app: Sphinx, doctree: nodes.document) -> None:
     """A number in brackets in the text of the theory leads to its formula."""
     if app.env.docname != "theory":
         return
-    for text in [one for one in doctree.findall(nodes.Text) if isinstance(one.parent, nodes.paragraph | nodes.strong)]:
-        parts = CITED.split(text.astext())
+    prose = nodes.paragraph | nodes.strong
+    for text in [one for one in doctree.findall(nodes.Text) if isinstance(one.parent, prose)]:
         linked = [
-            nodes.reference("", part, refid=NUMBERS[part[1:-1]]) if part[1:-1] in NUMBERS else nodes.Text(part)
-            for part in parts
+            nodes.reference("", part, refid=NUMBERS[part[1:-1]])
+            if part[1:-1] in NUMBERS
+            else nodes.Text(part)
+            for part in CITED.split(text.astext())
         ]
         if len(linked) > 1:
             text.parent.replace(text, linked)

@@ -29,9 +29,9 @@ FAULTS = ("attacks", "kernel_cache", "many_craft", "result_folder")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without files or a selection: all but commands under attack, which `-m fault` runs."""
+    """Without files or a selection: all but commands under attack (`-m fault`) and the site (`-m site`)."""
     if not config.option.markexpr and config.args_source is not config.ArgsSource.ARGS:
-        config.option.markexpr = "not fault"
+        config.option.markexpr = "not fault and not site"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -40,6 +40,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         subject = item.path.stem.removeprefix("test_")
         if subject in FAULTS:
             item.add_marker("fault")
+        elif subject == "site":
+            item.add_marker("site")
         elif subject not in LONG:
             item.add_marker("quick")
 

@@ -120,7 +120,8 @@ def test_equations_that_the_code_cites_are_there() -> None:
     assert len(tags) == len(set(tags))
     cited = set()
     for file in (ROOT / "src").rglob("*.py"):
-        for numbers in re.findall(r"theory(?:\.md)? ((?:\(\w+\)(?:, | and )?)+)", file.read_text(encoding="utf-8")):
+        text = file.read_text(encoding="utf-8")
+        for numbers in re.findall(r"theory(?:\.md)? ((?:\(\w+\)(?:, | and )?)+)", text):
             cited |= set(re.findall(r"\((\w+)\)", numbers))
     assert len(cited) > 40
     assert cited - set(tags) == set()

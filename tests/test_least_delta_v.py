@@ -1,4 +1,4 @@
-"""By how much a plan of least energy is above the least delta-v: the figures of docs/certified.md, by convex programs."""
+"""By how much a plan of least energy is above the least delta-v: docs/certified.md, by convex programs."""
 
 import re
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_in_deep_space_it_is_half() -> None:
 
 
 def test_energy_is_not_delta_v() -> None:
-    """The median of docs/certified.md and its range of nine in ten cases, as far as so many cases can tell."""
+    """The page's median and its range of nine in ten cases, as far as so many cases can tell."""
     rng = np.random.default_rng(11)
     above = []
     for _ in range(CASES):
