@@ -44,7 +44,7 @@ export class App {
     this.legend = new Legend(scene, this.layers, () => this.changed());
     this.page.fill(this.events.element, this.legend.element);
     this.timeline = new Timeline(this.page.line, scene, this.player);
-    this.strips = Object.entries(this.page.strips).map(([kind, canvas]) => new Strip(canvas, kind, scene, this.player));
+    this.strips = Object.entries(this.page.strips).map(([kind, box]) => new Strip(box, kind, scene, this.player));
     this.reach = reaches(scene, this.moment);
     this.address = new Address(() => this.said());
     this.choose(readAddress(location.hash));
@@ -218,7 +218,7 @@ export class App {
     if (!line || !this.palette) return;
     this.timeline.lay(line, this.palette);
     for (const strip of this.strips) {
-      const { clientWidth: width, clientHeight: height } = strip.canvas;
+      const { clientWidth: width, clientHeight: height } = strip.box;
       strip.shown = width > 0;
       if (strip.shown) strip.lay(width, height, this.palette, this.chosen);
     }
@@ -237,11 +237,11 @@ export class App {
   }
 
   draw() {
-    const { moment, player, world, pen, palette, layers } = this;
+    const { moment, player, world, pen, layers } = this;
     if (!this.size) return;
     moment.go(player.time);
     for (const name of Object.keys(world.layers)) world.show(name, layers[name] ?? true);
-    world.update(palette, this.chosen, layers.before);
+    world.update(this.chosen, layers.before);
     pen.begin(...this.size);
     for (const view of this.views.filter((one) => one.shown)) this.drawView(view);
     this.timeline.draw();
@@ -269,8 +269,7 @@ export class App {
     say(page.fine, scene.epoch ? utc(scene.epoch, player.time) : `${player.time.toFixed(1)} s`);
     const phase = moment.phase;
     say(page.phase, phase ? `${phase.name} ${phase.round}` : (moment.stage?.title ?? ""));
-    say(page.play, player.playing ? "❚❚" : "▶");
-    page.play.setAttribute("aria-label", player.playing ? "Pause" : "Play");
+    page.playing(player.playing);
     const speed = player.speed;
     say(page.speed, `× ${speed >= 1 ? Math.round(speed * 10) / 10 : Number(speed.toPrecision(2))}`);
     page.line.setAttribute("aria-valuenow", player.time.toFixed(1));

@@ -1,19 +1,24 @@
 // Bodies: the craft themselves, with the shades and cones of those that look for each other.
 
-import { SHAPES, Solids } from "./solids.js";
+import { Dots } from "./dots.js";
 import { Ribbons } from "./ribbons.js";
-import { SphereGeometry } from "three";
-
-const DOT = 1e-9; // [m] of a craft whose body is not known: drawn as large as a mark
+import { polyhedron, SHAPES, Solids } from "./solids.js";
 
 export class Bodies {
   constructor(scene, moment, span) {
     Object.assign(this, { scene, moment });
     const many = scene.craft.length;
-    this.balls = new Solids([new SphereGeometry(1, 16, 10), null], many, { matte: true, least: 4.5, side: "front", order: 0 });
+    this.dots = new Dots(many);
+    this.hulls = new Map(); // hard bodies by shape, where they are known
+    for (const { body } of scene.craft) {
+      if (body < 0 || this.hulls.has(body)) continue;
+      const zone = scene.zones[body];
+      const shape = zone.mesh ? polyhedron(zone.mesh) : SHAPES[zone.shape]();
+      this.hulls.set(body, new Solids([shape[0], null], many, { matte: true, side: "front", order: 0 }));
+    }
     this.shades = new Solids(SHAPES.disc(), many, { matte: true, side: "both", order: 0 });
     this.cones = new Solids(SHAPES.cone(), many, { side: "both", order: 1.2, edge: 1.6 });
-    this.locks = new Ribbons(2 * (moment.few ? (many * many) / 4 + 1 : scene.locks.length) + 2, { moving: true, order: 2.5 });
+    this.locks = new Ribbons(moment.few ? many * many : scene.locks.length, { order: 2.5 });
     this.cone = (moment.few ? 0.17 : 0.12) * span;
     this.least = 0.017 * span;
   }
@@ -31,19 +36,20 @@ export class Bodies {
 
   /** How far a craft reaches from its centre [m]. */
   size(craft) {
-    const { body, size } = this.scene.craft[craft];
-    return Math.max(this.moment.axes(craft) ? this.shade : 0, body >= 0 ? this.scene.zones[body].radius : Math.min(size, DOT));
+    const { body } = this.scene.craft[craft];
+    return Math.max(this.moment.axes(craft) ? this.shade : 0, body >= 0 ? this.scene.zones[body].radius : 0);
   }
 
   update(palette, chosen) {
-    const { scene, moment, balls, shades, cones, locks } = this;
-    for (const part of [balls, shades, cones, locks]) part.clear();
+    const { scene, moment, dots, hulls, shades, cones, locks } = this;
+    const parts = [dots, ...hulls.values(), shades, cones, locks];
+    for (const part of parts) part.clear();
     scene.craft.forEach((craft, k) => {
       if (!moment.ways[k]) return;
       const label = moment.label(k);
       const colour = label === null ? palette.craft(craft.colour) : palette.set(label);
-      const axes = craft.body >= 0 ? scene.zones[craft.body].axes : [DOT, 0, 0, 0, DOT, 0, 0, 0, DOT];
-      balls.put(axes, moment.positions[k], colour);
+      dots.put(moment.positions[k], colour);
+      hulls.get(craft.body)?.put(scene.zones[craft.body].axes, moment.positions[k], colour);
       const turned = moment.axes(k);
       if (!turned || !(moment.few || k === chosen)) return;
       shades.put(columns(turned, [this.shade, this.shade, this.shade]), moment.positions[k], palette.shade);
@@ -57,7 +63,7 @@ export class Bodies {
     const line = ([i, j], look) => locks.line([...moment.positions[i], 0, ...moment.positions[j], 0], palette.lock, look);
     for (const pair of past) line(pair, { width: 1.2, dash: 8, alpha: 0.75 });
     for (const pair of now) line(pair, { width: 3 });
-    for (const part of [balls, shades, cones, locks]) part.finish();
+    for (const part of parts) part.finish();
   }
 }
 

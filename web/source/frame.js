@@ -1,10 +1,12 @@
 // Frame: what tells a reader of a view where he looks from, where things are and how big they are.
 
 import { length, niceStep } from "./units.js";
+import { dot } from "./view.js";
 
 const SQUARE = 64; // least pixels between two lines of a grid
 const MOST_LINES = 60;
 const ARM = 30; // pixels of an axis of the triad
+const ACROSS = 0.08; // of its length: an axis that is seen from its end
 const FLAT = 0.999; // cosine from which on a view looks along an axis
 
 export class Frame {
@@ -104,43 +106,50 @@ export class Frame {
     const { left, top, width, height } = view.place;
     const small = width < 300 || height < 200;
     const arm = small ? 0.75 * ARM : ARM;
-    const flat = this.facing(view) >= 0;
     const names = small ? this.short : this.scene.axes;
     const colours = this.scene.mean_motion ? [palette.radial, palette.along, palette.cross] : [palette.ink, palette.ink, palette.ink];
-    const [x, y] = [left + (flat ? 66 : 58), top + height - (flat ? 40 : 50)];
-    const box = [x - 12, y - 12, x + 12, y + 12];
     pen.font(11.5, 600);
+    const tips = names.map((name, i) => tip(name, view.right[i], -view.up[i], arm, pen.width(name)));
+    if (this.scene.sun) tips.push(this.sunward(view, arm, pen.width("Sun") + 14));
+    const box = [0, 1, 2, 3].map((k) => Math[k < 2 ? "min" : "max"](k < 2 ? -10 : 10, ...tips.map((one) => one.box[k])));
+    const x = left + 8 - box[0] + (this.facing(view) >= 0 ? 26 : 0);
+    const y = top + height - 8 - box[3] - (this.facing(view) >= 0 ? 14 : 0);
     names.forEach((name, i) => {
-      const [u, v] = [view.right[i], -view.up[i]];
-      const size = Math.hypot(u, v);
-      if (size < 0.08) {
+      const { u, v, at, align, size } = tips[i];
+      if (size < ACROSS) {
         pen.ring(x, y, 5, colours[i], { fill: palette.panel });
         if (view.back[i] > 0) pen.ring(x, y, 1.2, colours[i], { fill: colours[i] });
         else pen.cross(x, y, 2.6, colours[i]);
-      } else {
-        pen.arrow([x, y], [x + arm * u, y + arm * v], colours[i], { width: 1.8, head: 6 });
-      }
-      const away = size < 0.08 ? [-0.75, 0.75] : [u / size, v / size];
-      const [tx, ty] = size < 0.08 ? [x - 8, y + 13] : [x + arm * u + 5 * away[0], y + arm * v + 8 * away[1]];
-      const align = Math.abs(away[0]) < 0.35 ? "center" : away[0] > 0 ? "left" : "right";
-      pen.text(name, tx, ty, colours[i], { align, halo: palette.panel });
-      const wide = pen.width(name);
-      const from = align === "left" ? tx : align === "right" ? tx - wide : tx - wide / 2;
-      [box[0], box[1]] = [Math.min(box[0], from), Math.min(box[1], ty - 8)];
-      [box[2], box[3]] = [Math.max(box[2], from + wide), Math.max(box[3], ty + 8)];
+      } else pen.arrow([x, y], [x + arm * u, y + arm * v], colours[i], { width: 1.8, head: 6 });
+      pen.text(name, x + at[0], y + at[1], colours[i], { align, halo: palette.panel });
     });
-    if (this.scene.sun) this.sun(pen, view, palette, x, y, arm);
-    return box;
+    if (this.scene.sun) this.sun(pen, palette, x, y, tips[3]);
+    return [box[0] + x, box[1] + y, box[2] + x, box[3] + y];
   }
 
-  sun(pen, view, palette, x, y, arm) {
-    const { sun } = this.scene;
-    const u = sun.reduce((sum, one, i) => sum + one * view.right[i], 0);
-    const v = -sun.reduce((sum, one, i) => sum + one * view.up[i], 0);
-    if (Math.hypot(u, v) < 0.08) return;
-    const [tx, ty] = [x + 1.15 * arm * u, y + 1.15 * arm * v];
-    pen.line([[x, y], [tx, ty]], palette.sun, { width: 1.5, dash: [3, 3] });
-    pen.ring(tx, ty, 5, palette.ink, { width: 1, fill: palette.sun });
-    pen.text("Sun", tx + 9, ty, palette.ink, { halo: palette.panel });
+  /** Where the sun is drawn beside the axes. */
+  sunward(view, arm, wide) {
+    const u = dot(this.scene.sun, view.right);
+    const v = -dot(this.scene.sun, view.up);
+    const at = [1.25 * arm * u, 1.25 * arm * v];
+    return { at, size: Math.hypot(u, v), box: [at[0] - 6, at[1] - 8, at[0] + wide, at[1] + 8] };
   }
+
+  sun(pen, palette, x, y, { at, size }) {
+    if (size < ACROSS) return;
+    pen.line([[x, y], [x + at[0], y + at[1]]], palette.sun, { width: 1.5, dash: [3, 3] });
+    pen.ring(x + at[0], y + at[1], 5, palette.ink, { width: 1, fill: palette.sun });
+    pen.text("Sun", x + at[0] + 9, y + at[1], palette.ink, { halo: palette.panel });
+  }
+}
+
+/** An axis of the triad: where its name stands, and the box that it takes, from the triad's middle. */
+function tip(name, u, v, arm, wide) {
+  const size = Math.hypot(u, v);
+  const hidden = size < ACROSS;
+  const [a, b] = hidden ? [-0.8, 0.8] : [u / size, v / size];
+  const at = hidden ? [-7, 12] : [arm * u + 5 * a, arm * v + 8 * b];
+  const align = Math.abs(a) < 0.35 ? "center" : a > 0 ? "left" : "right";
+  const from = at[0] - (align === "left" ? 0 : align === "right" ? wide : wide / 2);
+  return { u, v, size, at, align, box: [from, at[1] - 8, from + wide, at[1] + 8] };
 }

@@ -26,7 +26,8 @@ export class Marks {
   /** Draws all that `layers` show over a view; `taken` are boxes without names. */
   draw(pen, view, palette, chosen, layers, taken) {
     const { moment, scene } = this;
-    const spots = moment.positions.map((place, k) => (moment.ways[k] ? view.project(...place) : null));
+    const spots = moment.positions.map((place, k) => (moment.ways[k] ? view.project(...place) : null))
+      .map((spot) => (spot && spot[2] <= view.cut ? spot : null));
     const labels = this.labels.get(view.key);
     const seen = spots.map((spot) => spot && view.holds(spot[0], spot[1], -2));
     labels.begin([...taken, ...spots.flatMap((spot, k) => (seen[k] ? [[spot[0] - 6, spot[1] - 6, spot[0] + 6, spot[1] + 6]] : []))]);

@@ -1,6 +1,7 @@
 // Page: the elements that a reader sees and presses, without what is drawn in them.
 
 import { button, element } from "./element.js";
+import { icon } from "./icon.js";
 import { TITLES } from "./strip.js";
 
 const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow craft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help"]];
@@ -13,7 +14,7 @@ export class Page {
     this.clock = element("strong", { class: "clock" });
     this.fine = element("span", { class: "fine" });
     this.phase = element("span", { class: "phase" });
-    this.theme = button("◐", "Theme", does.theme);
+    this.theme = button(icon("theme"), "Theme", does.theme);
     this.help = button("?", "Help", does.help, { "aria-expanded": "false" });
     const report = scene.report ? [element("a", { href: scene.report, class: "report" }, "Report")] : [];
     const head = element("header", {},
@@ -26,22 +27,22 @@ export class Page {
     this.space = element("canvas", { class: "space", "aria-hidden": "true" });
     this.over = element("canvas", { class: "over", "aria-hidden": "true" });
     this.panes = Object.fromEntries(["oblique", "top", "close"].map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "img" })]));
-    this.whole = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button("⛶", "This view alone", () => does.alone(key), { class: "alone" })]));
-    this.home = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button("⌂", "As at first", () => does.home(key), { class: "home" })]));
+    this.whole = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button(icon("alone"), "This view alone", () => does.alone(key), { class: "alone" })]));
+    this.home = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button(icon("home"), "As at first", () => does.home(key), { class: "home" })]));
     for (const [key, pane] of Object.entries(this.panes)) pane.append(element("span", { class: "tools" }, ...(key === "close" ? [this.follow] : []), this.home[key], this.whole[key]));
     this.views = element("section", { class: "views", "aria-label": "Views" }, this.space, this.over, ...Object.values(this.panes));
 
-    this.play = button("▶", "Play", does.play, { class: "play" });
+    this.play = button(icon("play"), "Play", does.play, { class: "play" });
     this.speed = element("output", { class: "speed", "aria-label": "Speed" });
     const transport = element("div", { class: "transport" },
-      button("⏮", "Previous event", () => does.event(-1)), button("‹", "Step back", () => does.step(-1)), this.play,
-      button("›", "Step on", () => does.step(1)), button("⏭", "Next event", () => does.event(1)),
-      button("−", "Slower", () => does.faster(-1)), this.speed, button("+", "Faster", () => does.faster(1)));
-    this.line = element("canvas", { class: "line", role: "slider", tabindex: "0", "aria-label": "Time", "aria-valuemin": scene.start, "aria-valuemax": scene.end });
+      button(icon("last"), "Previous event", () => does.event(-1)), button(icon("back"), "Step back", () => does.step(-1)), this.play,
+      button(icon("on"), "Step on", () => does.step(1)), button(icon("next"), "Next event", () => does.event(1)),
+      button(icon("slower"), "Slower", () => does.faster(-1)), this.speed, button(icon("faster"), "Faster", () => does.faster(1)));
+    this.line = element("div", { class: "line", role: "slider", tabindex: "0", "aria-label": "Time", "aria-valuemin": scene.start, "aria-valuemax": scene.end });
     this.time = element("section", { class: "time", "aria-label": "Time" }, transport, this.line);
 
     const kinds = Object.keys(TITLES).filter((kind) => scene.series.some((one) => one.kind === kind));
-    this.strips = Object.fromEntries(kinds.map((kind) => [kind, element("canvas", { class: "strip", role: "img", "aria-label": TITLES[kind] })]));
+    this.strips = Object.fromEntries(kinds.map((kind) => [kind, element("div", { class: "strip", role: "img", "aria-label": TITLES[kind] })]));
     this.charts = element("section", { class: "charts", "aria-label": "Curves" }, ...Object.values(this.strips));
     if (!kinds.length) this.charts.hidden = true;
 
@@ -50,6 +51,14 @@ export class Page {
     this.keys = element("p", { class: "keys", hidden: true }, ...KEYS.map(([key, what]) => element("span", {}, element("kbd", {}, key), ` ${what}`)),
       element("span", {}, "drag turns, wheel or two fingers zoom, Shift and drag moves, a click on a craft follows it"));
     root.append(head, this.views, this.time, this.charts, this.side, this.keys, this.hint);
+  }
+
+  /** Shows what the button would do. */
+  playing(whether) {
+    if ((this.play.getAttribute("aria-label") === "Pause") === whether) return;
+    this.play.replaceChildren(icon(whether ? "pause" : "play"));
+    this.play.setAttribute("aria-label", whether ? "Pause" : "Play");
+    this.play.title = whether ? "Pause" : "Play";
   }
 
   /** A line of words at the pointer; none without text. */

@@ -10,14 +10,11 @@ import { rgb } from "./palette.js";
 const VERTEX = `
 attribute vec3 first, second, third, middle; // columns of the matrix that makes the body of the unit shape
 attribute vec4 tint;
-uniform float units, least;
 varying vec4 colour;
 varying vec3 facing;
 
 void main() {
-  float size = max(length(first), max(length(second), length(third)));
-  float grow = max(1.0, least * units / max(size, 1e-12));
-  vec3 place = middle + grow * (first * position.x + second * position.y + third * position.z);
+  vec3 place = middle + first * position.x + second * position.y + third * position.z;
   gl_Position = projectionMatrix * modelViewMatrix * vec4(place, 1.0);
   facing = mat3(viewMatrix) * (cross(second, third) * normal.x + cross(third, first) * normal.y + cross(first, second) * normal.z);
   colour = tint;
@@ -47,7 +44,7 @@ void main() { gl_FragColor = colour; }`;
 
 /** Unit shapes: faces, and edges as pairs of points. */
 export const SHAPES = {
-  ball: () => [new SphereGeometry(1, 28, 18), circles([[0, 1], [1, 2], [2, 0]])],
+  ball: () => [new SphereGeometry(1, 24, 14), circles([[0, 1], [1, 2], [2, 0]])],
   box: () => [new BoxGeometry(2, 2, 2), new EdgesGeometry(new BoxGeometry(2, 2, 2))],
   cylinder: () => [new CylinderGeometry(1, 1, 2, 36).rotateX(Math.PI / 2), circles([[0, 1]], [-1, 1])],
   cone: () => [new ConeGeometry(1, 1, 36, 1, true).translate(0, -0.5, 0).rotateX(-Math.PI / 2), rays()],
@@ -85,14 +82,14 @@ function rays() {
 }
 
 export class Solids {
-  /** Room for `most` bodies of a shape [faces, edges]; `least`: half their least size in pixels. */
-  constructor([faces, edges], most, { matte = false, least = 0, side = "back", order = 1, edge = 0.5 } = {}) {
+  /** Room for `most` bodies of a shape [faces, edges]: as glass, of which the far side is seen, or solid. */
+  constructor([faces, edges], most, { matte = false, side = "back", order = 1, edge = 0.5 } = {}) {
     const attribute = (size) => new InstancedBufferAttribute(new Float32Array(size * most), size).setUsage(DynamicDrawUsage);
     this.columns = [attribute(3), attribute(3), attribute(3), attribute(3)];
     this.tint = attribute(4);
     this.edgeTint = attribute(4);
     this.edge = edge;
-    this.uniforms = { units: { value: 1 }, least: { value: least } };
+    this.uniforms = {};
     const sides = { back: BackSide, front: FrontSide, both: DoubleSide };
     const look = { uniforms: this.uniforms, vertexShader: VERTEX, transparent: !matte, depthWrite: matte };
     this.meshes = [];

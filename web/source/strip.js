@@ -1,19 +1,26 @@
 // Strip chart: one kind of curve over time, and what it says at one moment.
 
+import { element, say } from "./element.js";
 import { Pen } from "./pen.js";
 import { rowAt } from "./scene.js";
 import { clock, measured, niceStep, plain, timeStep } from "./units.js";
 
-export const TITLES = { ratio: "Pair distance, in zones", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
+export const TITLES = { ratio: "Pair ratio", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
 const [LEFT, RIGHT, ABOVE, BELOW] = [44, 10, 22, 15];
 const NEARBY = 6; // zones up to which ratios are of interest
 const DECADES = 30; // greatest over least from which on the scale is logarithmic
 
 export class Strip {
-  constructor(canvas, kind, scene, player) {
-    Object.assign(this, { canvas, kind, scene, player });
+  /** In a box of the page; what moves over the curves are elements, so that the curves are drawn once. */
+  constructor(box, kind, scene, player) {
+    Object.assign(this, { box, kind, scene, player });
+    const canvas = element("canvas", { "aria-hidden": "true" });
     this.pen = new Pen(canvas);
-    this.still = new Pen(document.createElement("canvas"));
+    this.now = element("i", { class: "cursor" });
+    this.then = element("i", { class: "cursor then", hidden: true });
+    this.dot = element("i", { class: "spot" });
+    this.said = element("span", { class: "said" });
+    box.append(canvas, this.now, this.then, this.dot, this.said);
     this.curves = scene.series.filter((one) => one.kind === kind)
       .map((one) => ({ ...one, t: scene.numbers(one.times), v: scene.numbers(one.values) }));
     this.unit = this.curves[0]?.unit ?? "";
@@ -50,8 +57,13 @@ export class Strip {
   /** Draws what does not move: scales and curves, those of the craft that is followed stronger. */
   lay(width, height, palette, chosen) {
     Object.assign(this, { width, height, palette, chosen });
-    const pen = this.still;
+    const { pen } = this;
     pen.begin(width, height);
+    pen.font(12, 650);
+    const title = `${TITLES[this.kind]}${this.units ? ` [${this.units}]` : ""}`;
+    pen.text(title, 8, 11, palette.ink);
+    this.said.style.maxWidth = `${width - pen.width(title) - 22}px`;
+    for (const line of [this.now, this.then]) Object.assign(line.style, { top: `${ABOVE - 4}px`, bottom: `${BELOW}px` });
     this.scales(pen, palette);
     const frame = { left: LEFT, top: ABOVE - 2, width: width - LEFT - RIGHT, height: height - ABOVE - BELOW + 4 };
     pen.within(frame, () => {
@@ -114,7 +126,7 @@ export class Strip {
 
   get units() {
     if (this.unit === "m") return this.high >= 1e4 ? "km" : "m";
-    if (this.unit === "x zone") return "";
+    if (this.unit === "x zone") return "× zone";
     return `${this.high >= 0.1 ? "" : this.high < 1e-4 ? "µ" : "m"}${this.unit}`;
   }
 
@@ -131,32 +143,25 @@ export class Strip {
   }
 
   draw(hovered) {
-    const { pen, still, width, height, palette, player } = this;
-    pen.begin(width, height);
-    pen.page.drawImage(still.canvas, 0, 0, width, height);
+    const { player, now, then, dot, said } = this;
     const time = hovered ?? player.time;
-    pen.line([[this.x(player.time), ABOVE - 4], [this.x(player.time), height - BELOW]], palette.conflict, { width: 1.6 });
-    if (hovered !== null) pen.line([[this.x(time), ABOVE - 4], [this.x(time), height - BELOW]], palette.quiet, { dash: [3, 2] });
+    now.style.transform = `translateX(${this.x(player.time)}px)`;
+    then.hidden = hovered === null;
+    then.style.transform = `translateX(${this.x(time)}px)`;
     const best = this.telling(time);
-    pen.font(12, 650);
-    const title = `${TITLES[this.kind]}${this.units ? ` [${this.units}]` : ""}`;
-    pen.text(title, 8, 10, palette.ink);
-    if (!best) return;
-    pen.ring(this.x(time), this.y(best.value), 3, palette.ink, { width: 1.2, fill: this.colour(best.curve) });
-    const said = pen.width(title);
-    pen.font(11.5);
-    const value = measured(best.value, this.unit);
-    const room = width - said - 26 - pen.width(value) - 8;
-    const name = pen.fitted(best.curve.name, room);
-    pen.text(value, width - 8, 10, palette.ink, { align: "right" });
-    if (room > 24) pen.text(name, width - 14 - pen.width(value), 10, palette.quiet, { align: "right" });
+    dot.hidden = !best;
+    if (!best) return say(said, "");
+    dot.style.transform = `translate(${this.x(time)}px, ${this.y(best.value)}px)`;
+    dot.style.background = this.colour(best.curve);
+    const value = this.unit === "x zone" ? best.value.toFixed(best.value < 100 ? 3 : 0) : measured(best.value, this.unit);
+    return say(said, `${best.curve.name}  ${value}`);
   }
 
   listen(hovered) {
-    const { canvas, player } = this;
-    canvas.addEventListener("pointermove", (event) => hovered(this.time(event.offsetX)));
-    canvas.addEventListener("pointerleave", () => hovered(null));
-    canvas.addEventListener("click", (event) => {
+    const { box, player } = this;
+    box.addEventListener("pointermove", (event) => hovered(this.time(event.offsetX)));
+    box.addEventListener("pointerleave", () => hovered(null));
+    box.addEventListener("click", (event) => {
       player.play(false);
       player.go(this.time(event.offsetX));
     });

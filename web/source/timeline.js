@@ -1,5 +1,6 @@
 // Time line: stages, phases, conflicts and burns over time; a click on a mark goes to its moment.
 
+import { element } from "./element.js";
 import { Pen } from "./pen.js";
 import { clock, timeStep } from "./units.js";
 
@@ -10,10 +11,13 @@ const NEAR = 7; // pixels by which a click may miss a mark
 const RANK = ["conflict", "failure", "lock", "approach", "burn", "end", "phase", "stage"];
 
 export class Timeline {
-  constructor(canvas, scene, player) {
-    Object.assign(this, { scene, player, canvas });
+  /** In a box of the page; the cursor is an element, so that all else is drawn once. */
+  constructor(box, scene, player) {
+    Object.assign(this, { scene, player, box });
+    const canvas = element("canvas", { "aria-hidden": "true" });
     this.pen = new Pen(canvas);
-    this.still = new Pen(document.createElement("canvas"));
+    this.now = element("i", { class: "cursor" });
+    box.append(canvas, this.now);
     this.marks = scene.events.filter(({ kind }) => kind !== "stage" && kind !== "phase");
     this.width = 0;
   }
@@ -39,7 +43,7 @@ export class Timeline {
   /** Draws what does not move. */
   lay(width, palette) {
     Object.assign(this, { width, palette });
-    const { still: pen, scene } = this;
+    const { pen, scene } = this;
     pen.begin(width, HEIGHT);
     pen.font(11, 550);
     const bands = scene.stages.map((stage) => ({ ...stage, text: stage.title }));
@@ -87,41 +91,31 @@ export class Timeline {
   }
 
   draw() {
-    const { pen, still, player, palette, width } = this;
-    pen.begin(width, HEIGHT);
-    pen.page.drawImage(still.canvas, 0, 0, width, HEIGHT);
-    const x = this.x(player.time);
-    pen.line([[x, 0], [x, HEIGHT - TICKS + 2]], palette.conflict, { width: 2 });
-    pen.page.fillStyle = palette.conflict;
-    pen.page.beginPath();
-    pen.page.moveTo(x - 5, HEIGHT - TICKS + 6);
-    pen.page.lineTo(x + 5, HEIGHT - TICKS + 6);
-    pen.page.lineTo(x, HEIGHT - TICKS - 1);
-    pen.page.fill();
+    this.now.style.transform = `translateX(${this.x(this.player.time)}px)`;
   }
 
   /** Dragging goes through time, a click on a mark to its event. */
   listen(chosen, hint) {
-    const { canvas, player } = this;
+    const { box, player } = this;
     let pressed = null;
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
+    box.addEventListener("pointerdown", (event) => {
+      box.setPointerCapture(event.pointerId);
       pressed = { x: event.offsetX, mark: this.at(event.offsetX, event.offsetY) };
       player.play(false);
       if (!pressed.mark) player.go(this.time(event.offsetX));
     });
-    canvas.addEventListener("pointermove", (event) => {
+    box.addEventListener("pointermove", (event) => {
       if (pressed && Math.abs(event.offsetX - pressed.x) > 4) pressed.mark = null;
       if (pressed && !pressed.mark) player.go(this.time(event.offsetX));
       const over = this.at(event.offsetX, event.offsetY);
-      canvas.style.cursor = over ? "pointer" : "ew-resize";
+      box.style.cursor = over ? "pointer" : "ew-resize";
       hint(over ? `${clock(over.time, 1)}  ${over.text}` : "", event.clientX, event.clientY);
     });
-    canvas.addEventListener("pointerup", () => {
+    box.addEventListener("pointerup", () => {
       if (pressed?.mark) chosen(pressed.mark);
       pressed = null;
     });
-    canvas.addEventListener("pointercancel", () => (pressed = null));
-    canvas.addEventListener("pointerleave", () => hint(""));
+    box.addEventListener("pointercancel", () => (pressed = null));
+    box.addEventListener("pointerleave", () => hint(""));
   }
 }

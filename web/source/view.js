@@ -18,6 +18,7 @@ export class View {
     this.place = { left: 0, top: 0, width: 1, height: 1 };
     this.target = [0, 0, 0];
     this.scale = 1; // metres to a pixel
+    this.cut = Infinity; // what stands out by more is cut away [m]
     this.touched = false; // whether the reader has turned or zoomed it
     this.turn(0, 0);
   }
@@ -82,11 +83,11 @@ export class View {
     return x >= left - margin && y >= top - margin && x <= left + width + margin && y <= top + height + margin;
   }
 
-  /** Sets the camera: it sees `far` [m] beyond the target, and what stands out by less than `front`. */
-  aim(far, front) {
-    const { camera, place, scale, right, up, back, target } = this;
+  /** Sets the camera: it sees `far` [m] beyond the target, and what stands out by less than its `cut`. */
+  aim(far) {
+    const { camera, place, scale, right, up, back, target, cut } = this;
     const [half, tall] = [(scale * place.width) / 2, (scale * place.height) / 2];
-    Object.assign(camera, { left: -half, right: half, top: tall, bottom: -tall, near: far - front, far: 2 * far });
+    Object.assign(camera, { left: -half, right: half, top: tall, bottom: -tall, near: far - cut, far: 2 * far });
     camera.updateProjectionMatrix();
     const [x, y, z] = target.map((one, i) => one + far * back[i]);
     camera.matrix.set(right[0], up[0], back[0], x, right[1], up[1], back[1], y, right[2], up[2], back[2], z, 0, 0, 0, 1);

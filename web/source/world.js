@@ -11,10 +11,10 @@ const DEEP = 20; // radii of the scene that are seen before and behind
 export class World {
   /** Throws where there is no WebGL. */
   constructor(canvas, scene, moment) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.autoClear = false;
     this.renderer.setScissorTest(true);
-    Object.assign(this, { scene, moment, stage: new Scene(), layers: {} });
+    Object.assign(this, { scene, moment, stage: new Scene(), layers: {}, parts: [] });
     this.stage.matrixWorldAutoUpdate = false;
     const sides = scene.low.map((low, i) => scene.high[i] - low);
     this.radius = Math.hypot(...sides, ...scene.low.map(Math.abs), ...scene.high) || 1;
@@ -26,15 +26,14 @@ export class World {
     this.put("errors", [this.guards.spreads, ...this.guards.outlines]);
     this.put("cones", [this.bodies.cones, this.bodies.shades]);
     this.put("locks", [this.bodies.locks]);
-    this.put("craft", [this.bodies.balls]);
+    this.put("craft", [this.bodies.dots, ...this.bodies.hulls.values()]);
     for (const [name, ribbons] of this.paths.groups) this.put(name, [ribbons]);
   }
 
   put(name, parts) {
-    const filled = parts.filter((part) => part.meshes || part.count || part === this.bodies.locks);
-    this.layers[name] = filled.flatMap((part) => part.meshes ?? [part.mesh]);
-    this.parts = [...(this.parts ?? []), ...filled];
-    if (this.layers[name].length) this.stage.add(...this.layers[name]);
+    this.layers[name] = parts.flatMap((part) => part.meshes);
+    this.parts.push(...parts);
+    if (parts.length) this.stage.add(...this.layers[name]);
   }
 
   show(name, whether) {
@@ -64,16 +63,17 @@ export class World {
     const { renderer, bodies } = this;
     const { left, top, width, height } = view.place;
     for (const { uniforms } of this.parts) {
-      uniforms.units.value = view.scale;
+      if (uniforms.units) uniforms.units.value = view.scale;
       uniforms.halfSize?.value.set(width / 2, height / 2);
     }
-    bodies.balls.uniforms.least.value = view.follows ? 8 : 4.5;
+    bodies.dots.uniforms.least.value = view.follows ? 7 : 4.5;
     const frame = [left, this.height - top - height, width, height];
     renderer.setViewport(...frame);
     renderer.setScissor(...frame);
     renderer.setClearColor(this.ground, 1);
     renderer.clear();
-    const own = Math.max(12 * view.scale, bodies.size(chosen));
-    renderer.render(this.stage, view.aim(DEEP * this.radius, view.follows ? own : DEEP * this.radius));
+    const far = DEEP * this.radius;
+    view.cut = view.follows ? Math.max(12 * view.scale, bodies.size(chosen)) : far;
+    renderer.render(this.stage, view.aim(far));
   }
 }
