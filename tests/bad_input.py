@@ -137,6 +137,19 @@ def correlated(first: str) -> str:
     return f'covariance = {{ position = "1 2 1 m", correlation = {first}, {rows} }}'
 
 
+STATES = F1_F2 + '\nvelocity = "0 0 0 m/s"'
+CHIEF = 'epoch = "2026-01-01T00:05:00Z"\nchief = { oem = "a.oem" }'
+TWO_OEM = 'start = [{ oem = "a.oem" }, { oem = "b.oem" }, { palmer = "0 900 0 0 0 0 m" }]'
+AN_EPOCH = (
+    'write for example "2026-11-22T12:00:00Z", or another time system behind it, '
+    "of GPS, TAI, TCB, TCG, TDB, TT, UTC"
+)
+WITHOUT_CHIEF = (
+    "an inertial state needs the chief's beside it; "
+    'add epoch = "2026-11-22T12:00:00Z" and chief = { oem = "chief.oem" } to [orbit]'
+)
+
+
 SCENARIOS = (
     # the file
     Bad(
@@ -241,7 +254,7 @@ craft.silent: is not built yet; remove it""",
         "an unknown key without a near one",
         ALTITUDE,
         ALTITUDE + "\nq = 1",
-        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, latitude, mu, radius",
+        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, latitude, mu, radius, epoch, chief",
     ),
     Bad("a missing key", FOR, "", 'stage[1].for: missing; add for example for = "0.5 orbits"'),
     Bad(
@@ -653,13 +666,13 @@ craft.silent: is not built yet; remove it""",
         "no orbit",
         ALTITUDE,
         "",
-        'orbit: needs one of altitude, period, semi_major_axis, mean_motion, deep_space; add for example altitude = "500 km"',
+        'orbit: needs one of altitude, period, semi_major_axis, mean_motion, deep_space, chief; add for example altitude = "500 km"',
     ),
     Bad(
         "a radius without altitude",
         ALTITUDE,
         'period = "95 min"\nradius = "6378 km"',
-        "orbit: radius goes with altitude only; remove radius",
+        "orbit: radius goes with altitude or chief only; remove radius",
     ),
     Bad(
         "orbits in deep space",
@@ -904,11 +917,128 @@ craft.silent: is not built yet; remove it""",
     ),
     # not built yet
     Bad(
-        "a start that is not built",
-        F1_F2 + '\nvelocity = "0 0 0 m/s"',
-        'start = { oem = "F1.oem" }',
-        'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later version '
-        "brings: give position and velocity, palmer or roe",
+        "a start from an ephemeris without a chief",
+        STATES,
+        'start = [{ oem = "a.oem" }, { oem = "b.oem" }, { oem = "b.oem" }]',
+        "\n".join(f"craft.start[{k}]: {WITHOUT_CHIEF}" for k in (1, 2, 3)),
+    ),
+    # epochs and the chief
+    Bad(
+        "an epoch that is none",
+        ALTITUDE,
+        ALTITUDE + '\nepoch = "22.11.2026 12:00"',
+        f'orbit.epoch: "22.11.2026 12:00" is no epoch; {AN_EPOCH}',
+    ),
+    Bad(
+        "an epoch without quotation marks",
+        ALTITUDE,
+        ALTITUDE + "\nepoch = 2026-11-22T12:00:00Z",
+        'orbit.epoch: "2026-11-22 12:00:00+00:00" is no text; write for example epoch = "2026-11-22T12:00:00Z"',
+    ),
+    Bad(
+        "an epoch in a time system that needs tables",
+        ALTITUDE,
+        ALTITUDE + '\nepoch = "2026-11-22T12:00:00 UT1"',
+        f'orbit.epoch: "2026-11-22T12:00:00 UT1" is no epoch; {AN_EPOCH}',
+    ),
+    Bad(
+        "a leap second that there is not",
+        ALTITUDE,
+        ALTITUDE + '\nepoch = "2026-06-30T23:59:60Z"',
+        f'orbit.epoch: "2026-06-30T23:59:60Z" is no epoch; {AN_EPOCH}',
+    ),
+    Bad(
+        "a chief without an epoch",
+        ALTITUDE,
+        'chief = { oem = "a.oem" }',
+        'orbit: chief needs epoch; add for example epoch = "2026-11-22T12:00:00Z"',
+    ),
+    Bad(
+        "an altitude beside a chief",
+        ALTITUDE,
+        f"{ALTITUDE}\n{CHIEF}",
+        "orbit: altitude and chief exclude each other; keep one",
+    ),
+    Bad(
+        "a chief by two ways",
+        ALTITUDE,
+        CHIEF.replace("{ ", '{ state = "7000 0 0 km, 0 7.5 0 km/s", '),
+        "orbit.chief: state and oem exclude each other; keep one",
+    ),
+    Bad(
+        "a chief whose place on its orbit is not told",
+        ALTITUDE,
+        CHIEF.replace('oem = "a.oem"', 'elements = { altitude = "550 km", inclination = "97.6 deg" }'),
+        'orbit.chief.elements: needs one of latitude, mean_anomaly, true_anomaly; add for example latitude = "10 deg"',
+    ),
+    Bad(
+        "a chief without a comma",
+        ALTITUDE,
+        CHIEF.replace('oem = "a.oem"', 'state = "7000 0 0 km 0 7.5 0 km/s"'),
+        'orbit.chief.state: "7000 0 0 km 0 7.5 0 km/s" is not a position, a comma and a velocity; '
+        'write for example "6928 0 0 km, 0 -1 7.5 km/s"',
+    ),
+    Bad(
+        "a chief on no ellipse",
+        ALTITUDE,
+        CHIEF.replace('oem = "a.oem"', 'state = "7000 0 0 km, 0 75 0 km/s"'),
+        "orbit.chief: state: the orbit must be an ellipse (e < 1); check the units, m and m/s",
+    ),
+    Bad(
+        "a chief far from a circle",
+        ALTITUDE,
+        CHIEF.replace('oem = "a.oem"', 'state = "7000 0 0 km, 0 9 0 km/s"'),
+        "orbit.chief: eccentricity 0.422, and Hill's equations, those of a circle, are of use up to 0.1; give another orbit",
+    ),
+    Bad(
+        "a chief in a frame that turns",
+        ALTITUDE,
+        CHIEF.replace('oem = "a.oem"', 'state = "7000 0 0 km, 0 7.5 0 km/s", frame = "ITRF"'),
+        "orbit.chief: frame: 'ITRF' turns or is unknown; convert to one of EME2000, GCRF, ICRF, J2000, MCI, MOD, TEME, TOD",
+    ),
+    Bad(
+        "a chief's file that is not there",
+        ALTITUDE,
+        CHIEF.replace("a.oem", "none.oem"),
+        "orbit.chief: none.oem: no such file or directory; check the path",
+    ),
+    Bad(
+        "a chief's file that is damaged",
+        ALTITUDE,
+        CHIEF.replace("a.oem", "damaged.oem"),
+        "orbit.chief: damaged.oem: line 13: '-o.000754605' is no number; correct the file or ask its originator for it again",
+    ),
+    Bad(
+        "an epoch that a file does not reach",
+        ALTITUDE,
+        CHIEF.replace("00:05:00", "01:00:00"),
+        "orbit.chief: A: has states from 2026-01-01T00:00:00.000000000 to 2026-01-01T00:10:00.000000000 UTC, "
+        "and none at 2026-01-01T01:00:00.000000000; give an epoch within them, or a longer file",
+    ),
+    Bad(
+        "an inertial state without a chief",
+        STATES,
+        'start = { inertial = "7000 0 0 km, 0 7.5 0 km/s" }',
+        f"craft.start: {WITHOUT_CHIEF}",
+    ),
+    Bad(
+        "states in two inertial frames",
+        f'{ALTITUDE}\n\n[craft]\nname = ["F1", "F2", "F3"]\n{STATES}',
+        f'{CHIEF}\n\n[craft]\nname = ["F1", "F2", "F3"]\n{TWO_OEM.replace("b.oem", "gcrf.oem")}',
+        "craft.start[2]: gcrf.oem: REF_FRAME GCRF differs from EME2000 of the chief; convert one of them",
+    ),
+    Bad(
+        "states too far apart for the epoch between them",
+        f'{ALTITUDE}\n\n[craft]\nname = ["F1", "F2", "F3"]\n{STATES}',
+        f'{CHIEF}\n\n[craft]\nname = ["F1", "F2", "F3"]\n{TWO_OEM.replace("b.oem", "coarse.oem")}',
+        "craft.start[2]: coarse.oem: at the epoch a state between its own may be off by 9.13 m; "
+        "give states closer together, or the epoch of one",
+    ),
+    Bad(
+        "a craft far from the chief",
+        f'{ALTITUDE}\n\n[craft]\nname = ["F1", "F2", "F3"]\n{STATES}',
+        f'{CHIEF}\n\n[craft]\nname = ["F1", "F2", "F3"]\nstart = {{ inertial = "7000 0 0 m, 0 7.5 0 km/s" }}',
+        "craft.start: 6993 km from the chief, where Hill's equations do not hold; check units and frame",
     ),
     # fuel
     Bad(

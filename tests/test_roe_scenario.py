@@ -126,7 +126,7 @@ REFUSED = {
     ),
     "an OEM": (
         FILE.replace('{ roe = "4 50 -30 300 80 250 m" }', '{ oem = "B.oem" }'),
-        'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later',
+        "craft.start[2]: an inertial state needs the chief's beside it; add epoch",
     ),
 }
 

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from bad_input import GOOD
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
-from closeform.scenario.craft import OrbitTable, SearchTable, SensorTable
+from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.formation import Destination, Goal, Shape, Start
+from closeform.scenario.orbit import ChiefTable, Elements, OrbitTable
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
@@ -269,7 +270,19 @@ def test_every_key_is_documented() -> None:
     """Each key stands in a table row of docs/scenario.md, and each row's key is a key."""
     page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
     documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    tables = [OrbitTable, Craft, Start, Goal, KeepOut, SensorTable, SearchTable, Study, Draw]
+    tables = [
+        OrbitTable,
+        ChiefTable,
+        Elements,
+        Craft,
+        Start,
+        Goal,
+        KeepOut,
+        SensorTable,
+        SearchTable,
+        Study,
+        Draw,
+    ]
     tables += [
         Covariance,
         Execution,

@@ -120,17 +120,21 @@ def show(console: "Console", shown: "Table") -> None:
 
     say(console, "", shown.title)
     table = Table(box=None, pad_edge=False)
-    for column in shown.shown:
+    texts = [[column.heading or "" for column in shown.shown], *shown.texts]
+    widths = [max(len(text) for text in column) for column in zip(*texts, strict=True)]
+    full = sum(widths) + 2 * (len(widths) - 1) > console.width
+    kept = [k for k, column in enumerate(shown.shown) if not (full and column.spare)]
+    for column in (shown.shown[k] for k in kept):
         table.add_column(column.heading or "", justify="left" if column.words else "right", overflow="fold")
-    for row in shown.texts:
-        table.add_row(*row)
+    for row in texts[1:]:
+        table.add_row(*(row[k] for k in kept))
     console.print(table)
 
 
 def tell_run(report: "RunReport", place: Path) -> None:
     """Print what a run found."""
     console, mission = stdout(), report.mission
-    say(console, mission.scenario.title, report.opening)
+    say(console, mission.scenario.title, report.opening, *report.origin)
     for section in report.sections:
         console.print(f"\n{section.title}", style="bold")
         say(console, *section.lines)

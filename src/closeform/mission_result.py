@@ -256,6 +256,10 @@ class Mission:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Stages that take longer than asked, and craft that need more than they have, one line each."""
-        late = (one.warning for one in self.verdict.late)
-        return (*late, *(use.warning(self.grams) for use in self.uses if use.exceeded))
+        """A chief far from a circle, stages longer than asked, craft that need more than they have."""
+        chief, late = self.scenario.chief, (one.warning for one in self.verdict.late)
+        return (
+            *(() if chief is None else chief.warnings),
+            *late,
+            *(use.warning(self.grams) for use in self.uses if use.exceeded),
+        )

@@ -23,7 +23,7 @@ def speed(part: float) -> str:
 
 BURN = (
     Column("craft", "craft", words=True),
-    Column("at [s]", "start_s", "{:.1f}".format),
+    Column("at [s]", "start_s", "{:.1f}".format, since="mission"),
     Column("lasts [s]", "duration_s", "{:.1f}".format),
     Column("R [m/s]", "radial_m_s", speed),
     Column("T [m/s]", "along_track_m_s", speed),

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,7 +43,7 @@ def studied(campaign: "Campaign | ErrorCampaign", verdict: str) -> dict[str, Any
     return {
         "kind": "study",
         "title": scenario.title,
-        "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
+        "inputs": {name: f"sha256:{digest}" for name, digest in scenario.digests.items()},
         "seed": campaign.seed,
         "cases": len(campaign),
         "status": MET if campaign.ok else NOT_MET,

@@ -23,28 +23,29 @@ FEWEST, MOST_CURVES = 4, 8  # pairs whose ratios are drawn against time
 MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all that were looked for
 
 RATIO = Column("least", "ratio", "{:.4f} x zone".format)
+DEEPEST = Column("deepest at [s]", "time_s", "{:.3f}".format, since="mission")
 CONFLICT = (
     PAIR,
-    Column("from [s]", "start_s", "{:.3f}".format),
-    Column("to [s]", "end_s", "{:.3f}".format),
+    Column("from [s]", "start_s", "{:.3f}".format, since="mission"),
+    Column("to [s]", "end_s", "{:.3f}".format, since="mission"),
     Column("lasts [s]", None, "{:.3f}".format),
-    Column("deepest at [s]", "time_s", "{:.3f}".format),
+    DEEPEST,
     RATIO,
 )
 APPROACH = (
     PAIR,
     RATIO,
     Column("distance [m]", "distance_m", "{:.3f}".format),
-    Column("at [s]", "time_s", "{:.3f}".format),
+    Column("at [s]", "time_s", "{:.3f}".format, since="mission"),
     Column(None, "zone"),
 )
 STAYS = (
     PAIR,
     Column("conflicts", "conflicts"),
-    Column("first from [s]", "start_s", "{:.3f}".format),
-    Column("last to [s]", "end_s", "{:.3f}".format),
+    Column("first from [s]", "start_s", "{:.3f}".format, since="mission"),
+    Column("last to [s]", "end_s", "{:.3f}".format, since="mission"),
     Column("in all [s]", "inside_s", "{:.3f}".format),
-    Column("deepest at [s]", "time_s", "{:.3f}".format),
+    DEEPEST,
     RATIO,
 )
 WHEN = Column("when", "when")

@@ -31,8 +31,8 @@ def columns(passive: "PassiveSafety") -> tuple[Column, ...]:
         Column("meets", "second", words=True),
         Column("least", "ratio", "{:.4f} x zone".format),
         Column("distance [m]", "distance_m", SECONDS),
-        Column(EVENTS[type(passive.failure).__name__][1], "failed_at_s", SECONDS),
-        Column("met at [s]", "time_s", SECONDS),
+        Column(EVENTS[type(passive.failure).__name__][1], "failed_at_s", SECONDS, since="mission"),
+        Column("met at [s]", "time_s", SECONDS, since="mission"),
         Column("later", None, absent=""),
     )
 

@@ -82,7 +82,7 @@ def replayed(gathering: Gathering) -> Iterator[EventMoment]:
 def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
     """Every event; times count from the start of the stage."""
     columns = (
-        Column("at [s]", "time_s", "{:.2f}".format),
+        Column("at [s]", "time_s", "{:.2f}".format, since="stage"),
         Column("[min:s]", None, minutes),
         Column(None, "kind"),
         Column(None, parts=("first", "second")),
@@ -141,7 +141,7 @@ def progress(gathering: Gathering) -> Table:
         rows.append((place, start, len(some) - len(burns), len(burns), spent, inside, held, lost))
     columns = (
         replace(PHASE, absent="at once"),
-        Column("from [s]", form="{:.1f}".format),
+        Column("from [s]", form="{:.1f}".format, since="stage"),
         *(Column("locks"), Column("burns"), speed(gathering)),
         *(Column("formation set"), Column("knowledge sets"), Column("lost")),
     )

@@ -15,7 +15,7 @@ from closeform.search.phases import labels, tally
 
 LOCKS = (
     replace(PAIR, key=None),
-    Column("at [s]", "time_s", "{:.2f}".format, absent="never"),
+    Column("at [s]", "time_s", "{:.2f}".format, absent="never", since="stage"),
     Column("[min:s]", None, minutes),
     replace(PHASE, words=False),
 )

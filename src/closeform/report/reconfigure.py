@@ -98,7 +98,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
         columns[Column("slot", absent="")] = [*(k + 1 for k in plan.slots.tolist()), None]
     for title, times in (("from [s]", plan.starts), ("to [s]", plan.starts + plan.durations)):
         if np.ptp(times) > 0.0:
-            columns[Column(title, form="{:.1f}".format, absent="")] = [*times, None]
+            columns[Column(title, form="{:.1f}".format, absent="", since="mission")] = [*times, None]
     columns[effort.SPEED if by_delta_v else effort.ENERGY] = [*cost]
     if result.planned is not result.before:
         shares = [effort.above(one, free) for one, free in zip(cost, direct, strict=True)]
@@ -141,7 +141,11 @@ def contacts(result: Moved) -> Iterator[Table]:
     moved = result.result
     if rows := touching(moved):
         lost = None if moved.plan.drift is None else "thrust lost at [s]"
-        columns = PAIR, Column("at [s]", form="{:.3f}".format), Column(lost, form="{:.3f}".format)
+        columns = (
+            PAIR,
+            Column("at [s]", form="{:.3f}".format, since="mission"),
+            Column(lost, form="{:.3f}".format),
+        )
         yield Table("Where the plan touches zones", columns, rows, folded=True)
     if moved.plan.prices:
         yield optimum.prices(moved.plan, moved.names, result.after.names)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from math import pi
+from math import degrees, hypot, pi
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from closeform.report import (
     transfer,
     uncertain,
 )
+from closeform.report.clock import Clock
 from closeform.report.drawing import drawn
 from closeform.report.picture import Film, Progress
 from closeform.report.section import Section, fate, not_filmed
@@ -39,6 +40,7 @@ from closeform.scenario import (
     Reconfigure,
     Regather,
     Scatter,
+    Scenario,
     StageTable,
     Transfer,
 )
@@ -72,12 +74,26 @@ class RunReport:
         n, results = self.mission.orbit.mean_motion, self.mission.results
         where = f"an orbit of {2 * pi / n / 60.0:.2f} min" if n else "deep space"
         craft = counted(len(self.mission.scenario.craft), "craft", "craft")
-        return f"{craft} in {where}, {results[-1].end if results else 0.0:.1f} s"
+        epoch = self.mission.scenario.epoch
+        begun = "" if epoch is None else f" from {epoch}"
+        return f"{craft} in {where}, {results[-1].end if results else 0.0:.1f} s{begun}"
 
     @cached_property
     def sections(self) -> tuple[Section, ...]:
         """One for each stage flown."""
         return tuple(section(self.mission, result) for result in self.mission.results)
+
+    @property
+    def origin(self) -> tuple[str, ...]:
+        """The chief's orbit; which states at the epoch were interpolated, and how far they may be off."""
+        chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
+        if chief is None:
+            return ()
+        a, _, ex, ey, inclination, node = chief.elements
+        shape = f"a {a / 1e3:.3f} km, e {hypot(ex, ey):.5f}"
+        plane = f"i {degrees(inclination):.4f} deg, node {degrees(node) % 360.0:.4f} deg"
+        notes = () if inputs is None else inputs.notes
+        return f"Chief at the epoch: {shape}, {plane} in {chief.frame}", *notes
 
     @cached_property
     def closing(self) -> tuple[Table, ...]:
@@ -92,7 +108,8 @@ class RunReport:
         return {
             "kind": "run",
             "title": scenario.title,
-            "inputs": {Path(scenario.file).name: f"sha256:{scenario.digest}"},
+            "inputs": {name: f"sha256:{digest}" for name, digest in scenario.digests.items()},
+            **origin(scenario),
             "seed": scenario.study.seed if scenario.study is not None and scenario.case is not None else None,
             "case": scenario.case,
             **verdict(mission.verdict),
@@ -117,6 +134,21 @@ class RunReport:
                 for key, cells in columns.items():
                     below[key] += cells
         return found
+
+
+def origin(scenario: Scenario) -> dict[str, Any]:
+    """The epoch and the chief at it, of a scenario that has them."""
+    epoch, chief = scenario.epoch, scenario.chief
+    found: dict[str, Any] = {} if epoch is None else {"epoch": str(epoch), "epoch_utc": epoch.utc([0.0])[0]}
+    if chief is not None:
+        found["chief"] = {
+            "frame": chief.frame,
+            "center": chief.center,
+            "state_m_m_s": chief.state.tolist(),
+            "mu_m3_s2": chief.mu,
+            "eccentricity": chief.eccentricity,
+        }
+    return found
 
 
 def verdict(reached: Verdict) -> dict[str, Any]:
@@ -149,7 +181,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     used = limits.figures(mission, result) if result.result is not None else {}
     closing = limits.lines(mission, result) if result.result is not None else ()
     count = len(result.after.names)
-    return replace(
+    whole = replace(
         told,
         lines=conflicts.zones(result.before) + told.lines,
         tables=told.tables + drift.tables(result),
@@ -185,11 +217,13 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             **drift.files(result),
         },
     )
+    epoch = mission.scenario.epoch
+    return whole if epoch is None else Clock(epoch, result.start).told(whole, result.end)
 
 
 def states(mission: Mission) -> dict[str, Any]:
     """States and thrusts as flown, at equal steps of every stage, to look at and to plot."""
-    names = np.array(mission.scenario.names)
+    names, epoch = np.array(mission.scenario.names), mission.scenario.epoch
     parts: list[dict[str, Any]] = []
     for result in mission.results:
         times = np.linspace(result.start, result.end, SAMPLES)
@@ -199,6 +233,7 @@ def states(mission: Mission) -> dict[str, Any]:
                 "stage": np.full(len(names) * SAMPLES, result.number),
                 "craft": np.repeat(names, SAMPLES),
                 "time_s": np.tile(times, len(names)),
+                **({} if epoch is None else {"time_utc": np.tile(epoch.utc(times), len(names))}),
                 **dict(zip(STATE_COLUMNS, paths.state(times).reshape(-1, 6).T, strict=True)),
                 **dict(zip(THRUST_COLUMNS, paths.thrust(times).reshape(-1, 3).T, strict=True)),
             }
@@ -240,7 +275,9 @@ def leave(
     shown = iter(files)
     folder.csv("burns", report.files.get("burns", {}))
     faint = f"{report.opening}; {Path(mission.scenario.file).name}"
-    parts = page.head(mission.scenario.title, [faint], str(mission.verdict), mission.verdict.ok)
+    parts = page.head(
+        mission.scenario.title, [faint, *report.origin], str(mission.verdict), mission.verdict.ok
+    )
     parts += [page.paragraph(line, "bad") for line in mission.warnings]
     for told in report.sections:
         parts += page.section(told, islice(shown, len(told.pictures)))

@@ -12,7 +12,8 @@ from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad
 FROM, TO = (
-    Column(f"{word} [s]", key, "{:.1f}".format) for word, key in (("from", "start_s"), ("to", "end_s"))
+    Column(f"{word} [s]", key, "{:.1f}".format, since="stage")
+    for word, key in (("from", "start_s"), ("to", "end_s"))
 )
 
 

@@ -6,7 +6,7 @@ The terminal, the HTML page, Parquet and `summary.json` all take the same rows.
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import isnan
-from typing import Any
+from typing import Any, Literal
 
 MOST_ROWS = 40  # of a table on the terminal; longer ones are for the page, and summed up
 
@@ -19,7 +19,8 @@ class Column:
     stored, with the unit as in `start_s`, in SI; None for one that is only shown.  `form` writes a
     value, times `scale`, as text; `absent` stands where there is none.  Words stand left, numbers
     right.  A cell of several values has a name for each in `parts`: Parquet stores these, JSON the
-    whole under the `key` if there is one.
+    whole under the `key` if there is one.  `since`: from when it counts, of a column of instants.
+    `spare`: left out where there is no room for it.
     """
 
     heading: str | None
@@ -29,6 +30,8 @@ class Column:
     absent: str = "-"
     words: bool = False
     parts: tuple[str, ...] = ()
+    since: Literal["mission", "stage"] | None = None
+    spare: bool = False
 
     def text(self, cell: Any) -> str:
         """A cell in words: a text as it is."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # whose kernels a stage without errors can spare
 FEWEST = (
     PAIR,
     Column("sigmas", "sigmas", "{:.4g}".format),
-    Column("at [s]", "time_s", "{:.3f}".format),
+    Column("at [s]", "time_s", "{:.3f}".format, since="mission"),
 )
 SIGMAS = (
     *FEWEST,

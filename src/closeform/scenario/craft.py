@@ -1,4 +1,4 @@
-"""Where the formation flies and what it is made of: [orbit], [craft], [sensor], [search]."""
+"""What the formation is made of: [craft], [sensor], [search]."""
 
 from collections.abc import Iterator
 from math import inf, nan, pi
@@ -18,7 +18,6 @@ from closeform.scenario.quantity import (
     ACCELERATION,
     ANGLE,
     FORCE,
-    GRAVITY,
     LENGTH,
     MASS,
     RATE,
@@ -27,7 +26,7 @@ from closeform.scenario.quantity import (
     TIME,
     Reader,
 )
-from closeform.scenario.table import Angle, Length, Name, Position, Table, Vector, Velocity
+from closeform.scenario.table import Length, Name, Position, Table, Vector, Velocity
 from closeform.scenario.thrusters import MinimumBit, ThrusterTable
 from closeform.scenario.uncertainty import Covariance, Execution
 
@@ -37,44 +36,6 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
 Matrix = tuple[Vector, Vector, Vector]
-
-
-class OrbitTable(Table):
-    """[orbit]: the circular orbit that the formation's frame follows, or deep space."""
-
-    deep_space: Literal[True] | None = Field(None, examples=["true"])
-    altitude: Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))] | None = Field(
-        None, examples=['"500 km"']
-    )
-    period: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
-        None, examples=['"95 min"']
-    )
-    semi_major_axis: Length | None = Field(None, examples=['"6878 km"'])
-    mean_motion: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] | None = Field(
-        None, examples=['"0.0634 deg/s"']
-    )
-    latitude: Angle = Field(0.0, examples=['"30 deg"'])
-    mu: Annotated[float, BeforeValidator(Reader(GRAVITY, least="positive"))] | None = Field(
-        None, examples=['"398600.4418 km^3/s^2"']
-    )
-    radius: Length | None = Field(None, examples=['"6378.137 km"'])
-
-    def flaws(self) -> Iterator[str]:
-        yield from self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
-        yield from self.only_with("mu", "altitude", "semi_major_axis")
-        yield from self.only_with("radius", "altitude")
-        yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space")
-
-    def build(self) -> Orbit:
-        """The orbit of the core."""
-        planet = {key: value for key in ("mu", "radius") if (value := getattr(self, key)) is not None}
-        if self.altitude is not None:
-            return Orbit.circular(self.altitude, **planet)
-        if self.semi_major_axis is not None:
-            return Orbit.from_semi_major_axis(self.semi_major_axis, **planet)
-        if self.period is not None:
-            return Orbit.from_period(self.period)
-        return Orbit(self.mean_motion or 0.0)
 
 
 class Craft(Table):
@@ -123,6 +84,7 @@ class Craft(Table):
     start_offset: Annotated[float, BeforeValidator(Reader(TIME))] = Field(0.0, examples=['"2 s"'])
     silent: bool = Field(False, examples=["false"])
     _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
+    _known: Floats | None = PrivateAttr(None)  # state (6,) at the start of which `start` is inertial
 
     @classmethod
     def example(cls, key: str) -> Any:
@@ -167,6 +129,12 @@ class Craft(Table):
         craft._place = (place, count)
         return craft
 
+    def known_at(self, state: Floats) -> Self:
+        """The craft with its state (6,) at the start, where that is given inertially."""
+        craft = self.model_copy()
+        craft._known = state
+        return craft
+
     @property
     def max_acceleration(self) -> float:
         """What its engine gives the mass that it starts with [m/s^2]; inf without a limit."""
@@ -200,13 +168,11 @@ class Craft(Table):
             return Errors(state)
         return Errors(state, one.magnitude, one.pointing, one.gates, one.noise)
 
-    @property
-    def unbuilt(self) -> str | None:
-        """The key of `start` whose work is not built yet, if this craft needs it."""
-        return "oem" if self.start is not None and self.start.oem is not None else None
-
     def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
-        """The state (6,) at the start, in SI units; the origin is at that argument of latitude [rad]."""
+        """The state (6,) at the start, in SI units; the origin is at that argument of latitude [rad].
+
+        It is nan for a craft whose inertial state is not related to the chief's, as one of them is wrong.
+        """
         if self.start is None:
             return np.array([*(self.position or ()), *(self.velocity or ())])
         if self.start.palmer is not None:
@@ -214,7 +180,7 @@ class Craft(Table):
         if self.start.roe is not None:
             return state_from_scaled_roe(self.start.roe, orbit.mean_motion, latitude)
         if self.start.shape is None:
-            raise TypeError(f"{self.name}: start by oem is not built")
+            return np.full(6, nan) if self._known is None else self._known
         place, count = self._place
         return np.array(self.start.shape.states(orbit, count)[place])
 

@@ -11,9 +11,18 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.roe import state_from_scaled_roe
 from closeform.scenario.quantity import ANGLE, LENGTH, Reader
-from closeform.scenario.table import Length, Names, Position, Table, Vector, Velocity
+from closeform.scenario.table import (
+    FileName,
+    Inertial,
+    Length,
+    Names,
+    Position,
+    Six,
+    Table,
+    Vector,
+    Velocity,
+)
 
-Six = tuple[float, float, float, float, float, float]
 SixLengths = Annotated[Six, BeforeValidator(Reader(LENGTH, 6))]
 Signed = Annotated[float, BeforeValidator(Reader(LENGTH))]
 CHEAPEST = "cheapest"
@@ -163,20 +172,26 @@ class Formation(Table):
 
 
 class Start(Formation):
-    """start: a relative orbit instead of a position and a velocity."""
+    """start: a relative orbit, or an inertial state, instead of a position and a velocity."""
 
-    not_built = ("oem",)
     palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
     roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
-    oem: str | None = Field(None, min_length=1, examples=['"F1.oem"'])
+    inertial: Inertial | None = Field(None, examples=['"6928 0.1 0 km, 0 -1.003 7.518 km/s"'])
+    oem: FileName | None = Field(None, examples=['"F1.oem"'])
 
     def flaws(self) -> Iterator[str]:
-        yield from self.one_of("palmer", "roe", *Formation.model_fields, "oem")
+        yield from self.one_of("palmer", "roe", *Formation.model_fields, "inertial", "oem")
         yield from self.closed()
 
     @property
     def orbital(self) -> bool | None:
-        return True if self.palmer is not None or self.roe is not None else super().orbital
+        given = self.palmer, self.roe, self.inertial, self.oem
+        return super().orbital if all(one is None for one in given) else True
+
+    @property
+    def inertially(self) -> bool:
+        """Whether it says where the craft is beside the chief's own inertial state."""
+        return self.inertial is not None or self.oem is not None
 
 
 class Target(Table):

@@ -7,9 +7,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from closeform.arrays import Floats
-from closeform.scenario.formation import Six
 from closeform.scenario.quantity import AREA, LENGTH, Reader
-from closeform.scenario.table import Length, Lengths, Table, Vector
+from closeform.scenario.table import Length, Lengths, Six, Table, Vector
 from closeform.zones.combined_zones import Body, OwnZone, Uncertainty
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone

@@ -10,8 +10,11 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from closeform.scenario.checks import check
-from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
+from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, meant_by
+from closeform.scenario.inputs import Inputs
+from closeform.scenario.orbit import OrbitTable
+from closeform.scenario.origin import located
 from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import StageTable
@@ -52,6 +55,7 @@ def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
     """
     reading = Reading(toml(text, file))
     scenario = Scenario(file, text, **reading.sections())
+    scenario = located(scenario, Inputs(Path(file).parent), reading.lines, reading.complain)
     if lines := reading.lines + check(scenario, reading.lines, command):
         raise ScenarioError(file, lines)
     return scenario

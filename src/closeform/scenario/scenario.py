@@ -4,13 +4,18 @@ import hashlib
 from dataclasses import dataclass
 from functools import cached_property
 from math import isnan
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.chief import Chief
+from closeform.exchange.epochs import Epoch
 from closeform.motion.orbit import Orbit
-from closeform.scenario.craft import Craft, OrbitTable, SearchTable, SensorTable
+from closeform.scenario.craft import Craft, SearchTable, SensorTable
+from closeform.scenario.inputs import Inputs
+from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather
@@ -43,11 +48,23 @@ class Scenario:
     search: SearchTable | None = None
     study: Study | None = None
     case: int | None = None  # of the study, if the craft's states are those of one
+    chief: Chief | None = None
+    inputs: Inputs | None = None  # the files that it names
 
     @property
     def digest(self) -> str:
         """SHA-256 of the file."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of the file and of those that it names, by their names."""
+        return {Path(self.file).name: self.digest} | (self.inputs.digests if self.inputs is not None else {})
+
+    @property
+    def epoch(self) -> Epoch | None:
+        """The instant of its time 0, where the file tells one."""
+        return self.orbit.epoch
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,10 +91,8 @@ class Scenario:
         return tuple(None if craft.keep_out is None else craft.keep_out.own() for craft in self.craft)
 
     def states(self, orbit: Orbit) -> Floats:
-        """The craft's states (N, 6) at the start, in the scenario's `orbit`; nan where that is not built."""
-        latitude = self.orbit.latitude
-        unknown = np.full(6, np.nan)
-        return np.array([unknown if one.unbuilt else one.state(orbit, latitude) for one in self.craft])
+        """The craft's states (N, 6) at the start, in the scenario's `orbit`; nan where one is wrong."""
+        return np.array([one.state(orbit, self.orbit.latitude) for one in self.craft])
 
     @cached_property
     def zones(self) -> PairZones:
@@ -145,12 +160,6 @@ class Scenario:
     def unbuilt(self) -> tuple[str, ...]:
         """What every command would need and this version does not have, one line each."""
         lines = [
-            'craft.start: "oem" is not built yet; states from an OEM come with epochs, which a later version '
-            "brings: give position and velocity, palmer or roe"
-            for craft in self.craft
-            if craft.unbuilt
-        ]
-        lines += [
             f"craft.{key}: is not built yet; remove it"
             for key in Craft.not_built
             if any(np.any(getattr(craft, key)) for craft in self.craft)

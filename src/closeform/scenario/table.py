@@ -101,13 +101,30 @@ def as_drift(value: Any) -> Duration:
     return read
 
 
+def as_inertial(value: Any) -> tuple[float, ...]:
+    """A position and a velocity with a comma between them, each with its unit."""
+    parts = value.split(",") if isinstance(value, str) else []
+    if len(parts) != 2:
+        example = '"6928 0 0 km, 0 -1 7.5 km/s"'
+        raise ValueError(
+            f"{shown(value)} is not a position, a comma and a velocity; write for example {example}"
+        )
+    place, speed = Reader(LENGTH, 3)(parts[0]), Reader(SPEED, 3)(parts[1])
+    assert isinstance(place, tuple)
+    assert isinstance(speed, tuple)
+    return place + speed
+
+
 Name = Annotated[str, BeforeValidator(as_name)]
 Names = Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
+FileName = Annotated[str, Field(min_length=1)]
 Vector = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
 Length = Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))]
 Lengths = Annotated[Vector, BeforeValidator(Reader(LENGTH, 3, "positive"))]
 Position = Annotated[Vector, BeforeValidator(Reader(LENGTH, 3))]
 Velocity = Annotated[Vector, BeforeValidator(Reader(SPEED, 3))]
+Inertial = Annotated[Six, BeforeValidator(as_inertial)]
 Angle = Annotated[float, BeforeValidator(Reader(ANGLE))]
 Span = Annotated[Duration, BeforeValidator(Reader(DURATION, least="positive"))]
 Drift = Annotated[Duration, BeforeValidator(as_drift)]

@@ -1,0 +1,236 @@
+"""Scenarios with an epoch and a chief: where craft start, what is in UTC, nothing else changed."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from astropy.time import Time, TimeDelta
+
+import closeform as cf
+from closeform.console import tell_run
+from closeform.exchange.oem import read_oem, write_oem
+from closeform.report.run import RunReport, states
+from closeform.scenario import ScenarioError, parse
+from test_chief import to_fifty_digits
+
+ROOT = Path(__file__).parents[1]
+GRACE = ROOT / "examples" / "grace"
+PLAIN = """\
+closeform = 1
+title = "Two that meet"
+
+[orbit]
+ORBIT
+
+[craft]
+name = ["A", "B"]
+START
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+do = "coast"
+for = "40 s"
+
+[[stage]]
+do = "transfer"
+craft = "B"
+to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
+within = "5 min"
+cost = "delta-v"
+"""
+MEETING = 'position = ["0 0 0 m", "0 25 0 m"]\nvelocity = ["0 0 0 m/s", "0 -1 0 m/s"]'
+CIRCLE = 'semi_major_axis = "7000 km", inclination = "97.6 deg", ascending_node = "30 deg"'
+
+
+def scenario(orbit='altitude = "550 km"', start=MEETING):
+    return PLAIN.replace("ORBIT", orbit).replace("START", start)
+
+
+def chief(elements, epoch="2026-11-22T12:00:00Z"):
+    return f'epoch = "{epoch}"\nchief = {{ elements = {{ {elements} }} }}'
+
+
+def left(folder, text, capsys):
+    """What a run says and leaves but for pictures: its lines, figures and tables."""
+    (folder / "two.toml").write_text(text)
+    report = RunReport(cf.run(folder / "two.toml"))
+    tell_run(report, folder)
+    lines = capsys.readouterr().out.splitlines()
+    tables = report.files | {"paths": states(report.mission)}
+    return (
+        lines,
+        json.loads(json.dumps(report.summary)),
+        {name: plain(table) for name, table in tables.items()},
+    )
+
+
+def plain(table):
+    return {key: np.asarray(cells).tolist() for key, cells in table.items()}
+
+
+def without_utc(figures):
+    if isinstance(figures, list):
+        return [without_utc(one) for one in figures]
+    if not isinstance(figures, dict):
+        return figures
+    return {
+        key: without_utc(one) for key, one in figures.items() if not key.endswith("_utc") and key != "epoch"
+    }
+
+
+LEAPING = "2016-12-31T23:59:45.25"
+
+
+def test_an_epoch_adds_utc_and_changes_nothing_else(tmp_path, capsys):
+    plain_lines, plain, plain_tables = left(tmp_path, scenario(), capsys)
+    text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"')
+    lines, dated, tables = left(tmp_path, text, capsys)
+    assert "utc" not in json.dumps(plain)
+    assert not any("UTC" in line for line in plain_lines)
+    same = [{key: run[key] for key in run if key not in ("inputs", "versions")} for run in (plain, dated)]
+    assert without_utc(same[1]) == same[0]
+    start = Time(LEAPING, scale="utc")
+    seen = 0
+    for name, columns in tables.items():
+        assert {key: cells for key, cells in columns.items() if not key.endswith("_utc")} == plain_tables[
+            name
+        ]
+        for key in [key for key in columns if key.endswith("_utc")]:
+            for seconds, stamp in zip(columns[key[:-4] + "_s"], columns[key], strict=True):
+                assert (seconds is None) == (stamp is None)
+                if stamp is not None:
+                    truth = start + TimeDelta(seconds, format="sec")
+                    assert abs((Time(stamp[:-1], scale="utc") - truth).to_value("s")) < 0.61e-9
+                    seen += 1
+    assert seen > 400  # conflicts, approaches, burns and paths
+    assert {"conflicts", "approaches", "burns", "paths"} <= {
+        k for k in tables if any("utc" in c for c in tables[k])
+    }
+    assert any("T23:59:60." in stamp for stamp in tables["paths"]["time_utc"])
+    assert dated["epoch"] == f"{LEAPING} UTC"
+    assert dated["stages"][0]["start_utc"] == f"{LEAPING}0000000Z"
+    shown = [line for line in lines if line]
+    assert "2 craft in an orbit of 95.65 min, 340.0 s from 2016-12-31T23:59:45.25 UTC" in shown
+    # B enters 5 s after the start and is out 40 s later; there is a leap second in between
+    (row,) = [line for line in shown if line.startswith("A - B ")][:1]
+    assert re.search(r" 23:59:50\.\d{3} ", row)
+    assert any("UTC 2016-12-31" in line for line in shown)
+    assert max(map(len, shown)) <= 100
+
+
+def test_a_wide_table_does_without_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
+    """Burns of thrusters that tell propellant, too, fill 100 columns; the files have it."""
+    text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"').replace(
+        "keep_out",
+        'mass = "12 kg"\nmax_thrust = "2 N"\nspecific_impulse = "60 s"\nthrusters = "rtn"\nkeep_out',
+    )
+    monkeypatch.setattr("closeform.console.UNBROKEN", 100)
+    lines, _, tables = left(tmp_path, text, capsys)
+    head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
+    assert max(map(len, lines)) <= 100
+    assert "UTC" not in head
+    assert None not in tables["burns"]["start_utc"]
+
+
+def test_a_chief_is_its_circle(tmp_path, capsys):
+    _, plain, plain_tables = left(tmp_path, scenario('semi_major_axis = "7000 km"'), capsys)
+    lines, figures, tables = left(tmp_path, scenario(chief(CIRCLE + ', latitude = "10 deg"')), capsys)
+    np.testing.assert_allclose(tables["paths"]["x_m"], plain_tables["paths"]["x_m"], rtol=0.0, atol=1e-6)
+    assert figures["mean_motion_rad_s"] == pytest.approx(plain["mean_motion_rad_s"], rel=1e-14)
+    assert figures["chief"]["frame"] == "EME2000"
+    assert "Chief at the epoch: a 7000.000 km, e 0.00000, i 97.6000 deg, node 30.0000 deg in EME2000" in lines
+
+
+@pytest.mark.parametrize("place", ['mean_anomaly = "50 deg"', 'latitude = "140 deg"'])
+def test_elements_by_mean_anomaly(place):
+    """From perigee, flown by fifty digits for 50 degrees of mean anomaly."""
+    given = f'{CIRCLE}, eccentricity = 0.09, argument_of_perigee = "90 deg", '
+    found = parse(scenario(chief(given + place))).chief
+    perigee = parse(scenario(chief(given + 'mean_anomaly = "0 deg"'))).chief
+    assert np.linalg.norm(perigee.state[:3]) == pytest.approx(7e6 * 0.91, rel=1e-12)
+    truth = to_fifty_digits(perigee.state, np.radians(50.0) * np.sqrt(7e6**3 / cf.EARTH_MU))
+    np.testing.assert_allclose(found.state[:3], truth, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("anomaly", [-170.0, 58.11, 130.0])
+def test_elements_by_true_anomaly(anomaly):
+    """The angle from perigee, and the distance of an ellipse there."""
+    given = f'{CIRCLE}, eccentricity = 0.09, argument_of_perigee = "40 deg", true_anomaly = '
+    here, perigee = (parse(scenario(chief(f'{given}"{at} deg"'))).chief.state[:3] for at in (anomaly, 0.0))
+    distance = np.linalg.norm(here)
+    assert distance == pytest.approx(
+        7e6 * (1 - 0.09**2) / (1 + 0.09 * np.cos(np.radians(anomaly))), rel=1e-12
+    )
+    cosine = here @ perigee / distance / np.linalg.norm(perigee)
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(abs(anomaly), abs=1e-6)
+    normal = parse(scenario(chief(CIRCLE + ', latitude = "0 deg"'))).chief.state
+    ahead = np.cross(perigee, here) @ np.cross(normal[:3], normal[3:])
+    assert np.sign(ahead) == np.sign(anomaly)
+
+
+def test_latitude_of_the_chief_is_what_elements_refer_to():
+    roe = 'start = [{ roe = "0 0 0 0 0 0 m" }, { roe = "0 0 0 300 80 250 m" }]'
+    plain = parse(scenario('semi_major_axis = "7000 km"\nlatitude = "77 deg"', roe))
+    dated = parse(scenario(chief(CIRCLE + ', latitude = "77 deg"'), roe))
+    states = [one.states(one.orbit.build()) for one in (plain, dated)]
+    np.testing.assert_allclose(states[1], states[0], rtol=0.0, atol=1e-7)
+
+
+def test_inertial_starts_are_arcs_on_the_chiefs_circle():
+    """Both on one circle, so many radians apart: the geometry is plain."""
+    given = CIRCLE + ', latitude = "10 deg"'
+    ahead = cf.inertial_from_elements(
+        [7e6, np.radians(10.0) + 1e-4, 0.0, 0.0, np.radians(97.6), np.radians(30.0)]
+    )
+    place, speed = (" ".join(repr(float(one)) for one in part) for part in (ahead[:3], ahead[3:]))
+    start = f'start = [{{ palmer = "0 0 0 0 0 0 m" }}, {{ inertial = "{place} m, {speed} m/s" }}]'
+    found = parse(scenario(chief(given), start))
+    states = found.states(found.orbit.build())
+    np.testing.assert_allclose(states[1], [0, 700.0, 0, 0, 0, 0], rtol=0.0, atol=1e-6)
+
+
+def test_flown_craft_start_where_a_screening_sees_them(tmp_path, capsys, monkeypatch):
+    """GRACE-B at an epoch in UTC, of files in GPS time, read from beside the scenario."""
+    (tmp_path / "files").mkdir()
+    for letter in "AB":
+        (tmp_path / "files" / f"{letter}.oem").write_bytes((GRACE / f"GRACE-{letter}.oem").read_bytes())
+    orbit = 'epoch = "2010-07-27T00:16:25Z"\nchief = { oem = "files/A.oem" }'  # 1000 s after their first
+    text = scenario(orbit, 'start = [{ palmer = "0 0 0 0 0 0 m" }, { oem = "files/B.oem" }]')
+    (tmp_path / "grace.toml").write_text(text)
+    monkeypatch.chdir("/")
+    found = cf.run(tmp_path / "grace.toml")
+    frame = cf.common_frame([read_oem(GRACE / f"GRACE-{letter}.oem") for letter in "AB"])
+    state = found.results[0].after.path("B").state(0.0)
+    np.testing.assert_allclose(state, frame.states[1, 100], rtol=0.0, atol=1e-6)
+    assert found.orbit.mean_motion == pytest.approx(frame.mean_motion, rel=1e-14)
+    assert set(found.scenario.digests) == {"grace.toml", "files/A.oem", "files/B.oem"}
+    assert found.scenario.inputs.notes == []  # nothing was interpolated
+
+
+def test_interpolated_states_are_told(tmp_path, capsys):
+    flown = read_oem(GRACE / "GRACE-A.oem")
+    write_oem(tmp_path / "A.oem", flown)
+    orbit = 'epoch = "2010-07-27T00:16:41 GPS"\nchief = { oem = "A.oem" }'
+    lines, figures, _ = left(tmp_path, scenario(orbit), capsys)
+    (told,) = [line for line in lines if line.startswith("A.oem: ")]
+    off = re.fullmatch(r"A\.oem: state at the epoch interpolated, off by up to (\S+) m, by estimate", told)
+    assert off is not None
+    assert 1e-9 < float(off[1]) < 0.01  # of the files' own noise, which their velocities have
+    assert any("eccentricity" in line for line in figures["warnings"])  # 0.002 at that epoch
+    assert figures["inputs"].keys() == {"two.toml", "A.oem"}
+
+
+def test_a_drawn_case_is_no_longer_where_its_file_says(tmp_path):
+    """A study that draws positions begins at the nominal ones, also of craft that start inertially."""
+    found = parse(scenario(chief(CIRCLE + ', latitude = "10 deg"')))
+    assert found.craft[1].known_at(np.ones(6)).state(found.orbit.build()).tolist()[1] == 25.0
+
+
+def test_chief_and_craft_that_are_wrong_are_said_at_once():
+    text = scenario('epoch = "2026-11-22T12:00:00Z"\nchief = { oem = "no.oem" }').replace('"20 m"', '"-20 m"')
+    with pytest.raises(ScenarioError) as refused:
+        parse(text, "two.toml")
+    keys = [line.split(": ")[1] for line in refused.value.lines]
+    assert keys == ["craft.keep_out.sphere", "orbit.chief"]
