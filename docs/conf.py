@@ -62,6 +62,8 @@ html_static_path = ["_static", str(MATHJAX)]
 mathjax_path = MATHJAX.name
 html_css_files = ["closeform.css"]
 html_show_sourcelink = False
+html_sidebars = {page: [] for page in ("index", "start", "tour", "gallery")}  # nothing is below them
+toc_object_entries_show_parents = "hide"
 html_show_copyright = False
 html_theme_options = {
     "logo": {"text": "closeform"},
