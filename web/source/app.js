@@ -33,7 +33,7 @@ export class App {
     Object.assign(this, { root, scene, frames: 0, queued: false, hovered: null, one: null });
     this.moment = new Moment(scene);
     this.layers = Object.fromEntries(layerKeys(scene).map((key) => [key, true]));
-    this.views = views(scene);
+    this.views = views(scene, this.moment);
     this.player = new Player(scene.start, scene.end, () => this.changed());
     this.page = new Page(root, scene, this.deeds());
     this.world = new World(this.page.space, scene, this.moment);
@@ -45,7 +45,7 @@ export class App {
     this.page.fill(this.events.element, this.legend.element);
     this.timeline = new Timeline(this.page.line, scene, this.player);
     this.strips = Object.entries(this.page.strips).map(([kind, box]) => new Strip(box, kind, scene, this.player));
-    this.reach = reaches(scene, this.moment);
+    this.reach = reaches(scene, this.moment, this.world.guards.tubes);
     this.address = new Address(() => this.said());
     this.choose(readAddress(location.hash));
     this.connect();
@@ -254,10 +254,10 @@ export class App {
     const { pen, palette, layers, moment, chosen } = this;
     const name = this.scene.craft[chosen].name;
     if (view.follows) view.target = [...moment.positions[chosen]];
-    this.world.draw(view, chosen);
+    const grid = this.frame.grid(view, layers.grid);
+    this.world.draw(view, chosen, grid.lines);
     pen.within(view.place, () => {
-      const step = this.frame.grid(pen, view, palette, layers.grid);
-      const taken = this.frame.words(pen, view, palette, step, view.follows ? `${view.title}: ${name}` : view.title);
+      const taken = this.frame.words(pen, view, palette, grid, view.follows ? `${view.title}: ${name}` : view.title);
       this.marks.draw(pen, view, palette, chosen, layers, taken);
     });
   }

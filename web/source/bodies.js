@@ -40,6 +40,11 @@ export class Bodies {
     return Math.max(this.moment.axes(craft) ? this.shade : 0, body >= 0 ? this.scene.zones[body].radius : 0);
   }
 
+  /** How far the cone of the one that is seen from near by is drawn [m]. */
+  get near() {
+    return Math.min(this.reach, 2 * this.shade);
+  }
+
   update(palette, chosen) {
     const { scene, moment, dots, hulls, shades, cones, locks } = this;
     const parts = [dots, ...hulls.values(), shades, cones, locks];

@@ -5,13 +5,15 @@ import { clock } from "./units.js";
 
 const SIGNS = { stage: "▸", phase: "▹", lock: "●", burn: "◆", conflict: "■", approach: "○", failure: "✕", end: "◼" };
 
+const LONG = 1200; // seconds of a scene from which on times are told without tenths
+
 export class EventList {
   constructor(scene, chosen) {
     this.scene = scene;
     this.rows = scene.events.map((event) =>
       element("button", { type: "button", class: `event ${event.kind} ${event.level}`, onclick: () => chosen(event) },
         element("span", { class: "sign", "aria-hidden": "true" }, SIGNS[event.kind] ?? "·"),
-        element("time", {}, clock(event.time, 1)),
+        element("time", {}, clock(event.time, scene.end - scene.start > LONG ? 0 : 1)),
         element("span", { class: "what" }, event.text)));
     this.element = element("ol", { class: "events", "aria-label": "Events" }, ...this.rows.map((row) => element("li", {}, row)));
     this.current = null;

@@ -5,6 +5,7 @@ import { dot } from "./view.js";
 
 const SQUARE = 64; // least pixels between two lines of a grid
 const MOST_LINES = 60;
+const KILO = 1000; // metres from which on a step is told in kilometres
 const ARM = 30; // pixels of an axis of the triad
 const ACROSS = 0.08; // of its length: an axis that is seen from its end
 const FLAT = 0.999; // cosine from which on a view looks along an axis
@@ -21,66 +22,67 @@ export class Frame {
     return view.back.findIndex((one) => Math.abs(one) > FLAT);
   }
 
-  /** Lines of a grid: with numbers where the view looks along an axis, else on the floor. Gives its step [m]. */
-  grid(pen, view, palette, shown) {
+  /** A grid for a view: its step [m], lines as pairs of points, and numbers to write [text, x, y, align]. */
+  grid(view, shown) {
     const facing = this.facing(view);
     view.floor = null;
-    const step = niceStep(SQUARE * view.scale);
-    if (!shown) return step;
-    if (facing >= 0) this.numbered(pen, view, palette, step, facing);
-    else this.floor(pen, view, palette, step);
-    return step;
+    const grid = { step: niceStep(SQUARE * view.scale), lines: [], numbers: [] };
+    if (shown && facing >= 0) this.numbered(view, grid, facing);
+    else if (shown) this.floor(view, grid);
+    return grid;
   }
 
-  numbered(pen, view, palette, step, facing) {
+  /** Lines behind everything, with numbers, where a view looks along an axis. */
+  numbered(view, { step, lines, numbers }, facing) {
     const { left, top, width, height } = view.place;
-    const unit = step >= 1000 ? 1000 : 1;
-    pen.font(10.5);
-    for (const axis of [0, 1, 2].filter((one) => one !== facing)) {
+    const unit = step >= KILO ? 1000 : 1;
+    const axes = [0, 1, 2].filter((axis) => axis !== facing);
+    for (const axis of axes) {
       const upright = Math.abs(view.right[axis]) > 0.7; // lines go up and down
       const sign = upright ? view.right[axis] : -view.up[axis];
       const size = upright ? width : height;
-      const first = view.target[axis] - (sign * view.scale * size) / 2;
-      const last = view.target[axis] + (sign * view.scale * size) / 2;
-      const [low, high] = [Math.min(first, last), Math.max(first, last)];
-      for (let at = Math.ceil(low / step); at * step <= high; at++) {
-        const pixel = (sign * (at * step - first)) / view.scale;
-        const look = { alpha: at ? 0.7 : 1, width: at ? 1 : 1.6 };
-        const number = `${at * step < 0 ? "−" : ""}${Number(Math.abs((at * step) / unit).toPrecision(6))}`;
-        if (upright) {
-          pen.line([[left + pixel, top], [left + pixel, top + height]], palette.grid, look);
-          if (pixel > 60 && pixel < size - 14) pen.text(number, left + pixel, top + height - 9, palette.quiet, { align: "center", halo: palette.panel });
-        } else {
-          pen.line([[left, top + pixel], [left + width, top + pixel]], palette.grid, look);
-          if (pixel > 40 && pixel < size - 24) pen.text(number, left + 5, top + pixel, palette.quiet, { halo: palette.panel });
-        }
+      const half = (view.scale * size) / 2;
+      for (let at = Math.ceil((view.target[axis] - half) / step); at * step <= view.target[axis] + half; at++) {
+        const line = [-1, 1].map((end) => {
+          const point = view.target.map((one, i) => one + end * view.scale * (upright ? height * view.up[i] : width * view.right[i]));
+          point[axis] = at * step;
+          return point;
+        });
+        lines.push([...line, at === 0]);
+        const pixel = size / 2 + (sign * (at * step - view.target[axis])) / view.scale;
+        const number = `${at < 0 ? "−" : ""}${Number(Math.abs((at * step) / unit).toPrecision(6))}`;
+        if (upright && pixel > 60 && pixel < size - 14) numbers.push([number, left + pixel, top + height - 9, "center"]);
+        if (!upright && pixel > 34 && pixel < size - 24) numbers.push([number, left + 5, top + pixel, "left"]);
       }
     }
+    numbers.push([unit === 1 ? "[m]" : "[km]", left + 5, top + height - 9, "left"]);
   }
 
   /** The plane across the view's upright direction, through the chief in an orbit, else below all craft. */
-  floor(pen, view, palette, step) {
+  floor(view, { step, lines }) {
     const { low, high, mean_motion } = this.scene;
     const up = view.pole.findIndex((one) => Math.abs(one) > 0.5);
     const level = mean_motion ? Math.min(high[up], Math.max(low[up], 0)) : view.pole[up] > 0 ? low[up] : high[up];
     view.floor = { up, level };
-    const [a, b] = [0, 1, 2].filter((one) => one !== up);
+    const [a, b] = [0, 1, 2].filter((axis) => axis !== up);
     const range = (axis) => [Math.floor(low[axis] / step) - 1, Math.ceil(high[axis] / step) + 1];
     const [[a0, a1], [b0, b1]] = [range(a), range(b)];
     if (a1 - a0 > MOST_LINES || b1 - b0 > MOST_LINES) return;
     const point = (i, j) => {
       const place = [0, 0, 0];
       [place[a], place[b], place[up]] = [i * step, j * step, level];
-      return view.project(...place);
+      return place;
     };
-    for (let i = a0; i <= a1; i++) pen.line([point(i, b0), point(i, b1)], palette.grid, { alpha: i ? 0.65 : 1, width: i ? 1 : 1.5 });
-    for (let j = b0; j <= b1; j++) pen.line([point(a0, j), point(a1, j)], palette.grid, { alpha: j ? 0.65 : 1, width: j ? 1 : 1.5 });
+    for (let i = a0; i <= a1; i++) lines.push([point(i, b0), point(i, b1), i === 0]);
+    for (let j = b0; j <= b1; j++) lines.push([point(a0, j), point(a1, j), j === 0]);
   }
 
   /** Title, scale and directions; gives the boxes that they take. */
-  words(pen, view, palette, step, title) {
+  words(pen, view, palette, { step, numbers }, title) {
     const { left, top, width, height } = view.place;
     const taken = [];
+    pen.font(10.5);
+    for (const [text, x, y, align] of numbers) pen.text(text, x, y, palette.quiet, { align, halo: palette.panel });
     pen.font(13, 650);
     const said = pen.fitted(title, width - 60);
     pen.text(said, left + 10, top + 15, palette.ink, { halo: palette.panel });
@@ -104,7 +106,7 @@ export class Frame {
 
   triad(pen, view, palette) {
     const { left, top, width, height } = view.place;
-    const small = width < 300 || height < 200;
+    const small = width < 300 || height < 300;
     const arm = small ? 0.75 * ARM : ARM;
     const names = small ? this.short : this.scene.axes;
     const colours = this.scene.mean_motion ? [palette.radial, palette.along, palette.cross] : [palette.ink, palette.ink, palette.ink];

@@ -19,13 +19,14 @@ export class Guards {
       const stage = scene.stages.find(({ number }) => number === entry.stage);
       return new Tube(entry, stage, moment.ways[entry.craft], scene);
     });
-    this.outlines = this.tubes.map((tube) => new Solids(tube.outline(), 1, { order: 0.9 }));
+    this.outlines = this.tubes.filter((tube) => tube.moves).map((tube) => new Solids(tube.outline(), 1, { order: 0.9, side: "both" }));
     this.spreads = new Solids(SHAPES.ball(), Math.max(1, this.tubes.length), { order: 1.1, edge: 1.5 });
   }
 
   /** Whose zone is drawn: of those that only coast, else of the one that is followed. */
   keepers(chosen) {
     const { craft } = this.scene;
+    if (this.moment.search) return [chosen].filter((k) => craft[k].zone >= 0);
     const resting = craft.flatMap((one, k) => (one.moves || one.zone < 0 ? [] : [k]));
     const shown = resting.length && resting.length < craft.length && craft.length <= 40 ? resting : [chosen];
     return shown.filter((k) => craft[k].zone >= 0 && this.moment.ways[k]);
@@ -44,9 +45,10 @@ export class Guards {
     for (const solids of this.zones.values()) solids.clear();
     const put = (zone, middle, colour, alpha) =>
       this.zones.get(this.shapes[zone]).put(scene.zones[zone].axes, middle, colour, alpha);
-    const struck = new Map(); // craft in conflict now, and whether as flown
-    for (const { first, second, when } of moment.conflicts) {
-      if (when === "before" && !ghosts) continue;
+    const struck = new Map(); // craft in conflict now; of those before avoidance the worst of who is followed
+    const before = moment.conflicts.filter(({ first, second, when }) => when === "before" && (first === chosen || second === chosen));
+    const worst = ghosts ? before.sort((a, b) => a.ratio - b.ratio).slice(0, 1) : [];
+    for (const { first, second, when } of [...worst, ...moment.conflicts.filter((one) => one.when === "after")]) {
       const resting = scene.craft[first].moves ? second : first;
       const zone = this.pair(first, second);
       if (zone >= 0) struck.set(`${resting} ${zone}`, { resting, zone, when });
@@ -61,14 +63,16 @@ export class Guards {
     for (const solids of this.zones.values()) solids.finish();
 
     this.spreads.clear();
-    this.tubes.forEach((tube, k) => {
-      this.outlines[k].clear();
-      this.outlines[k].put(UNIT, [0, 0, 0], palette.tube, 0.3);
-      this.outlines[k].finish();
+    for (const outline of this.outlines) {
+      outline.clear();
+      outline.put(UNIT, [0, 0, 0], palette.tube, 0.22);
+      outline.finish();
+    }
+    for (const tube of this.tubes) {
       if (tube.start <= moment.time && moment.time <= tube.end) {
         this.spreads.put(root(tube.spread(moment.time)), moment.positions[tube.craft], palette.tube, 0.6);
       }
-    });
+    }
     this.spreads.finish();
   }
 }

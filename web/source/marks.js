@@ -2,6 +2,7 @@
 
 import { Labels } from "./labels.js";
 import { clock, length, measured } from "./units.js";
+import { dot } from "./view.js";
 
 const NAMED = 40; // craft that are named at once
 const ARROW = 46; // pixels of the greatest thrust
@@ -36,7 +37,8 @@ export class Marks {
     if (layers.before) this.ghosts(pen, view, palette, "before");
     if (layers.drifts) this.failed(pen, view, palette, chosen, labels);
     if (layers.thrust) this.thrust(pen, view, palette, spots);
-    this.approaches(pen, view, palette, spots, labels);
+    this.approaches(pen, view, palette, chosen, spots, labels);
+    if (view.follows && layers.cones) this.attitude(pen, view, palette, chosen, labels);
     const spot = spots[chosen];
     if (spot) pen.ring(spot[0], spot[1], view.follows ? 14 : 9, palette.ink, { width: 1.4, dash: [3, 2] });
     if (layers.names) this.names(pen, view, palette, chosen, spots, seen, labels);
@@ -104,7 +106,7 @@ export class Marks {
       const [[x, y], [u, v]] = [view.project(...from), view.project(...near)];
       if (view.holds(x, y)) pen.cross(x, y, 4, palette.drift);
       if (view.holds(u, v)) pen.diamond(u, v, 4.5, failure.safe ? palette.drift : palette.conflict);
-      if (failure.fails !== chosen || view.follows || !view.holds(u, v)) continue;
+      if (failure.fails !== chosen || view.key !== "oblique" || !view.holds(u, v)) continue;
       pen.font(11.5);
       const text = `nearest after thrust lost at ${clock(failure.failed_at)}: ${measured(failure.ratio, "x zone")}`;
       const place = labels.place(`drift ${failure.meets}`, u, v, pen.width(text), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
@@ -112,10 +114,31 @@ export class Marks {
     }
   }
 
-  /** How far apart the closest are when they are closest. */
-  approaches(pen, view, palette, spots, labels) {
+  /** Where the shade and the sensor of the craft that is followed point, and how far off the sun. */
+  attitude(pen, view, palette, chosen, labels) {
+    const axes = this.moment.axes(chosen);
+    const { sun } = this.scene;
+    if (!axes || !sun) return;
+    const long = Math.min(view.place.width, view.place.height) / 4;
     const { left, top, width, height } = view.place;
-    const near = this.scene.approaches.filter(({ time }) => Math.abs(time - this.moment.time) <= this.window).slice(0, 3);
+    const group = this.moment.search.groups[chosen] === "A" ? palette.cone_a : palette.cone_b;
+    pen.font(11.5);
+    for (const [axis, name, colour] of [[axes[0], "body x", palette.ink], [axes[2], "boresight", group]]) {
+      const [x, y] = view.project(...this.moment.positions[chosen]);
+      const [u, v] = [x + long * dot(axis, view.right), y - long * dot(axis, view.up)];
+      pen.arrow([x, y], [u, v], colour, { width: 1.8 });
+      const spot = labels.place(name, u, v, pen.width(name), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
+      if (spot) pen.text(name, spot.left, spot.top + 7.5, colour, { halo: palette.panel });
+    }
+    const angle = (Math.acos(Math.max(-1, Math.min(1, dot(axes[0], sun)))) * 180) / Math.PI;
+    pen.text(`shade ${angle.toFixed(1)}° off the sun`, left + 10, top + 34, palette.quiet, { halo: palette.panel });
+  }
+
+  /** How far apart a pair is at its closest approach: of several the one that is followed, then the closest. */
+  approaches(pen, view, palette, chosen, spots, labels) {
+    const { left, top, width, height } = view.place;
+    const near = this.scene.approaches.filter(({ time }) => Math.abs(time - this.moment.time) <= this.window)
+      .sort((a, b) => Number(b.first === chosen || b.second === chosen) - Number(a.first === chosen || a.second === chosen)).slice(0, 1);
     for (const { first, second, distance, ratio } of near) {
       if (!spots[first] || !spots[second]) continue;
       const colour = ratio < 1 - 1e-6 ? palette.conflict : palette.ink;

@@ -38,7 +38,7 @@ export class Paths {
         const own = this.moment.tracks.filter((track) => track.craft === craft && track.stage === stage);
         const track = (when === "before" && own.find(({ kind }) => kind === "before")) || own.find(({ kind }) => kind === "flown");
         if (track && end > track.start && start < track.end) {
-          lines.push([track.chords(this.tolerance, start, end), { name: "conflict" }, { width: thin ? 2 : 4, alpha: when === "after" ? 1 : 0.75 }]);
+          lines.push([track.chords(this.tolerance, start, end), { name: "conflict" }, when === "after" ? { width: thin ? 2 : 4 } : { width: thin ? 1.5 : 3, alpha: 0.6 }]);
         }
       }
     }

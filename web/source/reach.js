@@ -3,12 +3,16 @@
 import { dot } from "./view.js";
 
 const CLOSE = 1.15; // of a zone's size, seen to either side of the craft that is followed
-const SHADES = 5; // half of the close view, in shades, of craft that look for each other
+const SHADES = 3.4; // half of the close view, in shades, of craft that look for each other
 const ALONE = 0.04; // of the scene, where a craft has neither
 
 /** A function of (view, craft) that gives the function from a direction to [least, most] for `View.fit`. */
-export function reaches(scene, moment) {
+export function reaches(scene, moment, tubes) {
   const ways = moment.tracks.filter(({ kind }) => kind !== "drift").map((track) => ({ track, points: track.chords(Infinity) }));
+  const ellipsoids = tubes.flatMap((tube) => Array.from({ length: 13 }, (_, k) => {
+    const time = tube.start + (k / 12) * (tube.end - tube.start);
+    return { middle: tube.way.position(time), spread: tube.spread(time) };
+  }));
   const spans = (direction) => {
     let [low, high] = [Infinity, -Infinity];
     for (const { track, points } of ways) {
@@ -18,6 +22,11 @@ export function reaches(scene, moment) {
         const at = points[k] * direction[0] + points[k + 1] * direction[1] + points[k + 2] * direction[2];
         [low, high] = [Math.min(low, at - room), Math.max(high, at + room)];
       }
+    }
+    for (const { middle, spread } of ellipsoids) {
+      const [at, [xx, xy, xz, yy, yz, zz], [x, y, z]] = [dot(middle, direction), spread, direction];
+      const room = Math.sqrt(Math.max(0, xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)));
+      [low, high] = [Math.min(low, at - room), Math.max(high, at + room)];
     }
     return low <= high ? [low, high] : [-1, 1];
   };

@@ -1,7 +1,9 @@
 // Ribbons: lines some pixels wide, thousands of segments in one draw, strong where flown and faint beyond now.
 // Each segment has four corners of its own: to draw instances of one is slow where there is no graphics card.
 
-import { BufferAttribute, BufferGeometry, InterleavedBuffer, InterleavedBufferAttribute, Mesh, ShaderMaterial, Vector2 } from "three";
+import {
+  BufferAttribute, BufferGeometry, DoubleSide, InterleavedBuffer, InterleavedBufferAttribute, Mesh, ShaderMaterial, Vector2,
+} from "three";
 import { rgb } from "./palette.js";
 
 const CORNER = 12; // numbers of a corner: x, y, z, time, way to the other end, length so far, side, width, craft, dashes
@@ -65,7 +67,7 @@ export class Ribbons {
     );
     const { uniforms } = this;
     const shaders = { vertexShader: VERTEX, fragmentShader: FRAGMENT };
-    const material = new ShaderMaterial({ uniforms, ...shaders, transparent: true, depthWrite: false, side: 2 });
+    const material = new ShaderMaterial({ uniforms, ...shaders, transparent: true, depthWrite: false, side: DoubleSide });
     this.meshes = [new Mesh(this.geometry, material)];
     this.meshes[0].frustumCulled = false;
     this.meshes[0].renderOrder = order;

@@ -10,11 +10,12 @@ import { rgb } from "./palette.js";
 const VERTEX = `
 attribute vec3 first, second, third, middle; // columns of the matrix that makes the body of the unit shape
 attribute vec4 tint;
+uniform float stretch;
 varying vec4 colour;
 varying vec3 facing;
 
 void main() {
-  vec3 place = middle + first * position.x + second * position.y + third * position.z;
+  vec3 place = middle + stretch * (first * position.x + second * position.y + third * position.z);
   gl_Position = projectionMatrix * modelViewMatrix * vec4(place, 1.0);
   facing = mat3(viewMatrix) * (cross(second, third) * normal.x + cross(third, first) * normal.y + cross(first, second) * normal.z);
   colour = tint;
@@ -89,7 +90,7 @@ export class Solids {
     this.tint = attribute(4);
     this.edgeTint = attribute(4);
     this.edge = edge;
-    this.uniforms = {};
+    this.uniforms = { stretch: { value: 1 } };
     const sides = { back: BackSide, front: FrontSide, both: DoubleSide };
     const look = { uniforms: this.uniforms, vertexShader: VERTEX, transparent: !matte, depthWrite: matte };
     this.meshes = [];

@@ -19,7 +19,9 @@ export class Strip {
     this.now = element("i", { class: "cursor" });
     this.then = element("i", { class: "cursor then", hidden: true });
     this.dot = element("i", { class: "spot" });
-    this.said = element("span", { class: "said" });
+    this.name = element("span", { class: "name" });
+    this.value = element("span");
+    this.said = element("span", { class: "said" }, this.name, this.value);
     box.append(canvas, this.now, this.then, this.dot, this.said);
     this.curves = scene.series.filter((one) => one.kind === kind)
       .map((one) => ({ ...one, t: scene.numbers(one.times), v: scene.numbers(one.values) }));
@@ -126,7 +128,7 @@ export class Strip {
 
   get units() {
     if (this.unit === "m") return this.high >= 1e4 ? "km" : "m";
-    if (this.unit === "x zone") return "× zone";
+    if (this.kind === "ratio") return "× zone";
     return `${this.high >= 0.1 ? "" : this.high < 1e-4 ? "µ" : "m"}${this.unit}`;
   }
 
@@ -150,11 +152,13 @@ export class Strip {
     then.style.transform = `translateX(${this.x(time)}px)`;
     const best = this.telling(time);
     dot.hidden = !best;
-    if (!best) return say(said, "");
+    said.hidden = !best;
+    if (!best) return;
     dot.style.transform = `translate(${this.x(time)}px, ${this.y(best.value)}px)`;
     dot.style.background = this.colour(best.curve);
-    const value = this.unit === "x zone" ? best.value.toFixed(best.value < 100 ? 3 : 0) : measured(best.value, this.unit);
-    return say(said, `${best.curve.name}  ${value}`);
+    const value = this.kind === "ratio" ? best.value.toFixed(best.value < 100 ? 3 : 0) : measured(best.value, this.unit);
+    say(this.name, best.curve.name);
+    say(this.value, value);
   }
 
   listen(hovered) {

@@ -18,11 +18,18 @@ export class Tube {
     return between(this.rows, time - this.start, 6);
   }
 
+  /** Whether the craft goes farther than its errors reach: else the ellipsoid of now says all. */
+  get moves() {
+    const middle = (this.start + this.end) / 2;
+    const [first, half, last] = [this.start, middle, this.end].map((time) => this.way.position(time));
+    const [xx, , , yy, , zz] = this.spread(middle);
+    return Math.hypot(...difference(half, first)) + Math.hypot(...difference(last, half)) > Math.sqrt(Math.max(xx, yy, zz));
+  }
+
   /** The outline of all ellipsoids, as faces. */
   outline() {
     const rings = Math.min(MOST_RINGS, Math.max(2, 3 * (this.rows.length / 7)));
-    const points = [];
-    const corners = [];
+    const [points, normals, corners] = [[], [], []];
     let aside = null;
     const step = (this.end - this.start) / (rings - 1);
     for (let k = 0; k < rings; k++) {
@@ -40,6 +47,7 @@ export class Tube {
         const along = unit(way) ? dot(pulled, unit(way)) : 0;
         const flat = pulled.map((one, i) => (one - (unit(way) ? along * unit(way)[i] : 0)) / size);
         points.push(...middle.map((one, i) => one + flat[i]));
+        normals.push(...out);
         if (k) {
           const [a, b] = [AROUND * (k - 1) + j, AROUND * (k - 1) + ((j + 1) % AROUND)];
           corners.push(a, b, a + AROUND, b, b + AROUND, a + AROUND);
@@ -47,8 +55,8 @@ export class Tube {
       }
     }
     const faces = new BufferGeometry().setAttribute("position", new BufferAttribute(new Float32Array(points), 3));
+    faces.setAttribute("normal", new BufferAttribute(new Float32Array(normals), 3));
     faces.setIndex(corners);
-    faces.computeVertexNormals();
     return [faces, null];
   }
 }

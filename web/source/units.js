@@ -24,7 +24,7 @@ export function plain(value, digits = 3) {
 
 export function length(metres, digits = 3) {
   const size = Math.abs(metres);
-  if (size >= 1e4) return `${plain(metres / 1e3, digits)} km`;
+  if (size >= 2e3) return `${plain(metres / 1e3, digits)} km`;
   if (size >= 0.5 || size === 0) return `${plain(metres, digits)} m`;
   return size >= 0.005 ? `${plain(metres * 100, digits)} cm` : `${plain(metres * 1e3, digits)} mm`;
 }

@@ -3,6 +3,7 @@
 import { OrthographicCamera } from "three";
 
 const NEAREST = 1e-5; // metres to a pixel
+const SMALL = 300; // pixels of a view's height below which its margins are narrow
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
@@ -52,11 +53,12 @@ export class View {
   }
 
   /** Looks again as it first did at what reaches from `low` to `high` along a direction. */
-  fit(reach, room = { above: 34, below: 40, beside: 46 }) {
+  fit(reach) {
     Object.assign(this, this.first, { touched: false });
     this.turn(0, 0);
     const ranges = [this.right, this.up, this.back].map(reach);
     const { width, height } = this.place;
+    const room = height < SMALL ? { above: 26, below: 24, beside: 30 } : { above: 34, below: 40, beside: 46 };
     const [across, upward] = ranges.map(([low, high]) => high - low);
     const wide = Math.max(40, width - 2 * room.beside);
     const high = Math.max(40, height - room.above - room.below);

@@ -4,8 +4,10 @@ import { Color, Scene, WebGLRenderer } from "three";
 import { Bodies } from "./bodies.js";
 import { Guards } from "./guards.js";
 import { Paths } from "./paths.js";
+import { Ribbons } from "./ribbons.js";
 
 const SHARPEST = 2; // device pixels to a pixel that are worth their time
+const GRID = 400; // lines of a grid
 const DEEP = 20; // radii of the scene that are seen before and behind
 
 export class World {
@@ -22,6 +24,8 @@ export class World {
     this.paths = new Paths(scene, moment, Math.max(...sides, 1e-3) / 2);
     this.guards = new Guards(scene, moment);
     this.bodies = new Bodies(scene, moment, span);
+    this.grid = new Ribbons(GRID, { order: 0.2 });
+    this.put("grid", [this.grid]);
     this.put("zones", [...this.guards.zones.values()]);
     this.put("errors", [this.guards.spreads, ...this.guards.outlines]);
     this.put("cones", [this.bodies.cones, this.bodies.shades]);
@@ -59,13 +63,19 @@ export class World {
   }
 
   /** Draws a view; in one that follows a craft, whatever stands before that craft is cut away. */
-  draw(view, chosen) {
-    const { renderer, bodies } = this;
+  draw(view, chosen, lines) {
+    const { renderer, bodies, grid } = this;
+    grid.clear();
+    for (const [from, to, strong] of lines.slice(0, GRID)) {
+      grid.line([...from, 0, ...to, 0], this.palette.grid, { width: strong ? 1.8 : 1 });
+    }
+    grid.finish();
     const { left, top, width, height } = view.place;
     for (const { uniforms } of this.parts) {
       if (uniforms.units) uniforms.units.value = view.scale;
       uniforms.halfSize?.value.set(width / 2, height / 2);
     }
+    bodies.cones.uniforms.stretch.value = view.follows ? bodies.near / bodies.reach : 1;
     bodies.dots.uniforms.least.value = view.follows ? 7 : 4.5;
     const frame = [left, this.height - top - height, width, height];
     renderer.setViewport(...frame);
