@@ -280,6 +280,8 @@ def test_events_are_in_order_and_say_what_happened() -> None:
     assert "F1 - F8: in conflict without avoidance, 0.6303 x zone at 3414.1 s" in texts
     assert any("F6 - F8: closest approach, 1.0000 x zone" in text for text in texts)
     assert texts[-1].startswith("clear")
+    sigmas = [one["text"] for one in seen("three_sigmas").record["events"]]
+    assert "Client - Inspector: fewest sigmas, 3" in sigmas
     locks = [one["text"] for one in seen("tpf").record["events"] if one["kind"] == "lock"]
     assert any("the formation set begins" in text for text in locks)
 
@@ -340,6 +342,23 @@ def test_page_is_one_file_that_asks_for_nothing() -> None:
 def test_same_mission_same_bytes() -> None:
     again = cf.run(EXAMPLES / "cluster.toml")
     assert document(again, scene_of(again)) == document(mission("cluster"), scene_of(mission("cluster")))
+
+
+def test_a_day_of_eight_craft_is_small() -> None:
+    """Below what the page of a plan may weigh with its script; an hour of five craft, too."""
+    text = (EXAMPLES / "cluster.toml").read_text()
+    assert text.count('for = "1 orbit"') == 1
+    day = flown(text.replace('for = "1 orbit"', 'for = "1360 min"'))
+    assert day.results[-1].end > 86_400.0
+    assert len(document(day, scene_of(day))) < 5_000_000
+    assert len(document(mission("find_then_fly"), scene_of(mission("find_then_fly")))) < 1_500_000
+
+
+def test_scene_has_the_epoch_in_utc() -> None:
+    text = (EXAMPLES / "cluster.toml").read_text()
+    dated = text.replace("[orbit]", '[orbit]\nepoch = "2026-11-22T12:00:37.5 TAI"')
+    assert scene_of(flown(dated)).record["epoch"] == "2026-11-22T12:00:00.500Z"
+    assert seen("cluster").record["epoch"] is None
 
 
 def test_study_links_its_worst_cases_to_their_replays(

@@ -28,7 +28,7 @@ def events(mission: Mission) -> list[Record]:
     """Every `Event` of web/scene.d.ts, in order of time."""
     found: list[Record] = []
     for result in mission.results:
-        for kind in (stage, phases, gathered, locked, burnt, conflicts, approaches, failures):
+        for kind in (stage, phases, gathered, locked, burnt, conflicts, approaches, sigmas, failures):
             found += list(kind(mission, result))[:LISTED]
     if mission.results:
         last = mission.results[-1]
@@ -149,6 +149,20 @@ def approaches(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Reco
             f"({near['distance']:.4g} m)"
         )
         yield event("approach", result, near["time"], text, (one, other))
+
+
+def sigmas(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+    """When fewest sigmas of errors bring two craft together."""
+    near = None if result.uncertain is None else result.uncertain.nearest
+    if near is None or not isfinite(near.sigmas):
+        return
+    from closeform.uncertain_stage import SURE  # whose kernels runs without errors can spare
+
+    asked, place = result.stage.sigmas, places_of(result)
+    short = asked is not None and near.sigmas < SURE * asked
+    text = f"{near.first} - {near.second}: fewest sigmas, {near.sigmas:.4g}"
+    craft = place[near.first], place[near.second]
+    yield event("approach", result, near.time, text, craft, level="bad" if short else "plain")
 
 
 def failures(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:

@@ -27,6 +27,7 @@ from closeform.viewer.tubes import tubes
 from closeform.zones.zone import Zone
 
 FORMAT = 1
+MILLISECONDS = len("2026-03-01T12:00:00.000")
 ORBITAL, INERTIAL = ["radial", "along-track", "cross-track"], ["x", "y", "z"]
 WIDE = 1.0  # m, of a scene in which nothing moves and nobody has a zone
 
@@ -89,12 +90,18 @@ def header(mission: Mission) -> dict[str, Any]:
         "warnings": list(mission.warnings),
         "start": results[0].start if results else 0.0,
         "end": results[-1].end if results else 0.0,
-        "epoch": None,
+        "epoch": epoch_of(mission),
         "mean_motion": orbit.mean_motion,
         "period": orbit.period if isfinite(orbit.period) else None,
         "axes": ORBITAL if orbit.mean_motion else INERTIAL,
         "sun": SUN.tolist() if searched else None,
     }
+
+
+def epoch_of(mission: Mission) -> str | None:
+    """UTC at time 0 to the millisecond, as browsers read it; None without an epoch."""
+    epoch = mission.scenario.epoch
+    return None if epoch is None else str(epoch.utc([0.0])[0])[:MILLISECONDS] + "Z"
 
 
 def stages(mission: Mission) -> list[dict[str, Any]]:
