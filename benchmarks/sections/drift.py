@@ -85,7 +85,7 @@ def measure(quick: bool) -> Report:
     columns = ["", "median", "slowest", "takes", "below ours"]
     note = (
         "Time of one process. V-BAR's is the drift of two orbits from each of its instants, ours until two "
-        "orbits after the end, from every instant. V-BAR's first line is its own way, which refines only what "
+        "orbits after the end, from every instant. V-BAR's first line is its own way: it refines only what "
         "can be the least. Below ours: margins lower than ours."
     )
     title = f"Thrust lost at any instant, {len(paths)} transfers, sphere of {RADIUS:g} m, one core"
