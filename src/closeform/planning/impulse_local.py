@@ -43,11 +43,13 @@ NEARLY = 0.99  # norm from which on planes are moved out by what is missing
 TURNED = 0.3  # norm from which on a plane is turned to where the pair is
 WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first round, and of the last
 FINER = 0.2  # and how much smaller it is from one to the next
+TURNING = 1e-3  # above it planes still turn, by which paths become cheaper than the bar that they are above
+WORTH = 1e-4  # of the cost: by less no other start is looked at to its end, most lead to where one has been
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
 SETTLED = 1e-5  # of the cost: clear rounds that differ by less are the last
 PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come and go
 ROUNDING = 1e-12  # of a bound
-PRICINGS, PRICED = 5, 1e-6  # of planes that stay, and how far primers may be above 1 then
+PRICINGS, PRICED = 6, 1e-7  # of planes that stay, and how far primers may be above 1 then
 INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
 DEARER, SAFER = 1.0002, 1.005  # times the cost, that few impulses may cost, and where thrust may be lost
 FEWER = 1e-4  # of the cost, that even fewer may cost beyond that
@@ -139,21 +141,23 @@ class ImpulseSolver:
         return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
-        """The cheapest clear paths that a start leads to; None where there are none below `bar`."""
-        best, self.aim, tolerance, idle = None, AIM, WIDEST, 0
+        """The cheapest clear paths that a start leads to; None where there are none well below `bar`."""
+        best, self.aim, tolerance, last, idle = None, AIM, WIDEST, inf, 0
         moments = self.grid
         for _ in range(ROUNDS):
-            found = self.priced(moments, contacts, tolerance, (1.0 + tolerance) * bar)
+            turning = tolerance > TURNING or self.limits.any() or self.failures is not None
+            allowed = 1.0 + tolerance if turning else 1.0 - WORTH
+            found = self.priced(moments, contacts, tolerance, allowed * bar)
             if found is None:
                 break
             if found.checked.clear:
                 gained = inf if best is None else best.delta_v - found.delta_v
                 best = found if gained > 0.0 else best
                 idle = 0 if gained > SETTLED * found.delta_v else idle + 1
-                if tolerance == LAST and (abs(gained) < SETTLED * found.delta_v or idle == PATIENCE):
+                if last == LAST and (abs(gained) < SETTLED * found.delta_v or idle == PATIENCE):
                     break
             contacts, moments = self.turned(found), self.following(found)
-            tolerance = max(LAST, FINER * tolerance)
+            tolerance, last = max(LAST, FINER * tolerance), tolerance
         return best
 
     def following(self, found: Spent) -> list[Moments]:
@@ -296,13 +300,15 @@ class ImpulseSolver:
 
     def planes(self, contacts: Contacts) -> Planes:
         """The planes of contacts, and by how much craft that coast on miss them."""
-        times, which = contacts.times, contacts.which
+        times, which, unforced = contacts.times, contacts.which, contacts.drifts
         rows = (contacts.normals[:, None] @ self.matrices[which])[:, 0]
-        cuts, brief = times[:, None] - contacts.drifts, self.brief[which] * (contacts.drifts > 0.0)
-        inside = (self.free[which, 0] - brief < cuts) & (cuts < self.free[which, 1] + brief)
-        first, second = np.where(inside, self.problem.pairs[which], -1).T.copy()
-        since = np.minimum(cuts, self.free[which].mean(axis=1))  # who coasts is where it would be, whenever
-        unforced = np.where(contacts.drifts > 0.0, times[:, None] - since, 0.0)
+        cuts, (begin, end) = times[:, None] - unforced, self.free[which].swapaxes(0, 1)
+        if unforced.any():
+            brief = self.brief[which] * (unforced > 0.0)
+            since = np.minimum(cuts, 0.5 * (begin + end))  # who coasts is where it would be, whenever
+            unforced = np.where(unforced > 0.0, times[:, None] - since, 0.0)
+            begin, end = begin - brief, end + brief
+        first, second = np.where((begin < cuts) & (cuts < end), self.problem.pairs[which], -1).T.copy()
         places = self.problem.motions(self.drift, contacts._replace(drifts=unforced))[:, 0]
         gaps = self.aim - (contacts.normals * places).sum(axis=1)
         return Planes(times, rows, gaps, first, second, np.ascontiguousarray(cuts))

@@ -32,7 +32,7 @@ from closeform.planning.scene import BLOCKS
 
 STEPS = 600  # of Newton's method, at most
 SHARPER = 12.0  # from one sharpness to the next
-CENTRED, EXACT = 0.1, 1e-9  # Newton decrement at which the next one, or the end, is due
+CENTRED, EXACT = 0.5, 1e-9  # Newton decrement at which the next one, or the end, is due
 FIRST = 0.3  # sharpness to start with, of that at which gains and barriers are of one size
 INSIDE = 0.95  # of the way to where a multiplier vanishes, or of what a start may reach
 ROOT = 1e-14  # of the diagonal, added
