@@ -58,6 +58,7 @@ _NAMES = {
     "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",
     "search.gather_result": "Event EventKind GatherStatus Gathering Gatherings",
     "search.gather": "gather gather_cases",
+    "plots.results": "animate plot",
     "campaign": "study",
     "mission": "run",
     "exchange.chief": "Chief",

@@ -1,6 +1,7 @@
 """Every public name, and the module it lives in."""
 
 from closeform import plots as plots
+from closeform.plots.results import animate as animate, plot as plot
 from closeform.planning import targets as targets
 from closeform.planning.avoid import avoid as avoid
 from closeform.planning.plan import (

@@ -280,6 +280,40 @@ def view(directory: Path, /, *, report: Annotated[bool, Parameter(negative="")] 
     return CLEAR
 
 
+@app.command(sort_key=5)
+def new(name: str | None = None, /) -> int:
+    """Write an example to start from as NAME.toml, here; without a name list the examples.
+
+    Parameters
+    ----------
+    name
+        Of the example.
+    """
+    from closeform import example_files as examples
+
+    known = examples.names()
+    if name is None:
+        width = max(map(len, known))
+        say(stdout(), *(f"{one:{width}}  {examples.title(one)}" for one in known))
+        return CLEAR
+    if name not in known:
+        from difflib import get_close_matches
+
+        near = "".join(f"; did you mean {one}?" for one in get_close_matches(name, known, 1))
+        raise UsageError(f"new: there is no example {name!r}{near or '; closeform new lists them'}")
+    file = Path(f"{name}.toml")
+    try:
+        with open(file, "x", encoding="utf-8") as written:
+            written.write(examples.text(name))
+    except FileExistsError:
+        raise UsageError(f"{file}: is there already, and stays as it is; move it away") from None
+    except OSError as error:
+        raise UsageError(f"{file}: {(error.strerror or str(error)).lower()}; choose another folder") from None
+    verb = "study" if examples.studied(name) else "run"
+    say(stdout(), f"{file}: {examples.title(name)}", f"Fly it with: closeform {verb} {file}")
+    return CLEAR
+
+
 @contextmanager
 def kept(place: Path) -> Iterator[None]:
     """After results were published: Ctrl-C does not take them away."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import nan
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -10,8 +10,10 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import Flight
+from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.result import Result
 from closeform.scenario import Destination, Scenario, StageTable
 from closeform.search.schedule import Search
 from closeform.verdict import Asked, Late, Use, Verdict, conflicts_in, thrust_use
@@ -28,8 +30,8 @@ AnyStage = TypeVar("AnyStage", bound=StageTable)
 AnyResult = TypeVar("AnyResult")
 
 
-@dataclass(frozen=True, eq=False)
-class StageResult(Generic[AnyStage, AnyResult]):
+@dataclass(frozen=True, eq=False, repr=False)
+class StageResult(Result, Generic[AnyStage, AnyResult]):
     """A stage as flown, from `start` [s] on: the flight `before` avoidance and `after` it.
 
     `result`: what was done, None of a coast; times in a Gathering or FirstLocks count from the start
@@ -52,6 +54,13 @@ class StageResult(Generic[AnyStage, AnyResult]):
     pulsed: "Pulsed | None" = None
     uncertain: "UncertainStage | None" = None
     passive: "PassiveSafety | None" = None
+
+    def _facts(self) -> Iterator[tuple[str, str]]:
+        conflicts = f"{len(self.after.conflicts)} conflicts, {len(self.before.conflicts)} before"
+        yield f"stage {self.number}", f"{self.stage.verb}, {self.start:.1f} s to {self.end:.1f} s"
+        yield "craft", f"{len(self.after.names)}, {conflicts}, delta-v {self.delta_v.sum():.6g} m/s"
+        if self.failure is not None:
+            yield "failed", self.failure
 
     @property
     def planned(self) -> Flight:
@@ -155,8 +164,47 @@ class FirstLocks:
         return self.pairs[self.locks.leg < 0]
 
 
-@dataclass(frozen=True, eq=False)
-class Mission:
+class Stages(Result):
+    """What a mission has, flown just now or opened again: `results` by stage, and all of them together."""
+
+    scenario: Scenario
+    results: tuple[Any, ...]
+
+    def _facts(self) -> Iterator[tuple[str, str]]:
+        yield "title", self.scenario.title
+        for result in self.results:
+            yield f"stage {result.number}", f"{result.stage.verb}, {result.start:.1f} s to {result.end:.1f} s"
+        yield "verdict", str(self.verdict)
+
+    @property
+    def verdict(self) -> Any:
+        """What the last line of the run says."""
+        raise NotImplementedError
+
+    @property
+    def flown(self) -> tuple[Any, ...]:
+        """The stages whose paths count."""
+        return tuple(result for result in self.results if result.flown)
+
+    @cached_property
+    def paths(self) -> Path:
+        """All craft from the start of the first stage to the end of the last that was flown, of shape (N,).
+
+        Raises ValueError where none was.
+        """
+        return join([result.after.paths for result in self.flown])
+
+    @cached_property
+    def conflicts(self) -> dict[str, Any]:
+        """Every conflict as flown, in columns: stage, first, second, start, end, deepest time [s], ratio."""
+        found = [(result.number, met) for result in self.flown for met in result.after.conflicts]
+        keys = {"first": "first", "second": "second", "start_s": "start", "end_s": "end", "time_s": "time"}
+        columns = {key: [getattr(met, name) for _, met in found] for key, name in keys.items()}
+        return {"stage": [number for number, _ in found], **columns, "ratio": [met.ratio for _, met in found]}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mission(Stages):
     """All stages flown; `stopped` says why there are fewer than in the file, else it is None."""
 
     scenario: Scenario
@@ -165,22 +213,34 @@ class Mission:
     stopped: str | None = None
 
     @cached_property
+    def burns(self) -> dict[str, Any]:
+        """Every burn in columns, as in `burns.parquet`: stage, craft, start, duration [s], R, T, N [m/s]."""
+        from closeform.stage_burns import COLUMNS, burns_in
+
+        found = [
+            (result.number, *row)
+            for result in self.flown
+            for row in burns_in(result, partial(self.burnt, result.number))
+        ]
+        names = ("stage", *COLUMNS)
+        return {name: [row[k] for row in found] for k, name in enumerate(names)}
+
+    @cached_property
     def verdict(self) -> Verdict:
         """Whether all were found, all is clear, and every limit is kept."""
-        flown = [result for result in self.results if result.flown]
         searched = any(result.stage.searches for result in self.results)
         alone = len(self.scenario.craft) == 1
         apart = alone or all(result.stage.keeps_out for result in self.results)
         watched = apart or any(result.after.approaches for result in self.results)
-        conflicts, pairs = conflicts_in(result.after for result in flown)
+        conflicts, pairs = conflicts_in(result.after for result in self.flown)
         return Verdict(
             self.stopped,
             conflicts if watched else None,
             pairs,
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
-            tuple(result.late for result in flown if result.late is not None),
-            asked=tuple(one for result in flown for one in result.asked),
+            tuple(result.late for result in self.flown if result.late is not None),
+            asked=tuple(one for result in self.flown for one in result.asked),
         )
 
     @property
@@ -250,7 +310,7 @@ class Mission:
     def uses(self) -> tuple[Use, ...]:
         """What each craft uses of each of its limits in all stages flown, of thrust the most at a time."""
         uses = list(self.spent([result.flown for result in self.results]))
-        flown = (self.thrusts(result) for result in self.results if result.flown)
+        flown = (self.thrusts(result) for result in self.flown)
         uses += [max(thrusts, key=lambda use: use.used) for thrusts in zip(*flown, strict=True)]
         return tuple(sorted(uses, key=lambda use: self.scenario.names.index(use.craft)))
 

@@ -15,9 +15,10 @@ from closeform import arc_tables
 from closeform.arrays import instance
 from closeform.conflicts.flight import Flight, PairApproach
 from closeform.conflicts.two_paths import PairConflict
-from closeform.mission_result import FirstLocks
+from closeform.mission_result import FirstLocks, Stages
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
+from closeform.result import Result
 from closeform.result_folder import AGAIN, FolderError, content, intact, summary_of, table
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
@@ -27,8 +28,8 @@ Columns = Mapping[str, Any]
 SCENARIO = "scenario.toml"
 
 
-@dataclass(frozen=True, eq=False)
-class LoadedStage:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoadedStage(Result):
     """A stage of a run that was loaded, as `results` of a `Mission` holds it.
 
     Attributes
@@ -76,8 +77,8 @@ class LoadedStage:
         return self.figures["failure"]  # type: ignore[no-any-return]
 
 
-@dataclass(frozen=True, eq=False)
-class LoadedRun:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoadedRun(Stages):
     """What a run left, made by `load`.
 
     Attributes
@@ -108,13 +109,23 @@ class LoadedRun:
         return self.summary["stopped"]  # type: ignore[no-any-return]
 
     @property
+    def verdict(self) -> str:
+        """What the last line of the run said."""
+        return str(self.summary["verdict"])
+
+    @cached_property
+    def burns(self) -> Columns:
+        """Every burn in columns, as in `burns.parquet`, with its stage."""
+        return arc_tables.together([one.burns for one in self.flown if one.burns])
+
+    @property
     def clear(self) -> bool:
         """Whether every stage was flown and no conflict remains."""
         return bool(self.summary["clear"])
 
 
-@dataclass(frozen=True, eq=False)
-class LoadedStudy:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoadedStudy(Result):
     """What a study left, made by `load`.
 
     Attributes

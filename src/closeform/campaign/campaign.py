@@ -22,6 +22,7 @@ from closeform.campaign.draws import drawn
 from closeform.campaign.shares import Share, shares
 from closeform.conflicts.two_paths import closest_approach
 from closeform.planning.limits import FULL, propellant
+from closeform.result import Result
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather, Lock
@@ -53,8 +54,8 @@ class CampaignStatus(StrEnum):
     INCOMPLETE = "incomplete"
 
 
-@dataclass(frozen=True, eq=False)
-class Campaign:
+@dataclass(frozen=True, eq=False, repr=False)
+class Campaign(Result):
     """What became of C cases, drawn with `seed`: arrays (C,), case K at index K.
 
     `time` [s] at which the case was done, nan where it never was, and the `leg` of `search`, then -1.
@@ -69,6 +70,12 @@ class Campaign:
     leg: Any
     kept: dict[str, Any]
     done: ClassVar[str] = "done"  # what a case is at that time, in words
+    _told: ClassVar = ("title", "seed", "time", "status", "reason")
+
+    @property
+    def title(self) -> str:
+        """That of its scenario."""
+        return self.scenario.title
 
     def __len__(self) -> int:
         return len(self.time)
@@ -125,7 +132,7 @@ class SampledLocks:
     leg: Any
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LockCampaign(Campaign):
     """First locks of all pairs of a craft in A and one in B; a case is done when its last pair has locked.
 
@@ -140,7 +147,7 @@ class LockCampaign(Campaign):
     done: ClassVar[str] = "locked"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GatherCampaign(Campaign):
     """Gatherings, each done when one formation set holds all craft.
 

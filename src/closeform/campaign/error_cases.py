@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.special import ndtri
@@ -21,6 +21,7 @@ from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
+from closeform.result import Result
 from closeform.scenario import Scenario
 from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.histories import Histories
@@ -44,8 +45,8 @@ class PairCases:
         return self.began | (self.entries > 0)
 
 
-@dataclass(frozen=True, eq=False)
-class ErrorCampaign:
+@dataclass(frozen=True, eq=False, repr=False)
+class ErrorCampaign(Result):
     """What became of C cases of a mission's errors, drawn with `seed`.
 
     `zones` has the pairs that keep a keep-out zone, `bodies` those with hard bodies.
@@ -56,6 +57,7 @@ class ErrorCampaign:
     cases: int
     zones: tuple[PairCases, ...]
     bodies: tuple[PairCases, ...]
+    _told: ClassVar = ("mission", "seed", "cases", "met", "reason")
 
     def __len__(self) -> int:
         return self.cases

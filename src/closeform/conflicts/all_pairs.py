@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
+from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import (
     TWICE,
@@ -37,8 +38,8 @@ AHEAD = 2 * (os.cpu_count() or 1)
 LONG = 5_000_000  # pairs from which on a progress bar is shown
 
 
-@dataclass(frozen=True, eq=False)
-class Screening:
+@dataclass(frozen=True, eq=False, repr=False)
+class Screening(Rows):
     """Conflicts among N paths, one row for each stay in a zone, sorted by pair, then start.
 
     Attributes
@@ -52,6 +53,14 @@ class Screening:
     ratio : array of shape (M,), no unit
         The least norm, below 1.
     """
+
+    _columns: ClassVar = {
+        "pairs": "first second",
+        "start": "start_s",
+        "end": "end_s",
+        "time": "time_s",
+        "ratio": "ratio",
+    }
 
     pairs: Any
     start: Floats

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict, closest_approach
 from closeform.motion.path import Path
+from closeform.result import Result
 from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import PairZones, by_zone, enlarged, portions
 from closeform.zones.zone import Zone
@@ -35,13 +36,15 @@ class PairApproach:
     rule: str
 
 
-@dataclass(frozen=True, eq=False)
-class Flight:
+@dataclass(frozen=True, eq=False, repr=False)
+class Flight(Result):
     """The formation's paths, shape (N,), with every conflict and each pair's closest approach.
 
     Of more than `ALL_PAIRS` there are the approaches of the closest only; `pairs` is how many have
     a zone.  Where none has there are neither.
     """
+
+    _told: ClassVar = ("paths", "names", "conflicts", "approaches")
 
     paths: Path
     names: tuple[str, ...]

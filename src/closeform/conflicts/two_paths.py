@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path
+from closeform.result import Result, Rows
 from closeform.zones.combined_zones import Body, Uncertainty
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
 
-@dataclass(frozen=True)
-class Conflict:
+@dataclass(frozen=True, repr=False)
+class Conflict(Result):
     """One stay inside a zone.
 
     Attributes
@@ -42,7 +43,7 @@ class Conflict:
     ratio: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PairConflict(Conflict):
     """A conflict, and of whom.
 
@@ -62,8 +63,8 @@ class PairConflict(Conflict):
     second: Any
 
 
-@dataclass(frozen=True, eq=False)
-class Approach:
+@dataclass(frozen=True, eq=False, repr=False)
+class Approach(Rows):
     """The closest approach of two paths, or of the pairs of two batches.
 
     Attributes
@@ -75,6 +76,12 @@ class Approach:
     distance : float or array of shape (...) [m]
         Between the centres at that time, which need not be the least; inf without a common time.
     """
+
+    _columns: ClassVar = {
+        "time": "time_s",
+        "ratio": "ratio",
+        "distance": "distance_m",
+    }
 
     time: Any
     ratio: Any

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from closeform.motion.arc import IMPULSE, START, THRUST
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path
+from closeform.result import Rows
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, enclosing
 
@@ -26,8 +27,8 @@ SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
 FAILURES = (ThrustLost, MissedBurns, WeakThrust, StuckThrust)
 
 
-@dataclass(frozen=True, eq=False)
-class DriftApproach:
+@dataclass(frozen=True, eq=False, repr=False)
+class DriftApproach(Rows):
     """The closest approach of two craft, or of the pairs of two batches, when thrust fails.
 
     Attributes
@@ -48,6 +49,15 @@ class DriftApproach:
         No failure leads to a norm below: 1e-9 under the ratio, or that share of it; less close where the
         search had to end after many cells.
     """
+
+    _columns: ClassVar = {
+        "failed_at": "failed_at_s other_failed_at_s",
+        "time": "time_s",
+        "ratio": "ratio",
+        "distance": "distance_m",
+        "failing": "failing",
+        "lower": "lower",
+    }
 
     failed_at: Any
     time: Any

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from closeform.drift.search import FAILURE, RATIO, TIME
 from closeform.drift.sides import side_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
+from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.zone import Zone
@@ -25,8 +26,8 @@ ENOUGH = 5e-4  # of a zone: as precise as ratios of a screen are; to 1e-9 they t
 CHUNK = 256  # pairs that one thread takes at a time
 
 
-@dataclass(frozen=True, eq=False)
-class DriftScreening:
+@dataclass(frozen=True, eq=False, repr=False)
+class DriftScreening(Rows):
     """Who comes into whose zone when thrust fails, one row for each such pair, sorted by pair.
 
     Attributes
@@ -40,6 +41,13 @@ class DriftScreening:
     ratio : array of shape (M,), no unit
         The least norm, at most 1, certain to 1e-3; `drift_approach` of the pair tells it to 1e-9.
     """
+
+    _columns: ClassVar = {
+        "pairs": "first second",
+        "failed_at": "failed_at_s",
+        "time": "time_s",
+        "ratio": "ratio",
+    }
 
     pairs: Any
     failed_at: Floats

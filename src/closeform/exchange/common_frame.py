@@ -15,6 +15,7 @@ from closeform.exchange.epochs import seconds_of
 from closeform.exchange.interpolation import interpolated
 from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
+from closeform.result import Result
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 INERTIAL = ("EME2000", "GCRF", "ICRF", "J2000", "MCI", "MOD", "TEME", "TOD")
 
 
-@dataclass(frozen=True, eq=False)
-class CommonFrame:
+@dataclass(frozen=True, eq=False, repr=False)
+class CommonFrame(Result):
     """Ephemerides of N objects in the Hill frame of the first, made by `common_frame`.
 
     Attributes

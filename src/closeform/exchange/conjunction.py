@@ -10,6 +10,7 @@ import numpy as np
 from closeform.arrays import Floats, instance, number, numbers, sequence, shown
 from closeform.exchange.covariance import axes, canonical, check, inertial
 from closeform.motion.mean_motion import EARTH_MU
+from closeform.result import Result
 
 if TYPE_CHECKING:
     from closeform.uncertainty.encounter import Encounter
@@ -20,8 +21,8 @@ INERTIAL = ("EME2000", "GCRF", "ICRF", "TOD", "MOD", "TEME")
 UNIT_SLIP = 10.0  # between the miss distance that is told and that of the states
 
 
-@dataclass(frozen=True, eq=False)
-class ConjunctionObject:
+@dataclass(frozen=True, eq=False, repr=False)
+class ConjunctionObject(Result):
     """One of the two objects of a conjunction, at its closest approach.
 
     Parameters
@@ -99,8 +100,8 @@ class ConjunctionObject:
         return inertial(self.covariance, "RTN", self.inertial_state)
 
 
-@dataclass(frozen=True, eq=False)
-class Conjunction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Conjunction(Result):
     """Two objects at their closest approach, as a conjunction data message (CDM) tells it.
 
     Parameters

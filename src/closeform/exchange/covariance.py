@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from closeform.arrays import Floats, numbers, sequence
+from closeform.result import Result
 
 LOWER = np.tril_indices(6)  # row by row, as messages list them
 RADIAL = ("RTN", "RSW")
@@ -15,8 +16,8 @@ LOCAL = (*RADIAL, "TNW")  # CCSDS 502.0-B-3 3.2.4.11
 J2000 = {"J2000": "EME2000"}
 
 
-@dataclass(frozen=True, eq=False)
-class Covariances:
+@dataclass(frozen=True, eq=False, repr=False)
+class Covariances(Result):
     """Covariances of an object's states at some epochs, as an OEM holds them.
 
     Parameters

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import numpy as np
 
 from closeform.arrays import Floats, instance, numbers
 from closeform.exchange.covariance import LOCAL, Covariances, canonical
+from closeform.result import Rows
 
 SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
 
 
-@dataclass(frozen=True, eq=False)
-class Ephemeris:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ephemeris(Rows):
     """States of one object over time, as in one segment of an OEM.
 
     Parameters
@@ -45,6 +47,11 @@ class Ephemeris:
     ----------
     CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
     """
+
+    _columns: ClassVar = {
+        "times": "time_s",
+        "states": "x_m y_m z_m vx_m_s vy_m_s vz_m_s",
+    }
 
     name: str
     object_id: str

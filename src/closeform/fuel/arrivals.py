@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,11 @@ from closeform.arrays import Floats, instance
 from closeform.fuel.bound import delta_v_bound, least_delta_v
 from closeform.motion.ends import checked_below
 from closeform.motion.orbit import Orbit
+from closeform.result import Rows
 
 
-@dataclass(frozen=True, eq=False)
-class Arrivals:
+@dataclass(frozen=True, eq=False, repr=False)
+class Arrivals(Rows):
     """The cheapest slot for each of D durations.
 
     Attributes
@@ -33,6 +34,14 @@ class Arrivals:
     examined : int
         How many transfers were optimised; bounds excluded the others.
     """
+
+    _columns: ClassVar = {
+        "duration": "duration_s",
+        "slot": "slot",
+        "delta_v": "delta_v_m_s",
+        "lower": "lower_m_s",
+        "final": "x_m y_m z_m vx_m_s vy_m_s vz_m_s",
+    }
 
     final: Floats
     duration: Floats

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +19,13 @@ from closeform.motion.reduced import LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.saturated import BOUND, PROOF, WORST
 from closeform.motion.steering import steer
 from closeform.motion.within_limit import limited
+from closeform.result import Rows
 
 PROVEN = 1e-9  # gap between the bounds, relative
 
 
-@dataclass(frozen=True, eq=False)
-class Bound:
+@dataclass(frozen=True, eq=False, repr=False)
+class Bound(Rows):
     """The least delta-v of transfers in a given time, between two bounds.
 
     Attributes
@@ -43,6 +44,13 @@ class Bound:
         Whether no other plan costs as little.  Where it is False, the primer's length is constant, or it
         is 1 so often that impulses can be shared otherwise: infinitely many plans cost the same.
     """
+
+    _columns: ClassVar = {
+        "lower": "lower_m_s",
+        "upper": "upper_m_s",
+        "proven": "proven",
+        "unique": "unique",
+    }
 
     lower: Any
     upper: Any

@@ -20,14 +20,15 @@ from closeform.motion.arc import START
 from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
+from closeform.result import Result
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 
 LOOKS = 8  # instants of each arc at which the pulsed path is compared with the plan
 
 
-@dataclass(frozen=True, eq=False)
-class Firing:
+@dataclass(frozen=True, eq=False, repr=False)
+class Firing(Result):
     """A plan as its craft's thrusters fly it.
 
     Numbers of each craft are floats for one craft's path, else arrays of shape (N,).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path, ends_of
 from closeform.motion.steering import fix_inertially
+from closeform.result import Rows
 
 
-@dataclass(frozen=True, eq=False)
-class Pulses:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pulses(Rows):
     """Pulses of thrusters, craft by craft in order of time: columns of K rows.
 
     Attributes
@@ -36,6 +37,16 @@ class Pulses:
     propellant : array of shape (K,) [kg]
         What it burns; nan without a mass.
     """
+
+    _columns: ClassVar = {
+        "craft": "craft",
+        "thruster": "thruster",
+        "start": "start_s",
+        "duration": "duration_s",
+        "direction": "radial along_track cross_track",
+        "impulse": "impulse_m_s",
+        "propellant": "propellant_kg",
+    }
 
     craft: Any
     thruster: Any

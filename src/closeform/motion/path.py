@@ -15,6 +15,7 @@ from closeform.compiled import kernel
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
+from closeform.result import Result
 
 if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit
@@ -38,8 +39,8 @@ def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -
             out[p, k, 0], out[p, k, 1], out[p, k, 2] = x, y, z
 
 
-@dataclass(frozen=True, eq=False)
-class Path:
+@dataclass(frozen=True, eq=False, repr=False)
+class Path(Result):
     """Motion of one craft, or of a batch of craft, in one orbit's rotating frame.
 
     Made by an `Orbit`, `join` and `stack`.  Index a batch like an array to get some of its craft.
@@ -255,10 +256,14 @@ class Path:
         chosen = np.arange(len(self.offsets) - 1).reshape(self.shape)[index]
         return self._gathered(np.ravel(chosen), np.shape(chosen))
 
-    def __repr__(self) -> str:
-        arcs = len(self.arcs)
+    @property
+    def _brief(self) -> str:
+        arcs, craft = len(self.arcs), len(self.offsets) - 1
         span = f", {np.min(self.start):g} to {np.max(self.end):g} s" if arcs else ""
-        return f"<Path shape={self.shape}, {arcs} arc{'s' * (arcs != 1)}{span}>"
+        return f"{craft} craft of shape {self.shape}, {arcs} arc{'s' * (arcs != 1)}{span}"
+
+    def __repr__(self) -> str:
+        return f"<Path: {self._brief}>"
 
     def _gathered(self, index: Any, shape: tuple[int, ...]) -> Path:
         if not shape:

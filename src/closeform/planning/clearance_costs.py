@@ -18,14 +18,15 @@ from closeform.planning.obstacles import obstacle_batch, zones_around
 from closeform.planning.plan import Avoidance, Cost, Plan
 from closeform.planning.problem import transfer_of
 from closeform.planning.reconfigure import reconfigure
+from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones, pair_zones
 
 Zoned = OwnZone | Sequence[OwnZone | None] | PairZones
 
 
-@dataclass(frozen=True, eq=False)
-class ClearanceCosts:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClearanceCosts(Rows):
     """What zones of D sizes cost.
 
     Attributes
@@ -53,6 +54,11 @@ class ClearanceCosts:
     free: float
     plans: tuple[Avoidance | Plan, ...]
     cost: Cost
+
+    @property
+    def _named(self) -> dict[str, str]:
+        unit = "m_s" if self.cost == "delta-v" else "m2_s3"
+        return {"factor": "factor", "metres": "larger_m", "spent": f"spent_{unit}", "slope": f"slope_{unit}"}
 
 
 def clearance_costs(

@@ -12,6 +12,7 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 from closeform.planning.clearance_costs import Sizes, Zoned, free_cost, slope
 from closeform.planning.plan import UNITS, Avoidance, Cost, Plan, Status
+from closeform.result import Result
 
 ROUNDING = 1e-12  # of a budget
 FINE = 1e-6  # of what a budget leaves for clearance, that may be left of it
@@ -39,8 +40,8 @@ class ClearanceStatus(StrEnum):
     NEVER_NEAR = "never in the way"
 
 
-@dataclass(frozen=True, eq=False)
-class MostClearance:
+@dataclass(frozen=True, eq=False, repr=False)
+class MostClearance(Result):
     """The most enlarged zones that a budget affords.
 
     Attributes

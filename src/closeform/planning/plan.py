@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeVar
 from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.planning.price import Price, prices_of
+from closeform.result import Result
 
 Answer = TypeVar("Answer", "Avoidance", "Plan")
 Cost = Literal["energy", "delta-v"]
@@ -38,8 +39,8 @@ class Status(StrEnum):
     TOO_WEAK = "thrust limit exceeded"
 
 
-@dataclass(frozen=True, eq=False)
-class Contact:
+@dataclass(frozen=True, eq=False, repr=False)
+class Contact(Result):
     """Where two paths of a plan touch the zone between them.
 
     Attributes
@@ -77,8 +78,8 @@ class Contact:
     sigma: float = 0.0
 
 
-@dataclass(frozen=True)
-class TooWeak:
+@dataclass(frozen=True, repr=False)
+class TooWeak(Result):
     """The craft that misses its thrust limit by most.
 
     Attributes
@@ -124,7 +125,7 @@ def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
     )
 
 
-class Costed:
+class Costed(Result):
     """What the answers for one craft and for many have in common."""
 
     status: Status
@@ -166,7 +167,7 @@ class Costed:
         return sum((one.per_metre for one in self.prices), 0.0) if self.ok and self.priced else nan
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Avoidance(Costed):
     """A path around obstacles, or why there is none.
 
@@ -181,7 +182,7 @@ class Avoidance(Costed):
     delta_v : float [m/s]
         Of the path; nan where not ok.  Planned for thrusters it is what they spend together: where several
         fire at once more than the path's, whose impulses are their sums.
-    lower_bound : float [m^2/s^3]
+    lower_bound : float [m^2/s^3, or m/s of delta-v]
         No clear path between these states and times has less energy.
     contacts : tuple of Contact
         In order of time; the craft is 0, obstacle k is k + 1.
@@ -236,7 +237,7 @@ class Avoidance(Costed):
     sigmas: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan(Costed):
     """The paths of N craft from their initial to their final states, or why there are none.
 
@@ -256,7 +257,7 @@ class Plan(Costed):
     delta_v : float [m/s]
         Of all craft; nan where not ok.  Planned for thrusters it is what they spend together, as of an
         `Avoidance`.
-    lower_bound : float [m^2/s^3]
+    lower_bound : float [m^2/s^3, or m/s of delta-v]
         No clear plan over these times has less energy, nor, where craft were assigned to slots, has any
         other assignment.
     contacts : tuple of Contact

@@ -12,12 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from closeform.result import Result
+
 if TYPE_CHECKING:
     from closeform.planning.plan import Contact
 
 
-@dataclass(frozen=True)
-class Price:
+@dataclass(frozen=True, repr=False)
+class Price(Result):
     """What more clearance between two craft costs: how fast a plan's cost rises with the size of their zone.
 
     Other zones stay as they are, as do states and times at the ends; all paths give way as is cheapest.

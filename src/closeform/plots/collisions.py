@@ -19,11 +19,13 @@ from closeform.plots.look import (
     DASHED,
     INK,
     TEXT,
+    Clock,
     clock,
     column,
     dress,
     headline,
     legend,
+    plain_unit,
     sheet,
     time_axes,
 )
@@ -32,7 +34,9 @@ from closeform.uncertainty.probability import Probability
 FAR = 5.0  # times all that is shown, from which on a limit has no room
 
 
-def collision(found: Probability, path: Path, limit: float | None = None, what: str = "") -> Figure:
+def collision(
+    found: Probability, path: Path | None = None, limit: float | None = None, what: str = ""
+) -> Figure:
     """The mean rate of entries, and below it the probability so far, against time.
 
     The curve below is the probability of being inside at the start and all entries expected so far: the
@@ -43,8 +47,9 @@ def collision(found: Probability, path: Path, limit: float | None = None, what: 
     ----------
     found : Probability
         Of `collision_probability`, by "entries" or "bound", which know the rate.
-    path : Path
-        Of either craft: its start, its end and its orbit are those of the time axis.
+    path : Path, optional
+        Of either craft: its start, its end and its orbit are those of the time axis, else the times at which
+        the rate was looked at.
     limit : float, no unit, optional
         The probability that was to be kept.
     what : str, default ""
@@ -62,15 +67,16 @@ def collision(found: Probability, path: Path, limit: float | None = None, what: 
         batch, `limit` is no probability above 0, or an argument is of another kind.
     """
     instance("found", found, Probability)
-    one_craft("path", path)
+    if path is not None:
+        one_craft("path", path)
     instance("what", what, str)
     if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
         raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
     if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
         raise ValueError(f'found: by "{found.method}" without a rate of entries; use method="entries"')
-    start, end = path.start, path.end
-    ticks = clock(path, start, end)
     order = np.argsort(found.rate_times)
+    start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
+    ticks = clock(path, start, end) if path is not None else Clock(plain_unit(end - start), None)
     times, rates = found.rate_times[order], found.rates[order]
     times = np.concatenate([[min(start, times[0])], times, [max(end, times[-1])]])
     rates = np.concatenate([rates[:1], rates, rates[-1:]])

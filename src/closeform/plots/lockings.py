@@ -33,7 +33,9 @@ LETTER = 0.095  # inches of a letter
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
 
 
-def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "pairs lock") -> Figure:
+def histogram(
+    times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
+) -> Figure:
     """How many pairs lock in each bin of a search: S04 figure 7.
 
     Pairs locked at once (time 0) are counted in the headline and left out of the bars, as in S04; the count
@@ -45,8 +47,8 @@ def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "
     ----------
     times : array_like of shape (M,) [s]
         Of `lock_times`; nan where there was no lock.
-    search : Search
-        In which they lie.
+    search : Search, optional
+        In which they lie; unless given neither phases nor turns are shown.
     bin : float [s], default 60
         Length of a bin.
     what : str, default "pairs lock"
@@ -67,7 +69,7 @@ def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "
     ----------
     S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
     """
-    instance("search", search, Search)
+    instance("search", search, Search, type(None))
     instance("what", what, str)
     given = numbers("times", times)
     if given.ndim != 1:
@@ -75,22 +77,24 @@ def histogram(times: ArrayLike, search: Search, bin: float = 60.0, what: str = "
     if not 0.0 < number("bin", bin) < np.inf:
         raise ValueError(f"bin: must be positive and finite, got {bin!r} s")
     found = given[~np.isnan(given)]
-    if found.size and not (found.min() >= 0.0 and found.max() <= search.duration):
-        raise ValueError(f"times: must lie in the search, from 0 to {search.duration:g} s")
+    longest = search.duration if search is not None else max(bin, float(found.max(initial=0.0)))
+    if found.size and not (found.min() >= 0.0 and found.max() <= longest < np.inf):
+        raise ValueError(f"times: must lie in the search, from 0 to {longest:g} s")
     later = found[found > 0.0]
-    edges = bin * np.arange(int(np.ceil(search.duration / bin)) + 1)
+    edges = bin * np.arange(int(np.ceil(longest / bin)) + 1)
     counts, _ = np.histogram(later, edges)
 
     figure = sheet(5.8)
     axes = area(figure, 0.95, 0.7, WIDTH - 0.95 - 1.0, 4.45)
     dress(axes)
-    end = shown(search, float(later.max(initial=0.0)))
+    end = shown(search, float(later.max(initial=0.0))) if search is not None else float(edges[-1])
     unit = plain_unit(end)
     top = 6.0 * max(10.0, float(counts.max(initial=0)))
     axes.set_yscale("log")
     axes.set_ylim(0.7, top)
     axes.set_xlim(0.0, end / unit.size)
-    phases(axes, search, unit, later, end)
+    if search is not None:
+        phases(axes, search, unit, later, end)
     axes.stairs(counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
     by_then(axes, found, len(given), unit, end)
     axes.set_xlabel(f"time [{unit.name}]", fontsize=TEXT, color=INK)

@@ -125,6 +125,15 @@ def _of_ends(path: Path) -> Figure:
     return figure
 
 
+def primer_length(primer: Path, said: str) -> Figure:
+    """The length of a primer that is given, against time."""
+    times = instants(primer.start, primer.end, primer)
+    lengths = np.linalg.norm(primer.position(times), axis=-1)
+    figure = _drawn(primer, times, lengths, [], [], "length of the primer")
+    headline(figure, said)
+    return figure
+
+
 def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Figure:
     """The primer of a plan that keeps planes, or is made for thrusters."""
     worth, times = Worth.of(path, planes, thrusters), instants(path.start, path.end, path)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import isfinite
 from typing import Any
 
@@ -12,6 +12,7 @@ from closeform.mission_result import Mission, StageResult
 from closeform.report import effort
 from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, counted
+from closeform.stage_burns import burns_in
 
 NOTHING = 5e-7  # m/s
 
@@ -54,26 +55,7 @@ class StageBurns:
     @cached_property
     def rows(self) -> list[tuple[Any, ...]]:
         """Rows of BURN, in order of time: pulses where thrusters fire, else what the paths are pushed by."""
-        found = [row for name in self.result.after.names for row in self.of_craft(name)]
-        return sorted(found, key=lambda row: row[1])
-
-    def of_craft(self, name: str) -> Iterator[tuple[Any, ...]]:
-        """The burns of one craft; thrusters count from 1."""
-        from closeform.fuel.burns import burns_of, burns_of_pulses
-
-        pulsed, thruster = self.result.pulsed, None
-        if pulsed is not None and name in pulsed.names:
-            pulses, who = pulsed.firing.pulses, pulsed.names.index(name)
-            burns, thruster = burns_of_pulses(pulses, who), pulses.thruster[pulses.craft == who] + 1
-            thruster = thruster.tolist()
-        else:
-            burns = burns_of(self.result.after.path(name))
-        k, number = self.mission.scenario.names.index(name), self.result.number
-        so_far = [self.mission.burnt(number, k, spent) for spent in np.cumsum(burns.size).tolist()]
-        columns = burns.start, burns.duration, *burns.push.T, burns.size
-        for row, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
-            burnt = so_far[row] - (so_far[row - 1] if row else 0.0)
-            yield name, *values, thruster and thruster[row], burnt if isfinite(burnt) else None
+        return burns_in(self.result, partial(self.mission.burnt, self.result.number))
 
     @cached_property
     def shots(self) -> list[tuple[Any, ...]]:

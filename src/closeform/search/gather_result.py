@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from closeform.arrays import Floats, instance, number
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
+from closeform.result import Result, Rows
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
 from closeform.search.sets import LOST
@@ -47,8 +48,8 @@ class GatherStatus(StrEnum):
     INCOMPLETE = "incomplete"
 
 
-@dataclass(frozen=True, eq=False)
-class Event:
+@dataclass(frozen=True, eq=False, repr=False)
+class Event(Result):
     """A lock of two craft, or a burn of one.
 
     A burn joins the formation set, or is a correction against a collision inside a set, or the
@@ -85,8 +86,8 @@ class Event:
     delta_v: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class Gathering:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gathering(Result):
     """What became of N lost craft.
 
     Attributes
@@ -235,8 +236,8 @@ class Gathering:
         return self.acquainted(first, second) < number("time", time)
 
 
-@dataclass(frozen=True, eq=False)
-class Gatherings:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gatherings(Rows):
     """What became of C gatherings of N craft.
 
     Attributes
@@ -260,6 +261,16 @@ class Gatherings:
     met_known : array of int of shape (C,)
         How many did so only after.
     """
+
+    _columns: ClassVar = {
+        "duration": "duration_s",
+        "leg": "leg",
+        "rounds": "rounds",
+        "left": "left",
+        "delta_v": "delta_v_m_s",
+        "met_unknown": "met_unknown",
+        "met_known": "met_known",
+    }
 
     search: Search
     duration: Floats

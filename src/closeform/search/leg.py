@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
+from closeform.result import Result
 from closeform.search.coverage import greatest
 
 Group = Literal["A", "B"]
@@ -33,8 +34,8 @@ def rotation(axis: Floats, angle: ArrayLike) -> Floats:
     return np.asarray(along + np.cos(turn) * (np.eye(3) - along) + np.sin(turn) * cross)
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
+@dataclass(frozen=True, eq=False, repr=False)
+class Leg(Result):
     """One turn of all craft about an inertial axis, or a wait.
 
     Attributes

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf, nan, sqrt
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numba import float64, int64, void
@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, instance, numbers
 from closeform.compiled import kernel
+from closeform.result import Rows
 from closeform.search.schedule import Search
 from closeform.search.sine_cosine import sine_cosine
 
@@ -230,8 +231,8 @@ def first_locks(
                     times[m] = when
 
 
-@dataclass(frozen=True, eq=False)
-class Locks:
+@dataclass(frozen=True, eq=False, repr=False)
+class Locks(Rows):
     """First locks of M pairs.
 
     Attributes
@@ -241,6 +242,11 @@ class Locks:
     leg : array of int of shape (M,)
         The index of the leg of the lock; -1 where there is none.
     """
+
+    _columns: ClassVar = {
+        "time": "time_s",
+        "leg": "leg",
+    }
 
     time: Floats
     leg: Any

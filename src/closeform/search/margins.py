@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance
 from closeform.compiled import kernel
+from closeform.result import Result
 from closeform.search.locks import END, SEEN, START, LockSensor, lock_in_leg, lock_times
 from closeform.search.schedule import Search
 from closeform.search.theorem import one_pair
@@ -29,8 +30,8 @@ ROUNDING = 16.0 * 2.2e-16  # of the terms that q is summed from
 ANYWHERE = -2.0  # the cosine of a cone that holds every direction, whatever the rounding
 
 
-@dataclass(frozen=True, eq=False)
-class LockMargins:
+@dataclass(frozen=True, eq=False, repr=False)
+class LockMargins(Result):
     """How surely a pair locks in its leg, and in none before.
 
     Attributes

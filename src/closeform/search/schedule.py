@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, numbers, shown
+from closeform.result import Result
 from closeform.search.coverage import covered
 from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
 from closeform.search.sensor import Sensor, positive
@@ -25,8 +26,8 @@ YEAR = 365.25636 * 86400.0  # sidereal, in seconds: how fast the sun's direction
 COLUMNS = 12  # of a row of a table of legs: START, END, RATE, STEADY (3), COSINE (3), SINE (3)
 
 
-@dataclass(frozen=True, eq=False)
-class Search:
+@dataclass(frozen=True, eq=False, repr=False)
+class Search(Result):
     """A synchronized search of the sky, made by `Search.modified` or `Search.basic`.
 
     The sun is along -z of the inertial frame.  All craft carry the same sensor; group B looks opposite

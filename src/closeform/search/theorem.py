@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from closeform.arrays import Floats, instance, numbers, whole
+from closeform.result import Result
 from closeform.search.leg import Group
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
@@ -27,8 +28,8 @@ CORRESPONDING_REGION = {1: 3, 2: 4, 3: 1, 4: 2}
 LONGEST = 1e300  # s
 
 
-@dataclass(frozen=True)
-class TheoremCase:
+@dataclass(frozen=True, repr=False)
+class TheoremCase(Result):
     """The case of S04's theorem 2 under which a pair falls, and what the theorem promises for it.
 
     Attributes

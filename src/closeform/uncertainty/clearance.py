@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from closeform.arrays import broadcast
 from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
 from closeform.motion.path import Path
+from closeform.result import Rows
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.levels import least_of_pairs
 from closeform.uncertainty.search import one_for_each
@@ -19,8 +20,8 @@ from closeform.uncertainty.tube import tube_for
 from closeform.zones.zone import Zone
 
 
-@dataclass(frozen=True, eq=False)
-class SigmaApproach:
+@dataclass(frozen=True, eq=False, repr=False)
+class SigmaApproach(Rows):
     """How many standard deviations keep two craft apart, or the pairs of two batches.
 
     Attributes
@@ -31,6 +32,11 @@ class SigmaApproach:
     time : float or array of shape (...) [s]
         When that k touches the zone; of the paths' closest approach where it is 0, nan where it is inf.
     """
+
+    _columns: ClassVar = {
+        "sigmas": "sigmas",
+        "time": "time_s",
+    }
 
     sigmas: Any
     time: Any

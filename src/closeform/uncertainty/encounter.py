@@ -13,6 +13,7 @@ from closeform.motion.frames import relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.result import Result
 from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.errors import Errors, one_state
 
@@ -20,8 +21,8 @@ CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
 FAR = 0.01  # of the orbit's radius: Hill's equations hold for separations that are small against it
 
 
-@dataclass(frozen=True, eq=False)
-class Encounter:
+@dataclass(frozen=True, eq=False, repr=False)
+class Encounter(Result):
     """Two objects about their closest approach, in the Hill frame of the primary, made by `Encounter.of`.
 
     `collision_probability` takes `path`, `other`, a zone, `errors` and `other_errors`.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from scipy.special import betaincinv, ndtri
 
 from closeform.arrays import Floats, shown, whole
 from closeform.motion.path import Path
+from closeform.result import Rows
 from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.histories import CORES, Histories
@@ -31,8 +32,8 @@ METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
 NONE = np.empty(0)
 
 
-@dataclass(frozen=True, eq=False)
-class Probability:
+@dataclass(frozen=True, eq=False, repr=False)
+class Probability(Rows):
     """How probable it is that two craft come within a zone, made by `collision_probability`.
 
     `value` counts histories that are ever inside, however often they enter: those that begin inside too.
@@ -60,6 +61,11 @@ class Probability:
     samples : int
         How many histories were drawn.
     """
+
+    _columns: ClassVar = {
+        "rate_times": "time_s",
+        "rates": "entries_1_s",
+    }
 
     value: float
     low: float

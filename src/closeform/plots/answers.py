@@ -1,0 +1,244 @@
+"""The picture of each kind of answer that does not fly: least ratios, locks, bounds, probabilities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.special import betaincinv
+
+Drawer = Callable[..., Figure]
+RATIO = "least ratio [× zone]"
+
+
+def _conflicts(result: Any) -> Figure:
+    from closeform.plots.spans import Spans, spans
+
+    those = result if isinstance(result, list | tuple) else [result]
+    start, end, time, ratio = (
+        np.array([getattr(one, name) for one in those]) for name in ("start", "end", "time", "ratio")
+    )
+
+    def called(k: int) -> str:
+        one = those[k]
+        return f"{one.first} - {one.second}" if hasattr(one, "first") else ""
+
+    return spans(Spans(start, time, end, ratio, called, RATIO), _met(ratio))
+
+
+def _screening(result: Any, names: Any = None) -> Figure:
+    from closeform.plots.spans import Spans, spans
+
+    told = Spans(result.start, result.time, result.end, result.ratio, _pairs(result, names), RATIO)
+    return spans(told, _met(result.ratio))
+
+
+def _drift_screening(result: Any, names: Any = None) -> Figure:
+    from closeform.plots.spans import Spans, spans
+
+    told = Spans(result.failed_at, result.time, result.time, result.ratio, _pairs(result, names), RATIO)
+    count = len(result)
+    said = f"{count} pairs are not passively safe" if count else "All pairs are passively safe"
+    return spans(told, f"{said}; lines from lost thrust to the closest")
+
+
+def _met(ratio: Any) -> str:
+    """What stays in zones come to, in a line."""
+    if not len(ratio):
+        return "No conflict"
+    return f"{len(ratio)} conflict{'s' * (len(ratio) != 1)}; deepest {np.min(ratio):.4f} × zone"
+
+
+def _pairs(result: Any, names: Any) -> Callable[[int], str]:
+    """What the pair of a row is called."""
+
+    def called(k: int) -> str:
+        one, other = result.pairs[k].tolist()
+        return f"{one} - {other}" if names is None else f"{names[one]} - {names[other]}"
+
+    return called
+
+
+def _least(start: Any, time: Any, least: Any, what: str, edge: float | None) -> Figure:
+    """The least of one pair, or of each of a batch."""
+    from closeform.plots.spans import Spans, spans
+
+    shape = np.shape(least)
+    begin, when, height = (np.ravel(np.asarray(part, dtype=float)) for part in (start, time, least))
+
+    def called(k: int) -> str:
+        return ", ".join(str(int(one)) for one in np.unravel_index(k, shape))
+
+    told = Spans(begin, when, when, height, called, what, edge)
+    known = np.flatnonzero(told.known)
+    if not len(known):
+        return spans(told, "Nobody shares a time with anybody, or nothing can bring them together")
+    k = known[np.argmin(height[known])]
+    of = f" of {height.size}" if height.size > 1 else ""
+    return spans(told, f"Least{of}: {height[k]:.4g} at {when[k]:.6g} s")
+
+
+def _approach(result: Any) -> Figure:
+    return _least(result.time, result.time, result.ratio, RATIO, 1.0)
+
+
+def _drift_approach(result: Any) -> Figure:
+    failed = np.asarray(result.failed_at)
+    failed = failed.min(axis=-1) if failed.ndim > np.ndim(result.ratio) else failed
+    return _least(failed, result.time, result.ratio, RATIO, 1.0)
+
+
+def _sigma_approach(result: Any) -> Figure:
+    return _least(result.time, result.time, result.sigmas, "sigmas that are clear", None)
+
+
+def _pulses(result: Any) -> Figure:
+    from closeform.plots.look import speed
+    from closeform.plots.spans import Spans, spans
+
+    end = result.start + result.duration
+    middle = 0.5 * (result.start + end)
+    told = Spans(result.start, middle, end, result.impulse, lambda k: "", "delta-v of a pulse [m/s]", None)
+    return spans(told, f"{len(result)} pulses, {speed(float(result.impulse.sum()))} in all")
+
+
+def _fired(result: Any, names: Any = None) -> Figure:
+    from closeform import plots
+
+    if len(result.thrusters) == 1:
+        return plots.pulses(result, 0, names[0] if names is not None else None)
+    return plots.burns(result, names)
+
+
+def _probability(result: Any) -> Figure:
+    from closeform import plots
+    from closeform.plots.intervals import intervals
+
+    if len(result.rate_times) > 1 and result.mean_entries > 0.0:
+        return plots.collision(result)
+    said = f"Probability of collision {result.value:.4g}, by {result.method}"
+    return intervals(["ever inside"], result.value, result.low, result.high, "probability", said)
+
+
+def _bound(result: Any) -> Figure:
+    from closeform.plots.intervals import intervals
+    from closeform.plots.look import speed
+    from closeform.plots.primers import primer_length
+
+    lower, upper = np.ravel(result.lower), np.ravel(result.upper)
+    if not result.primer.shape:
+        said = f"No plan costs less than {speed(float(lower[0]))}, impulses {speed(float(upper[0]))}"
+        return primer_length(result.primer, said)
+    names = [", ".join(map(str, index)) for index in np.ndindex(result.primer.shape)]
+    said = f"{len(upper)} transfers; the dearest costs {speed(float(upper.max()))}"
+    return intervals(names, upper, lower, upper, "least delta-v [m/s]", said)
+
+
+def _margins(result: Any) -> Figure:
+    from closeform.plots.intervals import intervals
+
+    degrees = np.degrees(result.margins)
+    names = [f"leg {k}" for k in range(len(degrees))]
+    said = f"Locks in leg {result.leg}" if result.leg >= 0 else "Never locks"
+    low, high = np.minimum(degrees, 0.0), np.maximum(degrees, 0.0)
+    return intervals(names, degrees, low, high, "misses by, at least [deg]", said)
+
+
+def _errors(result: Any) -> Figure:
+    inside = [np.count_nonzero(pair.inside) for pair in (*result.zones, *result.bodies)]
+    names = [f"{pair.first} - {pair.second}, zone" for pair in result.zones]
+    names += [f"{pair.first} - {pair.second}, bodies" for pair in result.bodies]
+    said = f"{result.cases} cases: {result.reason or 'nobody comes within what is kept'}"
+    return _shares(names, inside, result.cases, "share of cases inside", said)
+
+
+def _loaded_study(result: Any) -> Figure:
+    """Times of searches, or of errors what is so in how many cases."""
+    from closeform import plots
+
+    if "time_s" in result.cases:
+        return plots.histogram(result.cases["time_s"].astype(float), what="cases end")
+    met = {name: values for name, values in result.cases.items() if values.dtype.kind == "b"}
+    counts = [np.count_nonzero(values) for values in met.values()]
+    count = len(result.cases["case"])
+    return _shares([name.replace("_", " ") for name in met], counts, count, "share of cases", f"{count} cases")
+
+
+def _shares(names: list[str], counts: Any, cases: int, what: str, said: str) -> Figure:
+    """Shares of cases with their intervals, of Clopper and Pearson (1934)."""
+    from closeform.plots.intervals import intervals
+
+    found = np.array(counts)
+    low = np.where(found > 0, betaincinv(np.maximum(found, 1), cases - found + 1, 0.025), 0.0)
+    high = np.where(found < cases, betaincinv(found + 1, np.maximum(cases - found, 1), 0.975), 1.0)
+    return intervals(names, found / cases, low, high, f"{what}, 95 %", said)
+
+
+def _locks(result: Any) -> Figure:
+    from closeform import plots
+
+    return plots.histogram(result.time)
+
+
+def _gatherings(result: Any) -> Figure:
+    from closeform import plots
+
+    times = np.where(result.leg < 0, np.nan, result.duration)
+    return plots.histogram(times, result.search, what="formations gather")
+
+
+def _lock_campaign(result: Any) -> Figure:
+    from closeform import plots
+
+    return plots.histogram(result.time, result.search, what="cases lock")
+
+
+def _gather_campaign(result: Any) -> Figure:
+    from closeform import plots
+
+    return plots.histogram(result.time, result.search, what="formations gather")
+
+
+def _gathering(result: Any, names: Any = None) -> Figure:
+    from closeform import plots
+
+    return plots.three_views(result, result.duration, names=names)
+
+
+def _by(picture: str) -> Drawer:
+    """The public picture that takes the answer alone."""
+
+    def drawn(result: Any) -> Figure:
+        from closeform import plots
+
+        figure: Figure = getattr(plots, picture)(result)
+        return figure
+
+    return drawn
+
+
+PICTURES: dict[str, Drawer] = {
+    "Conflict": _conflicts,
+    "Screening": _screening,
+    "Approach": _approach,
+    "DriftApproach": _drift_approach,
+    "DriftScreening": _drift_screening,
+    "SigmaApproach": _sigma_approach,
+    "Probability": _probability,
+    "Bound": _bound,
+    "Arrivals": _by("trade"),
+    "ClearanceCosts": _by("clearance"),
+    "Pulses": _pulses,
+    "Firing": _fired,
+    "Search": _by("in_plane_search"),
+    "Locks": _locks,
+    "LockMargins": _margins,
+    "Gathering": _gathering,
+    "Gatherings": _gatherings,
+    "LockCampaign": _lock_campaign,
+    "GatherCampaign": _gather_campaign,
+    "ErrorCampaign": _errors,
+    "LoadedStudy": _loaded_study,
+}

@@ -1,0 +1,179 @@
+"""Result: an answer that says what it is, in a line or two, as a table in a notebook, and as columns."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterator
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache, cached_property
+from html import escape
+from textwrap import fill
+from typing import Any, ClassVar
+
+import numpy as np
+
+WIDTH = 100  # columns of a line
+MOST_ROWS = 10  # of a table in a notebook
+FEW = 6  # names or numbers that are told one by one
+ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\[([^]]*)\](?:, .*)?$", re.MULTILINE)  # of a numpydoc section
+UNIT = re.compile(r"\[([^]]*)\]")
+OF_DELTA_V = re.compile(r"(.+), (?:or (.+) of delta-v|of delta-v (.+))")  # of what is least, by its cost
+POWER = re.compile(r"\^([23])")
+RAISED = str.maketrans({"2": "²", "3": "³"})
+
+
+class Result:
+    """An answer; `_told` are the attributes that it tells, all of its fields unless given.
+
+    Units are those that stand in its docstring: of fields under Attributes, of properties in brackets.
+    """
+
+    _told: ClassVar[tuple[str, ...]] = ()
+
+    def __repr__(self) -> str:
+        parts = "; ".join(f"{name} {text}" for name, text in self._facts())
+        return fill(f"<{type(self).__name__}: {parts}>", WIDTH, subsequent_indent="  ")
+
+    def _repr_html_(self) -> str:
+        rows = [[name, text] for name, text in self._facts()]
+        return _table(type(self).__name__, [], rows)
+
+    @property
+    def _brief(self) -> str:
+        """What is said of it where it is a part of something."""
+        return type(self).__name__
+
+    def _facts(self) -> Iterator[tuple[str, str]]:
+        """What it tells: names and texts, without what it does not have, or has by default."""
+        usual = {one.name: one.default for one in fields(self) if one.repr}  # type: ignore[arg-type]
+        for name in self._told or usual:
+            value = getattr(self, name)
+            absent = value is None or (isinstance(value, str | tuple) and not value)
+            if not absent and repr(value) != repr(usual.get(name, MISSING)):
+                yield name.replace("_", " "), told(value, self._unit(name))
+
+    def _unit(self, name: str) -> str:
+        """The unit of an attribute; where that depends on what is least, the one that holds here."""
+        kind: Any = type(self)
+        unit = units(kind).get(name, "")
+        either = OF_DELTA_V.fullmatch(unit)
+        if either is None or (cost := getattr(self, "cost", None)) is None:
+            return unit
+        return (either[2] or either[3]) if cost == "delta-v" else either[1]
+
+
+class Rows(Result):
+    """An answer of rows; `_columns` are the names of its columns, by the attribute that holds them.
+
+    An attribute with one axis more than others has a name for each component.
+    """
+
+    _columns: ClassVar[dict[str, str]] = {}
+
+    def columns(self) -> dict[str, Any]:
+        """The rows as columns, which pandas, polars and pyarrow make a data frame of.
+
+        Returns
+        -------
+        dict of str to array of shape (M,) [s, m, m/s, rad, kg, or no unit, as the names say]
+            By name and unit, as in the Parquet files of a run; of a batch the last index runs fastest.
+
+        References
+        ----------
+        docs/python.md.
+        """
+        held = {keys: np.asarray(getattr(self, name)) for name, keys in self._named.items()}
+        axes = min(values.ndim for values in held.values())
+        found: dict[str, Any] = {}
+        for keys, values in held.items():
+            if values.ndim == axes:
+                found[keys.split()[0]] = values.reshape(-1)
+            else:
+                found |= {key: values[..., k].reshape(-1) for k, key in enumerate(keys.split())}
+        return found
+
+    @property
+    def _named(self) -> dict[str, str]:
+        """The names of its columns."""
+        return self._columns
+
+    @property
+    def _brief(self) -> str:
+        rows = len(next(iter(self.columns().values())))
+        return f"{rows} row{'s' * (rows != 1)}"
+
+    def _repr_html_(self) -> str:
+        columns = {name: np.asarray(values) for name, values in self.columns().items()}
+        shown = [values[:MOST_ROWS].tolist() for values in columns.values()]
+        rows = [[told(cell, "") for cell in row] for row in zip(*shown, strict=True)]
+        return _table(f"{type(self).__name__}: {self._brief}", list(columns), rows)
+
+
+def told(value: Any, unit: str) -> str:
+    """A value in words: numbers with their unit, of many how many there are and between which."""
+    value = value.item() if isinstance(value, np.ndarray | np.generic) and value.ndim == 0 else value
+    if isinstance(value, Result):
+        return value._brief
+    if isinstance(value, np.ndarray):
+        return _array(value, unit)
+    if isinstance(value, float):
+        return _with(f"{value:.6g}", unit)
+    if isinstance(value, tuple):
+        return _several(value)
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {told(one, unit)}" for name, one in value.items())
+    if is_dataclass(value) and type(value).__str__ is object.__str__:
+        return type(value).__name__
+    return _with(" ".join(str(value).split()), unit)
+
+
+def _array(values: Any, unit: str) -> str:
+    """An array in words."""
+    shape = ", ".join(map(str, values.shape)) + "," * (values.ndim == 1)
+    if values.dtype.kind == "b":
+        return f"{np.count_nonzero(values)} of {values.size}"
+    if values.dtype.kind not in "iuf" or ", " in unit:  # of states each component has its own
+        return f"of shape ({shape})"
+    if values.ndim == 1 and len(values) <= FEW:
+        return _with("[" + ", ".join(f"{one:.6g}" for one in values.tolist()) + "]", unit)
+    known = values[np.isfinite(values)]
+    span = _with(f"{known.min():.6g} to {known.max():.6g}", unit) if known.size else "none finite"
+    return f"of shape ({shape}), {span}"
+
+
+def _several(values: tuple[Any, ...]) -> str:
+    """A tuple in words: a few words or numbers one by one, of others how many."""
+    if len(values) <= FEW and all(isinstance(one, str | int | float) for one in values):
+        return ", ".join(told(one, "") for one in values)
+    kinds = {type(one).__name__ for one in values}
+    return f"{len(values)} {kinds.pop()}" if len(kinds) == 1 else str(len(values))
+
+
+def _with(text: str, unit: str) -> str:
+    """A number with its unit, powers raised."""
+    raised = POWER.sub(lambda found: found[1].translate(RAISED), unit)
+    return f"{text} {raised}".rstrip()
+
+
+@cache
+def units(kind: type) -> dict[str, str]:
+    """The units of a class's attributes by name, as its docstrings tell them."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        for names, unit in ENTRY.findall(inspect.cleandoc(base.__doc__ or "")):
+            every, several = names.split(", "), unit.split(", ")
+            each = several if len(several) == len(every) else [unit] * len(every)
+            found |= zip(every, each, strict=True)
+        for name, member in vars(base).items():
+            if isinstance(member, property | cached_property) and (unit := UNIT.search(member.__doc__ or "")):
+                found[name] = unit[1]
+    return found
+
+
+def _table(caption: str, heads: list[str], rows: list[list[str]]) -> str:
+    """A table in HTML; names may hold anything."""
+    head = "".join(f"<th>{escape(one)}</th>" for one in heads)
+    body = "".join("<tr>" + "".join(f"<td>{escape(one)}</td>" for one in row) + "</tr>" for row in rows)
+    inside = f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
+    return f"<table>{inside}</table>"

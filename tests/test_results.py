@@ -1,0 +1,177 @@
+"""What answers say of themselves: words with units, tables in notebooks, columns for data frames, pickles."""
+
+import copy
+import multiprocessing
+import pickle
+import re
+from dataclasses import fields, is_dataclass
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+import closeform as cf
+from answers import answers
+from closeform.result import Result, Rows
+
+ANSWERS = {name: one for name, one in answers().items() if not isinstance(one, tuple | list)}
+SPOKEN = {name: one for name, one in ANSWERS.items() if isinstance(one, Result)}
+TABLES = {name: one for name, one in ANSWERS.items() if isinstance(one, Rows)}
+UNITS = re.compile(r"_(s|m|m_s|m2_s3|kg|1_s)$")
+
+
+class Cells(HTMLParser):
+    """The text of each cell; tags that are opened are closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.cells: list[str] = []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attributes: Any) -> None:
+        assert tag in {"table", "caption", "thead", "tbody", "tr", "th", "td"}
+        self.open.append(tag)
+        if tag in ("th", "td"):
+            self.cells.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open[-1] in ("th", "td"):
+            self.cells[-1] += data
+
+
+def test_every_answer_speaks() -> None:
+    silent = {name for name, one in ANSWERS.items() if not isinstance(one, Result)}
+    assert silent == set()
+
+
+@pytest.mark.parametrize("name", SPOKEN)
+def test_an_answer_says_what_it_is_in_a_few_lines(name: str) -> None:
+    said = repr(SPOKEN[name])
+    assert said.startswith(f"<{type(SPOKEN[name]).__name__}: ")
+    lines = said.splitlines()
+    assert len(lines) <= 8
+    assert all(len(line) <= 100 for line in lines)
+    assert "array(" not in said
+    assert " at 0x" not in said
+
+
+def test_numbers_have_their_units() -> None:
+    assert re.search(r"start \d\S* s; end \d\S* s; time \d\S* s; ratio 0\S*>", repr(answers()["Conflict"]))
+    assert "energy " + f"{answers()['Plan'].energy:.6g} m²/s³" in " ".join(repr(answers()["Plan"]).split())
+    assert "distance 10.9545 m" in repr(answers()["Approach"])
+    by_delta_v = answers()["Plan for delta-v"]
+    assert f"lower bound {by_delta_v.lower_bound:.6g} m/s;" in " ".join(repr(by_delta_v).split())
+    assert "6 craft of shape (2, 3)" in repr(answers()["batch of two axes"])
+
+
+@pytest.mark.parametrize("name", SPOKEN)
+def test_a_notebook_gets_a_table(name: str) -> None:
+    cells = Cells(SPOKEN[name]._repr_html_()).cells
+    assert len(cells) >= 2
+    assert not any(" at 0x" in cell for cell in cells)
+
+
+def test_names_in_a_notebook_are_text() -> None:
+    """What a file calls its craft is no HTML."""
+    mission = answers()["Mission"]
+    html = mission._repr_html_()
+    assert "Ends <b>at once</b>" in Cells(html).cells
+    assert "<b>" not in html
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_columns_go_into_a_data_frame(name: str) -> None:
+    """As long as each other, of one axis, named with their units; pyarrow takes them and gives them back."""
+    columns = TABLES[name].columns()
+    assert len({np.shape(values) for values in columns.values()}) == 1
+    assert all(np.ndim(values) == 1 for values in columns.values())
+    table = pa.table(columns)
+    assert table.column_names == list(columns)
+    for key, values in columns.items():
+        np.testing.assert_array_equal(table[key].to_numpy(), values)
+    for key, values in columns.items():
+        if np.asarray(values).dtype.kind == "f":
+            unitless = ("ratio", "lower", "sigmas", "factor", "radial", "along_track", "cross_track")
+            assert UNITS.search(key) or key in unitless
+
+
+def test_columns_are_the_numbers_of_the_answer() -> None:
+    screening, near = answers()["Screening"], answers()["batch Approach"]
+    columns = screening.columns()
+    assert list(columns) == ["first", "second", "start_s", "end_s", "time_s", "ratio"]
+    rows = [(one.first, one.second, one.start, one.end, one.time, one.ratio) for one in screening.conflicts]
+    assert list(zip(*(values.tolist() for values in columns.values()), strict=True)) == rows
+    assert near.columns()["ratio"].tolist() == near.ratio.ravel().tolist()
+    pulses = answers()["Pulses"]
+    np.testing.assert_array_equal(pulses.columns()["cross_track"], pulses.direction[:, 2])
+
+
+def test_both_craft_that_fail_have_a_column() -> None:
+    orbit = cf.Orbit.circular(550e3)
+    moves = orbit.transfer([[0, 90.0, 0, 0, 0, 0]], [[0, 60.0, 0, 0, 0, 0]], 200.0)
+    other = orbit.transfer(np.zeros(6), [0, -20.0, 0, 0, 0, 0], 200.0)
+    both = cf.drift_approach(moves, other, cf.Sphere(10.0), 200.0, failing="both").columns()
+    assert {"failed_at_s", "other_failed_at_s"} <= both.keys()
+    assert {np.shape(values) for values in both.values()} == {(1,)}
+
+
+def same(one: Any, other: Any) -> None:
+    """Equal, number by number."""
+    assert type(one) is type(other)
+    if is_dataclass(one) and not isinstance(one, type):
+        for field in fields(one):
+            same(getattr(one, field.name), getattr(other, field.name))
+    elif isinstance(one, np.ndarray):
+        np.testing.assert_array_equal(one, other)
+    elif isinstance(one, tuple | list):
+        assert len(one) == len(other)
+        for each, twin in zip(one, other, strict=True):
+            same(each, twin)
+    elif isinstance(one, float):
+        assert one == other or (one != one and other != other)
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_answers_pickle_and_copy(name: str) -> None:
+    answer = ANSWERS[name]
+    for twin in (pickle.loads(pickle.dumps(answer)), copy.copy(answer), copy.deepcopy(answer)):
+        same(answer, twin)
+
+
+def test_what_was_unpickled_still_works() -> None:
+    """A path evaluates, a zone is searched, a search has its legs."""
+    path, search = (pickle.loads(pickle.dumps(answers()[name])) for name in ("Path", "Search"))
+    np.testing.assert_array_equal(path.state(150.0), answers()["Path"].state(150.0))
+    assert len(search.legs) == len(answers()["Search"].legs)
+    zones = [cf.Box([1.0, 2, 3]), cf.Cylinder(2.0, 5.0, [0, 1, 0]), cf.PairZones.of([cf.Sphere(20.0)] * 3)]
+    box, drum, pairs = pickle.loads(pickle.dumps(zones))
+    assert box.norm([0.5, 0, 0]) == zones[0].norm([0.5, 0, 0])
+    assert drum.norm([0.5, 0, 0]) == zones[1].norm([0.5, 0, 0])
+    assert len(cf.screen(path, pairs)) == len(answers()["Screening"])
+
+
+def state_of(path: cf.Path) -> Any:
+    return path.state(100.0)
+
+
+def test_paths_survive_another_process() -> None:
+    """Sent to a process that starts afresh, and a plan sent back."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        (there,) = pool.map(state_of, [answers()["Path"]])
+    np.testing.assert_array_equal(there, answers()["Path"].state(100.0))
+
+
+def test_a_mission_has_paths_conflicts_and_burns() -> None:
+    """Paths over all its stages, conflicts and burns as columns."""
+    mission = answers()["Mission"]
+    assert mission.paths.shape == (2,)
+    np.testing.assert_array_equal(mission.paths.state(10.0), mission.results[0].after.paths.state(10.0))
+    assert list(mission.conflicts) == ["stage", "first", "second", "start_s", "end_s", "time_s", "ratio"]
+    assert {len(values) for values in mission.burns.values()} == {0}
