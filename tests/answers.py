@@ -76,7 +76,9 @@ def loaded() -> dict[str, Any]:
     with TemporaryDirectory() as place:
         opened = {}
         for name, verb, text in (
-            ("LoadedRun", "run", STUDY), ("LoadedStudy", "study", LOCKS), ("errors LoadedStudy", "study", STUDY)
+            ("LoadedRun", "run", STUDY),
+            ("LoadedStudy", "study", LOCKS),
+            ("errors LoadedStudy", "study", STUDY),
         ):
             file = Path(place) / f"{name}.toml"
             file.write_text(text)

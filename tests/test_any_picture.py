@@ -20,16 +20,8 @@ from closeform.plots.look import CONFLICT
 
 # what users give, and parts of answers that are seen in the picture of the whole
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}
-GIVEN |= {
-    "PairZones",
-    "Errors",
-    "ThrustLost",
-    "MissedBurns",
-    "WeakThrust",
-    "StuckThrust",
-    "Thrusters",
-    "Sensor",
-}
+GIVEN |= {"PairZones", "Errors", "ThrustLost", "MissedBurns", "WeakThrust", "StuckThrust"}
+GIVEN |= {"Thrusters", "Sensor", "Chief"}
 PARTS = {"Contact", "TooWeak", "Price", "Event", "Leg", "TheoremCase", "ConjunctionObject", "Covariances"}
 PARTS |= {"Ephemeris"}  # inertial states of one object; `common_frame` makes relative ones
 DRAWN = {name: one for name, one in answers().items() if name.split()[-1] not in PARTS}

@@ -177,7 +177,7 @@ class Stages(Result):
         yield "verdict", str(self.verdict)
 
     @property
-    def verdict(self) -> Any:
+    def verdict(self) -> object:
         """What the last line of the run says."""
         raise NotImplementedError
 

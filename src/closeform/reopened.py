@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class LoadedStage(Result):
     result: Gathering | FirstLocks | None
     burns: Columns
     figures: Mapping[str, Any]
+    _told: ClassVar = ("number", "start", "end", "before", "after", "result", "failure")
 
     @property
     def end(self) -> float:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, cached_property
 from html import escape
-from textwrap import fill
+from textwrap import fill, shorten
 from typing import Any, ClassVar
 
 import numpy as np
@@ -122,7 +122,9 @@ def told(value: Any, unit: str) -> str:
     if isinstance(value, tuple):
         return _several(value)
     if isinstance(value, dict):
-        return ", ".join(f"{name} {told(one, unit)}" for name, one in value.items())
+        if len(value) <= FEW and all(isinstance(one, str | int | float) for one in value.values()):
+            return ", ".join(f"{name} {told(one, unit)}" for name, one in value.items())
+        return shorten(", ".join(map(str, value)), WIDTH // 2, placeholder=" ...")
     if is_dataclass(value) and type(value).__str__ is object.__str__:
         return type(value).__name__
     return _with(" ".join(str(value).split()), unit)

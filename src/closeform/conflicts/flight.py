@@ -52,6 +52,10 @@ class Flight(Result):
     approaches: tuple[PairApproach, ...]
     pairs: int
 
+    @property
+    def _brief(self) -> str:
+        return f"{len(self.names)} craft with {len(self.conflicts)} conflicts"
+
     def path(self, name: str) -> Path:
         """One craft's path."""
         return self.paths[self.names.index(name)]

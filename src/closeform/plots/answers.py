@@ -163,7 +163,9 @@ def _loaded_study(result: Any) -> Figure:
     met = {name: values for name, values in result.cases.items() if values.dtype.kind == "b"}
     counts = [np.count_nonzero(values) for values in met.values()]
     count = len(result.cases["case"])
-    return _shares([name.replace("_", " ") for name in met], counts, count, "share of cases", f"{count} cases")
+    return _shares(
+        [name.replace("_", " ") for name in met], counts, count, "share of cases", f"{count} cases of errors"
+    )
 
 
 def _shares(names: list[str], counts: Any, cases: int, what: str, said: str) -> Figure:
