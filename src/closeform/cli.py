@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -311,6 +311,19 @@ def new(name: str | None = None, /) -> int:
         raise UsageError(f"{file}: {(error.strerror or str(error)).lower()}; choose another folder") from None
     verb = "study" if examples.studied(name) else "run"
     say(stdout(), f"{file}: {examples.title(name)}", f"Fly it with: closeform {verb} {file}")
+    return CLEAR
+
+
+@app.command(sort_key=6)
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
+    """Print what lets a shell complete commands, options and files.
+
+    Parameters
+    ----------
+    shell
+        Which.
+    """
+    print(app.generate_completion(shell=shell))
     return CLEAR
 
 
