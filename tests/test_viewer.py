@@ -354,6 +354,15 @@ def test_a_day_of_eight_craft_is_small() -> None:
     assert len(document(mission("find_then_fly"), scene_of(mission("find_then_fly")))) < 1_500_000
 
 
+def test_a_crowd_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And says why; few are a crowd here, so that the test is quick."""
+    monkeypatch.setattr("closeform.viewer.page.MOST", 7)
+    parts = Parts(document(mission("cluster"), scene_of(mission("cluster"))))
+    assert parts.scripts == {}
+    assert "8 craft, and more than 7 are not shown in motion." in "".join(parts.text)
+    assert [tag for tag, _ in parts.tags].count("polyline") > 3 * 8
+
+
 def test_scene_has_the_epoch_in_utc() -> None:
     text = (EXAMPLES / "cluster.toml").read_text()
     dated = text.replace("[orbit]", '[orbit]\nepoch = "2026-11-22T12:00:37.5 TAI"')

@@ -15,6 +15,7 @@ from closeform.viewer.stills import stills
 HERE = Path(__file__).parent  # the script and its style are made of web/ by `npm run build` there
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 REASON = "This page moves with JavaScript and WebGL, of which one is missing here; what follows stands still."
+MOST = 1000  # craft that a browser can move
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
 
@@ -25,18 +26,25 @@ def leave(mission: Mission, folder: Folder, pictures: Sequence[tuple[Path, str]]
 
 
 def document(mission: Mission, scene: Scene) -> str:
-    """A scene as one HTML document without requests."""
-    script = ENDS_SCRIPT.sub(r"<\\/", (HERE / "viewer.js").read_text(encoding="utf-8"))
+    """A scene as one HTML document without requests; of very many craft its still views alone."""
     style = (HERE / "viewer.css").read_text(encoding="utf-8")
+    count = len(scene.record["craft"])
+    crowd = f"{count} craft, and more than {MOST} are not shown in motion." if count > MOST else ""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(scene.record['title'])}</title>\n<style>{style}</style></head>\n<body>\n"
-        f'{still(mission, scene)}\n<div id="viewer"></div>\n'
-        f'<script type="application/json" id="scene">{as_json(scene)}</script>\n'
-        f'<script type="text/plain" id="numbers">{scene.numbers}</script>\n'
-        f"<script>{script}</script>\n</body></html>\n"
+        f"{still(mission, scene, crowd or REASON)}\n{'' if crowd else in_motion(scene)}</body></html>\n"
+    )
+
+
+def in_motion(scene: Scene) -> str:
+    """The scene, and the script that shows it."""
+    script = ENDS_SCRIPT.sub(r"<\\/", (HERE / "viewer.js").read_text(encoding="utf-8"))
+    return (
+        f'<div id="viewer"></div>\n<script type="application/json" id="scene">{as_json(scene)}</script>\n'
+        f'<script type="text/plain" id="numbers">{scene.numbers}</script>\n<script>{script}</script>\n'
     )
 
 
@@ -46,8 +54,8 @@ def as_json(scene: Scene) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def still(mission: Mission, scene: Scene) -> str:
-    """What stands on the page until its script has taken over: words, views, the way to other pictures."""
+def still(mission: Mission, scene: Scene, reason: str) -> str:
+    """What stands on the page until a script has taken over: words, views, the way to other pictures."""
     record = scene.record
     tone = "good" if record["ok"] else "bad"
     links = [(REPORT, "report")] if record["report"] else []
@@ -55,6 +63,6 @@ def still(mission: Mission, scene: Scene) -> str:
     listed = "".join(f'<li><a href="{escape(name)}">{letters(title)}</a></li>' for name, title in links)
     return (
         f'<main id="still">\n<h1>{letters(record["title"])}</h1>\n<p>{letters(record["opening"])}</p>\n'
-        f'<p class="verdict {tone}">{letters(record["verdict"])}</p>\n<p id="still-reason">{REASON}</p>\n'
+        f'<p class="verdict {tone}">{letters(record["verdict"])}</p>\n<p id="still-reason">{reason}</p>\n'
         f"{stills(mission, scene)}\n<ul>{listed}</ul>\n</main>"
     )
