@@ -6,6 +6,7 @@ are indices. What has three or six components says in which frame, or that they 
 """
 
 import dataclasses
+import doctest
 import inspect
 import re
 from collections.abc import Callable
@@ -13,15 +14,17 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
+import numpy as np
 import pytest
 
+import closeform as cf
 from test_surface import CALLABLES, RESULTS, arguments, properties
 
 # Definitions, bookkeeping and files: there is nobody to cite, or the summary does.
 OURS = {"join", "stack", "run", "study", "PairZones.groups"}
 OURS |= {"Orbit.circular", "Orbit.from_semi_major_axis", "Orbit.from_period"}
 
-SECTIONS = ["Parameters", "Attributes", "Returns", "Raises", "Notes", "References"]
+SECTIONS = ["Parameters", "Attributes", "Returns", "Raises", "Notes", "References", "Examples"]
 HEADING = re.compile(r"^(\w[\w ]*)\n(-+)$", re.MULTILINE)
 UNIT = re.compile(r"\[[^]]*\b(m|s|rad|kg|N)\b[^]]*\]|\bno unit\b")
 SHAPE = re.compile(r"\bof shape \([^)]*\)")
@@ -129,6 +132,13 @@ def test_sections(name: str) -> None:
     assert summary.endswith(".")
     assert not more or more.startswith("\n")
     assert list(found) == [title for title in SECTIONS if title in found]
+
+
+@pytest.mark.parametrize("name", [name for name in PUBLIC if "Examples" in sections(PUBLIC[name].__doc__)])
+def test_examples_run(name: str) -> None:
+    """With `cf` and `np` at hand; what they print is as said."""
+    examples = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={"cf": cf, "np": np})
+    assert [doctest.DocTestRunner().run(one).failed for one in examples] == [0]
 
 
 @pytest.mark.parametrize("name", PUBLIC)

@@ -171,6 +171,14 @@ def screen(
     References
     ----------
     docs/theory.md section 3 and docs/theory.md (23).
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit(0.0)
+    >>> places = np.array([[0, -50, 0, 0, 0, 0], [-50, 0, 0, 0, 0, 0.0]])
+    >>> paths = orbit.transfer(places, -places, 100.0)
+    >>> cf.screen(paths, cf.Sphere(5.0)).pairs.tolist()
+    [[0, 1]]
     """
     batch = paths if isinstance(paths, Path) else stack(paths)
     if len(batch.shape) != 1:

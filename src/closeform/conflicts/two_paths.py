@@ -158,6 +158,15 @@ def find_conflicts(
     References
     ----------
     docs/theory.md section 3; the problem is that of SP11 (Sauter and Palmer 2011) section 3.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> client = orbit.coast(np.zeros(6), 300.0)
+    >>> visitor = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
+    >>> (stay,) = cf.find_conflicts(visitor, client, cf.Sphere(30.0))
+    >>> round(stay.start, 1), round(stay.end, 1)
+    (137.5, 162.5)
     """
     check_comparable(path, other, zone)
     if path.shape or other.shape:
@@ -224,6 +233,15 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     References
     ----------
     docs/theory.md section 3, least norm.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> client = orbit.coast(np.zeros(6), 300.0)
+    >>> visitor = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 20, 0, 0, 0], 300.0)
+    >>> nearest = cf.closest_approach(visitor, client, cf.Sphere(10.0))
+    >>> round(nearest.ratio, 3), round(nearest.distance, 2)
+    (1.939, 19.39)
     """
     check_comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
@@ -269,7 +287,7 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     Returns
     -------
     float or array of shape (...) [s]
-        inf where their mean motions agree and nothing carries them apart; -inf where they never come
+        Is inf where their mean motions agree and nothing carries them apart; -inf where they never come
         close radially.
 
     Raises

@@ -110,6 +110,14 @@ def passively_safe(
     References
     ----------
     docs/theory.md section 8; docs/passive_safety.md.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> client = orbit.coast(np.zeros(6), 3 * orbit.period)
+    >>> approach = orbit.transfer([0, -200, 0, 0, 0, 0], [0, -30, 0, 0, 0, 0], orbit.period)
+    >>> bool(cf.passively_safe(approach, client, cf.Sphere(10.0), client.end))
+    False
     """
     ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
     shape = broadcast(path=path.shape, other=other.shape)

@@ -107,6 +107,13 @@ def least_delta_v(
     ----------
     Lawden's primer, by its dual in six unknowns: docs/theory.md (26, 27, 29), with a limit
     docs/theory.md (32).
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> bound = cf.least_delta_v(orbit, [0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period)
+    >>> bool(bound.proven), bool(bound.gap < 1e-9)
+    (True, True)
     """
     if max_acceleration is not None:
         return _within(orbit, initial, final, duration, max_acceleration)

@@ -43,6 +43,12 @@ class Orbit(CircularOrbit):
     References
     ----------
     Hill's equations: docs/theory.md section 1.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> round(orbit.period, 1)
+    5677.0
     """
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
@@ -118,6 +124,13 @@ class Orbit(CircularOrbit):
         ----------
         docs/theory.md section 2, from docs/theory.md (7) and docs/theory.md (8); with limits docs/theory.md
         section 6, from docs/theory.md (31) on.
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.circular(500e3)
+        >>> path = orbit.transfer([0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period / 2)
+        >>> bool(np.allclose(path.position(path.end), 0.0))
+        True
         """
         if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
             raise ValueError(f'cost: expected "energy" or "delta-v", got {shown(cost)}')
@@ -211,6 +224,13 @@ class Orbit(CircularOrbit):
         References
         ----------
         Lawden's primer, by its dual in six unknowns: docs/theory.md (29, 30, 36).
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.circular(500e3)
+        >>> path = orbit.impulsive([0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period)
+        >>> len(path.impulses), round(path.delta_v, 4)
+        (4, 0.0235)
         """
         # Here: who needs no impulses compiles none, and loads no linear programs.
         from closeform.motion.impulses import answers, flown_arcs

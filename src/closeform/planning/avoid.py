@@ -118,6 +118,15 @@ def avoid(
     References
     ----------
     SP11 (Sauter and Palmer 2011) section 4; docs/theory.md section 4.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> client = orbit.coast(np.zeros(6), 300.0)
+    >>> planned = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
+    >>> shaped = cf.avoid(planned, client, cf.Ellipsoid([20.0, 40.0, 20.0]))
+    >>> shaped.ok, cf.find_conflicts(shaped.path, client, cf.Ellipsoid([20.0, 40.0, 20.0]))
+    (True, ())
     """
     if instance("path", path, Path).shape:
         raise ValueError(f"path: of one craft, got shape {path.shape}; index it")

@@ -38,7 +38,7 @@ def propellant(mass: ArrayLike, delta_v: ArrayLike, specific_impulse: ArrayLike)
     Returns
     -------
     float or array of shape (...) [kg]
-        mass (1 - exp(-delta_v / exhaust speed)).
+        It is mass (1 - exp(-delta_v / exhaust speed)).
 
     Raises
     ------

@@ -33,9 +33,9 @@ def end_gradients(path: Path) -> tuple[Floats, Floats]:
     Returns
     -------
     initial : array of shape (*path, 6) [m/s^3, m/s^2]
-        dJ/d(initial) for positions and velocities in the rotating frame; energy per unit mass.
+        Slopes dJ/d(initial) for positions and velocities in the rotating frame; energy per unit mass.
     final : array of shape (*path, 6) [m/s^3, m/s^2]
-        dJ/d(final), in the rotating frame.
+        Slopes dJ/d(final), in the rotating frame.
 
     Raises
     ------

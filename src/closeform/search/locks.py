@@ -286,6 +286,12 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
     References
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) eqs. 1-2; docs/theory.md (13) and docs/theory.md (14).
+
+    Examples
+    --------
+    >>> search = cf.Search.modified(cf.Sensor(np.radians(70.0)), np.radians(0.25), np.radians(25.0))
+    >>> cf.lock_times(search, [[300.0, 40.0, -60.0]], [[0.0, 0.1, 0.0]]).time.tolist()
+    [0.0]
     """
     positions, velocities = _vectors(relative_position=relative_position, relative_velocity=relative_velocity)
     sensor = instance("search", search, Search).sensor

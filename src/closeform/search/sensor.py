@@ -71,5 +71,5 @@ class Sensor:
 
     @property
     def baseline(self) -> float:
-        """How much farther apart two centres of mass are than their facing sensors [m].  # theory (13)"""
+        """How much farther apart two centres of mass are than their facing sensors [m]."""  # theory (13)
         return 2.0 * self.offset

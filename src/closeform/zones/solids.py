@@ -182,9 +182,9 @@ class HalfSpaces(Zone):
     Parameters
     ----------
     normals : array_like of shape (F, 3), no unit
-        n_k, out of the zone, in the path's frame; of any length, which is made 1.
+        Each n_k out of the zone, in the path's frame; of any length, which is made 1.
     offsets : array_like of shape (F,) [m]
-        b_k, the distance of each face from the craft.
+        Each b_k the distance of its face from the craft.
 
     Raises
     ------

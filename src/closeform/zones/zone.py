@@ -159,12 +159,12 @@ class Zone:
         Parameters
         ----------
         direction : array_like of shape (..., 3), no unit
-            d, in the path's frame; of any length, by which the answer is multiplied.
+            Each d in the path's frame; of any length, by which the answer is multiplied.
 
         Returns
         -------
         float or array of shape (...) [m]
-            inf where the zone is unbounded that way.
+            Is inf where the zone is unbounded that way.
 
         Raises
         ------
