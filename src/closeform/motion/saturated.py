@@ -164,8 +164,15 @@ def add_thrust(n, c, rows, first, last):
 
 
 @kernel()
-def meet(n, duration, origin, final, scale, c, hessian, free, low, e, limit, rows, first):
-    """`fly`, with `c` changed until the path ends in the state `final` (6,).
+def within(g, noise):
+    """Whether what is to be gained is nothing to `noise`, of its first three numbers and of its last."""
+    place, speed = max(abs(g[0]), abs(g[1]), abs(g[2])), max(abs(g[3]), abs(g[4]), abs(g[5]))
+    return place <= noise[0] and speed <= noise[1]
+
+
+@kernel()
+def meet(n, duration, origin, final, noise, scale, c, hessian, free, low, e, limit, rows, first):
+    """`fly`, with `c` changed until the path ends in the state `final` (6,), to `noise` or as well as it can.
 
     Where thrust of size (|p| - 1) / e rounds, an optimal one of some 1e-9 of it closes the rest;
     `free` (6, 6) is what such thrust gains.
@@ -182,6 +189,8 @@ def meet(n, duration, origin, final, scale, c, hessian, free, low, e, limit, row
         x, y, z = final[0] - x, final[1] - y, final[2] - z
         x, y, z, vx, vy, vz = coast(n, -duration, x, y, z, final[3] - vx, final[4] - vy, final[5] - vz)
         functional(n, x, y, z, vx, vy, vz, missing)
+        if within(missing, noise):
+            break
         off = distance(missing, nothing, scale)
         if not off < 0.5 * before:
             if low > 0.0 and e > 0.0:
@@ -242,9 +251,9 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
     for p in range(len(arcs)):
         arc, limit = arcs[p], limits[p]
         duration = arc[END] - arc[START]
-        fast, far = worth(n, arc, finals[p], g)
+        fast, far = noise = worth(n, arc, finals[p], g)
         facts[p, NEEDED] = POSSIBLE
-        if max(abs(g[0]), abs(g[1]), abs(g[2])) <= fast and max(abs(g[3]), abs(g[4]), abs(g[5])) <= far:
+        if within(g, noise):
             if offsets[p] == len(rows):
                 break
             for k in range(WIDTH):  # it coasts
@@ -272,14 +281,16 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         if status != DONE:
             facts[p, NEEDED] = UNDECIDED
             break
-        last = meet(n, duration, arc, finals[p], scale, c, hessian, free, low, e, limit, rows, offsets[p])
+        last = meet(
+            n, duration, arc, finals[p], noise, scale, c, hessian, free, low, e, limit, rows, offsets[p]
+        )
         offsets[p + 1] = last
         if last < 0:
             break
         total, _, spent, energy = sum_up(n, duration, c, low, e, limit, gained, hessian)
         facts[p, BOUND] = bound if low > 0.0 else dot(g, c) - total
         facts[p, COST] = spent if low > 0.0 else 0.5 * energy
-        noise = fast * (abs(c[0]) + abs(c[1]) + abs(c[2])) + far * (abs(c[3]) + abs(c[4]) + abs(c[5]))
-        if not facts[p, COST] <= facts[p, BOUND] + WORST * facts[p, COST] + noise:  # nan neither
+        unsure = fast * (abs(c[0]) + abs(c[1]) + abs(c[2])) + far * (abs(c[3]) + abs(c[4]) + abs(c[5]))
+        if not facts[p, COST] <= facts[p, BOUND] + WORST * facts[p, COST] + unsure:  # nan neither
             facts[p, NEEDED], offsets[p + 1] = UNDECIDED, -1
             break

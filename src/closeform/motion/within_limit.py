@@ -11,7 +11,7 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.saturated import CLOSE, ENOUGH, NEEDED, POSSIBLE, PROOF, UNDECIDED, limit_thrust
 from closeform.motion.short_burns import short_burns
 
-ROOM = 40  # arcs a path, of which a batch is given room at first
+ROOM, MORE = 40, 80  # arcs a path, of which a batch is given room at first, and beside
 DEARER = 1e-3  # by what share of impulses short burns may cost more
 
 
@@ -37,10 +37,12 @@ def limited(
     """
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     shape = broadcast(arguments=arcs.shape[:-1], max_acceleration=limits.shape)
-    rows, ends = (np.broadcast_to(a, shape + a.shape[-1:]).reshape(-1, a.shape[-1]) for a in (arcs, finals))
+    if arcs.shape[:-1] != shape:
+        arcs, finals = (np.broadcast_to(a, shape + a.shape[-1:]) for a in (arcs, finals))
+    rows, ends = arcs.reshape(-1, WIDTH), finals.reshape(-1, 6)
     limits = np.broadcast_to(limits, shape).ravel()
     pieces, counts = [np.empty((0, WIDTH))], [np.zeros(1, dtype=np.int64)]
-    told, first, room = [np.empty((0, PROOF + 6))], 0, ROOM * len(rows) + 500
+    told, first, room = [np.empty((0, PROOF + 6))], 0, ROOM * len(rows) + MORE
     while first < len(rows):
         made, facts = np.empty((room, WIDTH)), np.zeros((len(rows) - first, PROOF + 6))
         offsets = np.full(len(facts) + 1, -1)
