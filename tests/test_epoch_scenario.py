@@ -5,10 +5,12 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from astropy.time import Time, TimeDelta
 
 import closeform as cf
+from closeform.cli import main
 from closeform.console import tell_run
 from closeform.exchange.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
@@ -220,6 +222,29 @@ def test_interpolated_states_are_told(tmp_path, capsys):
     assert 1e-9 < float(off[1]) < 0.01  # of the files' own noise, which their velocities have
     assert any("eccentricity" in line for line in figures["warnings"])  # 0.002 at that epoch
     assert figures["inputs"].keys() == {"two.toml", "A.oem"}
+
+
+def test_a_result_folder_keeps_the_files_that_it_was_flown_with(tmp_path, monkeypatch, capsys):
+    """`load`, and a run of its scenario.toml, read the copies: the chief is there when its file is not."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "A.oem").write_bytes((GRACE / "GRACE-A.oem").read_bytes())
+    orbit = 'epoch = "2010-07-27T00:16:40 GPS"\nchief = { oem = "files/A.oem" }'
+    (tmp_path / "two.toml").write_text(scenario(orbit).partition('\n\n[[stage]]\ndo = "transfer')[0] + "\n")
+    assert main(["run", "two.toml", "--out", "results"]) == 1
+    (tmp_path / "files" / "A.oem").unlink()
+    loaded = cf.load("results")
+    assert loaded.scenario.chief.utc([0.0]) == ["2010-07-27T00:16:25.000000000Z"]
+    assert (
+        cf.run("results/scenario.toml").scenario.chief.states(60.0).tolist()
+        == loaded.scenario.chief.states(60.0).tolist()
+    )
+    stamps = pq.read_table("results/conflicts.parquet").to_pydict()["start_utc"]
+    assert [stamp[:22] for stamp in stamps] == ["2010-07-27T00:16:30.00"] * 2  # 5 s later, before and after
+    (copy,) = (tmp_path / "results" / "inputs").iterdir()
+    copy.write_bytes(copy.read_bytes().replace(b"GCRF", b"ICRF"))
+    with pytest.raises(ValueError, match=rf"results: inputs/{copy.name} was changed or is damaged"):
+        cf.load("results")
 
 
 def test_a_drawn_case_is_no_longer_where_its_file_says(tmp_path):

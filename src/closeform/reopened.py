@@ -19,7 +19,7 @@ from closeform.mission_result import FirstLocks, Stages
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
-from closeform.result_folder import AGAIN, FolderError, content, intact, summary_of, table
+from closeform.result_folder import AGAIN, INPUTS, FolderError, content, intact, summary_of, table
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
 from closeform.search.schedule import Search
@@ -189,6 +189,9 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
 def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
     """The scenario as it was flown."""
     text = content(place, summary, SCENARIO).decode()
+    for name in summary["files"]:
+        if name.startswith(INPUTS):
+            content(place, summary, name)
     try:
         found = parse(text, str(place / SCENARIO), summary["kind"])
     except ScenarioError as error:

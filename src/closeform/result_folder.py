@@ -17,14 +17,18 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from math import isfinite
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from closeform.lock_file import is_held
+
+if TYPE_CHECKING:
+    from closeform.scenario import Scenario
 
 SUMMARY = "summary.json"
 REPORT, VIEWER = "report.html", "viewer.html"
 FORMAT = 1  # of summary.json
-DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells
+DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells, and
+INPUTS = "inputs/"  # those that a scenario names
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
 
 PRIVATE = ".unfinished"  # the folder in a study's folder where it works, and how those of runs end
@@ -49,7 +53,7 @@ class Folder:
         """Write `summary.json`, last: `figures`, versions and files; numbers that are not finite as null."""
         files = sorted(file.relative_to(self.path).as_posix() for file in below(self.path))
         content = {"closeform": FORMAT, "versions": versions(), "files": [*files, SUMMARY], **figures}
-        content["digests"] = {name: digest(self.path / name) for name in files if name.endswith(DIGESTED)}
+        content["digests"] = {name: digest(self.path / name) for name in files if digested(name)}
         self.text(SUMMARY, json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
@@ -83,9 +87,21 @@ class Folder:
         file.write_bytes(png(canvas.buffer_rgba()))
         return file
 
+    def scenario(self, scenario: "Scenario") -> None:
+        """Write `scenario.toml`, and copies of the files that it names."""
+        self.text("scenario.toml", scenario.text)
+        for name, held in (scenario.inputs.copies if scenario.inputs is not None else {}).items():
+            (self.path / name).parent.mkdir(exist_ok=True)
+            (self.path / name).write_bytes(held)
+
     def text(self, name: str, text: str) -> None:
         """Write a text file as it is; what is no Unicode, as in the name of a file, as JSON writes it."""
         (self.path / name).write_bytes(text.encode("utf-8", "backslashreplace"))
+
+
+def digested(name: str) -> bool:
+    """Whether a file is one that `load` reads."""
+    return name.endswith(DIGESTED) or name.startswith(INPUTS)
 
 
 def digest(file: Path) -> str:

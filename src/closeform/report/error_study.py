@@ -97,7 +97,7 @@ class ErrorStudyReport:
     def leave(self, folder: Folder, replays: Replays = ()) -> None:
         """Fill a result folder: the page, the summary, and a row for each case; `replays` are pages in it."""
         campaign = self.campaign
-        folder.text("scenario.toml", campaign.scenario.text)
+        folder.scenario(campaign.scenario)
         columns: dict[str, Any] = {"case": np.arange(len(campaign))}
         for what, met in campaign.met.items():
             columns[what.replace(" ", "_")] = met

@@ -266,7 +266,7 @@ def leave(
     `viewer` writes the page in which the mission moves, beside the pictures that were drawn.
     """
     mission = report.mission
-    folder.text("scenario.toml", mission.scenario.text)
+    folder.scenario(mission.scenario)
     progress("writing tables")
     for name, columns in {**report.files, "paths": states(mission), **exact(mission)}.items():
         folder.table(name, columns)

@@ -108,7 +108,7 @@ class StudyReport:
     def leave(self, folder: Folder, replays: Replays = ()) -> None:
         """Fill a result folder with everything that a study leaves; `replays` are pages in it."""
         campaign, subject = self.campaign, self.subject
-        folder.text("scenario.toml", campaign.scenario.text)
+        folder.scenario(campaign.scenario)
         for first in range(0, len(campaign), EACH_FILE):
             rows = slice(first, min(first + EACH_FILE, len(campaign)))
             folder.table(f"cases/{first:09d}", subject.cases(rows))

@@ -12,26 +12,39 @@ DOUBTFUL = 1.0  # m: by how much a state may be off that is interpolated
 class Inputs:
     """Files by the names that a scenario gives them, which count from its `folder`.
 
-    `digests`: SHA-256 of each; `notes`: which states were interpolated, and how far they may be off.
+    A result folder keeps copies, which are taken first.  `contents`: of each; `notes`: which states were
+    interpolated, and how far they may be off.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.digests: dict[str, str] = {}
+        self.contents: dict[str, bytes] = {}
         self.notes: list[str] = []
         self._ephemerides: dict[str, Ephemeris] = {}
 
     def read(self, name: str) -> Path:
         """Where a file is, whose contents are noted.  Raises ValueError if it cannot be read."""
-        place = self.folder / name
-        if name not in self.digests:
+        place = self.folder / copy_of(name)
+        if not place.exists():
+            place = self.folder / name
+        if name not in self.contents:
             try:
-                self.digests[name] = hashlib.sha256(place.read_bytes()).hexdigest()
+                self.contents[name] = place.read_bytes()
             except OSError as error:
                 raise ValueError(
                     f"{place}: {(error.strerror or 'cannot be read').lower()}; check the path"
                 ) from None
         return place
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of each file, by its name."""
+        return {name: hashlib.sha256(held).hexdigest() for name, held in self.contents.items()}
+
+    @property
+    def copies(self) -> dict[str, bytes]:
+        """What a result folder keeps of them, by its place there."""
+        return {copy_of(name): held for name, held in self.contents.items()}
 
     def ephemeris(self, name: str) -> Ephemeris:
         """What an OEM holds.  Raises ValueError, with file and line, for what is none."""
@@ -50,3 +63,8 @@ class Inputs:
             self.notes.append(
                 f"{name}: state at the epoch interpolated, off by up to {error:.2g} m, by estimate"
             )
+
+
+def copy_of(name: str) -> str:
+    """The copy of a file in a result folder; of two with one name in different folders each has its own."""
+    return f"inputs/{hashlib.sha256(name.encode()).hexdigest()[:8]}-{Path(name).name}"
