@@ -286,6 +286,21 @@ def test_events_are_in_order_and_say_what_happened() -> None:
     assert any("the formation set begins" in text for text in locks)
 
 
+def test_a_plan_that_failed_is_shown_and_is_not_flown() -> None:
+    """Its conflicts are those of the direct paths; nothing is spent in it."""
+    text = (EXAMPLES / "cluster.toml").read_text()
+    weak = flown(text.replace('max_thrust = "0.5 N"', 'max_thrust = "1 uN"'))
+    scene = scene_of(weak).record
+    assert [stage["flown"] for stage in scene["stages"]] == [True, False]
+    assert "not flown" in scene["stages"][1]["title"]
+    assert scene["stages"][1]["failure"] in scene["verdict"]
+    assert not scene["ok"]
+    assert {conflict["when"] for conflict in scene["conflicts"]} == {"before"}
+    assert len(scene["conflicts"]) == 3
+    assert scene["events"][-1]["level"] == "bad"
+    assert not [one for one in scene["series"] if one["kind"] == "delta-v"]
+
+
 HOSTILE = ("</script><script>x()", "'\"&<!--", "\u05d0\u05d1 1 - 2", "\U0001f6f0 ]]>")
 TITLE = "</SCRIPT ><b onload='x()'> &lt; \u05d0\u05d1"
 

@@ -11,7 +11,7 @@ from closeform.report import drift as failing
 from closeform.report.gather import BURNS, met, replayed
 from closeform.report.section import fate
 from closeform.search.gather_result import EventKind, Gathering
-from closeform.viewer.meetings import closest, places_of
+from closeform.viewer.meetings import closest, flights, places_of
 from closeform.viewer.searches import seen
 from closeform.viewer.thrusts import pushes, stretches
 
@@ -128,8 +128,8 @@ def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
 def conflicts(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
     """Who would have been in whose zone, and who still is."""
     place = places_of(result)
-    for flight in (result.after,) if result.before is result.after else (result.before, result.after):
-        remains = flight is result.after
+    for when, flight in flights(result):
+        remains = when == "after"
         for conflict in sorted(flight.conflicts, key=lambda one: one.start):
             who = f"{conflict.first} - {conflict.second}"
             word = "conflict" if remains else "in conflict without avoidance"

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from closeform.conflicts.flight import Flight
 from closeform.mission_result import Mission, StageResult
 
 Record = dict[str, Any]
@@ -17,9 +18,7 @@ def conflicts(mission: Mission) -> list[Record]:
     found = []
     for result in mission.results:
         place = places_of(result)
-        for when, flight in (("before", result.before), ("after", result.after)):
-            if when == "before" and flight is result.after:
-                continue
+        for when, flight in flights(result):
             for met in sorted(flight.conflicts, key=lambda met: met.ratio)[:LISTED]:
                 found.append(
                     {
@@ -34,6 +33,12 @@ def conflicts(mission: Mission) -> list[Record]:
                     }
                 )
     return sorted(found, key=lambda met: (met["start"], met["first"], met["second"], met["when"]))
+
+
+def flights(result: StageResult[Any, Any]) -> list[tuple[str, Flight]]:
+    """A stage "before" avoidance, where that is another flight, and "after" it, where that is flown."""
+    last = [("after" if result.flown else "before", result.after)]
+    return last if result.before is result.after else [("before", result.before), *last]
 
 
 def approaches(mission: Mission) -> list[Record]:
