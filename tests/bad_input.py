@@ -1580,6 +1580,11 @@ CALLS = (
         "obstacles: give at least one path",
     ),
     Call(
+        "errors of a formation's obstacles by themselves",
+        "cf.most_clearance(orbit.coast([[0, 0, 0, 0, 0, 0], [0, 90, 0, 0, 0, 0]], 3000.0), (), cf.Sphere(25.0), 1e-4, other_errors=errors)",
+        "other_errors: of a formation; give them in errors, behind those of its craft",
+    ),
+    Call(
         "zones without a size",
         "cf.clearance_costs(plan, orbit.coast([9, 0, 0, 0, 0, 0], 3000.0), cf.Sphere(25.0), [1.0, 0.0])",
         "factors: expected shape (D,), positive and finite, got [1.0, 0.0]",

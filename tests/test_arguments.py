@@ -174,6 +174,9 @@ CALLS = {
         seed=1,
     ),
     "most_clearance": turned(path=MOVE, obstacles=[REST], zone=BALL, budget=1.01 * MOVE.energy),
+    "most_clearance, errors": turned(
+        path=MOVE, obstacles=[REST], zone=BALL, budget=1.01 * MOVE.energy, errors=KNOWN, other_errors=KNOWN
+    ),
     "clearance_costs": turned(path=MOVE, obstacles=[REST], zone=BALL, factors=np.array([0.5, 1.0])),
     "most_clearance, delta-v": turned(  # less than it costs with nothing in the way, which one plan tells
         path=MOVE, obstacles=[REST], zone=BALL, budget=0.5, cost="delta-v", thrusters=SIX, names=["a"]

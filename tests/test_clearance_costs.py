@@ -118,6 +118,60 @@ def test_a_formation():
     assert larger.energy > budget
 
 
+KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 2e-3, 2e-3, 2e-3]) ** 2)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.3])
+def test_sigmas_that_a_budget_affords(share):
+    """Those of the plan by a march of its own; a thousandth more is too dear."""
+    budget = (1.0 + share) * PATH.energy
+    zone = cf.Sphere(20.0)
+    most = cf.most_clearance(PATH, OTHER, zone, budget, errors=KNOWN, other_errors=KNOWN)
+    assert most.status == cf.ClearanceStatus.BUDGET
+    assert (most.factor, most.metres) == (1.0, 0.0)
+    assert budget - 2e-6 * share * PATH.energy <= most.plan.energy <= budget
+    clear = cf.clearance_in_sigmas(most.plan.path, OTHER, zone, KNOWN, KNOWN).sigmas
+    assert most.sigmas <= clear <= most.sigmas * (1 + 1e-3)
+    kept = {"errors": KNOWN, "other_errors": KNOWN, "sigmas": 1.001 * most.sigmas}
+    assert cf.avoid(PATH, OTHER, zone, **kept).energy > budget
+    assert most.tried <= 12
+
+
+def test_sigmas_of_delta_v_and_of_a_formation():
+    budget = 1.05 * FORMATION.energy.sum()
+    most = cf.most_clearance(FORMATION, (), cf.Sphere(12.0), budget, errors=[KNOWN] * 7 + [None])
+    assert most.ok
+    assert most.plan.energy == pytest.approx(budget, rel=1e-6)
+    found = [
+        cf.clearance_in_sigmas(
+            most.plan.paths[i], most.plan.paths[j], cf.Sphere(12.0), KNOWN, KNOWN if j < 7 else None
+        )
+        for i, j in zip(*np.triu_indices(8, 1), strict=True)
+    ]
+    assert min(one.sigmas for one in found) == pytest.approx(most.sigmas, rel=1e-3)
+    free = cf.avoid(PATH, OTHER, cf.Sphere(20.0), cost="delta-v").lower_bound
+    spent = cf.most_clearance(PATH, OTHER, cf.Sphere(20.0), 1.2 * free, cost="delta-v", errors=KNOWN)
+    assert spent.ok
+    assert spent.plan.delta_v <= 1.2 * free
+    least = cf.clearance_in_sigmas(spent.plan.path, OTHER, cf.Sphere(20.0), KNOWN).sigmas
+    assert spent.sigmas <= least * (1 + 1e-9)
+    assert spent.sigmas > 0.0
+
+
+def test_what_keeps_sigmas_from_being_more():
+    none = cf.most_clearance(PATH, OTHER, ZONE, PATH.energy, errors=KNOWN)  # not even the zone itself
+    assert (none.status, none.plan) == (cf.ClearanceStatus.NO_WAY, None)
+    assert none.reason.startswith("at no sigma they cost ")
+    assert np.isnan(none.sigmas)
+    across = cf.Errors(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings one that is ahead nearer
+    hold, client = ORBIT.coast([0, 200, 0, 0, 0, 0], 3000.0), ORBIT.coast(np.zeros(6), 3000.0)
+    free = cf.most_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
+    assert free.status == cf.ClearanceStatus.NEVER_NEAR
+    assert free.reason == "10 000 sigmas bring nobody together"
+    with pytest.raises(ValueError, match=r"^other_errors: of a formation; give them in errors"):
+        cf.most_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
+
+
 def test_costs_of_many_sizes():
     factors = [0.01, 0.5, 1.0, 2.0, 1e3]
     found = cf.clearance_costs(PATH, OTHER, ZONE, factors)
@@ -191,6 +245,8 @@ def test_the_picture_shows_plans_budget_and_what_was_not_found():
         cf.plots.clearance(cf.clearance_costs(PATH, OTHER, ZONE, [1e3]))
     with pytest.raises(ValueError, match=r"^most: has no plan"):
         cf.plots.clearance(found, cf.most_clearance(PATH, OTHER, ZONE, 0.5 * PATH.energy))
+    with pytest.raises(ValueError, match=r"^most: of sigmas, not of the size of zones"):
+        cf.plots.clearance(found, cf.most_clearance(PATH, OTHER, ZONE, 2.0 * PATH.energy, errors=KNOWN))
 
 
 def test_the_picture_has_the_slopes_of_the_plans():

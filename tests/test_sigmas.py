@@ -42,14 +42,23 @@ CASES = {  # mean state, errors, duration
 
 def sigmas_at(zone, mean, covariance):
     """Fewest sigmas from the mean into the zone: min t, |xi| <= t, mean + root xi in it, by a solver."""
-    if zone.norm(mean) <= 1.0:
-        return 0.0
     values, vectors = np.linalg.eigh(covariance)
     kept = values > 1e-12 * values[-1]
-    root = vectors[:, kept] * np.sqrt(values[kept])
-    count = root.shape[1]
-    q, moved = zone.matrix @ mean, zone.matrix @ root
-    rows = [np.eye(count + 1)[[count, *range(count)]]]  # (t, xi) in a second-order cone
+    return sigmas_of(zone, mean, vectors[:, kept] * np.sqrt(values[kept]))
+
+
+def sigmas_of(zone, mean, root):
+    """The same by a root (3, K) of the covariance, which keeps more digits."""
+    if zone.norm(mean) <= 1.0:
+        return 0.0
+    left, sizes, _ = np.linalg.svd(zone.matrix @ root, full_matrices=False)
+    if not sizes.any():
+        return np.inf
+    kept = sizes > 0.0
+    sizes, count = sizes[kept], int(kept.sum())
+    q, moved = zone.matrix @ mean, left[:, kept]  # along which sizes x xi
+    least = sizes.max()  # t and xi are counted in 1 / least
+    rows = [np.diag([*(least / sizes), 1.0])[[count, *range(count)]]]  # (t, xi) in a second-order cone
     ends, cones = [np.zeros(count + 1)], [clarabel.SecondOrderConeT(count + 1)]
     flat = zone.faces if len(zone.faces) else np.concatenate([np.eye(3), -np.eye(3)])
     leading = {SHAPES["sphere"]: 3, SHAPES["cylinder"]: 2}.get(zone.shape, 0)
@@ -76,7 +85,8 @@ def sigmas_at(zone, mean, covariance):
         options,
     )
     solution = solver.solve()
-    return float(solution.x[count]) if str(solution.status) in ("Solved", "AlmostSolved") else np.inf
+    solved = str(solution.status) in ("Solved", "AlmostSolved")
+    return float(solution.x[count]) / least if solved else np.inf
 
 
 @pytest.mark.parametrize("shape", ZONES)
@@ -168,6 +178,89 @@ def test_a_plane_of_errors_that_turns_past_a_cylinder(small):
     least = fewest_on_a_grid(path, zone, errors, 2 * PERIOD, 801)
     assert least < 740.0
     assert found.sigmas == pytest.approx(least, rel=1e-5)  # of the solver, in a plane
+
+
+THIN = {  # mean state, columns, orbits, and of a cylinder the radius and axis
+    "a plane": (
+        [-52.41554366, 76.97935431, 116.0082418, 0.04259973753, 0.1160253121, -0.1832197947],
+        [
+            [
+                -0.02023273665,
+                -0.01175150192,
+                -0.001959423566,
+                -1.100032661e-6,
+                2.213063429e-5,
+                -1.73995717e-5,
+            ],
+            [0.2006449055, 0.006086257312, 0.1328947681, 2.665863901e-5, -4.441409200e-4, -1.405155479e-4],
+        ],
+        0.5,
+        (20.0, [-1.579089937, -0.954749322, -0.240218704]),
+    ),
+    "along and across the track": (
+        [129.3820966, -29.25952855, 81.8877243, -0.01619198092, -0.2863959255, -0.08825631684],
+        [[0, 0, 0.027671926, 0, 0, 0], [0, 0.653740742, 0, 0, 0, 0]],
+        20.0,
+        (20.0, [0.158720294, 1.252317538, -0.416926098]),
+    ),
+    "a line": (
+        [-48.81907840, 252.3868558, -174.2011137, -1.783839236e-4, 0.1080642957, 0.03425048937],
+        [
+            [9.598846937e-4, -9.919009870e-3, 6.882593577e-3, 3.692496570e-6, 8.074302185e-6, 1.385881540e-5],
+        ],
+        20.0,
+        (5.0, [-0.191265139, -1.352659806, 2.524199653]),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", THIN)
+def test_thin_errors_that_move_past_a_cylinder(case):
+    """Met where the solver says so, and nowhere with fewer: planes that Newton's method does not find."""
+    mean, columns, orbits, (radius, axis) = THIN[case]
+    zone, columns = cf.Cylinder(radius, 0.8 * radius, axis), np.array(columns)
+    errors = cf.Errors(columns.T @ columns)
+    path, other = ORBIT.coast(mean, orbits * PERIOD), ORBIT.coast(AT_REST, orbits * PERIOD)
+    moved = ORBIT.coast(errors._root.T, orbits * PERIOD)
+
+    def at(t):
+        return sigmas_of(zone, path.position(t), moved.position(t).T)
+
+    found = cf.clearance_in_sigmas(path, other, zone, errors)
+    assert at(found.time) == pytest.approx(found.sigmas, rel=1e-7)  # of the solver
+    assert found.sigmas <= min(map(at, np.linspace(0.0, orbits * PERIOD, 401))) * (1 + 1e-7)
+
+
+@pytest.mark.parametrize("shape", ZONES)
+def test_thin_errors_at_one_place(shape):
+    """Along a line or in a plane, or nearly, longer or shorter than the zone, past it or not: the solver's.
+
+    Whoever misses needs infinitely many: 1e4 count so.
+    """
+    zone, random = ZONES[shape], np.random.default_rng(11)
+    other, reached, missed = DEEP.coast(AT_REST, 1.0), 0, 0
+    for _ in range(60):
+        rank, tiny = int(random.integers(1, 4)), float(random.choice([0.0, 1e-7, 1e-3]))
+        mean = random.normal(size=3) * 40.0
+        root = random.normal(size=(3, rank)) * 10.0 ** random.uniform(-2.0, 3.0, rank)
+        if random.random() < 0.5:  # a line that leads past the zone's edge, by little
+            goal = random.normal(size=3)
+            goal *= (1.0 + random.choice([-1e-3, 1e-3, 0.1])) / zone.norm(goal)
+            root[:, 0] = (goal - mean) * 10.0 ** random.uniform(-3.0, 1.0)
+        root = np.concatenate([root, tiny * np.eye(3)], axis=1)
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = root @ root.T
+        errors = cf.Errors(covariance)
+        found = cf.clearance_in_sigmas(DEEP.coast([*mean, 0, 0, 0], 1.0), other, zone, errors).sigmas
+        least = sigmas_of(zone, mean, errors._root[:3])
+        if least < 9e3:
+            assert found == pytest.approx(least, rel=1e-8)  # of the solver
+            reached += found > 0.0
+        elif least > 1.1e4:
+            assert found == np.inf
+            missed += 1
+    assert reached > 15
+    assert missed > 3
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-7])

@@ -17,7 +17,7 @@ from closeform.campaign.error_cases import drawn
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report.run import RunReport
-from closeform.scenario import load, parse
+from closeform.scenario import ScenarioError, load, parse
 from closeform.uncertain_stage import UncertainStage
 from closeform.uncertainty.carried import carried
 
@@ -146,6 +146,64 @@ def test_the_probability_is_that_of_draws_flown_apart() -> None:
     assert "probability of collision of F1 - F2 up to" in str(mission.verdict)
     asked = f"max_probability = {0.9 * pair.probability.value}\n"
     assert fly(parse(NEAR + PASS + asked)).verdict.status == 1
+
+
+def test_that_any_two_collide_is_bounded_by_the_sum() -> None:
+    """Of four craft in a row, one known exactly: the share of drawn formations in which any two do."""
+    known = '{ position = "1 2 1 m", velocity = "1 1 1 mm/s" }'
+    text = NEAR.replace('["F1", "F2"]', '["F1", "F2", "F3", "F4"]').replace(
+        '["0 0 0 m", "0 40 0 m"]', '["0 0 0 m", "0 40 0 m", "0 80 0 m", "0 400 0 m"]'
+    )
+    text = re.sub("covariance = .*", f'covariance = [{known}, {known}, "exact", {known}]', text)
+    mission = fly(parse(text + PASS))
+    (result,) = mission.results
+    bodies = result.uncertain.bodies
+    assert bodies.exact == ("F3",)
+    assert len(bodies.pairs) == 6
+    draws, orbit = 20_000, mission.orbit
+    sizes = np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
+    states = np.random.default_rng(4).standard_normal((4, draws, 6)) * sizes
+    states[2] = 0.0
+    states[:, :, 1] += np.array([[0.0], [40.0], [80.0], [400.0]])
+    met = np.zeros(draws, dtype=bool)
+    for time in np.linspace(0.0, result.end, 400):
+        places = states @ orbit.transition(time)[:3].T
+        for i, j in zip(*np.triu_indices(4, 1), strict=True):
+            met |= np.linalg.norm(places[i] - places[j], axis=1) <= 10.0
+    share = met.mean()
+    bound = bodies.any_pair
+    assert bound > share - 3.0 * np.sqrt(share / draws)
+    assert bound < 1.2 * share  # few formations meet twice
+    (section,) = RunReport(mission).sections
+    (line,) = (line for line in section.closing if "any two" in line)
+    assert line == f"Probability that any two collide at most {bound:.4g}: a bound, the sum of 6 pairs"
+    assert section.figures["uncertain"]["any_pair_at_most"] == bound
+
+
+def test_hard_bodies_are_zones_where_nobody_keeps_another() -> None:
+    """A coast and a detour ask for no keep-out then: bodies of 18 m each are kept 36 m apart."""
+    text = HEAD.replace('keep_out = { sphere = "20 m" }\n', "").replace("0 200 0 m", "0 40 0 m")
+    text = text.replace('"5 m"', '"18 m"')
+    mission = fly(parse(text + CLOSER.replace("0 60 0 m", "0 -40 0 m")))
+    assert mission.verdict.ok
+    for result in mission.results:
+        assert result.uncertain.zones is None
+        assert result.uncertain.bodies.pairs
+    close = cf.closest_approach(*mission.results[1].after.paths, cf.Sphere(36.0))
+    assert close.ratio == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_covariance_of_zeros_in_a_list_is_exact() -> None:
+    known = '{ position = "1 2 1 m" }'
+    nothing = '{ position = "0 0 0 m", velocity = "0 0 0 m/s" }'
+    for exact in ('"exact"', nothing):
+        text = re.sub("covariance = .*", f"covariance = [{exact}, {known}]", HEAD)
+        scenario = parse(text + PASS)
+        assert scenario.craft[0].errors is None
+        assert scenario.craft[1].errors.state[1, 1] == 4.0
+    text = re.sub("covariance = .*", f"covariance = {nothing}", HEAD)
+    with pytest.raises(ScenarioError, match=r"craft\.covariance: says that the state is known"):
+        parse(text + PASS)
 
 
 def test_hard_bodies_judge_where_nobody_keeps_a_zone() -> None:

@@ -42,7 +42,7 @@ class UncertainStage:
         """From a stage as flown, and the errors of all craft when it begins."""
         sigmas, limit = stage.sigmas or 0.0, stage.max_probability or inf
         zones = bodies = None
-        if scenario.zones.pairs:
+        if scenario.zones.pairs and any(craft.keep_out is not None for craft in scenario.craft):
             zones = UncertainFlight.of(flight, errors, sigmas, probable=0)
         if scenario.bodies.pairs:
             touching = watch(flight.paths, flight.names, scenario.bodies)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf, nan
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -126,6 +126,11 @@ def clearance_costs(
 class Sizes:
     """One craft or a formation, and the zones around which it is planned in many sizes."""
 
+    first: ClassVar[float] = 1.0  # factor that is tried first
+    least: ClassVar[float] = 1e-6  # and between which factors are looked at
+    most: ClassVar[float] = 1e6
+    none, more, never = "at every size", "hardly larger", "a million times as large they are in nobody's way"
+
     path: Path
     obstacles: Path | Sequence[Path]
     zone: Any  # Zoned
@@ -166,7 +171,14 @@ class Sizes:
 
     def plan(self, factor: float) -> Avoidance | Plan:
         """The plan for zones so many times as large."""
-        zone: Any = resized(self.zone, factor)
+        return self.planned(resized(self.zone, factor))
+
+    def slope(self, plan: Avoidance | Plan, factor: float) -> float:
+        """By how much a plan's cost rises for each 1 of the factor; nan where not known."""
+        return slope(plan, factor)
+
+    def planned(self, zone: Any, **kept: Any) -> Avoidance | Plan:
+        """The plan around zones; `kept`: beside them."""
         if not self.path.shape:
             return avoid(
                 transfer_of(self.path),
@@ -175,6 +187,7 @@ class Sizes:
                 names=self.names,
                 cost=self.cost,
                 thrusters=self.thrusters,
+                **kept,
             )
         ends = [ends_of(self.path[k]) for k in range(len(self.path))]
         return reconfigure(
@@ -189,6 +202,7 @@ class Sizes:
             names=self.names,
             cost=self.cost,
             thrusters=self.thrusters,
+            **kept,
         )
 
 

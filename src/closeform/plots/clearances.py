@@ -59,7 +59,8 @@ def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figur
     Raises
     ------
     ValueError
-        If `found` is no `ClearanceCosts`, or of no plan, or `most` is no `MostClearance` with a plan.
+        If `found` is no `ClearanceCosts`, or of no plan, or `most` is no `MostClearance` of zones with a
+        plan.
     """
     instance("found", found, ClearanceCosts)
     if not np.isfinite(found.spent).any():
@@ -67,6 +68,8 @@ def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figur
     if most is not None and not instance("most", most, MostClearance).ok:
         raise ValueError(f"most: has no plan; {most.reason}")
     factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
+    if most is not None and most.sigmas == most.sigmas:
+        raise ValueError("most: of sigmas, not of the size of zones; make it without errors")
     if most is not None and most.plan is not None:  # a point of the curve like any other
         own = most.factor, most.plan.spent, slope(most.plan, most.factor)
         factors, costs, slopes = (

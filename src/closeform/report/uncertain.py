@@ -87,7 +87,16 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
         most, counts = "below 1e-300", ""
     who = f"{pair.first} - {pair.second}"
     told.append(f"Probability of collision {most}, {who}: of ever coming {within} in this stage{counts}")
+    if (bound := together(found)) is not None:
+        flight = found.bodies
+        every = f"the sum of {0 if flight is None else len(flight.pairs)} pairs"
+        told.append(f"Probability that any two collide at most {bound:.4g}: a bound, {every}")
     return tuple(told)
+
+
+def together(found: "UncertainStage") -> float | None:
+    """What the probability that any pair collides is not above; None of one pair, or where not known."""
+    return found.bodies.any_pair if found.bodies is not None and len(found.bodies.pairs) > 1 else None
 
 
 def tables(found: "UncertainStage") -> tuple[Table, ...]:
@@ -122,6 +131,7 @@ def figures(found: "UncertainStage") -> dict[str, Any]:
         "met": all(one.met for one in found.asked),
         "fewest": None if near is None else record(FEWEST, row(near)[: len(FEWEST)]),
         "likeliest": None if likeliest is None else record(SIGMAS, row(likeliest)),
+        "any_pair_at_most": together(found),
         "method": None if odds is None else odds.method,
     }
 

@@ -45,6 +45,7 @@ def fit(scenario: Scenario, found: "Findings") -> None:
     if scenario.craft:
         found.add(duplicates(scenario), r"craft\.name|stage\[\d+\]\.name")
         found.add(stages(scenario), r"craft\.name")
+        found.add(exact(scenario))
     if searches and scenario.sensor is not None and scenario.search is not None:
         found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
     if searches and scenario.craft and known and not circular and not scenario.scattered:
@@ -126,15 +127,23 @@ def stages(scenario: Scenario) -> Iterator[str]:
                 yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
         if isinstance(stage, Drifting) and stage.drift is not None:
             yield from drifting(scenario, number, stage)
-        if (stage.keeps_out or getattr(stage, "drift", None) is not None) and any(
-            craft.keep_out is None for craft in scenario.craft
-        ):
+        if (stage.keeps_out or getattr(stage, "drift", None) is not None) and None in scenario.keep_out:
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
         yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
         if stage.searches:
             yield from searching(scenario)
+
+
+def exact(scenario: Scenario) -> Iterator[str]:
+    """Covariances that say of nobody that anything is uncertain."""
+    given = [craft.covariance for craft in scenario.craft if craft.covariance is not None]
+    if given and all(one.exact for one in given):
+        yield (
+            "craft.covariance: says that the state is known exactly; "
+            'give for example position = "3 6 3 m", or remove it'
+        )
 
 
 def firing(scenario: Scenario, stage: Avoid | Joint | Transfer) -> Iterator[str]:

@@ -28,7 +28,7 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.table import Length, Name, Position, Table, Vector, Velocity
 from closeform.scenario.thrusters import MinimumBit, ThrusterTable
-from closeform.scenario.uncertainty import Covariance, Execution
+from closeform.scenario.uncertainty import Covariance, Execution, as_errors
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
@@ -71,10 +71,12 @@ class Craft(Table):
         None, examples=['"2 kg"']
     )
     keep_out: KeepOut | None = Field(None, examples=['{ sphere = "20 m" }'])
-    covariance: Covariance | None = Field(
+    covariance: Annotated[Covariance | None, BeforeValidator(as_errors)] = Field(
         None, examples=['{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }']
     )
-    execution: Execution | None = Field(None, examples=['{ magnitude = "1 %", pointing = "0.5 deg" }'])
+    execution: Annotated[Execution | None, BeforeValidator(as_errors)] = Field(
+        None, examples=['{ magnitude = "1 %", pointing = "0.5 deg" }']
+    )
     hard_body: Length | None = Field(None, examples=['"5 m"'])
     shade: Length | None = Field(None, examples=['"15 m"'])
     pointing_error: Annotated[Vector, BeforeValidator(Reader(ANGLE, 3))] = Field(
@@ -158,7 +160,7 @@ class Craft(Table):
     @property
     def errors(self) -> "Errors | None":
         """How far it may be off, from the mission's start on; None where all is known exactly."""
-        if self.covariance is None and self.execution is None:
+        if (self.covariance is None or self.covariance.exact) and self.execution is None:
             return None
         from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
 

@@ -87,8 +87,17 @@ class Scenario:
 
     @cached_property
     def keep_out(self) -> tuple[OwnZone | None, ...]:
-        """Each craft's own zone; None for a craft without one."""
-        return tuple(None if craft.keep_out is None else craft.keep_out.own() for craft in self.craft)
+        """Each craft's own zone, its hard body where it keeps no other; None for a craft without one."""
+        own = self.hard_bodies
+        return tuple(
+            own[k] if craft.keep_out is None else craft.keep_out.own() for k, craft in enumerate(self.craft)
+        )
+
+    @cached_property
+    def hard_bodies(self) -> tuple[Body | None, ...]:
+        """The sphere that holds each craft; None where none is given."""
+        radii = [craft.hard_body for craft in self.craft]
+        return tuple(None if one is None else Body(Sphere(one)) for one in radii)
 
     def states(self, orbit: Orbit) -> Floats:
         """The craft's states (N, 6) at the start, in the scenario's `orbit`; nan where one is wrong."""
@@ -105,13 +114,15 @@ class Scenario:
     @cached_property
     def bodies(self) -> PairZones:
         """The spheres that hold both hard bodies of each pair; none of a pair without any."""
-        radii = [craft.hard_body for craft in self.craft]
-        return PairZones.of([None if one is None else Body(Sphere(one)) for one in radii], self.names)
+        return PairZones.of(self.hard_bodies, self.names)
 
     @property
     def uncertain(self) -> bool:
         """Whether any craft has errors."""
-        return any(craft.covariance is not None or craft.execution is not None for craft in self.craft)
+        return any(
+            (craft.covariance is not None and not craft.covariance.exact) or craft.execution is not None
+            for craft in self.craft
+        )
 
     @property
     def plan(self) -> "Search":

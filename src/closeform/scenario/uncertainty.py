@@ -20,7 +20,13 @@ Share = Annotated[float, BeforeValidator(Reader(SHARE, least="zero"))]
 Angle = Annotated[float, BeforeValidator(Reader(ANGLE, least="zero"))]
 Speed = Annotated[float, BeforeValidator(Reader(SPEED, least="zero"))]
 Rows = tuple[Row, Row, Row, Row, Row, Row]
+EXACT = "exact"  # in a list: this craft's state is known, or it does just what it is told
 UNCORRELATED: Any = tuple(tuple(row) for row in np.eye(6, dtype=int).tolist())
+
+
+def as_errors(value: Any) -> Any:
+    """A table of errors, or none of a craft of which something is exact."""
+    return None if value == EXACT else value
 
 
 class Covariance(Table):
@@ -33,8 +39,6 @@ class Covariance(Table):
     )
 
     def flaws(self) -> Iterator[str]:
-        if not any((*self.position, *self.velocity)):
-            yield 'says that the state is known exactly; give for example position = "3 6 3 m", or remove it'
         if not np.allclose(np.diag(self.correlation), 1.0, atol=1e-9):
             yield "correlation has not 1 on its diagonal; the sizes stand in position and velocity"
             return
@@ -44,6 +48,11 @@ class Covariance(Table):
             words = str(error).replace(": no covariance, ", " is none, ").replace(": must", " must")
             words = words.replace(", scaled by its diagonal,", "")
             yield words if ";" in words else f"{words}; give the same above and below the diagonal"
+
+    @property
+    def exact(self) -> bool:
+        """Whether the state is known."""
+        return not any((*self.position, *self.velocity))
 
     @cached_property
     def matrix(self) -> Floats:

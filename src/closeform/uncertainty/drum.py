@@ -1,19 +1,18 @@
 """The best plane between a zone and an ellipsoid, of a cylinder too: at its side, an end, or a rim."""
 
-from math import cos, inf, sin, sqrt
+from math import inf, sqrt
 
 from closeform.compiled import kernel
-from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.uncertainty.planes import SETTLED, flat_plane, room, round_plane, times
+from closeform.kernel_loans import stack_matrix
+from closeform.uncertainty.planes import flat_plane, room, round_plane, times
 from closeform.zones.shapes import BALL, FACES
 
-ROUNDED = 0.1  # of the variance: a ball of errors that rounds edges off, at first
+ROUNDING = 1e-15  # of what g is the difference of, with sqrt(a S a) of what S loses
 
 
 @kernel()
-def drum_plane(r, s, k, enough, best):
+def drum_plane(r, s, k, fine, best):
     """Best plane of a cylinder: at its side, at an end, or where they meet; `best` (4,) gets it and its g."""
-    fine = enough == inf
     best[3] = -inf
     side = stack_matrix(3, 3)
     for i in range(3):
@@ -44,50 +43,6 @@ def drum_plane(r, s, k, enough, best):
         if best[2] * up > 0.0 and abs(best[2]) < 1.0 and height * up > 0.0:
             break
         up = -up
-    _, px, py, height = room(r, s, k, best[0], best[1], best[2])
-    lacking = max(sqrt(px * px + py * py), abs(height)) - best[3]
-    if lacking > 1e-9 * (1.0 + abs(best[3])) and not lacking <= best[3] - enough:
-        search_rim(r, s, k, best)
-
-
-@kernel()
-def search_rim(r, s, k, best):
-    """Climb from the best of many planes at the rims, where the way from a side's to an end's led nowhere.
-
-    sqrt(a S a) has an edge where nothing is uncertain along a, which Newton's method does not climb along: it
-    is rounded off, by a ball of errors that shrinks.
-    """
-    most, x, y, up = -inf, 1.0, 0.0, 1.0
-    wide, found = stack_matrix(3, 3), stack_vector(4)
-    trace = s[0, 0] + s[1, 1] + s[2, 2]
-    round_off(s, ROUNDED * trace, wide)
-    for m in range(48):
-        angle = 0.2617993877991494 * (m % 24)
-        high = 1.0 if m < 24 else -1.0
-        for j in range(1, 8):
-            share = 0.125 * j
-            g, _, _, _ = room(r, wide, k, share * cos(angle), share * sin(angle), high * (1.0 - share))
-            if g > most:
-                most, x, y, up = g, share * cos(angle), share * sin(angle), high
-    added = ROUNDED
-    while added > 1e-17:
-        round_off(s, added * trace, wide)
-        found[3] = -inf
-        climb_rim(r, wide, k, up, 1.0, x, y, found)
-        if found[3] > -inf:
-            x, y = found[0], found[1]
-            g, _, _, _ = room(r, s, k, x, y, found[2])
-            if g > best[3]:
-                best[0], best[1], best[2], best[3] = x, y, found[2], g
-        added /= 16.0
-
-
-@kernel()
-def round_off(s, added, out):
-    """S + added I."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = s[i, j] + (added if i == j else 0.0)
 
 
 @kernel()
@@ -109,9 +64,12 @@ def rim_start(r, s, k, up, x, y, g):
 
 @kernel()
 def climb_rim(r, s, k, up, share, x, y, best):
-    """Newton's method for a = (x, y, up (1 - hypot(x, y))), from a share of (x, y), in steps that gain."""
+    """Newton's method for a = (x, y, up (1 - hypot(x, y))), from a share of (x, y), in steps that gain.
+
+    The last step gains nothing that could be told from rounding, but brings the ellipsoid's point home.
+    """
     x, y = share * x, share * y
-    g = -inf
+    g, rounding = -inf, 0.0
     stepx = stepy = 0.0
     for _ in range(60):
         part = 1.0
@@ -120,18 +78,18 @@ def climb_rim(r, s, k, up, share, x, y, best):
             size = sqrt(tx * tx + ty * ty)
             if 0.0 < size < 1.0:
                 gained, px, py, pz = room(r, s, k, tx, ty, up * (1.0 - size))
-                if gained > g:
+                if gained > g or (part == 1.0 and gained >= g - rounding):
                     break
             part *= 0.5
             if part < 1e-9:
                 return
-        risen = gained - g
-        x, y, g = tx, ty, gained
-        ax, ay, az = x, y, up * (1.0 - size)
-        if g > best[3]:
-            best[0], best[1], best[2], best[3] = ax, ay, az, g
-        if risen <= SETTLED * abs(g):
+        settled = gained <= g
+        ax, ay, az = tx, ty, up * (1.0 - size)
+        if gained > best[3] or (settled and g == best[3]):
+            best[0], best[1], best[2], best[3] = ax, ay, az, gained
+        if settled:
             return
+        x, y, g = tx, ty, gained
         ex, ey = x / size, y / size
         gx, gy = px - up * pz * ex, py - up * pz * ey
         ux, uy, uz = times(s, ax, ay, az)
@@ -141,6 +99,7 @@ def climb_rim(r, s, k, up, share, x, y, best):
         cx, cy, cz = times(s, 0.0, 1.0, -up * ey)
         slope_x, slope_y = ux - up * ex * uz, uy - up * ey * uz
         curve = k / sqrt(square) if square > 0.0 else 0.0
+        rounding = ROUNDING * (abs(g) + curve * (s[0, 0] + s[1, 1] + s[2, 2]))
         turn = max(up * pz, 0.0) / size  # where it is less, what is left of the curve still leads upward
         inverse = 1.0 / square if square > 0.0 else 0.0
         hxx = -curve * (bx - up * ex * bz - slope_x * slope_x * inverse) - turn * (1.0 - ex * ex)
@@ -156,12 +115,12 @@ def climb_rim(r, s, k, up, share, x, y, best):
 
 
 @kernel()
-def plane(shape, faces, r, s, k, enough, best):
-    """Fill `best` (4,) with the best plane and its g; if more than `enough` will do, with almost the best."""
+def plane(shape, faces, r, s, k, fine, best):
+    """Fill `best` (4,) with the best plane and its g, unless `fine` with almost the best."""
     if shape == FACES:
-        flat_plane(faces, r, s, k, enough == inf, best)
+        flat_plane(faces, r, s, k, fine, best)
     elif shape == BALL:
-        best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k, enough == inf)
+        best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k, fine)
         best[3] = room(r, s, k, best[0], best[1], best[2])[0]
     else:
-        drum_plane(r, s, k, enough, best)
+        drum_plane(r, s, k, fine, best)

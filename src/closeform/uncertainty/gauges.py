@@ -4,12 +4,14 @@ The gauge is the scale s at which s times both just touch the position r.  Its g
 for the a of the best plane then: the sum's supporting plane, a . r = 1 + k |l_a|.          # theory (52)
 """
 
-from math import inf, sqrt
+from math import sqrt
 
 from numba import float64, int64, void
 
 from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.drum import plane
+from closeform.uncertainty.golden_planes import is_short, search_planes
 from closeform.zones.shapes import norm
 
 MEET = 1e-9  # norm below which two craft meet, and no side of the zone is nearer
@@ -25,14 +27,32 @@ def spread_along(s, x, y, z):
 
 
 @kernel()
+def factor(s, root):
+    """Fill the lower triangle of `root` (3, 3) with Cholesky's factor of S."""
+    for j in range(3):
+        for i in range(j, 3):
+            root[i, j] = s[i, j]
+            for m in range(j):
+                root[i, j] -= root[i, m] * root[j, m]
+            if i == j:
+                root[j, j] = sqrt(max(root[j, j], 0.0))
+            else:
+                root[i, j] = root[i, j] / root[j, j] if root[j, j] > 0.0 else 0.0
+
+
+@kernel()
 def gauge(shape, faces, r, s, k, best):
     """The gauge of r in the sum of the unit zone and k sigmas of S; `best` (4,) gets a, then 1 + k |l_a|.
 
     k < 0: as many sigmas as just touch the zone.  Newton's method, which comes from below.
     """
-    found = 0.0
+    found, root = 0.0, stack_matrix(3, 3)
     for _ in range(TURNS):
-        plane(shape, faces, r, s, found if k < 0.0 else k * found, inf, best)
+        many = found if k < 0.0 else k * found
+        plane(shape, faces, r, s, many, True, best)
+        if is_short(shape, faces, r, s, many, best):
+            factor(s, root)
+            search_planes(shape, faces, r, root, many, best)
         wide = spread_along(s, best[0], best[1], best[2])
         ahead = best[0] * r[0] + best[1] * r[1] + best[2] * r[2]
         if k < 0.0:

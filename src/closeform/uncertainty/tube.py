@@ -19,11 +19,12 @@ from numba import float64, types
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import stack_vector
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window
 from closeform.motion.hill import oscillation
 from closeform.uncertainty.drum import plane
+from closeform.uncertainty.golden_planes import is_short, search_planes
 from closeform.uncertainty.planes import faced
 from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, is_known, under_way
 from closeform.zones.shapes import FORM, norm, time_to_level
@@ -211,20 +212,45 @@ def room_at(tube, k, enough):
 
     Of almost the best, which costs less, where that leaves more than `enough`; inf for the best.
     """
-    best, at, along, place = tube.best, tube.at, tube.along, tube.place
-    for tried in range(0 if enough < inf else 1, 2):
-        plane(tube.shape, tube.faces, place, tube.square, k, enough if tried == 0 else inf, best)
-        x, y, z = best[0], best[1], best[2]
-        square = turn = rate = 0.0
-        for j in range(0, int(tube.seen[WIDTH]), 3):
-            length = x * at[0, j] + y * at[0, j + 1] + z * at[0, j + 2]
-            speed = x * at[1, j] + y * at[1, j + 1] + z * at[1, j + 2]
-            square, turn, rate = square + length * length, turn + length * speed, rate + speed * speed
-        along[0], along[1], along[2] = square, turn, rate
-        best[3] = x * place[0] + y * place[1] + z * place[2] - k * sqrt(square)
-        if best[3] > enough + ALMOST * abs(enough):
-            break
+    shape, faces, r, s, best = tube.shape, tube.faces, tube.place, tube.square, tube.best
+    if enough < inf:
+        plane(shape, faces, r, s, k, False, best)
+        if see_plane(tube, k) > enough + ALMOST * abs(enough):
+            return best[3]
+    plane(shape, faces, r, s, k, True, best)
+    see_plane(tube, k)
+    if is_short(shape, faces, r, s, k, best):
+        root = stack_matrix(6, COLUMNS)
+        see_root(tube, root)
+        search_planes(shape, faces, r, root, k, best)
+        see_plane(tube, k)
     return best[3]
+
+
+@kernel()
+def see_plane(tube, k):
+    """g at k sigmas of the plane that was found, by the columns along it, of which `along` is kept."""
+    best, at, along, place = tube.best, tube.at, tube.along, tube.place
+    x, y, z = best[0], best[1], best[2]
+    square = turn = rate = 0.0
+    for j in range(0, int(tube.seen[WIDTH]), 3):
+        length = x * at[0, j] + y * at[0, j + 1] + z * at[0, j + 2]
+        speed = x * at[1, j] + y * at[1, j + 1] + z * at[1, j + 2]
+        square, turn, rate = square + length * length, turn + length * speed, rate + speed * speed
+    along[0], along[1], along[2] = square, turn, rate
+    best[3] = x * place[0] + y * place[1] + z * place[2] - k * sqrt(square)
+    return best[3]
+
+
+@kernel()
+def see_root(tube, root):
+    """Fill `root` (6, 20), of which (3, 3) is not 0, with a root of what is uncertain at the instant."""
+    width = int(tube.seen[WIDTH]) // 3
+    root[:] = 0.0
+    for j in range(width):
+        for i in range(3):
+            root[i, j] = tube.at[0, 3 * j + i]
+    compress(root, width)
 
 
 @kernel()

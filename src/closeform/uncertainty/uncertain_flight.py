@@ -12,7 +12,6 @@ from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.columns import burning
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.probability import Probability, collision_probability
-from closeform.uncertainty.relative_errors import relative_errors
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
@@ -41,12 +40,14 @@ class UncertainPair:
 class UncertainFlight:
     """The pairs of a flight, the fewest sigmas first.
 
-    `exact`: who has no errors; `sigmas`: by how many pairs were to be clear.
+    `exact`: who has no errors; `sigmas`: by how many pairs were to be clear.  `any_pair`: what the
+    probability that any two ever meet is not above, the sum over all; None where that of some is not known.
     """
 
     pairs: tuple[UncertainPair, ...]
     exact: tuple[str, ...]
     sigmas: float
+    any_pair: float | None
 
     @classmethod
     def of(
@@ -65,15 +66,16 @@ class UncertainFlight:
         exact = tuple(name for name, one in zip(flight.names, errors, strict=True) if one is None)
         pairs = [near for near in flight.approaches if near.first not in exact or near.second not in exact]
         found = sorted(_clearances(flight, pairs, known), key=lambda one: one[:2])
-        told = []
+        told, total = [], 0.0
         for place, (clear, time, near) in enumerate(found):
-            probability = None
+            probability, most = None, at_most(flight, near, known, clear)
             looked = place < probable or limit < inf
             if looked and near.zone.shape == BALL and few_burns(flight, near, known):
-                sure = place >= probable and at_most(flight, near, known, clear) <= limit
+                sure = place >= probable and most <= limit
                 probability = None if sure else probability_of(flight, near, known)
             told.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
-        return cls(tuple(told), exact, sigmas)
+            total += most if probability is None else min(most, probability.high)
+        return cls(tuple(told), exact, sigmas, total if total < 1.0 else None)
 
     @property
     def within(self) -> tuple[UncertainPair, ...]:
@@ -83,12 +85,17 @@ class UncertainFlight:
 
 def few_burns(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> bool:
     """Whether two craft have few enough burns and impulses with errors that histories can be drawn."""
-    count = 0
+    return sum(fired(flight, near, known)) <= MOST_BURNS
+
+
+def fired(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> tuple[int, int]:
+    """How many burns and impulses with errors two craft have."""
+    burns = impulses = 0
     for name in (near.first, near.second):
         path, errors = flight.path(name), known[name]
         if errors.magnitude or errors.pointing or any(errors.impulse):
-            count += len(burning(path)) + len(path.impulses)
-    return count <= MOST_BURNS
+            burns, impulses = burns + len(burning(path)), impulses + len(path.impulses)
+    return burns, impulses
 
 
 def probability_of(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> Probability:
@@ -105,13 +112,11 @@ def probability_of(flight: Flight, near: PairApproach, known: Mapping[str, Error
 
 def at_most(flight: Flight, near: PairApproach, known: Mapping[str, Errors], sigmas: float) -> float:
     """What the probability of two craft is not above, clear by some sigmas: errors beyond these."""
-    first, second = near.first, near.second
-    if known[first].noise or known[second].noise:
+    if known[near.first].noise or known[near.second].noise:
         return 1.0
-    columns, _ = relative_errors(
-        flight.path(first), flight.path(second), near.zone, known[first], known[second]
-    )
-    return float(gammaincc(0.5 * len(columns), 0.5 * sigmas**2))
+    burns, impulses = fired(flight, near, known)
+    size = 6 + 4 * burns + 3 * impulses  # of the relative state, of strengths and directions
+    return float(gammaincc(0.5 * size, 0.5 * sigmas**2))
 
 
 def _clearances(

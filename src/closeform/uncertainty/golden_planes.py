@@ -1,0 +1,159 @@
+"""The best plane between a zone and an ellipsoid where quick ways end short of it: by golden sections.
+
+Where an ellipsoid is thin sqrt(a S a) has an edge, along which Newton's method does not climb, its square
+has lost half the digits, and no point tells which plane is best.  Here planes are only compared, by a root
+of S that has kept its digits.  Of all planes that face r the room is quasi-concave, so that its most over
+one angle is so of the other; between three faces that meet it is concave.                     # theory 3
+"""
+
+from math import inf, sqrt
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_matrix
+from closeform.uncertainty.planes import copy_row, room
+from closeform.zones.shapes import FACES, norm, support
+
+GOLDEN, STEPS = 0.6180339887498949, 76  # after which a bracket is 1e-16 of what it was
+LACKING, MOST_LACKING = 1e-9, 1e-7  # of the room: what a plane may lack before all others are looked at
+LOST = 1e-12  # of the ellipsoid's size over its width, to rounding
+DEEP = 0.5  # norm of a point that nobody needs to know better, where the ellipsoid holds the origin
+
+
+@kernel()
+def is_short(shape, faces, r, s, k, best):
+    """Whether a plane may leave less than the best one: the ellipsoid's point there is not as near.
+
+    That point is as uncertain as digits are lost, of an ellipsoid that is thin along the plane's normal; one
+    that is deep inside needs none.
+    """
+    g, x, y, z = room(r, s, k, best[0], best[1], best[2])
+    near = norm(shape, faces, x, y, z)
+    wide = best[0] * r[0] + best[1] * r[1] + best[2] * r[2] - g
+    trace = s[0, 0] + s[1, 1] + s[2, 2]
+    lost = LOST * k * k * trace / wide if wide > 0.0 else inf
+    allowed = min(LACKING + lost, MOST_LACKING) * (1.0 + abs(best[3]))
+    return not near - best[3] <= allowed and (best[3] > 0.0 or near > DEEP)
+
+
+@kernel()
+def search_planes(shape, faces, r, root, k, best):
+    """Put the best plane of all in `best` (4,), if it is better; `root` (3, 3) is lower triangular."""
+    chart = stack_matrix(3, 3)
+    best[3] = left(r, root, k, best[0], best[1], best[2])
+    if shape == FACES:
+        search_faces(faces, r, root, k, chart, best)
+    else:
+        axes_about(r, chart)
+        best_of_all(shape, r, root, k, chart, best)
+
+
+@kernel()
+def left(r, root, k, x, y, z):
+    """g of (x, y, z)."""
+    one = x * root[0, 0] + y * root[1, 0] + z * root[2, 0]
+    two, three = y * root[1, 1] + z * root[2, 1], z * root[2, 2]
+    return x * r[0] + y * r[1] + z * r[2] - k * sqrt(one * one + two * two + three * three)
+
+
+@kernel()
+def merit(shape, r, root, k, chart, u, v, best):
+    """How good the plane at u and v is, both in [0, 1]; `best` (4,) is the best so far.
+
+    Of flat faces the mixture of three, their g.  Else the plane on a half circle at an angle about r, both by
+    the tangent of half the angle; where g is below 0 as if a . r was 1 and not the support.
+    """
+    if shape == FACES:
+        one, two, three = 1.0 - u, u * (1.0 - v), u * v
+    else:
+        u, v = 2.0 * u - 1.0, 2.0 * v - 1.0
+        one, two, three = (1.0 - v * v) * (1.0 - u * u), (1.0 - v * v) * 2.0 * u, 2.0 * v * (1.0 + u * u)
+    x = one * chart[0, 0] + two * chart[1, 0] + three * chart[2, 0]
+    y = one * chart[0, 1] + two * chart[1, 1] + three * chart[2, 1]
+    z = one * chart[0, 2] + two * chart[1, 2] + three * chart[2, 2]
+    if shape != FACES:
+        size = support(shape, x, y, z)
+        x, y, z = x / size, y / size, z / size
+    g = left(r, root, k, x, y, z)
+    if g > best[3]:
+        best[0], best[1], best[2], best[3] = x, y, z, g
+    if shape == FACES or g > 0.0:
+        return g
+    ahead = x * r[0] + y * r[1] + z * r[2]
+    return g / ahead if ahead > 0.0 else -inf
+
+
+@kernel()
+def best_across(shape, r, root, k, chart, u, best):
+    """The greatest merit at some u."""
+    low, high = 0.0, 1.0
+    near, far = 1.0 - GOLDEN, GOLDEN
+    worth = merit(shape, r, root, k, chart, u, near, best)
+    other = merit(shape, r, root, k, chart, u, far, best)
+    for _ in range(STEPS):
+        if worth > other:
+            high, far, other = far, near, worth
+            near = high - GOLDEN * (high - low)
+            worth = merit(shape, r, root, k, chart, u, near, best)
+        else:
+            low, near, worth = near, far, other
+            far = low + GOLDEN * (high - low)
+            other = merit(shape, r, root, k, chart, u, far, best)
+    return max(worth, other)
+
+
+@kernel()
+def best_of_all(shape, r, root, k, chart, best):
+    """Look for the best plane of a chart at all u and v."""
+    low, high = 0.0, 1.0
+    near, far = 1.0 - GOLDEN, GOLDEN
+    worth = best_across(shape, r, root, k, chart, near, best)
+    other = best_across(shape, r, root, k, chart, far, best)
+    for _ in range(STEPS):
+        if worth > other:
+            high, far, other = far, near, worth
+            near = high - GOLDEN * (high - low)
+            worth = best_across(shape, r, root, k, chart, near, best)
+        else:
+            low, near, worth = near, far, other
+            far = low + GOLDEN * (high - low)
+            other = best_across(shape, r, root, k, chart, far, best)
+
+
+@kernel()
+def search_faces(faces, r, root, k, chart, best):
+    """The best mixture of two faces, or of three that meet in a corner of the zone."""
+    for i in range(len(faces)):
+        copy_row(faces[i], chart[0])
+        for j in range(i):
+            copy_row(faces[j], chart[1])
+            copy_row(faces[i], chart[2])
+            best_across(FACES, r, root, k, chart, 1.0, best)
+            for m in range(j):
+                copy_row(faces[m], chart[2])
+                if is_corner(faces, chart):
+                    best_of_all(FACES, r, root, k, chart, best)
+
+
+@kernel()
+def is_corner(faces, chart):
+    """Whether the three faces of a chart meet in a point of the zone."""
+    f, g, h = chart[0], chart[1], chart[2]
+    # q = (g x h + h x f + f x g) / f . (g x h)
+    x = g[1] * h[2] - g[2] * h[1] + h[1] * f[2] - h[2] * f[1] + f[1] * g[2] - f[2] * g[1]
+    y = g[2] * h[0] - g[0] * h[2] + h[2] * f[0] - h[0] * f[2] + f[2] * g[0] - f[0] * g[2]
+    z = g[0] * h[1] - g[1] * h[0] + h[0] * f[1] - h[1] * f[0] + f[0] * g[1] - f[1] * g[0]
+    volume = f[0] * (g[1] * h[2] - g[2] * h[1]) + f[1] * (g[2] * h[0] - g[0] * h[2])
+    volume += f[2] * (g[0] * h[1] - g[1] * h[0])
+    return volume != 0.0 and norm(FACES, faces, x / volume, y / volume, z / volume) <= 1.0 + LACKING
+
+
+@kernel()
+def axes_about(r, axes):
+    """Fill `axes` (3, 3) with r / |r| and two unit vectors across it."""
+    size = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+    x, y, z = r[0] / size, r[1] / size, r[2] / size
+    side = 1.0 if z >= 0.0 else -1.0
+    part = -1.0 / (side + z)
+    axes[0, 0], axes[0, 1], axes[0, 2] = x, y, z
+    axes[1, 0], axes[1, 1], axes[1, 2] = 1.0 + side * x * x * part, side * x * y * part, -side * x
+    axes[2, 0], axes[2, 1], axes[2, 2] = x * y * part, side + y * y * part, -y
