@@ -1,6 +1,6 @@
 """Draw the pictures of pages in docs/ by the Python of those pages: each PNG that a page saves and shows.
 
-Run from the repository: python tools/page_pictures.py [pictures fuel ...]; without a name all pages, a minute.
+Run from the repository: python tools/page_pictures.py [pictures fuel ...]; all pages without a name
 """
 
 import os
