@@ -25,7 +25,7 @@ release = version = version_of("closeform")
 CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
-        "choose search conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
+        "choose lost_craft conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
         "epochs motion elements python pictures viewer"
     ),
     "reference": "scenario command-line api errors",
@@ -69,6 +69,7 @@ html_show_sourcelink = False
 html_sidebars = {page: [] for page in ("index", "start", "tour", "gallery")}  # nothing is below them
 toc_object_entries_show_parents = "hide"
 html_show_copyright = False
+html_context = {"default_mode": "auto"}
 html_theme_options = {
     "logo": {"text": "closeform"},
     "navbar_align": "left",

@@ -108,7 +108,7 @@ def gather(
 
     References
     ----------
-    H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/search.md.
+    H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/lost_craft.md.
     """
     where, speeds = states(positions, velocities, 2)
     fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
@@ -165,7 +165,7 @@ def gather_cases(
 
     References
     ----------
-    H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/search.md.
+    H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/lost_craft.md.
     """
     where, speeds = states(positions, velocities, 3)
     fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)

@@ -130,7 +130,7 @@ class Search(Result):
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         rate, limit = _limits(slew_rate, sun_limit)
         turn = positive("in_plane_turn", in_plane_turn)
@@ -184,7 +184,7 @@ class Search(Result):
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         _known(group)
         times = numbers("t", t)
@@ -219,7 +219,7 @@ class Search(Result):
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         return self.attitude(t, group)[..., 2]
 
@@ -268,7 +268,7 @@ class Search(Result):
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003); docs/search.md.
+        H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         from scipy.spatial.transform import Rotation
 
@@ -303,7 +303,7 @@ class Search(Result):
 
         References
         ----------
-        S04 (Scharf, Ploen, Hadaegh and Sohl 2004); docs/search.md.
+        S04 (Scharf, Ploen, Hadaegh and Sohl 2004); docs/lost_craft.md.
         """
         if phase is not None:
             instance("phase", phase, str)
