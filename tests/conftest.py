@@ -1,6 +1,7 @@
 """Before NumPy is loaded: small matrices on many BLAS threads take longer, not shorter."""
 
 import os
+from pathlib import Path
 
 import hypothesis
 import pytest
@@ -34,12 +35,20 @@ def pytest_configure(config: pytest.Config) -> None:
         config.option.markexpr = "not fault and not site"
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """The browser's tests need an extra of their own: they are looked at by `-m browser` or by name only."""
+    asked = "browser" in config.option.markexpr or config.args_source is config.ArgsSource.ARGS
+    return True if collection_path.name == "browser" and not asked else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """`-m quick` leaves out the files that take longest; test_docs runs commands and plans."""
     for item in items:
         subject = item.path.stem.removeprefix("test_")
         if subject in FAULTS:
             item.add_marker("fault")
+        elif subject == "viewer" and item.path.parent.name == "browser":
+            continue
         elif subject == "site":
             item.add_marker("site")
         elif subject not in LONG:

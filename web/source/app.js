@@ -66,6 +66,7 @@ export class App {
 
   connect() {
     for (const view of this.views) {
+      this.page.panes[view.key].setAttribute("aria-label", view.title);
       listen(this.page.panes[view.key], view, () => this.changed(), (x, y) => this.pick(view, view.place.left + x, view.place.top + y));
     }
     const hint = (...words) => this.page.tell(...words);
@@ -205,6 +206,7 @@ export class App {
       const before = Math.min(view.place.width, view.place.height);
       view.place = { left: pane.left - frame.left, top: pane.top - frame.top, width: pane.width, height: pane.height };
       if (!view.shown) continue;
+      view.tools = page.tools[view.key].offsetWidth;
       if (view.touched) view.scale *= before / Math.min(pane.width, pane.height);
       else view.fit(this.reach(view, this.chosen));
     }
@@ -252,12 +254,11 @@ export class App {
 
   drawView(view) {
     const { pen, palette, layers, moment, chosen } = this;
-    const name = this.scene.craft[chosen].name;
     if (view.follows) view.target = [...moment.positions[chosen]];
     const grid = this.frame.grid(view, layers.grid);
     this.world.draw(view, chosen, grid.lines);
     pen.within(view.place, () => {
-      const taken = this.frame.words(pen, view, palette, grid, view.follows ? `${view.title}: ${name}` : view.title);
+      const taken = this.frame.words(pen, view, palette, grid);
       this.marks.draw(pen, view, palette, chosen, layers, taken);
     });
   }

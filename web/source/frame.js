@@ -78,13 +78,13 @@ export class Frame {
   }
 
   /** Title, scale and directions; gives the boxes that they take. */
-  words(pen, view, palette, { step, numbers }, title) {
+  words(pen, view, palette, { step, numbers }) {
     const { left, top, width, height } = view.place;
     const taken = [];
     pen.font(10.5);
     for (const [text, x, y, align] of numbers) pen.text(text, x, y, palette.quiet, { align, halo: palette.panel });
     pen.font(13, 650);
-    const said = pen.fitted(title, width - 60);
+    const said = pen.fitted(view.title, width - view.tools - 16);
     pen.text(said, left + 10, top + 15, palette.ink, { halo: palette.panel });
     taken.push([left, top, left + 14 + pen.width(said), top + 26]);
     taken.push(this.scale(pen, view, palette, step));

@@ -26,10 +26,13 @@ export class Page {
 
     this.space = element("canvas", { class: "space", "aria-hidden": "true" });
     this.over = element("canvas", { class: "over", "aria-hidden": "true" });
-    this.panes = Object.fromEntries(["oblique", "top", "close"].map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "img" })]));
-    this.whole = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button(icon("alone"), "This view alone", () => does.alone(key), { class: "alone" })]));
-    this.home = Object.fromEntries(Object.keys(this.panes).map((key) => [key, button(icon("home"), "As at first", () => does.home(key), { class: "home" })]));
-    for (const [key, pane] of Object.entries(this.panes)) pane.append(element("span", { class: "tools" }, ...(key === "close" ? [this.follow] : []), this.home[key], this.whole[key]));
+    this.panes = Object.fromEntries(["oblique", "top", "close"].map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "group" })]));
+    this.tools = {};
+    for (const [key, pane] of Object.entries(this.panes)) {
+      const buttons = [button(icon("home"), "As at first", () => does.home(key), { class: "home" }), button(icon("alone"), "This view alone", () => does.alone(key))];
+      this.tools[key] = element("span", { class: "tools" }, ...(key === "close" ? [this.follow] : []), ...buttons);
+      pane.append(this.tools[key]);
+    }
     this.views = element("section", { class: "views", "aria-label": "Views" }, this.space, this.over, ...Object.values(this.panes));
 
     this.play = button(icon("play"), "Play", does.play, { class: "play" });

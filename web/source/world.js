@@ -46,7 +46,7 @@ export class World {
 
   paint(palette) {
     this.palette = palette;
-    this.ground = new Color().setStyle(palette.panel, "");
+    this.ground = new Color(palette.panel);
     this.paths.paint(palette);
   }
 

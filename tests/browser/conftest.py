@@ -1,0 +1,64 @@
+"""Pages of examples in Debian's Chromium, drawn by software: `pytest -m browser`."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from pagereader import EXAMPLES, Reader
+from playwright.sync_api import Browser, sync_playwright
+
+ROOT = Path(__file__).parents[2]
+SOFTWARE = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+)
+
+
+def chromium_path() -> str:
+    """The machine's Chromium; as root Debian's is installed where there is none. Playwright downloads none."""
+    found = shutil.which("chromium") or shutil.which("chromium-browser")
+    if found is None and os.geteuid() == 0 and shutil.which("apt-get"):
+        subprocess.run(["apt-get", "update", "-qq"], check=True)
+        subprocess.run(["apt-get", "install", "-qq", "-y", "--no-install-recommends", "chromium"], check=True)
+        found = shutil.which("chromium")
+    if found is None:
+        pytest.fail("no Chromium: install Debian's with `apt-get install chromium`")
+    return found
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The page of each example, flown once."""
+    folder = tmp_path_factory.mktemp("pages")
+    for name in EXAMPLES:
+        command = [sys.executable, "-m", "closeform", "run", str(ROOT / "examples" / f"{name}.toml")]
+        subprocess.run([*command, "--out", str(folder / name)], check=True, capture_output=True)
+    return {name: folder / name / "viewer.html" for name in EXAMPLES}
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium_path(), args=list(SOFTWARE))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def reader(chromium: Browser, request: pytest.FixtureRequest) -> Iterator[Reader]:
+    """A page at 1280 x 720, or as the parameter says, that in the end has nothing to complain of."""
+    options = {"viewport": {"width": 1280, "height": 720}, "color_scheme": "light"}
+    options |= getattr(request, "param", {})
+    context = chromium.new_context(**options)
+    made = Reader(context.new_page())
+    yield made
+    context.close()
+    assert not made.faults
