@@ -142,6 +142,17 @@ def test_thrust_integrates_to_the_delta_v() -> None:
     assert size.max() == pytest.approx(thrust["peak"], rel=1e-6)
 
 
+def test_nobody_thrusts_between_two_burning_stages() -> None:
+    """F8 of the cluster does in the second of three stages."""
+    page = seen("cluster")
+    (curve,) = (one for one in page.record["series"] if one["kind"] == "thrust")
+    times, values = page.rows(curve["times"]), page.rows(curve["values"])
+    start, end = (page.record["stages"][1][edge] for edge in ("start", "end"))
+    assert (values[(times < start) | (times > end)] == 0.0).all()
+    assert (values[(times > start) & (times < end)] > 0.0).all()
+    assert np.isfinite(values).all()
+
+
 @pytest.mark.parametrize("name", FLOWN)
 def test_curves_of_pairs_touch_their_certified_least(name: str) -> None:
     page = seen(name)

@@ -22,6 +22,7 @@ Record = dict[str, Any]
 MANY = 40  # burns of a craft in a stage, above which the first and the last stand for them
 LISTED = 400  # events of one kind and stage
 NEAREST = 3  # failures of a stage, and approaches, that are marked
+PASSING = 1.5  # times a zone, up to which others than the closest are
 
 
 def events(mission: Mission) -> list[Record]:
@@ -140,9 +141,10 @@ def conflicts(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Recor
 
 
 def approaches(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
-    """The closest of a stage, each pair where somebody is closest to anybody."""
-    names = result.after.names
-    for near in closest(result)[:NEAREST]:
+    """The closest of a stage, and others that pass along a zone."""
+    names, near_by = result.after.names, closest(result)
+    passing = [near for near in near_by[1:] if near["ratio"] < PASSING]
+    for near in [*near_by[:1], *passing[: NEAREST - 1]]:
         one, other = near["first"], near["second"]
         text = (
             f"{names[one]} - {names[other]}: closest approach, {near['ratio']:.4f} x zone "

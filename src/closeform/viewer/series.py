@@ -1,6 +1,7 @@
 """Series: the curves of the strip chart, pairs' ratios and ranges, thrust, what was spent."""
 
 from dataclasses import dataclass
+from math import nan
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.mission_result import Mission, StageResult
 from closeform.viewer.meetings import places_of, worth_watching
 from closeform.viewer.numbers import Numbers
-from closeform.viewer.thrusts import instants, spent, thrust_of
+from closeform.viewer.thrusts import instants, is_pulsed, spent, thrust_of
 
 Record = dict[str, Any]
 PAIRS = 30  # that have curves
@@ -77,14 +78,21 @@ def efforts(mission: Mission, chart: Chart) -> list[Record]:
     """The thrust of each craft, and the delta-v that it has spent since the start of the mission."""
     found = []
     for craft in range(len(mission.scenario.craft)):
-        pushed = [thrust for result in mission.results if (thrust := thrust_of(result, craft)) is not None]
-        if pushed:
-            times = np.concatenate([some for some, _ in pushed])
-            sizes = np.concatenate([np.linalg.norm(thrust, axis=1) for _, thrust in pushed])
-            found.append(chart.curve("thrust", [craft], times, sizes))
+        sizes = [thrust_sizes(result, craft) for result in mission.results]
+        if any(np.nanmax(size, initial=0.0) > 0.0 for _, size in sizes):
+            found.append(
+                chart.curve("thrust", [craft], *(np.concatenate(one) for one in zip(*sizes, strict=True)))
+            )
         if (used := used_up(mission, craft)) is not None:
             found.append(chart.curve("delta-v", [craft], *used))
     return found
+
+
+def thrust_sizes(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats]:
+    """Times [s] and how hard a craft thrusts [m/s^2] in a stage; nan where it fires pulses."""
+    if (thrust := thrust_of(result, craft)) is not None:
+        return thrust[0], np.linalg.norm(thrust[1], axis=1)
+    return np.array([result.start, result.end]), np.full(2, nan if is_pulsed(result, craft) else 0.0)
 
 
 def used_up(mission: Mission, craft: int) -> tuple[Floats, Floats] | None:
