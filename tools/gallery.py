@@ -1,6 +1,6 @@
 """Write docs/gallery.md from the examples; with --pictures fly them, some minutes, and draw its pictures.
 
-Run from the repository: python tools/gallery.py [--pictures]
+Run from the repository: python tools/gallery.py [--pictures [NAME ...]]
 """
 
 import sys
@@ -31,6 +31,7 @@ EXAMPLES = {
     "One craft passes others": {
         "cluster": "before-after",
         "inspector": "stage-2-paths",
+        "polar_inspection": "stage-3-before-after",
         "three_sigmas": "tube",
         "slow_encounter": "collision",
     },
@@ -120,12 +121,12 @@ def draw(name: str, stem: str, folder: Path) -> None:
 
 
 def main() -> None:
-    if "--pictures" in sys.argv:
-        PICTURES.mkdir(parents=True, exist_ok=True)
+    pictures, *asked = sys.argv[1:] or [""]
+    if pictures == "--pictures":
+        every = {name: stem for names in EXAMPLES.values() for name, stem in names.items()}
         with tempfile.TemporaryDirectory() as folder:
-            for names in EXAMPLES.values():
-                for name, stem in names.items():
-                    draw(name, stem, Path(folder))
+            for name in asked or every:
+                draw(name, every[name], Path(folder))
     PAGE.write_text(page(), encoding="utf-8")
 
 
