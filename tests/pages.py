@@ -139,3 +139,17 @@ def split(kind: str, at: str) -> list[str]:
         else:
             parts[-1] += letter
     return [part for part in parts if part.strip()]
+
+
+def assert_linked(folder: Path, name: str = "report.html") -> None:
+    """A page that loads nothing from anywhere, and whose links lead into itself or to a file beside it."""
+    page = (folder / name).read_text(encoding="utf-8")
+    marks = re.findall(r' id="([^"]*)"', page)
+    assert len(marks) == len(set(marks))
+    sources = re.findall(r'src="([^"]{0,40})', page)
+    assert all(re.match(r"data:image/(png|gif);base64,", source) for source in sources)
+    links = re.findall(r'href="([^"]*)"', page)
+    assert links
+    for link in links:
+        assert link[1:] in marks if link.startswith("#") else (folder / link).exists(), link
+    assert "http" not in re.sub(r"data:[^\"]*", "", page)

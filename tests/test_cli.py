@@ -21,6 +21,7 @@ from closeform.console import WIDTH
 from closeform.publishing import folder
 from closeform.result_folder import FolderError
 from closeform.scenario import load
+from pages import assert_linked
 from test_errors import contents, oem
 
 CLUSTER = Path(__file__).parents[1] / "examples" / "cluster.toml"
@@ -190,9 +191,7 @@ def test_energy_and_delta_v_stand_beside_each_other(flown: tuple[Path, str]) -> 
 def test_report_needs_no_other_file(flown: tuple[Path, str]) -> None:
     results, _ = flown
     page = (results / "report.html").read_text()
-    links = re.findall(r'(?:src|href)="([^"]{0,40})', page)
-    assert links
-    assert all(link.startswith("data:image/png;base64,") for link in links)
+    assert_linked(results)
     assert page.count("<figure>") == len(list(results.glob("*.png")))
     assert "prefers-color-scheme: dark" in page
 
@@ -339,8 +338,15 @@ def test_run_leaves_the_viewer_unless_asked_not_to(flown: tuple[Path, str], tmp_
     assert opened == [(out / "report.html").resolve().as_uri()]
 
 
-def test_screen(tmp_path, capsys) -> None:
+@pytest.fixture
+def undrawn(monkeypatch) -> None:
+    """Results without pictures, which cost more than all else here."""
+    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+
+
+def test_screen(tmp_path, monkeypatch, capsys, undrawn) -> None:
     """B flies 0.0001 rad, 700 m, ahead of A on its circle."""
+    monkeypatch.chdir(tmp_path)
     for name, ahead in (("A", 0.0), ("B", 1e-4)):
         (tmp_path / f"{name}.oem").write_text(oem(name, ahead))
     files = [str(tmp_path / "A.oem"), str(tmp_path / "B.oem")]
@@ -371,8 +377,9 @@ def hourly(folder: Path, name: str, chief: cf.Ephemeris, states: np.ndarray) -> 
     return str(folder / f"{name}.oem")
 
 
-def test_screen_says_how_far_off_it_may_be_between_epochs(tmp_path, capsys) -> None:
+def test_screen_says_how_far_off_it_may_be_between_epochs(tmp_path, monkeypatch, capsys, undrawn) -> None:
     """Hourly epochs: a coast is known to a centimetre, a transfer is not."""
+    monkeypatch.chdir(tmp_path)
     radius, times = 6878.137e3, 3600.0 * np.arange(7)
     orbit = cf.Orbit.from_semi_major_axis(radius)
     angle, speed = orbit.mean_motion * times, orbit.mean_motion * radius
@@ -435,7 +442,7 @@ def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
 
     monkeypatch.chdir(tmp_path)
     Path("good.toml").write_text(GOOD)
-    monkeypatch.setattr("closeform.report.run.drawn", interrupted)
+    monkeypatch.setattr("closeform.report.results.drawn", interrupted)
     assert main(["run", "good.toml"]) == 130
     assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
     assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]

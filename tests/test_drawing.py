@@ -42,8 +42,9 @@ def alone(tmp_path_factory):
 def draw(place, pictures=PICTURES):
     told = []
     found = drawing.drawn(pictures, Folder(place), told.append)
-    assert [caption for _, caption in found] == [picture.caption for picture in pictures]
-    return [file.read_bytes() for file, _ in found], len(told)
+    assert [shot.caption for shot in found] == [picture.caption for picture in pictures]
+    assert all(shot.says for shot in found)  # what a picture says itself, for who does not see it
+    return [shot.file.read_bytes() for shot in found], len(told)
 
 
 def test_the_second_process_draws_the_same(tmp_path, alone, second):

@@ -206,7 +206,9 @@ def test_headline_counts_pairs_in_conflict(count):
     title = figure.get_suptitle()
     assert title.startswith(f"{count} craft, {count * (count - 1) // 2} pair")
     said = [str(hits) if hits else "none" for hits in counts]
-    ending = f"{said[0]} in conflict before, {said[1]} after" if any(counts) else "all clear before and after"
+    ending = (
+        f"{said[0]} in conflict before, {said[1]} after" if any(counts) else "paths clear before and after"
+    )
     assert title.endswith(ending)
     figure.draw_without_rendering()
 

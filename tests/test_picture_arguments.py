@@ -51,6 +51,9 @@ CALLS = {
     "plots.in_plane_search": {"search": SEARCH},
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
+    "plots.overview": {
+        "stages": [COAST], "names": ["a", "b", "c"], "zone": BALL, "titles": ["1"], "locks": [(1.0, 0, 1)]
+    },
     "plots.primer": OTHERS["plots.primer"],
     "plots.trade": OTHERS["plots.trade"],
     "plots.pulses": {**OTHERS["plots.pulses"], "name": "a"},

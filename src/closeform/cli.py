@@ -2,8 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,6 +13,7 @@ from closeform.console import (
     OutputError,
     complain,
     discard_output,
+    kept,
     one_line,
     open_output,
     progress,
@@ -87,7 +87,7 @@ def make_haste(tokens: list[str]) -> None:
     if not sys.stdout.isatty():
         os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
-    if tokens[:1] == ["run"] and (os.cpu_count() or 1) > 1:
+    if tokens[:1] in (["run"], ["screen"], ["encounter"]) and (os.cpu_count() or 1) > 1:
         from closeform.report import drawing
 
         drawing.begin()
@@ -325,12 +325,3 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
     """
     print(app.generate_completion(shell=shell))
     return CLEAR
-
-
-@contextmanager
-def kept(place: Path) -> Iterator[None]:
-    """After results were published: Ctrl-C does not take them away."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"results in {place}") from None

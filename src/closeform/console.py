@@ -4,7 +4,8 @@ import codecs
 import io
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 from unicodedata import normalize
@@ -154,13 +155,14 @@ def tell_run(report: "RunReport", place: Path) -> None:
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
-def tell_screen(report: "ScreenReport | EncounterReport") -> None:
+def tell_screen(report: "ScreenReport | EncounterReport", place: Path) -> None:
     """Print what a screening found, or what a conjunction message comes to."""
     console = stdout()
     say(console, *report.opening, *report.lines)
     for table in report.tables:
         show(console, table)
-    say(console, "", str(report.verdict))
+    say(console, "")
+    console.print(f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
 def tell_study(report: "StudyReport | ErrorStudyReport", place: Path) -> None:
@@ -172,6 +174,15 @@ def tell_study(report: "StudyReport | ErrorStudyReport", place: Path) -> None:
     say(console, "")
     for line in (*report.hint, f"{report.verdict}; results in {place}"):
         console.print(line, soft_wrap=True)  # a path is not to be broken
+
+
+@contextmanager
+def kept(place: Path) -> Iterator[None]:
+    """After results were published: Ctrl-C does not take them away."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"results in {place}") from None
 
 
 def complain(*lines: str) -> None:

@@ -1,11 +1,13 @@
 """What the command line does with files of real orbits: `screen` and `encounter`."""
 
+import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform.console import complain, tell_screen
+from closeform.console import complain, kept, stderr, tell_screen
 from closeform.given import BAD_INPUT, UsageError, check_present, ephemerides, quantity
 
 if TYPE_CHECKING:
@@ -13,6 +15,8 @@ if TYPE_CHECKING:
     from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
     from closeform.report.encounter import EncounterReport
+    from closeform.report.repeat import Command
+    from closeform.report.screening import ScreenReport
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 
@@ -31,6 +35,8 @@ def screen(
     hard_body: str | None = None,
     zones: Path | None = None,
     interpolate: str | None = None,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Find every conflict among real ephemerides, in the orbital frame of the first.
 
@@ -60,18 +66,24 @@ def screen(
         TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
     interpolate
         How far off states may be that are interpolated to common epochs: "1 m".
+    out
+        Folder for the results; NAME-screen-results next to where you are by default, NAME of the first file,
+        and a number behind it where that is taken.
+    overwrite
+        Replace finished results.
     """
     from closeform.scenario import ScenarioError
     from closeform.scenario.options import HARD_BODY, AskedZones
     from closeform.scenario.quantity import LENGTH
 
     shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
+    place = free(out, files[0] if files else Path("none"), "screen", overwrite)
     try:
         asked = AskedZones.of(
             shapes | {HARD_BODY: hard_body, "covariance": covariance}, axis, sigmas, body, zones
         )
         frame = ephemerides(files, quantity("interpolate", LENGTH, interpolate))
-        kept = asked.of_pairs(frame.names)
+        held_clear = asked.of_pairs(frame.names)
         if asked.sigmas is not None and not any(held is not None for held in frame.covariances):
             raise ValueError("--sigmas: no ephemeris has a covariance; add blocks, or give --covariance")
     except ScenarioError as error:
@@ -81,11 +93,54 @@ def screen(
         raise UsageError(str(error)) from None
     from closeform.conflicts.flight import watch
     from closeform.motion.orbit import Orbit
+    from closeform.report.repeat import Command
     from closeform.report.screening import ScreenReport
 
-    flight = watch(Orbit(frame.mean_motion).sampled(frame.times, frame.states), frame.names, kept)
-    report = ScreenReport(frame, flight, uncertain(frame, flight, asked.sigmas))
-    tell_screen(report)
+    options: dict[str, object] = {
+        "axis": axis,
+        "covariance": covariance,
+        "sigmas": sigmas,
+        "body": body,
+        "hard-body": hard_body,
+    }
+    options |= {"zones": zones, "interpolate": interpolate}
+    command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [])
+
+    def report() -> ScreenReport:
+        flight = watch(Orbit(frame.mean_motion).sampled(frame.times, frame.states), frame.names, held_clear)
+        return ScreenReport(frame, flight, held_clear, command, uncertain(frame, flight, asked.sigmas))
+
+    return left(report, place, overwrite)
+
+
+def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
+    """Where the results of a command on a file go; unless told where, beside those of others, with a number.
+
+    Raises FolderError where they must not.
+    """
+    from closeform.result_folder import check_free
+
+    usual = f"{file.stem}-{command}-results"
+    place, number = out or Path(usual), 1
+    while out is None and not overwrite and os.path.lexists(place):
+        number += 1
+        place = Path(f"{usual}-{number}")
+    check_free(place, overwrite)
+    return place
+
+
+def left(made: "Callable[[], ScreenReport | EncounterReport]", place: Path, overwrite: bool) -> int:
+    """Make a report, leave its results and print it; the exit status."""
+    from closeform.publishing import folder
+    from closeform.result_folder import written
+
+    notes = stderr()
+    with notes.status("looking") as status, folder(place, overwrite) as under_way:
+        report = made()
+        with written(place):
+            report.leave(under_way, lambda text: status.update(text))
+    with kept(place):
+        tell_screen(report, place)
     return report.verdict.status
 
 
@@ -105,6 +160,8 @@ def encounter(
     radius: str | None = None,
     window: str | None = None,
     limit: float | None = None,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Tell how probable a collision is that a conjunction message warns of, however slow the two pass.
 
@@ -119,9 +176,15 @@ def encounter(
         long as they are near each other.
     limit
         The largest probability that is accepted: 1e-4.  Above it the exit status is 1.
+    out
+        Folder for the results; NAME-encounter-results next to where you are by default, and a number
+        behind it where that is taken.
+    overwrite
+        Replace finished results.
     """
     from closeform.exchange.cdm import read_cdm
     from closeform.exchange.message import within
+    from closeform.report.repeat import Command
     from closeform.scenario.quantity import LENGTH, TIME
 
     half = quantity("window", TIME, window)
@@ -129,6 +192,8 @@ def encounter(
         raise UsageError(f"--limit: a probability is from 0 to 1, got {limit:g}; give for example 1e-4")
     bodies = quantity("radius", LENGTH, radius)
     check_present(message)
+    place = free(out, message, "encounter", overwrite)
+    command = Command("encounter", [message], {"radius": radius, "window": window, "limit": limit})
     try:
         told = read_cdm(message)
         bodies = bodies or told.hard_body_radius
@@ -140,15 +205,14 @@ def encounter(
                 )
             raise ValueError(f"{message}: tells no hard-body radius; give one: {remedy}")
         with within(message):
-            report = judged(told, bodies, half, limit)
+            report = judged(told, bodies, half, limit, command)
     except ValueError as error:
         raise UsageError(str(error)) from None
-    tell_screen(report)
-    return report.verdict.status
+    return left(lambda: report, place, overwrite)
 
 
 def judged(
-    told: "Conjunction", radius: float, half_window: float | None, limit: float | None
+    told: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
 ) -> "EncounterReport":
     """The report of a message, with bodies of some radius [m] together."""
     from closeform.report.encounter import EncounterReport
@@ -164,4 +228,4 @@ def judged(
         short = collision_probability(*pair, method="short-encounter")
     except NotPassing:
         short = None  # nearest at an edge of the time: the report says so
-    return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit)
+    return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)

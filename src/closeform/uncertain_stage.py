@@ -14,6 +14,8 @@ from closeform.verdict import Asked
 from closeform.zones.shapes import BALL
 
 SURE = 1.0 - 1e-9  # of sigmas that a plan was to keep, to which they are certain
+TOLD_LAST = 1e-12  # a margin below those of limits
+UNTOLD = 1e-6  # probabilities up to which nobody needs a word beside "clear"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,18 +93,25 @@ class UncertainStage:
                 margin,
                 "sigmas",
             )
-        if self.stage.max_probability is not None:
-            limit, pair = self.stage.max_probability, self.likeliest
-            high = 0.0 if pair is None or pair.probability is None else pair.probability.high
-            if unknown := self.undrawn:
-                who = f"{unknown.first} - {unknown.second}"
-                words = f"probability of collision of {who} is not known, with more than {MOST_BURNS} burns"
-                yield Asked("", f"{words}, in {where}", False, 0.0, "probability")
-                return
-            who = "" if pair is None else f" of {pair.first} - {pair.second}"
-            words = f"probability of collision{who} up to {high:.3g}"
-            broken, margin = f"{words}, above {limit:g} in {where}", limit / high if high > 0.0 else inf
-            yield Asked(f"{words}, {limit:g} at most", broken, high <= limit, margin, "probability")
+        yield from self.likely(where)
+
+    def likely(self, where: str) -> Iterator[Asked]:
+        """How probable a collision is in a stage, called so: beside its limit, or told where it has none."""
+        limit, pair = self.stage.max_probability, self.likeliest
+        high = 0.0 if pair is None or pair.probability is None else pair.probability.high
+        who = "" if pair is None else f" of {pair.first} - {pair.second}"
+        words = f"probability of collision{who} up to {high:.3g}"
+        if limit is None:
+            if high > UNTOLD:
+                yield Asked(f"{words}, without a limit", "", True, TOLD_LAST / high, "likelihood")
+            return
+        if unknown := self.undrawn:
+            who = f"{unknown.first} - {unknown.second}"
+            words = f"probability of collision of {who} is not known, with more than {MOST_BURNS} burns"
+            yield Asked("", f"{words}, in {where}", False, 0.0, "probability")
+            return
+        broken, margin = f"{words}, above {limit:g} in {where}", limit / high if high > 0.0 else inf
+        yield Asked(f"{words}, {limit:g} at most", broken, high <= limit, margin, "probability")
 
 
 def fewest(pair: UncertainPair | None) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor, log10
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from closeform.scenario import Craft
 
@@ -155,6 +155,30 @@ class Verdict:
     def at(self) -> str:
         """By how many sigmas conflicts were counted, in words."""
         return "" if self.sigmas is None else f" at {self.sigmas:g} sigma{'s' * (self.sigmas != 1)}"
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """What it has come to, for `summary.json`."""
+        exceeded = [vars(use) for use in self.exceeded or ()]
+        return {
+            "status": self.status,
+            "verdict": str(self),
+            "clear": self.clear,
+            "conflicts": self.conflicts,
+            "pairs_in_conflict": self.pairs if self.conflicts is not None else None,
+            "limits_kept": None if self.exceeded is None else not exceeded,
+            "exceeded": exceeded,
+            "late": [
+                {
+                    "stage": late.number,
+                    "do": late.verb,
+                    "asked_s": late.asked,
+                    "took_s": late.took,
+                    "keeping_N": {use.craft: use.used for use in late.punctual},
+                }
+                for late in self.late
+            ],
+        }
 
     def __str__(self) -> str:
         """One line: clear, or what is not met."""

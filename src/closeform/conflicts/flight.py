@@ -18,6 +18,8 @@ ALL_PAIRS = 100_000  # of which every closest approach is looked for: 447 craft
 CLOSEST = 2000  # pairs, at least, that are looked for among more
 SAMPLED, FEW = 20_000, 20  # pairs at random, and how many of them say how densely craft fly
 LEAST, HUGE = 1e-3, 1e9  # times a zone
+SAME = 1e-9  # m/s by which two craft that burn as much may differ
+LOOKS = 201  # instants from which a track's length is told
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +67,25 @@ class Flight(Result):
         """When it ends [s]."""
         return float(np.max(self.paths.end))
 
+    def facing(self, first: str, second: str) -> tuple[str, str]:
+        """Two craft as they are shown: the one that moves relative to the one that stays."""
+        stay = stays_rather(self.path(first), self.path(second))
+        return (second, first) if stay else (first, second)
+
     @property
     def closest(self) -> PairApproach | None:
         """The pair that comes closest in terms of its zone, the earliest of equals; None for one craft."""
         return min(self.approaches, key=lambda pair: (round(pair.ratio, 6), pair.time), default=None)
+
+
+def stays_rather(path: Path, other: Path) -> bool:
+    """Whether one craft rather than another stays where it is: who burns less, or whose track is shorter."""
+    burnt = path.delta_v - other.delta_v
+    if abs(burnt) > SAME:
+        return bool(burnt < 0.0)
+    tracks = (one.position(np.linspace(one.start, one.end, LOOKS)) for one in (path, other))
+    mine, theirs = (float(np.linalg.norm(np.diff(track, axis=0), axis=1).sum()) for track in tracks)
+    return mine < theirs
 
 
 def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:

@@ -25,6 +25,7 @@ _HOMES = {
     "in_plane_search": "attitudes",
     "lemma_2": "hyperbola",
     "manoeuvres": "attitudes",
+    "overview": "missions",
     "primer": "primers",
     "pulses": "firings",
     "ratio_matrix": "matrix",

@@ -17,6 +17,7 @@ from closeform.plots.formation import three_views as three_views
 from closeform.plots.hyperbola import lemma_2 as lemma_2
 from closeform.plots.lockings import histogram as histogram
 from closeform.plots.matrix import ratio_matrix as ratio_matrix
+from closeform.plots.missions import overview as overview
 from closeform.plots.nearness import ratios as ratios
 from closeform.plots.primers import primer as primer
 from closeform.plots.primers import trade as trade

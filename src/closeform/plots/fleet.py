@@ -51,7 +51,7 @@ PLANES = (  # axis to the right and upwards, and the camera that sees them so
     (2, 0, Camera(np.eye(3)[[2, 0, 1]])),
 )
 FLAT = np.array([0.2, 0.3, 0.33])  # of the longest side: the least that is shown along each axis
-SIDE, STEP, WORDS, UPPER, BELOW = 1.0, 0.25, 0.7, 0.75, 1.05  # inches: left, between, above and below planes
+SIDE, STEP, WORDS, UPPER, BELOW = 1.0, 0.25, 0.7, 0.75, 1.25  # inches: left, between, above and below planes
 TALL = 8.4  # inches of all planes that stand above each other
 NEAREST: dict[str, Any] = {"linestyle": "", "marker": "D", "color": INK, "markersize": 4}
 Corners = tuple[tuple[float, float], ...]
@@ -121,7 +121,7 @@ def verdict(stages: list[Formation], count: int) -> str:
     counted = f"{stages[0].pairs} pair{'s' * (stages[0].pairs > 1)}"
     words = [str(stage.conflicts) if stage.conflicts else "none" for stage in stages]
     if not any(stage.conflicts for stage in stages):
-        return f"{craft}, {counted}: all clear{' before and after' if len(stages) > 1 else ''}"
+        return f"{craft}, {counted}: paths clear{' before and after' if len(stages) > 1 else ''}"
     when = (
         f"{words[0]} in conflict before, {words[1]} after"
         if len(words) > 1

@@ -257,7 +257,7 @@ class Flying:
         for k in self.meetings.at(step, None if len(self.called) <= NAMED else 1):
             one, other = pairs.craft[k].tolist()
             if not found:
-                first = other if stays(pairs.paths, self.tracks, len(self.called), other, one) else one
+                first = other if stays(pairs.paths, len(self.called), other, one) else one
                 found[first] = pairs.zone[k]
             elif len(self.called) > 2:
                 found.setdefault(one, pairs.zone[k])

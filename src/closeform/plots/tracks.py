@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.colors import to_rgba_array
 
 from closeform.arrays import Floats
+from closeform.conflicts.flight import stays_rather
 from closeform.motion.path import Path
 from closeform.plots.given import crafts
 from closeform.plots.look import (
@@ -25,7 +26,6 @@ FEW = 8  # craft up to which colours are those of a list; more have shades from 
 COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
 SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
 ROOM = 48  # letters of a headline for the names of pairs
-SAME = 1e-9  # [m/s] by which two craft that burn as much may differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Formation:
         stays: list[Floats] = []
         for path, spans in zip(flown, together(pairs, len(flown)), strict=True):
             stays += [path.position(np.linspace(start, end, 60)) for start, end in spans]
-        near = closest(pairs, [*tracks, *passed], len(flown), called)
+        near = closest(pairs, len(flown), called)
         return cls(
             title, tracks, stays, passed, near, int(pairs.hit.sum()), len(pairs), in_words(pairs, called)
         )
@@ -82,7 +82,7 @@ class Formation:
         return self.closest.story if self.closest is not None else ""
 
 
-def closest(pairs: Pairs, tracks: list[Floats], flown: int, called: list[str]) -> Closest | None:
+def closest(pairs: Pairs, flown: int, called: list[str]) -> Closest | None:
     """The closest pair, if any two craft that have a zone share a time."""
     if not pairs.order:
         return None
@@ -90,7 +90,7 @@ def closest(pairs: Pairs, tracks: list[Floats], flown: int, called: list[str]) -
     one, other = pairs.craft[near].tolist()
     story = f"closest {called[one]} and {called[other]}, {ratio_text(pairs.ratio[near])} × zone"
     here, there = one, other
-    if stays(pairs.paths, tracks, flown, other, one):
+    if stays(pairs.paths, flown, other, one):
         here, there = other, one
     centre, away = (pairs.paths[k].position(pairs.time[near]) for k in (here, there))
     return Closest(pairs.zone[near], centre, away, story)
@@ -107,18 +107,11 @@ def in_words(pairs: Pairs, called: list[str]) -> str:
     return f": {', '.join(named[:kept])}{more}"
 
 
-def stays(paths: Path, tracks: list[Floats], flown: int, one: int, other: int) -> bool:
-    """Whether one craft rather than another stays where it is.
-
-    An obstacle does rather than a craft that moves, then who burns less, then whose track is shorter.
-    """
-    burnt = paths[one].delta_v - paths[other].delta_v
+def stays(paths: Path, flown: int, one: int, other: int) -> bool:
+    """Whether one craft rather than another stays where it is: an obstacle does rather than who moves."""
     if (one >= flown) != (other >= flown):
         return one >= flown
-    if abs(burnt) > SAME:
-        return bool(burnt < 0.0)
-    long = [float(np.linalg.norm(np.diff(tracks[k], axis=0), axis=1).sum()) for k in (one, other)]
-    return long[0] < long[1]
+    return stays_rather(paths[one], paths[other])
 
 
 def together(pairs: Pairs, count: int) -> list[list[tuple[float, float]]]:

@@ -7,12 +7,20 @@ from typing import Any
 from closeform.scenario import Destination
 
 
-def lines(craft: str, asked: Destination | None, goal: Destination | None) -> Iterator[str]:
-    """Where a craft that was `asked` to go somewhere goes: its phase, where it has one."""
+def lines(
+    craft: str, asked: Destination | None, goal: Destination | None, drifts: bool = False
+) -> Iterator[str]:
+    """Where a craft that was `asked` to go somewhere goes: its phase, where it has one.
+
+    What is cheapest takes no account of where it `drifts` from there, which is said where that is asked.
+    """
     if asked is None or goal is None or goal.shape is None or goal.shape.phase_angle is None:
         return
-    other = f'as given ({goal.shape.phased} = "cheapest" finds that)'
-    how = "the cheapest" if asked.is_open else other
+    how = (
+        "the cheapest" if asked.is_open else f'as given; {goal.shape.phased} = "cheapest" takes the cheapest'
+    )
+    if drifts:
+        how += ", whatever drifts from there lead to"
     orbit = str(goal.called).replace("_", " ")
     yield f"{craft} arrives on the {orbit} at {degrees(goal.shape.phase_angle):.2f} deg, {how}"
 

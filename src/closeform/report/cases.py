@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate, GatherCampaign, LockCampaign, Share, drawn
 from closeform.campaign.campaign import relative
 from closeform.campaign.shares import estimate
-from closeform.report import search
-from closeform.report.run import STATE_COLUMNS
-from closeform.report.table import Column, Table
+from closeform.report import repeat, search
+from closeform.report.section import Section
+from closeform.report.table import STATE_COLUMNS, Column, Table
+from closeform.scenario import Scenario
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
 from closeform.verdict import MET, NOT_MET
@@ -22,6 +24,12 @@ if TYPE_CHECKING:
 
 
 Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
+
+SHARES = (
+    "Shares of cases",
+    "estimated from the cases drawn, failed ones among them: each with its own interval of 95 % "
+    "(Clopper and Pearson)",
+)
 
 
 def interval(share: Estimate) -> str:
@@ -43,12 +51,29 @@ def studied(campaign: "Campaign | ErrorCampaign", verdict: str) -> dict[str, Any
     return {
         "kind": "study",
         "title": scenario.title,
-        "inputs": {name: f"sha256:{digest}" for name, digest in scenario.digests.items()},
+        "inputs": digests(scenario),
         "seed": campaign.seed,
         "cases": len(campaign),
         "status": MET if campaign.ok else NOT_MET,
         "verdict": verdict,
     }
+
+
+def digests(scenario: Scenario) -> dict[str, str]:
+    """The hashes of a scenario and of the files that it names."""
+    return {name: f"sha256:{digest}" for name, digest in scenario.digests.items()}
+
+
+def repeated(campaign: "Campaign | ErrorCampaign", beside: Sequence[str]) -> Section:
+    """How to repeat a study."""
+    scenario = campaign.scenario
+    name, study = Path(scenario.file).name, scenario.study
+    command = f"closeform study {name}"
+    if study is not None and study.cases != len(campaign):
+        command += f" --cases {len(campaign)}"
+    if study is not None and study.seed != campaign.seed:
+        command += f" --seed {campaign.seed}"
+    return repeat.section(command, digests(scenario), beside, seed=campaign.seed)
 
 
 @dataclass(frozen=True)

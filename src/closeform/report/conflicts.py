@@ -215,7 +215,8 @@ def deepest(flight: Flight) -> tuple[Picture, ...]:
     close = flight.closest
     if close is None or not flight.conflicts:
         return ()
-    pair = close.first, close.second
+    pair = flight.facing(close.first, close.second)
+    zone = close.zone if pair[0] == close.first else close.zone.mirrored
     caption = f"{pair[0]} relative to {pair[1]}, of all pairs the deepest in conflict"
-    arguments = *(flight.path(name) for name in pair), close.zone
+    arguments = *(flight.path(name) for name in pair), zone
     return (Picture("distances", caption, "distances", arguments, {"names": pair}),)

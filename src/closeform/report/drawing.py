@@ -8,14 +8,13 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
-from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING
 
 from closeform.numba_import import collect_rarely, import_numba
 
 if TYPE_CHECKING:
-    from closeform.report.picture import Picture, Progress
+    from closeform.report.picture import Picture, Progress, Shot
     from closeform.result_folder import Folder
 
 AHEAD = (  # what pictures of most stages need; no scenario, no tables
@@ -43,14 +42,14 @@ class Second:
         )
         atexit.register(self.process.kill)
 
-    def draw(self, picture: "Picture", folder: "Folder") -> Path:
+    def draw(self, picture: "Picture", folder: "Folder") -> "Shot":
         """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
         pickle.dump((picture, folder), self.process.stdin)
         self.process.stdin.flush()
-        file: Path = pickle.load(self.process.stdout)
-        return file
+        shot: Shot = pickle.load(self.process.stdout)
+        return shot
 
 
 def begin() -> None:
@@ -72,20 +71,20 @@ def serve() -> None:
         answers.flush()
 
 
-def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress") -> list[tuple[Path, str]]:
-    """All pictures as files in a folder, each with its caption.
+def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress") -> "list[Shot]":
+    """All pictures as files in a folder.
 
     This process draws from the front, films first; the second, if there is one, from the back.
     What it cannot draw is drawn here, where an error is heard.
     """
     waiting = deque(sorted(pictures, key=lambda picture: not picture.moves))
-    files: dict[str, Path] = {}
+    shots: dict[str, Shot] = {}
 
     def ask(second: Second) -> None:
         while waiting and not waiting[-1].moves:
             picture = waiting.pop()
             try:
-                files[picture.name] = second.draw(picture, folder)
+                shots[picture.name] = second.draw(picture, folder)
             except Exception:
                 waiting.append(picture)
                 return
@@ -97,8 +96,8 @@ def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress")
         while waiting:
             picture = waiting.popleft()
             progress(f"picture {len(pictures) - len(waiting)} of {len(pictures)}")
-            files[picture.name] = picture.leave(folder, progress)
+            shots[picture.name] = picture.leave(folder, progress)
         for other in others:
             other.join()
         if not waiting:
-            return [(files[picture.name], picture.caption) for picture in pictures]
+            return [shots[picture.name] for picture in pictures]

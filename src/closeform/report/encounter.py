@@ -2,19 +2,36 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from closeform.exchange.conjunction import Conjunction
-from closeform.report.table import Column, Table
+from closeform.report import model, results
+from closeform.report.page import Head
+from closeform.report.picture import Picture, Progress
+from closeform.report.repeat import Command
+from closeform.report.section import Section
+from closeform.report.table import STATE_COLUMNS, Column, Table
+from closeform.result_folder import Folder
 from closeform.uncertainty.clearance import SigmaApproach
 from closeform.uncertainty.encounter import Encounter
 from closeform.uncertainty.probability import Probability
 from closeform.verdict import MET, NOT_MET
+from closeform.zones.solids import Sphere
 
 FIGURES = (
     Column("figure", "figure", words=True),
     Column("what it counts or assumes", "counts", words=True),
     Column("value", "value", "{:.5g}".format),
     Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
+)
+SAMPLES = 201  # instants in states.parquet
+TUBE = 3.0  # sigmas
+SURE = (
+    ("Clearance in sigmas", "certified for the Gaussian errors of the message, in Hill's equations"),
+    ("ever inside, mean entries", "estimated: the interval of 95 % holds sampling and quadrature"),
+    ("short encounter (2-D)", "what it assumes, straight flight and errors of one instant, may not hold"),
 )
 EDGE = 0.01  # of the probability, and of the greatest rate: what an edge of the window may have
 
@@ -49,6 +66,18 @@ class EncounterReport:
     probability: Probability
     short: Probability | None  # None where the two do not pass each other in the window
     limit: float | None
+    command: Command
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """The two objects."""
+        first, second = self.message.objects
+        return first.name, second.name
+
+    @property
+    def title(self) -> str:
+        """Who meets whom."""
+        return f"Encounter of {' and '.join(self.names)}"
 
     @property
     def opening(self) -> tuple[str, ...]:
@@ -108,3 +137,81 @@ class EncounterReport:
     def verdict(self) -> Judgement:
         """Whether the probability is as small as was asked for."""
         return Judgement(self.probability.value, self.limit)
+
+    @property
+    def chapters(self) -> tuple[Section, ...]:
+        """What the page tells, but for how to repeat it."""
+        return (
+            Section("What was asked", self.opening[:1], (self.command.table,) if self.command.given else ()),
+            Section(
+                "What was found", (*self.opening[1:], *self.lines), tuple(self.tables), pictures=self.pictures
+            ),
+            Section("Limits of the model", tuple(self.limits), (model.certain(list(SURE)),)),
+        )
+
+    @property
+    def limits(self) -> Iterator[str]:
+        """Where Hill's equations end here."""
+        yield (
+            "Both are followed by Hill's equations about the first: its orbit is taken for a circle, the "
+            "Earth for a point, and nothing else acts; errors are Gaussian, and grow by the same equations."
+        )
+        looked = 2.0 * self.encounter.path.end
+        yield f"Nothing is said of what comes before and after the {looked:.6g} s looked at."
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """Where the one may be relative to the other, sigmas, and the probability against time."""
+        met, (one, other) = self.encounter, self.names
+        pair = met.path, met.other, Sphere(self.radius), met.errors, met.other_errors
+        options: dict[str, Any] = {"sigmas": TUBE, "names": (one, other)}
+        caption = f"Where {one} may be relative to {other}, within {TUBE:g} sigma"
+        found = [Picture("tube", caption, "tube", pair, options)]
+        caption = "By how many sigmas the two are clear, against time"
+        curves = tuple([each] for each in pair)
+        found.append(Picture("sigmas", caption, "sigmas", curves, {"names": [f"{one} - {other}"]}))
+        if len(self.probability.rate_times) > 1:
+            caption = "When the two are expected to meet, and how probable that is"
+            options = {"what": f"{one} - {other}", "limit": self.limit}
+            found.append(Picture("collision", caption, "collision", (self.probability, met.path), options))
+        return tuple(found)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Every figure printed, in full and in SI units, for `summary.json`."""
+        met, verdict = self.encounter, self.verdict
+        return {
+            "kind": "encounter",
+            "title": self.title,
+            **self.command.figures,
+            "status": verdict.status,
+            "verdict": str(verdict),
+            "limit": self.limit,
+            "tca": self.message.tca,
+            "craft": list(self.names),
+            "radius_m": self.radius,
+            "miss_distance_m": met.distance,
+            "relative_speed_m_s": met.speed,
+            "window_s": met.path.end,
+            "mean_motion_rad_s": met.path.orbit.mean_motion,
+            "sigmas": float(self.clearance.sigmas),
+            "sigmas_time_s": float(self.clearance.time),
+            "warnings": list(met.warnings),
+            "probabilities": self.tables[0].records,
+        }
+
+    def leave(self, folder: Folder, progress: Progress = lambda text: None) -> None:
+        """Fill a result folder with everything that a conjunction message comes to."""
+        met = self.encounter
+        times = np.linspace(float(met.path.start), float(met.path.end), SAMPLES)
+        columns: dict[str, Any] = {
+            "craft": np.repeat(self.names, SAMPLES),
+            "time_s": np.tile(times, 2),
+            **dict(
+                zip(STATE_COLUMNS, np.vstack([met.path.state(times), met.other.state(times)]).T, strict=True)
+            ),
+        }
+        folder.table("states", columns)
+        verdict = self.verdict
+        head = Head(self.title, self.opening[:1], str(verdict), verdict.status == MET, met.warnings)
+        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress)

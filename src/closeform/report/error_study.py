@@ -2,17 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from closeform.campaign.error_cases import ErrorCampaign, PairCases
 from closeform.campaign.shares import Estimate, estimate
-from closeform.report import page
-from closeform.report.cases import Replays, percent, studied
+from closeform.report import asked, model, results, worst
+from closeform.report.cases import SHARES, Replays, percent, repeated, studied
+from closeform.report.page import Head
+from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, Column, Table, counted
-from closeform.result_folder import REPORT, Folder
+from closeform.result_folder import Folder
 
 COLUMNS = (
     Column("who", words=True),
@@ -87,6 +90,7 @@ class ErrorStudyReport:
             **studied(campaign, self.verdict),
             "craft": list(scenario.names),
             "draws": "errors",
+            "worst": worst.of_errors(campaign).records,
             "inside": {
                 title: {"any pair": vars(self.share(pairs))}
                 | {f"{one.first} - {one.second}": vars(self.share((one,))) for one in pairs}
@@ -106,8 +110,13 @@ class ErrorStudyReport:
                 columns[f"{key}_entries"] = np.sum([pair.entries for pair in pairs], axis=0)
         folder.table("cases/000000000", columns)
         title, *lines = self.opening
-        parts = page.head(title, lines, self.verdict, campaign.ok)
-        parts += map(page.titled, self.tables)
-        parts += page.links("Cases to look at", replays)
-        folder.text(REPORT, page.document(title, parts))
-        folder.summary(self.summary)
+        head = Head(title, lines, self.verdict, campaign.ok)
+        worth = worst.of_errors(campaign)
+        sure = [SHARES, *model.of_errors(True)]
+        chapters = (
+            asked.section(campaign.scenario),
+            Section("What was found", tables=self.tables),
+            *worst.section(replays, Path(campaign.scenario.file).name, worth),
+            Section("Limits of the model", tables=(model.certain(sure),)),
+        )
+        results.leave(folder, head, chapters, partial(repeated, campaign), self.summary)

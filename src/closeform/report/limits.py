@@ -23,10 +23,12 @@ def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple
     }
 
 
-def first_of_each(uses: Iterable[Use]) -> tuple[Use, ...]:
-    """The greatest share of each kind of limit; none where nobody uses anything."""
+def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
+    """The greatest share of each kind of limit; where nobody uses any none, or that of an `idle` craft."""
     found: dict[str, Use] = {}
     for use in uses:
+        if idle:
+            found.setdefault(use.what, use)
         if use.used > 0.0 and use.share > (found[use.what].share if use.what in found else 0.0):
             found[use.what] = use
     return tuple(found.values())
@@ -45,11 +47,15 @@ def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 def used_up(mission: Mission) -> tuple[Table, ...]:
     """What each craft used in the whole mission, where there is more to say than in one stage."""
-    scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     burns = np.any(mission.delta_v > 0.0, axis=1).sum()
-    told = scenario.limited or burns > 1 or bool(np.isfinite(propellant).any())
-    if not burns or not told:
-        return ()
+    known = bool(np.isfinite(mission.spent_of_each[1]).any())
+    told = mission.scenario.limited or burns > 1 or known
+    return (used(mission),) if burns and told else ()
+
+
+def used(mission: Mission) -> Table:
+    """What each craft used in the whole mission."""
+    scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     shares = {(use.what, use.craft): use.share for use in mission.uses}
     rows, key = [], "max_acceleration" if any(one.acceleration for one in scenario.craft) else "max_thrust"
     for craft, spent, burnt in zip(scenario.craft, delta_v.tolist(), propellant.tolist(), strict=True):
@@ -68,7 +74,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
     shown = tuple(
         one if there else replace(one, heading=None) for one, there in zip(columns, known, strict=True)
     )
-    return (Table("What each craft used in all", shown, rows, folded=len(rows) > MOST_ROWS),)
+    return Table("What each craft used in all", shown, rows, folded=len(rows) > MOST_ROWS)
 
 
 def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:

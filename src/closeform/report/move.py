@@ -90,10 +90,11 @@ def clearance(result: Move) -> tuple[Table, ...]:
 
 def arrivals(result: Move) -> Iterator[str]:
     """Where on relative orbits the craft arrives, and those who fly their own transfers."""
-    goals = result.result.goals
-    yield from arrival.lines(result.stage.craft, result.stage.to, goals.get(result.stage.craft))
-    for fellow in result.stage.meanwhile:
-        yield from arrival.lines(fellow.craft, fellow.to, goals[fellow.craft])
+    stage, goals = result.stage, result.result.goals
+    drifts = stage.drift is not None
+    yield from arrival.lines(stage.craft, stage.to, goals.get(stage.craft), drifts)
+    for fellow in stage.meanwhile:
+        yield from arrival.lines(fellow.craft, fellow.to, goals[fellow.craft], drifts)
 
 
 def how(mission: Mission, result: Move) -> tuple[str, ...]:

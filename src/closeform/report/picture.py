@@ -3,12 +3,20 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 if TYPE_CHECKING:
     from closeform.result_folder import Folder
 
 Progress = Callable[[str], None]
+
+
+class Shot(NamedTuple):
+    """A picture in a folder: its `file`, its `caption`, and what it `says` in its own words, if anything."""
+
+    file: Path
+    caption: str
+    says: str
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,7 @@ class Picture:
     shows: str = ""  # written there too, where it is not what is flown
     moves: ClassVar[bool] = False
 
-    def leave(self, folder: "Folder", progress: Progress) -> Path:
+    def leave(self, folder: "Folder", progress: Progress) -> Shot:
         """Draw it into a folder."""
         from closeform import plots
         from closeform.plots.look import banner
@@ -33,7 +41,7 @@ class Picture:
         figure = getattr(plots, self.plot)(*self.arguments, **self.options)
         if self.stage:
             banner(figure, "; ".join(filter(None, (self.stage, self.shows))), self.failed)
-        return folder.picture(self.name, figure)
+        return Shot(folder.picture(self.name, figure), self.caption, figure.get_suptitle())
 
 
 @dataclass(frozen=True)
@@ -43,7 +51,7 @@ class Film(Picture):
     most: int = 400  # drawn in a quarter of a minute
     moves: ClassVar[bool] = True
 
-    def leave(self, folder: "Folder", progress: Progress) -> Path:
+    def leave(self, folder: "Folder", progress: Progress) -> Shot:
         from closeform import plots
 
         def told(done: int, frames: int) -> None:
@@ -51,4 +59,4 @@ class Film(Picture):
 
         file = folder.path / f"{self.name}.gif"
         getattr(plots, self.plot)(*self.arguments, file, progress=told, **self.options)
-        return file
+        return Shot(file, self.caption, "")

@@ -1,9 +1,8 @@
 """The report of a run: a section for each stage, the same for the terminal, the page and the files."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import islice
 from math import degrees, hypot, pi
 from pathlib import Path
 from typing import Any
@@ -11,27 +10,33 @@ from typing import Any
 import numpy as np
 
 from closeform import arc_tables
+from closeform.arrays import Floats
 from closeform.mission_result import Mission, StageResult
 from closeform.report import (
+    asked,
+    budget,
     coast,
     conflicts,
     drift,
     effort,
+    found,
     gather,
     limits,
     lock,
+    model,
     move,
-    page,
     reconfigure,
+    repeat,
     transfer,
     uncertain,
 )
 from closeform.report.clock import Clock
-from closeform.report.drawing import drawn
-from closeform.report.picture import Film, Progress
+from closeform.report.page import Head
+from closeform.report.picture import Film, Progress, Shot
+from closeform.report.results import leave as leave_all
 from closeform.report.section import Section, fate, not_filmed
-from closeform.report.table import Table, counted
-from closeform.result_folder import REPORT, Folder
+from closeform.report.table import STATE_COLUMNS, Table, counted
+from closeform.result_folder import Folder
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -44,7 +49,6 @@ from closeform.scenario import (
     StageTable,
     Transfer,
 )
-from closeform.verdict import Verdict
 
 SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Coast: coast.section,
@@ -56,9 +60,7 @@ SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Lock: lock.section,
     Gather: gather.section,
 }
-Drawn = list[tuple[Path, str]]  # files of pictures, each with its caption
 SAMPLES = 201  # instants of each craft and stage in paths.parquet
-STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
 
@@ -100,6 +102,39 @@ class RunReport:
         """What each craft used in the whole mission."""
         return limits.used_up(self.mission)
 
+    @cached_property
+    def thrusting(self) -> Floats:
+        """How long each craft thrusts in each stage (S, N) [s]."""
+        return budget.thrusting(self.mission, [told.files for told in self.sections])
+
+    @cached_property
+    def chapters(self) -> tuple[Section, ...]:
+        """What the page tells, but for how to repeat it: around the stages what holds for all of them."""
+        mission, epoch = self.mission, self.mission.scenario.epoch
+        whole = found.section(mission)
+        if epoch is not None:
+            whole = replace(whole, tables=tuple(map(Clock(epoch).dated, whole.tables)))
+        before = asked.section(mission.scenario), whole
+        return (*before, budget.section(mission, self.thrusting), *self.sections, model.section(mission))
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """The hashes of the scenario and of the files that it names."""
+        return {name: f"sha256:{digest}" for name, digest in self.mission.scenario.digests.items()}
+
+    @property
+    def seed(self) -> int | None:
+        """With which the states of a case were drawn."""
+        scenario = self.mission.scenario
+        return scenario.study.seed if scenario.study is not None and scenario.case is not None else None
+
+    def repeat(self, beside: Sequence[str]) -> Section:
+        """How to repeat it, and what lies beside the page."""
+        scenario = self.mission.scenario
+        case = "" if scenario.case is None else f" --case {scenario.case}"
+        command = f"closeform run {Path(scenario.file).name}{case}"
+        return repeat.section(command, self.inputs, beside, seed=self.seed)
+
     @property
     def summary(self) -> dict[str, Any]:
         """Every figure printed, in full and in SI units."""
@@ -108,11 +143,11 @@ class RunReport:
         return {
             "kind": "run",
             "title": scenario.title,
-            "inputs": {name: f"sha256:{digest}" for name, digest in scenario.digests.items()},
+            "inputs": self.inputs,
             **origin(scenario),
-            "seed": scenario.study.seed if scenario.study is not None and scenario.case is not None else None,
+            "seed": self.seed,
             "case": scenario.case,
-            **verdict(mission.verdict),
+            **mission.verdict.figures,
             "stopped": mission.stopped,
             "warnings": list(mission.warnings),
             "mean_motion_rad_s": mission.orbit.mean_motion,
@@ -120,6 +155,8 @@ class RunReport:
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
             "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),
             "used": [record for table in self.closing for record in table.records],
+            "asked": found.figures(mission),
+            "budget": budget.figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
         }
 
@@ -149,30 +186,6 @@ def origin(scenario: Scenario) -> dict[str, Any]:
             "eccentricity": chief.eccentricity,
         }
     return found
-
-
-def verdict(reached: Verdict) -> dict[str, Any]:
-    """What it has come to."""
-    exceeded = [vars(use) for use in reached.exceeded or ()]
-    return {
-        "status": reached.status,
-        "verdict": str(reached),
-        "clear": reached.clear,
-        "conflicts": reached.conflicts,
-        "pairs_in_conflict": reached.pairs if reached.conflicts is not None else None,
-        "limits_kept": None if reached.exceeded is None else not exceeded,
-        "exceeded": exceeded,
-        "late": [
-            {
-                "stage": late.number,
-                "do": late.verb,
-                "asked_s": late.asked,
-                "took_s": late.took,
-                "keeping_N": {use.craft: use.used for use in late.punctual},
-            }
-            for late in reached.late
-        ],
-    }
 
 
 def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
@@ -259,7 +272,7 @@ def leave(
     report: RunReport,
     folder: Folder,
     progress: Progress = lambda text: None,
-    viewer: Callable[[Mission, Folder, Drawn], None] | None = None,
+    viewer: Callable[[Mission, Folder, Sequence[Shot]], None] | None = None,
 ) -> None:
     """Fill a result folder with everything that a run leaves; `progress` is told what is under way.
 
@@ -270,20 +283,14 @@ def leave(
     progress("writing tables")
     for name, columns in {**report.files, "paths": states(mission), **exact(mission)}.items():
         folder.table(name, columns)
-    pictures = [picture for told in report.sections for picture in told.pictures]
-    files = drawn(pictures, folder, progress)
-    shown = iter(files)
     folder.csv("burns", report.files.get("burns", {}))
-    faint = f"{report.opening}; {Path(mission.scenario.file).name}"
-    parts = page.head(
-        mission.scenario.title, [faint, *report.origin], str(mission.verdict), mission.verdict.ok
-    )
-    parts += [page.paragraph(line, "bad") for line in mission.warnings]
-    for told in report.sections:
-        parts += page.section(told, islice(shown, len(told.pictures)))
-    parts += map(page.titled, report.closing)
-    folder.text(REPORT, page.document(mission.scenario.title, parts))
-    if viewer is not None:
-        progress("writing viewer.html")
-        viewer(mission, folder, files)
-    folder.summary(report.summary)
+    scenario, found = mission.scenario, mission.verdict
+    lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
+    head = Head(scenario.title, lines, str(found), found.ok, mission.warnings)
+
+    def show(shots: Sequence[Shot]) -> None:
+        if viewer is not None:
+            progress("writing viewer.html")
+            viewer(mission, folder, shots)
+
+    leave_all(folder, head, report.chapters, report.repeat, report.summary, progress, show)

@@ -1,28 +1,57 @@
 """The report of a screening: real ephemerides in a common frame, and who comes near whom."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from closeform.conflicts.flight import Flight
 from closeform.exchange.common_frame import CommonFrame
-from closeform.report import conflicts
-from closeform.report.conflicts import MOST_PAIRS
-from closeform.report.table import Table, counted
+from closeform.report import conflicts, model, results, uncertain
+from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
+from closeform.report.page import Head
+from closeform.report.picture import Picture, Progress
+from closeform.report.repeat import Command
+from closeform.report.section import Section
+from closeform.report.table import STATE_COLUMNS, Column, Table, counted
 from closeform.report.uncertain import SIGMAS, row
+from closeform.result_folder import Folder
 from closeform.verdict import MOST_NAMES, Verdict, conflicts_in
+from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:  # which a screening without errors can spare
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 
+EPHEMERIDES = (
+    Column("craft", "craft", words=True),
+    Column("file", "file", words=True),
+    Column("interpolated, off by [m]", "interpolation_error_m", "{:.2g}".format),
+    Column("covariance carried for [s]", "covariance_carried_s", "{:.1f}".format),
+)
+SURE = (
+    "Conflicts, closest approaches",
+    "certified for the motion between epochs that is told above; how far craft may be off it is an estimate",
+)
+
+
 @dataclass(frozen=True, eq=False)
 class ScreenReport:
-    """What there is to say of a flight along ephemerides in a frame."""
+    """What there is to say of a flight along ephemerides in a frame, and of the command that asked for it."""
 
     frame: CommonFrame
     flight: Flight
+    zones: PairZones
+    command: Command
     uncertain: "UncertainFlight | None" = None
+
+    @property
+    def title(self) -> str:
+        """Who is screened."""
+        names = self.frame.names
+        return f"Screening of {' and '.join(names) if len(names) == 2 else f'{len(names)} craft'}"
 
     @property
     def opening(self) -> tuple[str, ...]:
@@ -101,3 +130,96 @@ class ScreenReport:
             return Verdict(None, *conflicts_in([self.flight]), exceeded=None, searched=False)
         within = len(self.uncertain.within)
         return Verdict(None, within, within, exceeded=None, searched=False, sigmas=self.uncertain.sigmas)
+
+    @cached_property
+    def chapters(self) -> tuple[Section, ...]:
+        """What the page tells, but for how to repeat it."""
+        lines, frame = self.opening, self.frame
+        rows = [
+            (name, file.name, error or None, age)
+            for name, file, error, age in zip(
+                frame.names,
+                self.command.files,
+                frame.interpolation_errors.tolist(),
+                frame.ages,
+                strict=True,
+            )
+        ]
+        columns = [
+            column if any(row[k] is not None for row in rows) else replace(column, heading=None)
+            for k, column in enumerate(EPHEMERIDES)
+        ]
+        asked = Table("Ephemerides", tuple(columns), rows), self.command.table
+        far = model.Reach.of([self.flight])
+        duration = float(frame.times[-1] - frame.times[0])
+        limits, tables = model.beyond(far, model.Circle(frame.mean_motion), duration)
+        sure = [SURE, *model.of_errors(self.uncertain is not None)]
+        return (
+            Section("What was asked", lines[:2], asked),
+            Section("What was found", (*lines[2:], *self.lines), self.tables, pictures=tuple(self.pictures)),
+            Section("Limits of the model", limits, (*tables, model.certain(sure))),
+        )
+
+    @property
+    def pictures(self) -> Iterator[Picture]:
+        """All ways, the pairs that come closest, and what errors make of them."""
+        flight, zones = self.flight, self.zones
+        yield from conflicts.coasting(flight, zones)
+        if self.uncertain is not None:
+            errors = dict(zip(self.frame.names, self.frame.errors, strict=True))
+            pairs = self.uncertain.pairs
+            yield from uncertain.clearances(flight, errors, pairs, self.uncertain.sigmas)
+            likely = [(one.probability.high, one) for one in pairs if one.probability is not None]
+            likeliest = max(likely, key=lambda one: one[0], default=(0.0, None))[1]
+            yield from uncertain.collisions(flight, likeliest, None)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Every figure printed, in full and in SI units, for `summary.json`."""
+        frame = self.frame
+        found = {} if self.uncertain is None else {"sigmas": self.sigmas[0].records}
+        return {
+            "kind": "screen",
+            "title": self.title,
+            **self.command.figures,
+            **self.verdict.figures,
+            "frame": {
+                "chief": frame.names[0],
+                "epoch": frame.epoch,
+                "time_system": frame.time_system,
+                "epochs": len(frame.times),
+                "end_s": float(frame.times[-1]),
+                "radius_m": frame.radius,
+            },
+            "mean_motion_rad_s": frame.mean_motion,
+            "craft": list(frame.names),
+            "flight": conflicts.figures(self.flight),
+            **found,
+        }
+
+    def leave(self, folder: Folder, progress: Progress = lambda text: None) -> None:
+        """Fill a result folder with everything that a screening leaves."""
+        frame, flight = self.frame, self.flight
+        near = [conflicts.approach_row(one) for one in flight.approaches]
+        tables = {
+            "conflicts": Table("", CONFLICT, [conflicts.conflict_row(met) for met in flight.conflicts]),
+            "approaches": Table("", APPROACH, near),
+        }
+        if self.uncertain is not None:
+            tables["sigmas"] = Table("", SIGMAS, [row(pair) for pair in self.uncertain.pairs])
+        progress("writing tables")
+        for name, table in tables.items():
+            folder.table(name, table.stored)
+        folder.table("states", states(frame))
+        head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
+        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress)
+
+
+def states(frame: CommonFrame) -> dict[str, Any]:
+    """All states of all craft in the common frame, as columns."""
+    count = len(frame.times)
+    return {
+        "craft": np.repeat(frame.names, count),
+        "time_s": np.tile(frame.times, len(frame.names)),
+        **dict(zip(STATE_COLUMNS, frame.states.reshape(-1, 6).T, strict=True)),
+    }

@@ -1,9 +1,10 @@
 """The report of a study: what became of its cases, the same for the terminal, the page and the files."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,23 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate
 from closeform.campaign.shares import estimate
-from closeform.report import page, search
-from closeform.report.cases import SUBJECTS, Replays, Subject, percent, published, shown, studied
+from closeform.report import asked, model, results, search, worst
+from closeform.report.cases import (
+    SHARES,
+    SUBJECTS,
+    Replays,
+    Subject,
+    percent,
+    published,
+    repeated,
+    shown,
+    studied,
+)
+from closeform.report.page import Head
 from closeform.report.picture import Picture
+from closeform.report.section import Section
 from closeform.report.table import Column, Table
-from closeform.result_folder import REPORT, Folder
+from closeform.result_folder import Folder
 from closeform.search.gather_result import listed
 
 EACH_FILE = 100_000  # cases
@@ -85,7 +98,7 @@ class StudyReport:
         return {
             **studied(campaign, self.verdict),
             "failed": len(campaign.failed),
-            "asked": {what: {"cases": count, **vars(share)} for what, count, share in asked(campaign)},
+            "asked": {what: {"cases": count, **vars(share)} for what, count, share in wanted(campaign)},
             "craft": list(scenario.names),
             "stage": scenario.stages[0].verb,
             "draws": draws(campaign),
@@ -112,20 +125,29 @@ class StudyReport:
         for first in range(0, len(campaign), EACH_FILE):
             rows = slice(first, min(first + EACH_FILE, len(campaign)))
             folder.table(f"cases/{first:09d}", subject.cases(rows))
-        times, what = subject.histogram
+        title, *lines = self.opening
+        head = Head(title, lines, self.verdict, campaign.ok)
+        results.leave(folder, head, self.chapters(replays), self.repeated, self.summary)
+
+    def chapters(self, replays: Replays) -> tuple[Section, ...]:
+        """What the page tells, but for how to repeat it."""
+        campaign, (times, what) = self.campaign, self.subject.histogram
+        scenario = campaign.scenario
+        whole = search.facts(campaign.search, campaign.search.duration)
+        request = asked.section(scenario)
         caption = f"When cases were {campaign.done}"
         picture = Picture("histogram", caption, "histogram", (times, campaign.search), {"what": what})
-        shot = picture.leave(folder, lambda text: None)
-        title, *lines = self.opening
-        parts = page.head(title, lines, self.verdict, campaign.ok)
-        parts += map(page.paragraph, self.hint)
-        parts += map(page.titled, self.tables)
-        parts += page.links("Cases to look at", replays)
-        parts.append(page.embedded(shot, caption))
-        whole = search.facts(campaign.search, campaign.search.duration)
-        parts += map(page.titled, (whole, *draw_table(campaign)))
-        folder.text(REPORT, page.document(title, parts))
-        folder.summary(self.summary)
+        same = scenario.study is not None and scenario.study.seed == campaign.seed
+        return (
+            replace(request, tables=(*request.tables, whole, *draw_table(campaign))),
+            Section("What was found", self.hint, self.tables, pictures=(picture,)),
+            *worst.section(replays, Path(scenario.file).name if same else None),
+            Section("Limits of the model", tables=(model.certain([SHARES, model.LOCKS]),)),
+        )
+
+    def repeated(self, beside: Sequence[str]) -> Section:
+        """How to repeat it."""
+        return repeated(self.campaign, beside)
 
 
 def share_table(campaign: Campaign) -> Table:
@@ -147,7 +169,7 @@ def share_table(campaign: Campaign) -> Table:
     return Table("Cases by phase", (*columns, Column("published")), rows)
 
 
-def asked(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
+def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
     """Of all that was asked for: what, and in how many cases it is met; last, all of it."""
     for what, met in {**campaign.met, "all of it": campaign.good}.items():
         yield what, int(met.sum()), estimate(int(met.sum()), len(campaign))
@@ -158,7 +180,7 @@ def met_table(campaign: Campaign) -> tuple[Table, ...]:
     if not campaign.kept:
         return ()
     columns = Column("what was asked", words=True), Column("cases"), *percent("met in [%]")
-    return (Table("What is met", columns, [(*row, row[2]) for row in asked(campaign)]),)
+    return (Table("What is met", columns, [(*row, row[2]) for row in wanted(campaign)]),)
 
 
 def spread(values: Floats, case: Any) -> dict[str, float]:

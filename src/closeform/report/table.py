@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Any, Literal
 
+STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 MOST_ROWS = 40  # of a table on the terminal; longer ones are for the page, and summed up
 
 
@@ -20,7 +21,8 @@ class Column:
     value, times `scale`, as text; `absent` stands where there is none.  Words stand left, numbers
     right.  A cell of several values has a name for each in `parts`: Parquet stores these, JSON the
     whole under the `key` if there is one.  `since`: from when it counts, of a column of instants.
-    `spare`: left out where there is no room for it.
+    `spare`: left out where there is no room for it.  On the page a cell that
+    `links` leads to the file it names, and one that `judges` is good where it is true and bad where not.
     """
 
     heading: str | None
@@ -32,6 +34,8 @@ class Column:
     parts: tuple[str, ...] = ()
     since: Literal["mission", "stage"] | None = None
     spare: bool = False
+    links: bool = False
+    judges: bool = False
 
     def text(self, cell: Any) -> str:
         """A cell in words: a text as it is."""
@@ -61,8 +65,15 @@ class Table:
     @property
     def texts(self) -> list[list[str]]:
         """The rows as they are shown."""
+        return [
+            [column.text(cell) for column, cell in zip(self.shown, row, strict=True)] for row in self.cells
+        ]
+
+    @property
+    def cells(self) -> list[list[Any]]:
+        """The rows of which the texts are made."""
         places = [k for k, column in enumerate(self.columns) if column.heading is not None]
-        return [[self.columns[k].text(row[k]) for k in places] for row in self.rows]
+        return [[row[k] for k in places] for row in self.rows]
 
     @property
     def records(self) -> list[dict[str, Any]]:
@@ -89,7 +100,7 @@ def record(columns: Iterable[Column], row: Iterable[Any]) -> dict[str, Any]:
         if column.key is not None:
             found[column.key] = list(cell) if column.parts else cell
         elif column.parts:
-            found |= zip(column.parts, cell, strict=True)
+            found |= zip(column.parts, cell or [None] * len(column.parts), strict=True)
     return found
 
 

@@ -21,7 +21,7 @@ def section(mission: Mission, result: Flown) -> Section:
     path = result.planned.path(name)
     shown = effort.of_plan(effort.columns(mission, [path]), result.pulsed is not None)
     columns = (Column("path", words=True), *shown)
-    arrived = arrival.lines(name, result.stage.to, result.result.goal)
+    arrived = arrival.lines(name, result.stage.to, result.result.goal, result.stage.drift is not None)
     title = "Path of the plan" if result.flown else "Path without a limit"
     row = "plan" if result.flown else "free", *effort.spent(mission, result, name, path)
     return Section(

@@ -1,6 +1,6 @@
 """What errors make of a stage, in words: sigmas, the probability of a collision, what each figure counts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -10,8 +10,10 @@ from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 
 if TYPE_CHECKING:  # whose kernels a stage without errors can spare
+    from closeform.conflicts.flight import Flight
     from closeform.mission_result import StageResult
     from closeform.uncertain_stage import UncertainStage
+    from closeform.uncertainty.errors import Errors
     from closeform.uncertainty.probability import Probability
     from closeform.uncertainty.uncertain_flight import UncertainPair
 
@@ -137,41 +139,56 @@ def figures(found: "UncertainStage") -> dict[str, Any]:
 
 
 def pictures(found: "UncertainStage", result: "StageResult[Any, Any]") -> tuple[Picture, ...]:
-    """The tube of the nearest pair, sigmas of the nearest pairs, entries of the likeliest against time."""
+    """What a stage's errors look like."""
+    errors = dict(zip(result.after.names, found.errors, strict=True))
+    judged, stage = found.zones or found.bodies, found.stage
+    pairs = judged.pairs if judged is not None else ()
+    made = clearances(result.after, errors, pairs, stage.sigmas)
+    return (*made, *collisions(result.after, found.likeliest, stage.max_probability))
+
+
+def clearances(
+    flight: "Flight",
+    errors: "Mapping[str, Errors | None]",
+    pairs: "Sequence[UncertainPair]",
+    asked: float | None,
+) -> tuple[Picture, ...]:
+    """The tube of the nearest of some pairs, and the sigmas of the nearest against time."""
     from closeform.uncertainty.errors import Errors
 
-    flight, errors = result.after, dict(zip(result.after.names, found.errors, strict=True))
-    judged = found.zones or found.bodies
-    near = [pair for pair in judged.pairs if pair.sigmas < inf] if judged is not None else []
-    made = []
-    if near:
-        asked, one = found.stage.sigmas, near[0]
-        pair, many = (one.first, one.second), asked or TUBE_SIGMAS
-        ways = flight.path(one.first), flight.path(one.second), one.zone
-        known = errors[one.first] or Errors(), errors[one.second]
-        caption = f"Where {one.first} may be relative to {one.second}, within {many:g} sigma"
-        made.append(Picture("tube", caption, "tube", (*ways, *known), {"sigmas": many, "names": pair}))
-        some = near[:CURVES]
-        places: list[Any] = [
-            [flight.path(name) for name in names] for names in zip(*map(ends, some), strict=True)
-        ]
-        theirs = [[errors[name] for name in names] for names in zip(*map(ends, some), strict=True)]
-        options: dict[str, Any] = {
-            "asked": asked,
-            "names": [f"{each.first} - {each.second}" for each in some],
-        }
-        caption = "By how many sigmas pairs are clear, against time"
-        made.append(
-            Picture("sigmas", caption, "sigmas", (*places, [each.zone for each in some], *theirs), options)
-        )
-    likeliest = found.likeliest
+    near = [pair for pair in pairs if pair.sigmas < inf]
+    if not near:
+        return ()
+    one, many = near[0], asked or TUBE_SIGMAS
+    pair = flight.facing(one.first, one.second)
+    zone = one.zone if pair[0] == one.first else one.zone.mirrored
+    known = errors[pair[0]] or Errors(), errors[pair[1]]
+    caption = f"Where {pair[0]} may be relative to {pair[1]}, within {many:g} sigma"
+    ways = *(flight.path(name) for name in pair), zone, *known
+    tube = Picture("tube", caption, "tube", ways, {"sigmas": many, "names": pair})
+    some = near[:CURVES]
+    places: list[Any] = [
+        [flight.path(name) for name in names] for names in zip(*map(ends, some), strict=True)
+    ]
+    theirs = [[errors[name] for name in names] for names in zip(*map(ends, some), strict=True)]
+    options = {"asked": asked, "names": [f"{each.first} - {each.second}" for each in some]}
+    caption = "By how many sigmas pairs are clear, against time"
+    curves = *places, [each.zone for each in some], *theirs
+    return tube, Picture("sigmas", caption, "sigmas", curves, options)
+
+
+def collisions(
+    flight: "Flight", likeliest: "UncertainPair | None", limit: float | None
+) -> tuple[Picture, ...]:
+    """When the likeliest pair is expected to meet, where that is likely at all."""
     odds = None if likeliest is None else likeliest.probability
-    if likeliest is not None and odds is not None and len(odds.rate_times) > 1 and odds.mean_entries > DRAWN:
-        who = f"{likeliest.first} - {likeliest.second}"
-        caption = f"When hard bodies of {who} are expected to meet, and how probable that is"
-        options = {"what": who, "limit": found.stage.max_probability}
-        made.append(Picture("collision", caption, "collision", (odds, flight.path(likeliest.first)), options))
-    return tuple(made)
+    if likeliest is None or odds is None or len(odds.rate_times) <= 1 or odds.mean_entries <= DRAWN:
+        return ()
+    who = f"{likeliest.first} - {likeliest.second}"
+    caption = f"When hard bodies of {who} are expected to meet, and how probable that is"
+    options = {"what": who, "limit": limit}
+    path = flight.path(likeliest.first)
+    return (Picture("collision", caption, "collision", (odds, path), options),)
 
 
 def ends(pair: "UncertainPair") -> tuple[str, str]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from closeform.mission_result import Mission
 from closeform.report.page import letters
+from closeform.report.picture import Shot
 from closeform.result_folder import REPORT, VIEWER, Folder
 from closeform.viewer.scene import Scene, scene_of
 from closeform.viewer.stills import stills
@@ -19,9 +20,9 @@ MOST = 1000  # craft that a browser can move
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
 
-def leave(mission: Mission, folder: Folder, pictures: Sequence[tuple[Path, str]] = ()) -> None:
-    """Write `viewer.html` into a result folder that holds `pictures`, each a file with its caption."""
-    named = [(file.name, caption) for file, caption in pictures]
+def leave(mission: Mission, folder: Folder, pictures: Sequence[Shot] = ()) -> None:
+    """Write `viewer.html` into a result folder that holds `pictures`."""
+    named = [(shot.file.name, shot.caption) for shot in pictures]
     folder.text(VIEWER, document(mission, scene_of(mission, named, REPORT)))
 
 

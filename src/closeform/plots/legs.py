@@ -1,0 +1,84 @@
+"""The stages of a mission, one after another: their paths, pairs and impulses, and how near craft come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats, sequence
+from closeform.motion.arc import IMPULSE, START
+from closeform.motion.path import Path
+from closeform.plots.given import one_path, texts
+from closeform.plots.look import instants
+from closeform.plots.pairs import Pairs
+
+CLOSEST, LOOKS = 300, 500  # pairs of which the nearest is shown, and times of a stage
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One stage: its paths, the `times` (T,) [s] at which curves look smooth, and its pairs."""
+
+    title: str
+    paths: Path
+    times: Floats
+    pairs: Pairs
+
+    @property
+    def start(self) -> float:
+        """When it begins [s]."""
+        return float(self.times[0])
+
+    @property
+    def end(self) -> float:
+        """When it ends [s]."""
+        return float(self.times[-1])
+
+    @property
+    def least(self) -> float:
+        """The least ratio of any pair; inf where there is none."""
+        return float(self.pairs.ratio.min(initial=np.inf))
+
+    def nearness(self) -> tuple[Floats, Floats]:
+        """Times (T,) [s], and the least ratio of any pair at each."""
+        shown = self.pairs.order[:CLOSEST]
+        sparse = self.times[:: -(-len(self.times) // LOOKS)]
+        times = np.union1d(np.append(sparse, self.end), self.pairs.time[shown])
+        places = self.paths.position(times)
+        least = np.full(len(times), np.inf)
+        for zone in {id(self.pairs.zone[k]): self.pairs.zone[k] for k in shown}.values():
+            one, other = self.pairs.craft[[k for k in shown if self.pairs.zone[k] is zone]].T
+            least = np.minimum(least, zone.norm(places[one] - places[other]).min(axis=0))
+        return times, least
+
+
+def asked(stages: Any, zone: Any, titles: Any) -> list[Leg]:
+    """The stages, checked, each with its pairs."""
+    paths = sequence("stages", stages, Path)
+    if not paths:
+        raise ValueError("stages: give at least one path")
+    first = one_path("stages", paths[0])
+    alike = all(
+        path.shape == first.shape and path.orbit.mean_motion == first.orbit.mean_motion for path in paths
+    )
+    if len(first.shape) != 1 or not alike:
+        raise ValueError(
+            f"stages: must be of one orbit and one shape (N,), got {[one.shape for one in paths]}"
+        )
+    numbers = [str(number) for number in range(1, len(paths) + 1)]
+    words = numbers if titles is None else texts("titles", titles, len(paths), "stages")
+    legs = []
+    for title, path in zip(words, paths, strict=True):
+        times = instants(float(np.max(path.start)), float(np.min(path.end)), path)
+        legs.append(Leg(title, path, times, Pairs.of(path, zone, name="zone")))
+    return legs
+
+
+def impulses(paths: Path) -> tuple[Floats, Any, Floats]:
+    """When craft of a batch have impulses (K,) [s], who, and how large these are [m/s]."""
+    sizes = np.linalg.norm(paths.arcs[:, IMPULSE : IMPULSE + 3], axis=1)
+    there = np.flatnonzero(sizes)
+    who = np.repeat(np.arange(len(paths)), np.diff(paths.offsets))[there]
+    return paths.arcs[there, START], who, sizes[there]

@@ -1,0 +1,292 @@
+"""A whole mission in one picture: all paths in space; against time who thrusts, who meets and how near."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from closeform.arrays import Floats
+from closeform.motion.path import Path
+from closeform.plots.closest import guarded, ratio_axis
+from closeform.plots.fleet import NAMED, NEAREST, in_space
+from closeform.plots.legs import Leg, asked, impulses
+from closeform.plots.letters import inches, plain, short_names
+from closeform.plots.look import (
+    AFTER,
+    CONFLICT,
+    FAINT,
+    INK,
+    OTHER,
+    SMALL,
+    TEXT,
+    WIDTH,
+    ZONE,
+    Clock,
+    area,
+    clock,
+    dress,
+    headline,
+    legend,
+    sheet,
+    speed,
+    thrust_unit,
+    time_axes,
+)
+from closeform.plots.names import Names
+from closeform.plots.panels import framed
+from closeform.plots.tracks import Formation, closest, colours, together
+from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.pair_zones import PairZones
+
+HIGH, SPACE = 6.0, 4.45  # inches of the picture, and of the view in space, which is square
+LEFT, RIGHT, ABOVE, BELOW = 5.6, 0.35, 1.0, 1.25  # inches beside, above and below the panels of time
+STRIP, GAP = 0.32, 0.1  # inches of the row of stages, and between panels
+MARK = 0.75  # inches of a mark in the legend, and beside it
+TALL = 0.8  # of a row: the strongest thrust, and the largest impulse
+SHADE = "#eef1f4"
+
+Lock = tuple[float, int, int]
+
+
+def overview(
+    stages: Sequence[Path],
+    names: Sequence[str] | None = None,
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    titles: Sequence[str] | None = None,
+    locks: Sequence[Lock] = (),
+) -> Figure:
+    """A whole mission: all paths in space, and against time who thrusts, who meets and how near craft come.
+
+    On the left every path from its ring to its dot.  On the right a row for each craft, in which thrust is an
+    area and an impulse a line, either as high as it is strong beside the strongest; a lock joins the rows of
+    the two who find each other, a conflict those of the two who are in it.  Below them the least ratio of any
+    pair, where there are zones: of the 300 pairs that come closest in a stage.
+
+    Parameters
+    ----------
+    stages : sequence of Path
+        Of shape (N,) each and in one orbit, one after another in time.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+        One for all or one for each craft, of two as in `screen` (None: none of its own).
+    titles : sequence of str, optional
+        Of the stages; their numbers unless given.
+    locks : sequence of (time [s], int, int), default none
+        Who finds whom, by index.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there is no stage, shapes or orbits differ, names are not as many as the craft or titles as the
+        stages, or an argument is of another kind.
+    """
+    legs = asked(stages, zone, titles)
+    first = legs[0].paths
+    called = short_names(names, len(first))
+    figure = sheet(HIGH)
+    in_orbit, tints = bool(first.orbit.mean_motion), colours(len(first))
+    flown = whole(legs, called)
+    space = area(figure, 0.1, BELOW - 0.5, SPACE, SPACE)
+    camera = ORBITAL if in_orbit else OBLIQUE
+    window(space, camera(flown.points), camera, AXES if in_orbit else "xyz", 0.35)
+    framed(space, "")
+    in_space(space, camera, flown, Names(figure, called if len(called) <= NAMED else ()))
+    start, end = legs[0].start, legs[-1].end
+    ticks = clock(first, start, end)
+    panels = against_time(figure, bool(len(legs[0].pairs)))
+    shown = [*stage_strip(panels[0], legs, ticks, end - start), *rows(panels[1], legs, ticks, called, tints)]
+    shown += meetings(panels[1], legs, ticks, len(called), locks)
+    if len(panels) > 2:
+        nearness(panels[2], legs, ticks)
+    for axes in panels[1:]:
+        for leg in legs[1:]:
+            axes.axvline(float(ticks(leg.start)), color=OTHER, linewidth=0.8, zorder=1)
+    time_axes(panels, ticks, start, end)
+    marks(figure, flown, shown)
+    headline(figure, said(legs, flown, len(called)))
+    return figure
+
+
+def whole(legs: list[Leg], called: list[str]) -> Formation:
+    """All stages as one, as it is drawn in space."""
+    count = len(called)
+    pieces = [leg.paths.position(leg.times) for leg in legs]
+    tracks = [np.concatenate([piece[k] for piece in pieces]) for k in range(count)]
+    stays = [
+        leg.paths[k].position(np.linspace(start, end, 60))
+        for leg in legs
+        for k, spans in enumerate(together(leg.pairs, count))
+        for start, end in spans
+    ]
+    nearest = min(legs, key=lambda leg: round(leg.least, 6))
+    near = closest(nearest.pairs, count, called)
+    hit = {tuple(pair) for leg in legs for pair in leg.pairs.craft[leg.pairs.hit].tolist()}
+    return Formation("", tracks, stays, [], near, len(hit), len(legs[0].pairs), "")
+
+
+def against_time(figure: Figure, zones: bool) -> list[Axes]:
+    """Axes above each other: the strip of stages, the rows of craft, and with `zones` the ratio."""
+    wide = WIDTH - LEFT - RIGHT
+    room = HIGH - ABOVE - BELOW - STRIP - GAP
+    shares = (0.55 * room, 0.45 * room - GAP) if zones else (room,)
+    made, top = [area(figure, LEFT, HIGH - ABOVE - STRIP, wide, STRIP)], HIGH - ABOVE - STRIP
+    for tall in shares:
+        made.append(area(figure, LEFT, top - GAP - tall, wide, tall))
+        top -= GAP + tall
+        dress(made[-1])
+        made[-1].yaxis.set_label_coords(-0.5 / wide, 0.5)
+    return made
+
+
+def stage_strip(axes: Axes, legs: list[Leg], ticks: Clock, duration: float) -> list[Any]:
+    """What the stages are called, as far as there is room."""
+    axes.set(ylim=(0.0, 1.0), yticks=[])
+    axes.tick_params(bottom=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    per_inch = duration / (WIDTH - LEFT - RIGHT)
+    for k, leg in enumerate(legs):
+        begin, over = float(ticks(leg.start)), float(ticks(leg.end))
+        axes.axvspan(begin, over, color=FAINT if k % 2 else SHADE, linewidth=0)
+        room = (leg.end - leg.start) / per_inch
+        word = leg.title if inches(leg.title, SMALL) < room else leg.title.split()[0]
+        if inches(word, SMALL) < room:
+            look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "color": INK}
+            plain(axes.text(0.5 * (begin + over), 0.46, word, **look))
+    return []
+
+
+def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Floats) -> list[Any]:
+    """Thrust of each craft as areas, and impulses as lines; what these mean."""
+    count = len(called)
+    levels = np.arange(count)[::-1]
+    thrusts = [np.linalg.norm(leg.paths.thrust(leg.times), axis=-1) for leg in legs]
+    strongest = max(float(one.max(initial=0.0)) for one in thrusts)
+    axes.hlines(levels, float(ticks(legs[0].start)), float(ticks(legs[-1].end)), color=FAINT, linewidth=1.0)
+    kicks = [impulses(leg.paths) for leg in legs]
+    largest = max(float(sizes.max(initial=0.0)) for _, _, sizes in kicks)
+    handles: list[Any] = []
+    if strongest > 0.0:
+        for leg, thrust in zip(legs, thrusts, strict=True):
+            along = ticks(leg.times)
+            some = np.flatnonzero(thrust.any(axis=1))
+            shapes = [
+                np.column_stack(
+                    [
+                        np.r_[along[0], along, along[-1]],
+                        levels[k] + TALL * np.r_[0.0, thrust[k], 0.0] / strongest,
+                    ]
+                )
+                for k in some
+            ]
+            axes.add_collection(
+                PolyCollection(shapes, facecolors=tints[some], linewidths=0, alpha=0.85, zorder=2)
+            )
+        unit = thrust_unit(strongest)
+        words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"
+        handles.append(Patch(facecolor=AFTER, alpha=0.85, label=words))
+    if largest > 0.0:
+        for time, who, size in kicks:
+            feet = np.column_stack([ticks(time), levels[who]])
+            tops = np.column_stack([ticks(time), levels[who] + TALL * size / largest])
+            axes.add_collection(
+                LineCollection(
+                    list(np.stack([feet, tops], axis=1)), colors=tints[who], linewidths=2.2, zorder=2.5
+                )
+            )
+        handles.append(Line2D([], [], color=AFTER, linewidth=2.2, label=f"impulse, up to {speed(largest)}"))
+    axes.set_ylim(-0.35, count - 1 + 1.0)
+    axes.grid(axis="y", visible=False)
+    few = count <= NAMED
+    axes.set_yticks(levels if few else [], called if few else [])
+    axes.tick_params(axis="y", labelsize=SMALL - (0.0 if count <= 10 else 2.5), length=0)
+    for word in axes.get_yticklabels():
+        plain(word)
+    if not few:
+        axes.set_ylabel(f"{count} craft", fontsize=TEXT, color=INK)
+    return handles
+
+
+def meetings(axes: Axes, legs: list[Leg], ticks: Clock, count: int, locks: Sequence[Lock]) -> list[Any]:
+    """Conflicts and locks between the rows of craft; what these mean."""
+    handles: list[Any] = []
+    top = count - 1
+    met = [
+        (stay, *pair)
+        for leg in legs
+        for pair, stays in zip(leg.pairs.craft.tolist(), leg.pairs.stays, strict=True)
+        for stay in stays
+    ]
+    if met:
+        bars = [
+            [(float(ticks(stay.start)), top - k), (float(ticks(stay.end)), top - k)]
+            for stay, *two in met
+            for k in two
+        ]
+        axes.add_collection(LineCollection(bars, colors=CONFLICT, linewidths=5.0, zorder=3))
+        links = [[(float(ticks(stay.time)), top - k) for k in two] for stay, *two in met]
+        axes.add_collection(LineCollection(links, colors=CONFLICT, linewidths=1.0, zorder=3))
+        handles.append(Line2D([], [], color=CONFLICT, linewidth=5.0, label="in conflict"))
+    if len(locks):
+        joined = [[(float(ticks(time)), top - k) for k in two] for time, *two in locks]
+        axes.add_collection(LineCollection(joined, colors=INK, linewidths=1.1, zorder=4))
+        ends = np.array(joined).reshape(-1, 2)
+        axes.plot(*ends.T, "o", color=INK, markersize=4, zorder=4)
+        look: dict[str, Any] = {"marker": "o", "markersize": 4, "color": INK, "linewidth": 1.1}
+        handles.append(Line2D([], [], label="lock", **look))
+    return handles
+
+
+def nearness(axes: Axes, legs: list[Leg], ticks: Clock) -> None:
+    """The least ratio of any pair against time, with a dot where it is least in each stage."""
+    guarded(axes)
+    curves = [leg.nearness() for leg in legs]
+    for leg, (times, least) in zip(legs, curves, strict=True):
+        axes.plot(ticks(times), least, color=AFTER, linewidth=1.8, zorder=3)
+        inside = np.where(least <= 1.0, least, np.nan)
+        axes.plot(ticks(times), inside, color=CONFLICT, linewidth=4.0, alpha=0.6, zorder=2.9)
+        near = leg.pairs.order[0]
+        dot: dict[str, Any] = {"color": AFTER, "markeredgecolor": "white", "markersize": 7, "zorder": 5}
+        axes.plot(ticks(leg.pairs.time[near]), leg.pairs.ratio[near], "o", clip_on=False, **dot)
+    ratio_axis(axes, min(leg.least for leg in legs), max(float(least.max()) for _, least in curves))
+    axes.set_ylabel("closest [× zone]", fontsize=TEXT, color=INK)
+
+
+def marks(figure: Figure, flown: Formation, shown: list[Any]) -> None:
+    """What the marks mean."""
+    ring: dict[str, Any] = {"linestyle": "", "marker": "o", "color": INK}
+    handles: list[Any] = [
+        Line2D([], [], markerfacecolor="none", markersize=8, label="start", **ring),
+        Line2D([], [], markersize=6, label="end", **ring),
+    ]
+    if flown.closest is not None:
+        handles.append(Line2D([], [], **NEAREST, label="closest pair then"))
+        handles.append(Patch(facecolor=ZONE, edgecolor=ZONE, alpha=0.4, label="its zone"))
+    handles += shown
+    words = [str(one.get_label()) for one in handles]
+    lines = -(-sum(inches(word, SMALL) + MARK for word in words) // WIDTH)
+    legend(figure, handles, words, ncols=int(-(-len(words) // lines)), columnspacing=1.3)
+
+
+def said(legs: list[Leg], flown: Formation, count: int) -> str:
+    """How many craft fly how many stages, and whether they stay clear."""
+    number = f"{len(legs)} stage{'s' * (len(legs) > 1)}"
+    words = f"{count} craft, {number}"
+    if not flown.pairs:
+        return words
+    clear = f"{flown.conflicts} of {flown.pairs} pairs in conflict" if flown.conflicts else "paths clear"
+    return f"{words}: {clear}" + (f"; {flown.story}" if flown.story else "")

@@ -1,0 +1,170 @@
+"""Where the model ends: how far from real motion these numbers may be, what is certified, what estimated."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.flight import Flight
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.mean_motion import EARTH_MU, semi_major_axis_from_mean_motion
+from closeform.report.section import Section
+from closeform.report.table import Column, Table
+
+# Of a craft ahead on the same circle, along a straight axis: the model is 6 pi d^2 / a off in one orbit.
+# The others are measured: docs/validity.md (a chief of e = 0.001) and docs/ephemerides.md (GRACE-A and B).
+CURVATURE, ECCENTRICITY, FLATTENING = 6.0 * pi, 25.0, (0.012, 0.027)
+EXAMPLE = 0.001  # of an eccentricity that nobody knows
+TENTH = 0.1  # of the smallest zone: a deviation that is no longer small
+LOOKS = 201  # instants at which it is asked how far out craft are
+DEVIATIONS = (
+    Column("what the model leaves out", "cause", words=True),
+    Column("rule, for one orbit", "rule", words=True),
+    Column("here [m]", "deviation_m", "{:.3g}".format),
+    Column("a tenth of the smallest zone from", "limit", words=True),
+)
+SURE = Column("figure", "figure", words=True), Column("how sure it is", "words", words=True)
+LOCKS = (
+    "Who finds whom",
+    "certified for ideal attitudes and clocks: no lock is missed however short; turns have no errors",
+)
+
+
+@dataclass(frozen=True)
+class Circle:
+    """The circle that an orbit is taken for: mean motion [rad/s], `mu` [m^3/s^2], its true e where known."""
+
+    mean_motion: float
+    mu: float = EARTH_MU
+    eccentricity: float | None = None
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far out a flight leads: the `craft` that is farthest from the frame's origin, `distance` [m] away.
+
+    `smallest`: how far the smallest zone reaches at least [m], None where there is none.
+    """
+
+    craft: str
+    distance: float
+    time: float
+    smallest: float | None
+
+    @classmethod
+    def of(cls, flights: list[Flight]) -> "Reach":
+        """Of flights one after another, at some instants of each."""
+        found: list[tuple[float, float, str]] = []
+        for flight in flights:
+            times = np.linspace(float(np.max(flight.paths.start)), float(np.min(flight.paths.end)), LOOKS)
+            far: Floats = np.linalg.norm(flight.paths.position(times), axis=-1)
+            craft, when = np.unravel_index(int(np.argmax(far)), far.shape)
+            found.append((float(far[craft, when]), float(times[when]), flight.names[int(craft)]))
+        distance, time, name = max(found)
+        zones = {near.zone for flight in flights for near in flight.approaches}
+        reaches = [float(np.min(zone.extents)) for zone in zones if np.isfinite(zone.extents).all()]
+        return cls(name, distance, time, min(reaches, default=None))
+
+
+def section(mission: Mission) -> Section:
+    """What holds for a mission's numbers, and what does not."""
+    flown = [result for result in mission.results if result.flown]
+    sure = certain([*certainties(flown)])
+    if not flown:
+        return Section("Limits of the model", tables=(sure,))
+    reach = Reach.of([result.after for result in flown])
+    n, mu, chief = mission.orbit.mean_motion, mission.scenario.orbit.mu, mission.scenario.chief
+    orbit = Circle(n, mu or EARTH_MU) if chief is None else Circle(n, chief.mu, chief.eccentricity)
+    lines, tables = beyond(reach, orbit, flown[-1].end)
+    return Section("Limits of the model", lines, (*tables, sure))
+
+
+def certain(rows: list[tuple[str, str]]) -> Table:
+    """How sure each figure is."""
+    return Table("What is certified, and what is estimated", SURE, rows)
+
+
+def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+    """How far the model may be off for craft that are so far out, in a flight of a duration [s]."""
+    far = (
+        f"{reach.craft} is farthest out: {reach.distance:.1f} m from the frame's origin at {reach.time:.1f} s"
+    )
+    if not orbit.mean_motion:
+        off = 0.5e-9 * duration**2
+        return (
+            "Every figure is exact for craft on which nothing acts but their own thrust, and whose states at "
+            "the start are known exactly unless errors are given.",
+            f"Sunlight and leaks are not in it: two craft that differ by 1 nm/s² are {off:.3g} m off after "
+            f"{duration:.1f} s, and four times as much after twice the time. {far}.",
+        ), ()
+    orbits = duration * orbit.mean_motion / (2.0 * pi)
+    lines = (
+        "Every figure is exact for Hill's equations: a circular orbit, a point mass, small separations, no "
+        "force but the craft's own thrust, states that are known exactly unless errors are given.",
+        f"{far}. Real motion leaves the model by what stands below, in each of the {orbits:.3g} orbits "
+        "flown: zones are to be larger by as much as is expected until states are measured again.",
+    )
+    title = "How far off the model may be after one orbit, by rule"
+    return lines, (Table(title, DEVIATIONS, [*deviations(reach, orbit)]),)
+
+
+def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
+    """Rows of DEVIATIONS on an orbit."""
+    radius = float(semi_major_axis_from_mean_motion(orbit.mean_motion, orbit.mu))
+    far, least = reach.distance, None if reach.smallest is None else TENTH * reach.smallest
+    bend = CURVATURE * far**2 / radius
+    limit = None if least is None else f"{sqrt(least * radius / CURVATURE):.3g} m from the origin"
+    yield "the curvature of the orbit", "6π d²/a, for d from the origin", bend, limit
+    limit = None if least is None or not far else f"e = {least / (ECCENTRICITY * far):.2g} at this distance"
+    rule = f"up to {ECCENTRICITY:g} e d, for an eccentricity e"
+    known = orbit.eccentricity
+    told = f"an orbit of e = {EXAMPLE:g}, say" if known is None else f"the chief's e = {known:.5f}"
+    yield told, rule, (EXAMPLE if known is None else known) * ECCENTRICITY * far, limit
+    if orbit.mu == EARTH_MU:
+        low, high = FLATTENING
+        limit = None if least is None else f"{least / high:.3g} m from the origin"
+        rule = f"{1e3 * low:g} to {1e3 * high:g} m per km, as measured for GRACE"
+        yield "the Earth's flattening", rule, high * far, limit
+
+
+def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]:
+    """Rows of SURE, of what there is in a mission."""
+    if any(result.after.pairs for result in flown):
+        yield (
+            "Conflicts, closest approaches",
+            "certified: searched in closed form between all instants, none is missed however short; "
+            "times to 1e-6 s, ratios to 1e-9",
+        )
+    if any(getattr(result.result, "plan", getattr(result.result, "avoidance", None)) for result in flown):
+        yield (
+            "Cost of a plan",
+            "the least that was found; its lower bound is certified for these ends and times, and it is the "
+            "least there is where it is called proven",
+        )
+    if any(result.passive is not None for result in flown):
+        yield (
+            "Passive safety",
+            "certified for every instant of failure and all of the drift, of one craft that fails at a time",
+        )
+    if any(result.stage.searches for result in flown):
+        yield LOCKS
+    if any(result.pulsed is not None for result in flown):
+        yield (
+            "Pulses of thrusters",
+            "flown as they are fired, and certified clear; their bound on deviation holds",
+        )
+    yield from of_errors(any(result.uncertain is not None for result in flown))
+
+
+def of_errors(known: bool) -> Iterator[tuple[str, str]]:
+    """Rows of SURE, of what errors make of a flight, if any are given."""
+    if known:
+        yield (
+            "Sigmas",
+            "certified for Gaussian errors of the sizes given; not where states are known exactly along some "
+            "direction",
+        )
+        yield "Probability of collision", "estimated: its interval of 95 % holds sampling and quadrature"

@@ -1,0 +1,35 @@
+"""What every report leaves in a result folder: its pictures, its page and its figures."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from closeform.report import page, repeat
+from closeform.report.drawing import drawn
+from closeform.report.page import Head
+from closeform.report.picture import Progress, Shot
+from closeform.report.section import Section
+from closeform.result_folder import REPORT, Folder
+
+
+def leave(
+    folder: Folder,
+    head: Head,
+    chapters: Sequence[Section],
+    repeated: Callable[[Sequence[str]], Section],
+    figures: Mapping[str, Any],
+    progress: Progress = lambda text: None,
+    show: Callable[[Sequence[Shot]], None] = lambda shots: None,
+) -> None:
+    """Draw all pictures, then write the page and, last, the summary; all other files are there.
+
+    `repeated` makes the last chapter from the files beside the page; `show` leaves some more, which know
+    the pictures.
+    """
+    pictures = [picture for told in chapters for picture in told.pictures]
+    shots = drawn(pictures, folder, progress)
+    show(shots)
+    files = repeat.beside(folder)
+    whole = [*chapters, repeated(files)]
+    folder.text(REPORT, page.document(replace(head, links=repeat.links(files)), whole, shots))
+    folder.summary(figures)

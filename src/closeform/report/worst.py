@@ -1,0 +1,58 @@
+"""The cases of a study that are worth a look: why, and how to see each."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from closeform.campaign.error_cases import ErrorCampaign
+from closeform.report.cases import Replays
+from closeform.report.section import Section
+from closeform.report.table import Column, Table
+
+MOST = 10  # cases of errors
+PAGES = (
+    Column("in motion", "file", words=True, links=True),
+    Column("what it shows", "what", words=True),
+    Column("why it is worth a look", "why", words=True),
+    Column("the same as a run", "command", words=True, absent=""),
+)
+CASES = (
+    Column("case", "case"),
+    Column("entries", "entries"),
+    Column("who is inside", "pairs", words=True),
+)
+
+
+def section(replays: Replays, file: str | None, *tables: Table) -> Iterator[Section]:
+    """Pages of cases, and the command that flies each from the `file` of the study; further `tables`."""
+    rows = [(page, what, why, command(file, what)) for page, what, why in replays]
+    pages = [Table("", PAGES, rows)] if rows else []
+    found = tuple(one for one in (*pages, *tables) if one.rows)
+    if found:
+        yield Section("Cases worth a look", tables=found)
+
+
+def command(file: str | None, what: str) -> str | None:
+    """What flies a case as a run; none where the file's own seed draws others, or it is no case."""
+    kind, _, number = what.partition(" ")
+    return f"closeform run {file} --case {number}" if file is not None and kind == "case" else None
+
+
+def of_errors(campaign: ErrorCampaign) -> Table:
+    """The cases in which anybody is inside, those with most entries first."""
+    rows = list(ranked(campaign))
+    some = f", the {MOST} with most entries" if len(rows) == MOST else ""
+    return Table(f"Cases in which anybody is ever inside{some}", CASES, rows)
+
+
+def ranked(campaign: ErrorCampaign) -> Iterator[tuple[int, int, str]]:
+    """Rows of CASES."""
+    pairs = [*campaign.zones, *campaign.bodies]
+    if not pairs:
+        return
+    entries = np.sum([pair.entries for pair in pairs], axis=0)
+    inside = np.any([pair.inside for pair in pairs], axis=0)
+    order = np.argsort(-entries, kind="stable")
+    for case in order[inside[order]][:MOST].tolist():
+        who = dict.fromkeys(f"{one.first} - {one.second}" for one in pairs if one.inside[case])
+        yield case, int(entries[case]), ", ".join(who)
