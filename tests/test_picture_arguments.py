@@ -18,6 +18,7 @@ mpl.use("agg")
 KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
 NEAR = REST.orbit.coast([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], REST.end)
 MEETING = cf.collision_probability(NEAR, REST, BALL, cf.Errors(np.eye(6)))
+LATER = COAST.orbit.coast(COAST.state(COAST.end.max()), 100.0, COAST.end.max())
 CALLS = {
     "plots.animation": {
         "gathering": GATHERED, "file": io.BytesIO(), "craft": 0, "names": ["a", "b", "c"],
@@ -52,7 +53,8 @@ CALLS = {
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
     "plots.overview": {
-        "stages": [COAST], "names": ["a", "b", "c"], "zone": BALL, "titles": ["1"], "locks": [(1.0, 0, 1)]
+        "stages": [COAST, LATER], "names": ["a", "b", "c"], "zone": BALL, "titles": ["1", "2"],
+        "locks": [(1.0, 0, 1)],
     },
     "plots.primer": OTHERS["plots.primer"],
     "plots.trade": OTHERS["plots.trade"],

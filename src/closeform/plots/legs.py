@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats, sequence
+from closeform.arrays import Floats, number, sequence, shown, whole
 from closeform.motion.arc import IMPULSE, START
 from closeform.motion.path import Path
 from closeform.plots.given import one_path, texts
@@ -15,6 +15,9 @@ from closeform.plots.look import instants
 from closeform.plots.pairs import Pairs
 
 CLOSEST, LOOKS = 300, 500  # pairs of which the nearest is shown, and times of a stage
+SAME = 1e-9  # of all the time, by which stages may overlap: rounding
+
+Lock = tuple[float, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,11 +72,27 @@ def asked(stages: Any, zone: Any, titles: Any) -> list[Leg]:
         )
     numbers = [str(number) for number in range(1, len(paths) + 1)]
     words = numbers if titles is None else texts("titles", titles, len(paths), "stages")
-    legs = []
+    legs: list[Leg] = []
     for title, path in zip(words, paths, strict=True):
         times = instants(float(np.max(path.start)), float(np.min(path.end)), path)
+        if legs and times[0] < legs[-1].end - SAME * (times[-1] - legs[0].start):
+            raise ValueError(f"stages: {title} begins at {times[0]:g} s, before {legs[-1].title} has ended")
         legs.append(Leg(title, path, times, Pairs.of(path, zone, name="zone")))
     return legs
+
+
+def pairs_found(locks: Any, count: int) -> list[Lock]:
+    """The locks of so many craft, checked."""
+    found = []
+    for lock in sequence("locks", locks, tuple):
+        if len(lock) != 3:
+            raise ValueError(f"locks: expected (time, craft, craft), got {shown(lock)}")
+        time = number("locks", lock[0])
+        one, other = (whole("locks", craft, 0) for craft in lock[1:])
+        if max(one, other) >= count:
+            raise ValueError(f"locks: there is no craft {max(one, other)}, of {count}")
+        found.append((time, one, other))
+    return found
 
 
 def impulses(paths: Path) -> tuple[Floats, Any, Floats]:

@@ -16,7 +16,7 @@ from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.closest import guarded, ratio_axis
 from closeform.plots.fleet import NAMED, NEAREST, in_space
-from closeform.plots.legs import Leg, asked, impulses
+from closeform.plots.legs import Leg, Lock, asked, impulses, pairs_found
 from closeform.plots.letters import inches, plain, short_names
 from closeform.plots.look import (
     AFTER,
@@ -53,8 +53,6 @@ MARK = 0.75  # inches of a mark in the legend, and beside it
 TALL = 0.8  # of a row: the strongest thrust, and the largest impulse
 SHADE = "#eef1f4"
 
-Lock = tuple[float, int, int]
-
 
 def overview(
     stages: Sequence[Path],
@@ -80,8 +78,8 @@ def overview(
         One for all or one for each craft, of two as in `screen` (None: none of its own).
     titles : sequence of str, optional
         Of the stages; their numbers unless given.
-    locks : sequence of (time [s], int, int), default none
-        Who finds whom, by index.
+    locks : sequence of tuple of (float [s], int, int), default none
+        When who finds whom, by index.
 
     Returns
     -------
@@ -91,12 +89,13 @@ def overview(
     Raises
     ------
     ValueError
-        If there is no stage, shapes or orbits differ, names are not as many as the craft or titles as the
-        stages, or an argument is of another kind.
+        If there is no stage, shapes or orbits differ, a stage begins before the last has ended, names are not
+        as many as the craft or titles as the stages, a lock is of nobody, or an argument is of another kind.
     """
     legs = asked(stages, zone, titles)
     first = legs[0].paths
     called = short_names(names, len(first))
+    found = pairs_found(locks, len(first))
     figure = sheet(HIGH)
     in_orbit, tints = bool(first.orbit.mean_motion), colours(len(first))
     flown = whole(legs, called)
@@ -109,7 +108,7 @@ def overview(
     ticks = clock(first, start, end)
     panels = against_time(figure, bool(len(legs[0].pairs)))
     shown = [*stage_strip(panels[0], legs, ticks, end - start), *rows(panels[1], legs, ticks, called, tints)]
-    shown += meetings(panels[1], legs, ticks, len(called), locks)
+    shown += meetings(panels[1], legs, ticks, len(called), found)
     if len(panels) > 2:
         nearness(panels[2], legs, ticks)
     for axes in panels[1:]:
