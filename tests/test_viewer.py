@@ -406,7 +406,7 @@ def test_study_links_its_worst_cases_to_their_replays(
     summary = json.loads((place / "summary.json").read_text())
     report = (place / "report.html").read_text()
     cases = pyarrow.parquet.read_table(place / "cases" / "000000000.parquet").to_pydict()
-    links = dict(re.findall(r'<a href="(case-\d+\.html)">.*?</a>: (.*?)</li>', report))
+    links = dict(re.findall(r'<a href="(case-\d+\.html)">(?:.*?</td><td[^>]*>){2}(.*?)</td>', report))
     assert set(links) <= set(summary["files"])
     last, most = (int(np.argmax(np.array(cases[name]))) for name in ("duration_s", "delta_v_m_s"))
     assert "gathered last" in links[f"case-{last}.html"]
