@@ -148,3 +148,11 @@ def test_animations_are_gifs(tmp_path: Path) -> None:
         cf.animate(answers()["Path"], 3)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="frames"):
         cf.animate(answers()["Path"], io.BytesIO(), frames=1)
+
+
+def test_a_notebook_shows_a_picture() -> None:
+    """A figure is drawn as PNG, without pyplot, which would open windows."""
+    shown = io.BytesIO(cf.plot(answers()["Path"])._repr_png_())  # type: ignore[attr-defined]
+    with Image.open(shown) as picture:
+        assert picture.format == "PNG"
+        assert picture.width > 1000

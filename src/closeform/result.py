@@ -104,6 +104,8 @@ class Rows(Result):
         return f"{rows} row{'s' * (rows != 1)}"
 
     def _repr_html_(self) -> str:
+        if min(np.ndim(getattr(self, name)) for name in self._named) == 0:
+            return super()._repr_html_()  # one pair, or one transfer
         columns = {name: np.asarray(values) for name, values in self.columns().items()}
         shown = [values[:MOST_ROWS].tolist() for values in columns.values()]
         rows = [[told(cell, "") for cell in row] for row in zip(*shown, strict=True)]
@@ -175,7 +177,7 @@ def units(kind: type) -> dict[str, str]:
 
 def _table(caption: str, heads: list[str], rows: list[list[str]]) -> str:
     """A table in HTML; names may hold anything."""
-    head = "".join(f"<th>{escape(one)}</th>" for one in heads)
+    head = "<tr>" + "".join(f"<th>{escape(one)}</th>" for one in heads) + "</tr>" if heads else ""
     body = "".join("<tr>" + "".join(f"<td>{escape(one)}</td>" for one in row) + "</tr>" for row in rows)
-    inside = f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
+    inside = f"<caption>{escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody>"
     return f"<table>{inside}</table>"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numba import float64, int64, void
@@ -66,6 +66,7 @@ class Path(Result):
     arcs: Floats
     offsets: Any
     shape: tuple[int, ...]
+    _told: ClassVar = ("shape", "start", "end", "energy", "delta_v", "peak_thrust")
 
     def __post_init__(self) -> None:
         if not hasattr(self.orbit, "mean_motion"):

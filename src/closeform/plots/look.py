@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -120,9 +121,18 @@ def instants(start: float, end: float, *paths: Path) -> Floats:
     return np.unique(np.concatenate([grid, joints, np.nextafter(joints, -np.inf)]))
 
 
+class Sheet(Figure):
+    """A figure that a notebook shows as it is, without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
+
+
 def sheet(height: float, width: float = WIDTH) -> Figure:
     """An empty figure, in inches, whose axes are placed by hand: to find their places out is slow."""
-    return Figure(figsize=(width, height), dpi=DPI, facecolor="white")
+    return Sheet(figsize=(width, height), dpi=DPI, facecolor="white")
 
 
 def area(figure: Figure, left: float, bottom: float, wide: float, high: float) -> Axes:

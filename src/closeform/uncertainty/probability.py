@@ -10,7 +10,7 @@ from scipy.special import betaincinv, ndtri
 
 from closeform.arrays import Floats, shown, whole
 from closeform.motion.path import Path
-from closeform.result import Rows
+from closeform.result import Result, Rows
 from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.histories import CORES, Histories
@@ -77,6 +77,8 @@ class Probability(Rows):
     rates: Floats
     method: Method
     samples: int
+
+    _repr_html_ = Result._repr_html_  # the rate of entries is the lesser part of it
 
     def __str__(self) -> str:
         interval = f"{self.low:.5g} to {self.high:.5g}"
