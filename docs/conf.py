@@ -26,7 +26,7 @@ CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
         "choose lost_craft conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
-        "epochs motion elements python pictures viewer"
+        "export epochs motion elements python pictures viewer"
     ),
     "reference": "scenario command-line api errors",
     "background": "certified theory validity benchmarks peers",

@@ -1278,6 +1278,26 @@ class Misuse:
 
 
 MISUSES = (
+    Misuse(
+        "an export of a folder that is not there",
+        "export nowhere --to oem",
+        "nowhere: no such folder; give the folder that a run left",
+    ),
+    Misuse(
+        "an export of a folder of others",
+        "export folder --to oem",
+        "folder: holds no finished results; run the scenario first",
+    ),
+    Misuse(
+        "an export of what no run left",
+        "export done --to oem",
+        "done: was left by an earlier version or another command; run it again, or give another folder",
+    ),
+    Misuse(
+        "an export with a step without unit",
+        "export done --to oem --step 5",
+        '--step: "5" has no unit; use s, min, h, d, ms, for example "10 s"',
+    ),
     Misuse("no such file", "run nowhere.toml", "nowhere.toml: no such file or directory; check the path"),
     Misuse("a folder instead of a file", "run folder", "folder: is a directory; check the path"),
     Misuse("a file that is not text", "run picture.toml", "picture.toml: not UTF-8 text; save it as UTF-8"),
@@ -1556,6 +1576,7 @@ primary = [6.9e6, 0, 0, 0, 7600.0, 0]  # inertial
 other = orbit.coast([0, 60, 0, 0, 0, 0], 3000.0)
 errors = cf.Errors([[4.0 * (i == j) * (1e-6 if i > 2 else 1) for j in range(6)] for i in range(6)])
 known = [[100.0 * (i == j) * (0.001 if i > 2 else 1) for j in range(6)] for i in range(6)]
+chief = cf.Chief.from_elements("2026-11-22T12:00:00", [cf.EARTH_RADIUS + 500e3, 0, 0, 0, 1.7, 0])
 """
 
 
@@ -1923,5 +1944,75 @@ CALLS = (
         "errors of more craft than there are",
         "cf.clearance_in_sigmas(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), [cf.Errors()] * 2)",
         "errors: 2 for 1 craft; give one, or one for each",
+    ),
+    Call(
+        "a format that nobody has",
+        'cf.export(plan, "out", "kml", chief=chief)',
+        "to: 'kml' is no format; use one of oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml, spk",
+    ),
+    Call(
+        "an export without an epoch",
+        'cf.export(plan, "out", "oem")',
+        "oem: needs an epoch; give chief=cf.Chief(...)",
+    ),
+    Call(
+        "a frame that is another one to CCSDS",
+        'cf.export(plan, "out", "oem", chief=chief, frame="LVLH")',
+        "frame: LVLH is another frame, or each craft's own, to CCSDS; Hill's frame of the chief is RSW_ROTATING",
+    ),
+    Call(
+        "another inertial frame than the chief's",
+        'cf.export(plan, "out", "oem", chief=chief, frame="TEME")',
+        "frame: TEME is not that of the chief; use EME2000 or RSW_ROTATING",
+    ),
+    Call(
+        "Hill's frame where only inertial ones are told",
+        'cf.export(plan, "out", "spk", chief=chief, frame="hill")',
+        "frame: spk holds inertial states; leave the frame out",
+    ),
+    Call(
+        "nodes too coarse",
+        'cf.export(plan, "out", "oem", chief=chief, step=900.0)',
+        "step: 900 s leaves states between nodes up to 1.4e+02 m off, more than 0.001 m; give less, or leave it out",
+    ),
+    Call(
+        "a step of nothing",
+        'cf.export(plan, "out", "oem", chief=chief, step=0.0)',
+        "step: must be positive, got 0 s",
+    ),
+    Call(
+        "attitudes of who does not search",
+        'cf.export(plan, "out", "aem", chief=chief)',
+        "aem: nobody searches, and only searches have attitudes; export an oem",
+    ),
+    Call(
+        "conjunctions of paths",
+        'cf.export(plan, "out", "cdm", chief=chief)',
+        "cdm: paths have no zones and covariances of their own; export a run",
+    ),
+    Call(
+        "a chief on another orbit",
+        'cf.export(plan, "out", "oem", chief=cf.Chief(chief.epoch, 1.01 * chief.state))',
+        "chief: has a mean motion of 0.00104120445 rad/s, the paths one of 0.00110678345 rad/s; give the orbit that the paths were planned in",
+    ),
+    Call(
+        "two craft of one name",
+        'cf.export(cf.stack([plan, plan]), "out", "oem", chief=chief, names=["A", "A"])',
+        "names: expected 2 names, each another, got A, A",
+    ),
+    Call(
+        "axes of deep space without a name",
+        'cf.export(cf.Orbit(0.0).coast(start, 60.0), "out", "oem", chief=chief)',
+        "frame: in deep space the axes are the scenario's own; name them, as ICRF",
+    ),
+    Call(
+        "deep space on a globe",
+        'cf.export(cf.Orbit(0.0).coast(start, 60.0), "out", "czml", chief=chief, frame="ICRF")',
+        "czml: holds states about a body, and deep space has none; export an oem",
+    ),
+    Call(
+        "a table that is not there",
+        'cf.read_csv("nowhere.csv")',
+        "nowhere.csv: cannot be read: No such file or directory; check the path",
     ),
 )

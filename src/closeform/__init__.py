@@ -62,6 +62,8 @@ _NAMES = {
     "campaign": "study",
     "mission": "run",
     "exchange.chief": "Chief",
+    "exports": "export",
+    "exchange.states_csv": "read_csv",
     "reopened": "LoadedRun LoadedStage LoadedStudy load",
     "exchange.ephemeris": "Ephemeris",
     "exchange.oem": "read_oem read_oem_segments write_oem",

@@ -112,6 +112,8 @@ from closeform.conflicts.all_pairs import (
     screen as screen,
 )
 from closeform.search.gather import gather as gather, gather_cases as gather_cases
+from closeform.exports import export as export
+from closeform.exchange.states_csv import read_csv as read_csv
 from closeform.reopened import (
     LoadedRun as LoadedRun,
     LoadedStage as LoadedStage,

@@ -25,7 +25,7 @@ from closeform.console import (
 )
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.numba_import import collect_rarely, import_numba
-from closeform.screens import encounter, screen
+from closeform.screens import encounter, export, screen
 
 if TYPE_CHECKING:
     from closeform.report.error_study import ErrorStudyReport
@@ -325,3 +325,6 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
     """
     print(app.generate_completion(shell=shell))
     return CLEAR
+
+
+app.command(export, sort_key=4)

@@ -1,4 +1,4 @@
-"""What the command line does with files of real orbits: `screen` and `encounter`."""
+"""What the command line does with files of orbits: `screen`, `encounter` and `export`."""
 
 import os
 from collections.abc import Callable
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform.console import complain, kept, stderr, tell_screen
-from closeform.given import BAD_INPUT, UsageError, check_present, ephemerides, quantity
+from closeform.console import complain, kept, say, stderr, stdout, tell_screen
+from closeform.given import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
+from closeform.result_folder import FolderError
 
 if TYPE_CHECKING:
     from closeform.conflicts.flight import Flight
@@ -229,3 +230,52 @@ def judged(
     except NotPassing:
         short = None  # nearest at an edge of the time: the report says so
     return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
+
+
+def export(
+    directory: Path,
+    /,
+    *,
+    to: str,
+    out: Path | None = None,
+    frame: str | None = None,
+    step: str | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Write what a run flew in the format of other tools: ephemerides, manoeuvres, attitudes, conjunctions.
+
+    Parameters
+    ----------
+    directory
+        Result folder of a run of a scenario with an epoch.
+    to
+        oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml or spk.
+    out
+        Folder for the files; NAME-TO next to where you are by default.
+    frame
+        The chief's inertial frame by its name (the default), or RSW_ROTATING, the axes of Hill's frame.
+    step
+        Between states: "10 s"; as long as interpolation allows by default.
+    overwrite
+        Replace an earlier export.
+    """
+    from closeform.scenario.quantity import TIME
+
+    apart = quantity("step", TIME, step)
+    from closeform.exports import export as write
+    from closeform.exports import told
+    from closeform.reopened import LoadedRun, load
+
+    place = out if out is not None else Path(f"{directory.resolve().name}-{to}")
+    run = load(directory)
+    if not isinstance(run, LoadedRun):
+        raise UsageError(f"{directory}: is a study's, whose cases are not kept; export the run of one --case")
+    try:
+        write(run, place, to, frame=frame, step=apart, overwrite=overwrite)
+    except FolderError:
+        raise
+    except (ValueError, ImportError) as error:
+        raise UsageError(f"{directory}: {error}") from None
+    for line in told(place):
+        say(stdout(), line)
+    return CLEAR

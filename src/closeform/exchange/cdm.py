@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import instance
+from closeform.arrays import instance, sequence
 from closeform.exchange.conjunction import Conjunction, ConjunctionObject
 from closeform.exchange.covariance import LOWER, from_lower
 from closeform.exchange.epochs import clock
@@ -109,7 +109,7 @@ def read_cdm(file: str | PathLike[str]) -> Conjunction:
         )
 
 
-def write_cdm(file: str | PathLike[str], conjunction: Conjunction) -> None:
+def write_cdm(file: str | PathLike[str], conjunction: Conjunction, *, comments: Sequence[str] = ()) -> None:
     """Write a conjunction as a CDM in key-value form: states to 1e-6 m and 1e-9 m/s.
 
     Parameters
@@ -118,6 +118,8 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction) -> None:
         Where to; a file that is there is replaced.
     conjunction : Conjunction
         What to write; relative position and velocity are those of its states.
+    comments : sequence of str, optional
+        Lines of COMMENT in the header.
 
     Raises
     ------
@@ -130,9 +132,11 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction) -> None:
     """
     instance("file", file, str, PathLike)
     told = instance("conjunction", conjunction, Conjunction)
+    comments = sequence("comments", comments, str)
     relative = told.relative_state
     lines: list[tuple[str, Any, str]] = [
         ("CCSDS_CDM_VERS", "1.0", ""),
+        *(("COMMENT", comment, "") for comment in comments),
         ("CREATION_DATE", told.creation_date or f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}", ""),
         ("ORIGINATOR", told.originator, ""),
         *([("MESSAGE_FOR", told.message_for, "")] if told.message_for else []),
@@ -157,7 +161,10 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction) -> None:
         state = [f"{value / 1e3:.{9 if row < 3 else 12}f}" for row, value in enumerate(each.state)]
         lines += zip(STATE, state, STATE.values(), strict=True)
         lines += zip(COVARIANCE, each.covariance[LOWER], COVARIANCE.values(), strict=True)
-    text = [f"{keyword} = {_shown(value)}" + (f" [{unit}]" if unit else "") for keyword, value, unit in lines]
+    text = [
+        f"{keyword}{' ' if keyword == 'COMMENT' else ' = '}{_shown(value)}" + (f" [{unit}]" if unit else "")
+        for keyword, value, unit in lines
+    ]
     FilePath(file).write_text("\n".join(text) + "\n", encoding="utf-8")
 
 

@@ -31,21 +31,27 @@ def states_of(ephemeris: Ephemeris, epoch: Epoch, times: ArrayLike) -> tuple[Flo
 
 
 def interpolated(ephemeris: Ephemeris, times: Floats) -> tuple[Floats, Floats]:
-    """States (K, 6) at `times` (K,) [s] within the span of an ephemeris, and errors (K,) [m] by estimate.
+    """States (K, 6) at `times` (K,) [s] within the span of an ephemeris, and errors (K,) [m] by estimate."""
+    return hermite(ephemeris.times, ephemeris.states, times)
 
-    The estimate is the size of the last two terms of Newton's form: what the farthest state adds to the
-    position.  It is 0 at the epochs of the ephemeris, where nothing is interpolated.
+
+def hermite(epochs: Floats, known: Floats, times: Floats, most: int = MOST) -> tuple[Floats, Floats]:
+    """States (K, 6) at `times` (K,) [s], and errors (K,) [m] by estimate, from those (T, 6) at `epochs` (T,).
+
+    Each polynomial goes through the `most` epochs around.  The estimate is the size of the last two terms of
+    Newton's form: what the farthest state adds to the position.  It is 0 at the epochs, where nothing is
+    interpolated.
     """
-    count = min(MOST, len(ephemeris.times))
-    last = len(ephemeris.times) - count
-    first = np.clip(np.searchsorted(ephemeris.times, times) - count // 2, 0, last)
+    count = min(most, len(epochs))
+    last = len(epochs) - count
+    first = np.clip(np.searchsorted(epochs, times) - count // 2, 0, last)
     index = first[:, None] + np.arange(count)
-    unit = ephemeris.times[index[:, -1]] - ephemeris.times[index[:, 0]]  # keeps differences near positions
-    away = np.abs(ephemeris.times[index] - times[:, None])
+    unit = epochs[index[:, -1]] - epochs[index[:, 0]]  # keeps differences near positions
+    away = np.abs(epochs[index] - times[:, None])
     index = np.take_along_axis(index, np.argsort(away, axis=1), axis=1)  # so that the farthest is last
-    nodes = np.repeat((ephemeris.times[index] - times[:, None]) / unit[:, None], 2, axis=1)
-    positions = np.repeat(ephemeris.states[index, :3], 2, axis=1)
-    rates = ephemeris.states[index, 3:] * unit[:, None, None]
+    nodes = np.repeat((epochs[index] - times[:, None]) / unit[:, None], 2, axis=1)
+    positions = np.repeat(known[index, :3], 2, axis=1)
+    rates = known[index, 3:] * unit[:, None, None]
     middle = positions[:, :1].copy()
     differences = positions - middle
     coefficients = [differences[:, 0]]

@@ -1,0 +1,63 @@
+"""The text of an AEM (CCSDS 504.0-B section 4) of a craft that searches, and its quaternions.
+
+In version 1.0, whose keywords tell the convention of quaternions.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.exchange.exported import FileFrame, text_rows
+from closeform.exchange.oem_text import ORIGINATOR, created, keyed
+
+BODY = "SC_BODY_1"
+CONVENTION = (
+    "quaternions Q1 Q2 Q3 QC, scalar last, turn the axes of REF_FRAME_A into those of REF_FRAME_B",
+    "body z is the boresight, body x the sun shade's normal",
+    "each segment is one turn about a fixed axis at a constant rate, or a wait",
+)
+
+
+def quaternions(attitudes: Any) -> Floats:
+    """Of matrices (T, 3, 3) whose columns are the body axes in the frame: (T, 4), scalar last.
+
+    The rotation that turns the frame's axes into the body's (504.0-B-2 annex F2); without jumps of sign.
+    """
+    from scipy.spatial.transform import Rotation
+
+    found = Rotation.from_matrix(attitudes).as_quat()
+    signs = np.where((found[1:] * found[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
+    first = -1.0 if found[0, 3] < 0.0 else 1.0
+    signed: Floats = found * first * np.concatenate([[1.0], np.cumprod(signs)])[:, None]
+    return signed
+
+
+def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, Floats]]) -> str:
+    """In key-value form: of each turn the times (T,) [s] and quaternions (T, 4)."""
+    lines = ["CCSDS_AEM_VERS = 1.0", *(f"COMMENT {line}" for line in (*frame.about, *CONVENTION))]
+    parts = ["\n".join([*lines, f"CREATION_DATE = {created()}", f"ORIGINATOR = {ORIGINATOR}", ""])]
+    for times, values in turns:
+        stamps = frame.stamps(times)
+        told = {
+            "OBJECT_NAME": name,
+            "OBJECT_ID": object_id,
+            "REF_FRAME_A": frame.name,
+            "REF_FRAME_B": BODY,
+            "ATTITUDE_DIR": "A2B",
+            "TIME_SYSTEM": frame.epoch.system,
+            "START_TIME": stamps[0],
+            "USEABLE_START_TIME": stamps[0],
+            "USEABLE_STOP_TIME": stamps[-1],
+            "STOP_TIME": stamps[-1],
+            "ATTITUDE_TYPE": "QUATERNION",
+            "QUATERNION_TYPE": "LAST",
+            "INTERPOLATION_METHOD": "LINEAR",
+            "INTERPOLATION_DEGREE": "1",
+        }
+        parts.append("\n".join(["", "META_START", *keyed(told), "META_STOP", "", "DATA_START", ""]))
+        parts.append(text_rows(stamps, " ".join(["%.16f"] * 4), values))
+        parts.append("DATA_STOP\n")
+    return "".join(parts)

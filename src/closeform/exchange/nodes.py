@@ -1,0 +1,66 @@
+"""Nodes: where states of a path are told, so that polynomials between them give the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, IMPULSE, START
+from closeform.motion.path import Path, path_of
+
+COUNT = 4  # nodes that one of Hermite's polynomials goes through
+DEGREE = 2 * COUNT - 1
+STEPS = (120.0, 60.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)  # s
+SMOOTH = 1e-6  # of the greatest thrust: a jump that is rounding, or a piece of saturated thrust
+NEAR = 0.05  # of a step: nodes of the grid that are nearer to another node are left out
+SHORTEST = 1e-6  # s: what lasts no longer has no nodes
+APART = 1e-3  # s: edges of others that are nearer are one
+
+
+def smooth_pieces(path: Path) -> list[Path]:
+    """One craft's path cut where its velocity or its thrust jumps."""
+    arcs = path.arcs
+    alone = path_of(path.orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
+    begun, ended = (alone._evaluate_rows(arcs[:, edge : edge + 1], 3)[:, 0] for edge in (START, END))
+    size = np.abs(begun).max(initial=0.0)
+    apart = np.abs(begun[1:] - ended[:-1]).max(axis=1, initial=0.0) > SMOOTH * size
+    kicked = arcs[1:, IMPULSE : IMPULSE + 3].any(axis=1)
+    edges = [0, *(np.flatnonzero(apart | kicked) + 1).tolist(), len(arcs)]
+    parts = (arcs[first:last] for first, last in zip(edges[:-1], edges[1:], strict=True))
+    return [
+        path_of(path.orbit, part, np.array([0, len(part)]), ())
+        for part in parts
+        if part[-1, END] - part[0, START] > SHORTEST
+    ]
+
+
+def edges_of(pieces: Sequence[Path]) -> Floats:
+    """When the pieces of one craft begin and end [s], to a nanosecond."""
+    return np.unique(np.round([[piece.start, piece.end] for piece in pieces], 9))
+
+
+def common_nodes(edges: Sequence[Floats], step: float) -> Floats:
+    """Times for everybody: multiples of a step, and between them the edges of all craft."""
+    every = np.unique(np.concatenate(edges))
+    every = every[np.diff(every, prepend=-np.inf) > APART]
+    first, last = every[0], every[-1]
+    grid = np.round(step * np.arange(np.ceil(first / step), np.floor(last / step) + 1), 9)
+    return np.union1d(grid[distance(grid, every) > NEAR * step], every)
+
+
+def distance(times: Floats, others: Floats) -> Floats:
+    """How far each time is from the nearest of some others, which rise."""
+    after = np.clip(np.searchsorted(others, times), 1, max(len(others) - 1, 1))
+    left, right = (np.abs(times - others[np.minimum(after - k, len(others) - 1)]) for k in (1, 0))
+    nearest: Floats = np.minimum(left, right)
+    return nearest
+
+
+def nodes_of(piece: Path, common: Floats, least: int = COUNT) -> Floats:
+    """The nodes of a smooth piece: its ends, and of the common ones those between; `least` at least."""
+    ends: Floats = np.round([piece.start, piece.end], 9)
+    inside = common[(common > ends[0] + APART) & (common < ends[1] - APART)]
+    times = np.concatenate([ends[:1], inside, ends[1:]])
+    return times if len(times) >= least else np.linspace(ends[0], ends[1], least)

@@ -1,0 +1,123 @@
+"""The text of an OEM, in key-value or XML form, and of an OPM (CCSDS 502.0-B-3 sections 5 and 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from closeform.exchange.exported import FileFrame, Piece, Track, text_rows
+from closeform.exchange.nodes import DEGREE
+
+STATE = " ".join(["%.12f"] * 3 + ["%.15f"] * 3)  # km, km/s: to a nanometre, and a picometre per second
+NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")
+ORIGINATOR = "CLOSEFORM"
+SCHEMA = "https://sanaregistry.org/r/ndmxml_unqualified/ndmxml-3.0.0-master-3.0.xsd"
+
+
+def created() -> str:
+    """Now, as CREATION_DATE has it."""
+    return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}"
+
+
+def metadata(track: Track, frame: FileFrame, piece: Piece) -> dict[str, str]:
+    """Of one segment; all of it is useable, as polynomials at its ends take nodes from inside."""
+    first, last = frame.stamps(piece.times[[0, -1]])
+    return {
+        "OBJECT_NAME": track.name,
+        "OBJECT_ID": track.object_id,
+        "CENTER_NAME": frame.center,
+        "REF_FRAME": frame.name,
+        "TIME_SYSTEM": frame.epoch.system,
+        "START_TIME": first,
+        "USEABLE_START_TIME": first,
+        "USEABLE_STOP_TIME": last,
+        "STOP_TIME": last,
+        "INTERPOLATION": "HERMITE",
+        "INTERPOLATION_DEGREE": str(DEGREE),
+    }
+
+
+def keyed(entries: Mapping[str, str]) -> list[str]:
+    """Keywords with their values, a line each."""
+    return [f"{keyword} = {value}" for keyword, value in entries.items()]
+
+
+def comments(track: Track, frame: FileFrame) -> list[str]:
+    """What readers should know."""
+    return [*frame.about, f"{track.name}: {track.accuracy}"]
+
+
+def oem(track: Track, frame: FileFrame) -> str:
+    """In key-value form, a segment for each smooth piece."""
+    parts = ["\n".join(["CCSDS_OEM_VERS = 2.0", *(f"COMMENT {line}" for line in comments(track, frame))])]
+    parts.append(f"\nCREATION_DATE = {created()}\nORIGINATOR = {ORIGINATOR}\n")
+    for piece in track.pieces:
+        parts.append("\n".join(["\nMETA_START", *keyed(metadata(track, frame, piece)), "META_STOP\n\n"]))
+        parts.append(text_rows(frame.stamps(piece.times), STATE, piece.states / 1e3))
+    return "".join(parts)
+
+
+def oem_xml(track: Track, frame: FileFrame) -> str:
+    """In XML."""
+    about = "".join(f"<COMMENT>{escape(line)}</COMMENT>\n" for line in comments(track, frame))
+    parts = [
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<oem xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
+        f'xsi:noNamespaceSchemaLocation="{SCHEMA}" id="CCSDS_OEM_VERS" version="2.0">\n'
+        f"<header>\n{about}<CREATION_DATE>{created()}</CREATION_DATE>\n"
+        f"<ORIGINATOR>{ORIGINATOR}</ORIGINATOR>\n</header>\n<body>\n"
+    ]
+    row = "".join(
+        f'<{name} units="{unit}">%.{12 if unit == "km" else 15}f</{name}>'
+        for name, unit in zip(NAMES, UNITS, strict=True)
+    )
+    for piece in track.pieces:
+        entries = metadata(track, frame, piece).items()
+        parts.append("<segment>\n<metadata>\n")
+        parts += [f"<{keyword}>{escape(value)}</{keyword}>\n" for keyword, value in entries]
+        parts.append("</metadata>\n<data>\n")
+        lines = text_rows(frame.stamps(piece.times), f"|{row}", piece.states / 1e3)
+        lines = lines.replace(" |", "</EPOCH>").replace("\n", "</stateVector>\n<stateVector><EPOCH>")
+        parts.append("<stateVector><EPOCH>" + lines.removesuffix("<stateVector><EPOCH>"))
+        parts.append("</data>\n</segment>\n")
+    return "".join([*parts, "</body>\n</oem>\n"])
+
+
+def opm(track: Track, frame: FileFrame) -> str:
+    """The state at the start, with every burn as a manoeuvre; the mass changes only where it is known."""
+    piece = track.pieces[0]
+    lines = ["CCSDS_OPM_VERS = 3.0", *(f"COMMENT {line}" for line in frame.about)]
+    lines += [f"CREATION_DATE = {created()}", f"ORIGINATOR = {ORIGINATOR}"]
+    lines += list(keyed(metadata(track, frame, piece)))[:5]
+    lines.append(f"EPOCH = {frame.stamps(piece.times[:1])[0]}")
+    for name, unit, value in zip(NAMES, UNITS, piece.states[0] / 1e3, strict=True):
+        lines.append(f"{name} = {value:.15f} [{unit}]")
+    if track.mass is not None:
+        lines.append(f"MASS = {track.mass:.9f} [kg]")
+    lines += manoeuvres(track, frame)
+    return "\n".join(lines) + "\n"
+
+
+def manoeuvres(track: Track, frame: FileFrame) -> Iterator[str]:
+    """The burns of an OPM, along the axes of its state."""
+    burns = track.burns
+    yield f"COMMENT {len(burns)} manoeuvres; velocity increments are integrals of thrust along REF_FRAME"
+    if track.mass is None and len(burns):
+        yield "COMMENT no mass is known, and so no MASS and no MAN_DELTA_MASS"
+    for k, stamp in enumerate(frame.stamps(burns.start)):
+        yield f"MAN_EPOCH_IGNITION = {stamp}"
+        yield f"MAN_DURATION = {burns.duration[k]:.9f} [s]"
+        if np.isfinite(burns.propellant[k]) and burns.propellant[k] > 0.0:
+            yield f"MAN_DELTA_MASS = {-burns.propellant[k]:.12g} [kg]"
+        yield f"MAN_REF_FRAME = {frame.name}"
+        for axis, push in enumerate(burns.push[k] / 1e3, 1):
+            yield f"MAN_DV_{axis} = {push:.15f} [km/s]"
+
+
+def block(name: str, entries: Mapping[str, str], about: Sequence[str] = ()) -> str:
+    """The beginning of a block of an OCM."""
+    return "\n".join([f"\n{name}_START", *(f"COMMENT {line}" for line in about), *keyed(entries), ""])

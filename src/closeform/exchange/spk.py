@@ -1,0 +1,86 @@
+"""SPICE kernels (SPK type 13: Hermite's polynomials through unequal steps), written by spiceypy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.exchange.epochs import Epoch
+from closeform.exchange.exported import FileFrame, Piece, Track
+from closeform.exchange.nodes import DEGREE
+from closeform.motion.mean_motion import EARTH_MU
+
+CODES = {"EARTH": 399, "MOON": 301, "SUN": 10, "MARS": 499}
+FIRST_CODE = -999001  # NAIF's integers for spacecraft are negative; ours count down from here
+LONGEST = 40  # characters of a segment's name
+K, EB, M0, M1 = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7  # of TDB less TT, from NAIF's leap second kernels
+
+
+def spiceypy() -> Any:
+    """The module of the extra `spice`; ImportError with the remedy where it is missing."""
+    try:
+        return import_module("spiceypy")
+    except ImportError:
+        raise ImportError("spiceypy is not installed; run: pip install 'closeform[spice]'") from None
+
+
+def write_spk(file: Path, tracks: Sequence[Track], frame: FileFrame) -> None:
+    """All craft in one kernel, a segment for each smooth piece."""
+    spice = spiceypy()
+    start = ephemeris_time(frame.epoch)
+    handle = spice.spkopn(str(file), "closeform", 0)
+    try:
+        for k, track in enumerate(tracks):
+            for number, piece in enumerate(track.pieces, 1):
+                epochs, states = on_epochs(piece, start, frame)
+                spice.spkw13(
+                    handle,
+                    FIRST_CODE - k,
+                    CODES[frame.center.upper()],
+                    "J2000",
+                    epochs[0],
+                    epochs[-1],
+                    f"{track.name} {number}"[:LONGEST],
+                    DEGREE,
+                    len(epochs),
+                    np.ascontiguousarray(states / 1e3),
+                    epochs,
+                )
+    finally:
+        spice.spkcls(handle)
+
+
+def on_epochs(piece: Piece, start: float, frame: FileFrame) -> tuple[Floats, Floats]:
+    """Nodes as a kernel holds them [s TDB after J2000], and the states (T, 6) at these.
+
+    A double of 8e8 s steps by 1.2e-7 s, in which a craft flies a millimetre: states are told for the times
+    that are written, not for those that were meant.
+    """
+    epochs = start + piece.times
+    late = (epochs - start - piece.times)[:, None]
+    states, mu = piece.states.copy(), EARTH_MU if frame.chief is None else frame.chief.mu
+    place = piece.states[:, :3]
+    states[:, :3] += piece.states[:, 3:] * late
+    states[:, 3:] -= mu * place / np.linalg.norm(place, axis=1, keepdims=True) ** 3 * late
+    return epochs, states
+
+
+def ephemeris_time(epoch: Epoch) -> float:
+    """An epoch in seconds of TDB after J2000, as SPICE's own series has it."""
+    tt = Epoch("2000-01-01T12:00:00", "TT").until(epoch)
+    anomaly = M0 + M1 * tt
+    return float(tt + K * np.sin(anomaly + EB * np.sin(anomaly)))
+
+
+def names(tracks: Sequence[Track]) -> str:
+    """A text kernel with the names of all craft and their integers."""
+    lines = ["KPL/FK", "", "\\begindata", ""]
+    for k, track in enumerate(tracks):
+        quoted = track.name.replace("'", "''")
+        lines += [f"NAIF_BODY_NAME += ( '{quoted}' )", f"NAIF_BODY_CODE += ( {FIRST_CODE - k} )"]
+    return "\n".join([*lines, "", "\\begintext", ""])

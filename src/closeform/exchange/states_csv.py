@@ -1,0 +1,171 @@
+"""CSV of states with named columns and units: written, and read from others."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Sequence
+from os import PathLike
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from closeform.arrays import Floats, instance
+from closeform.exchange.ephemeris import Ephemeris
+from closeform.exchange.exported import FileFrame, Track, text_rows
+from closeform.exchange.message import within
+
+HEAD = ("craft", "epoch", "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
+FORM = ",".join(["%.9f"] * 4 + ["%.12f"] * 3)
+LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
+SPEEDS = {"m_s": 1.0, "km_s": 1e3, "cm_s": 1e-2, "mm_s": 1e-3}
+TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
+WANTED = {"time": TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("vx", "vy", "vz"), SPEEDS)}
+NAMED = re.compile(r"#\s*(center|frame|time_system|epoch)\s*[:=]\s*(.+?)\s*")
+
+
+def csv_text(tracks: Iterable[Track], frame: FileFrame) -> str:
+    """All craft, one row for each state; where a craft burns there are two for one time."""
+    told = {"frame": frame.name, "center": frame.center, "time_system": frame.epoch.system}
+    told["epoch"] = frame.stamps(np.zeros(1))[0]
+    parts = ["\n".join([*(f"# {key} = {value}" for key, value in told.items()), ",".join(HEAD), ""])]
+    for track in tracks:
+        name = f'"{track.name}"' if re.search(r'[",\s]', track.name) else track.name
+        for piece in track.pieces:
+            stamps = [f"{name},{stamp}," for stamp in frame.stamps(piece.times)]
+            values = np.column_stack([piece.times, piece.states])
+            parts.append(text_rows(stamps, FORM, values).replace(", ", ","))
+    return "".join(parts)
+
+
+def read_csv(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
+    """States of one craft or several from a table with named columns and units.
+
+    The first line that is no comment names the columns, with the unit after the last of `x_m`, `y_km`,
+    `vz_cm_s`, `time_s` or in brackets, as in `x [m]` and `vx [km/s]`, in any order; others are left out.
+    `craft` says whose a row is.  Comments `# frame = EME2000`, `# center = EARTH`, `# time_system = UTC` and
+    `# epoch = 2026-01-01T00:00:00` say what the numbers mean.  Two rows of a craft for one time are a burn: a
+    new ephemeris begins with the second.
+
+    Parameters
+    ----------
+    file : str or path-like
+        The file.
+
+    Returns
+    -------
+    tuple of Ephemeris
+        In m and m/s, one for each craft and span between burns, in the order of the file.
+
+    Raises
+    ------
+    ValueError
+        If the file is absent, has no such columns, columns without a unit or with an unknown one, cells that
+        are no finite numbers, or times that do not rise; in one line, with file and line.
+
+    References
+    ----------
+    docs/export.md.
+    """
+    instance("file", file, str, PathLike)
+    with within(file):
+        try:
+            text = FilePath(file).read_text(encoding="utf-8-sig")
+        except OSError as error:
+            raise ValueError(f"cannot be read: {error.strerror}; check the path") from None
+        except UnicodeDecodeError:
+            raise ValueError("not a text file; give a table of comma-separated values") from None
+        about = {"frame": "UNKNOWN", "center": "UNKNOWN", "time_system": "UNKNOWN", "epoch": "UNKNOWN"}
+        lines = text.splitlines()
+        about |= {found[1]: found[2] for line in lines if (found := NAMED.fullmatch(line)) is not None}
+        numbered = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[:1] != "#"]
+        if not numbered:
+            raise ValueError("has no rows; give a line of column names and a row for each state")
+        table = list(csv.reader(line for _, line in numbered))
+        columns, craft = _columns(table[0])
+        if len(table) < 2:
+            raise ValueError("has no rows; give a row for each state below the column names")
+        values = _numbers(table[1:], [number for number, _ in numbered[1:]], columns, len(table[0]))
+        whose = [row[craft].strip() if craft is not None else "" for row in table[1:]]
+        return tuple(_ephemerides(values, whose, [number for number, _ in numbered[1:]], about))
+
+
+def _columns(names: Sequence[str]) -> tuple[dict[str, tuple[int, float]], int | None]:
+    """Where each wanted quantity stands and its unit's size; where the craft's name stands."""
+    found: dict[str, tuple[int, float]] = {}
+    for k, name in enumerate(names):
+        parts = re.fullmatch(r"\s*([a-z]+)(?:_|\s*\[)?(.*?)\]?\s*", name.lower())
+        quantity, unit = (parts[1], parts[2].replace("/", "_")) if parts else ("", "")
+        if quantity not in WANTED:
+            continue
+        units = WANTED[quantity]
+        known = ", ".join(f"{quantity}_{one}" for one in units)
+        if not unit:
+            raise ValueError(f"column '{name.strip()}' has no unit; name it one of {known}")
+        if unit not in units:
+            raise ValueError(f"column '{name.strip()}' has an unknown unit; name it one of {known}")
+        if quantity in found:
+            raise ValueError(f"column '{name.strip()}' stands twice; keep one")
+        found[quantity] = k, units[unit]
+    if missing := [quantity for quantity in WANTED if quantity not in found]:
+        example = ", ".join(f"{one}_{next(iter(WANTED[one]))}" for one in missing)
+        raise ValueError(f"has no column of {', '.join(missing)}; add {example}")
+    lower = [name.strip().lower() for name in names]
+    return found, lower.index("craft") if "craft" in lower else None
+
+
+def _numbers(
+    rows: Sequence[Sequence[str]], lines: Sequence[int], columns: dict[str, tuple[int, float]], count: int
+) -> Floats:
+    """Time [s] and state [m, m/s] of each row (T, 7)."""
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != count:
+            raise ValueError(f"line {line}: has {len(row)} cells, the columns are {count}; correct the row")
+    found = np.empty((len(rows), len(WANTED)))
+    for k, quantity in enumerate(WANTED):
+        place, size = columns[quantity]
+        try:
+            found[:, k] = [float(row[place]) for row in rows]
+        except ValueError:
+            wrong = next(k for k, row in enumerate(rows) if not _is_number(row[place]))
+            what = f"'{rows[wrong][place].strip()[:30]}' is no number"
+            raise ValueError(f"line {lines[wrong]}: {what}; correct or remove the row") from None
+        found[:, k] *= size
+    if not np.isfinite(found).all():
+        wrong = int(np.argmin(np.isfinite(found).all(axis=1)))
+        raise ValueError(f"line {lines[wrong]}: a value is not finite; correct or remove the row")
+    return found
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _ephemerides(
+    values: Floats, whose: Sequence[str], lines: Sequence[int], about: dict[str, str]
+) -> Iterable[Ephemeris]:
+    """The rows of each craft, cut where two have one time."""
+    for name in dict.fromkeys(whose):
+        own = np.flatnonzero([one == name for one in whose])
+        gaps = np.diff(values[own, 0])
+        if (gaps < 0.0).any():
+            line = lines[own[int(np.argmax(gaps < 0.0)) + 1]]
+            raise ValueError(f"line {line}: times of {name or 'the craft'} must rise; sort the rows")
+        for part in np.split(own, np.flatnonzero(gaps == 0.0) + 1):
+            if len(part) < 2:
+                line = lines[part[0]]
+                raise ValueError(f"line {line}: a span of one state; at least two are needed")
+            yield Ephemeris(
+                name=name or "UNKNOWN",
+                object_id=name or "UNKNOWN",
+                times=values[part, 0],
+                states=values[part, 1:],
+                center=about["center"],
+                frame=about["frame"],
+                time_system=about["time_system"],
+                epoch=about["epoch"],
+            )

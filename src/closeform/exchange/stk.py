@@ -1,0 +1,37 @@
+"""The text of an STK ephemeris (.e) of a craft."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from closeform.exchange.exported import FileFrame, Track, text_rows
+from closeform.exchange.nodes import COUNT
+
+SYSTEMS = {"EME2000": "J2000", "J2000": "J2000", "ICRF": "ICRF", "GCRF": "ICRF"}
+FORM = " ".join(["%.9f"] * 3 + ["%.12f"] * 3)  # m, m/s
+
+
+def stk(track: Track, frame: FileFrame) -> str:
+    """States in metres at seconds after ScenarioEpoch (UTC), segments from boundary to boundary."""
+    system = SYSTEMS[frame.name]
+    stamp = frame.stamps(track.pieces[0].times[:1] * 0.0)[0]
+    day, _, fraction = stamp.partition(".")
+    epoch = f"{datetime.fromisoformat(day):%d %b %Y %H:%M:%S}.{fraction}"
+    lines = [
+        "stk.v.11.0",
+        *(f"# {line}" for line in (*frame.about, f"{track.name}: {track.accuracy}")),
+        "BEGIN Ephemeris",
+        f"NumberOfEphemerisPoints {track.count}",
+        f"ScenarioEpoch {epoch}",
+        "InterpolationMethod Hermite",
+        f"InterpolationSamplesM1 {COUNT - 1}",
+        f"CentralBody {frame.center.capitalize()}",
+        f"CoordinateSystem {system}",
+    ]
+    if len(track.pieces) > 1:  # where velocity or thrust jumps, both sides have a state
+        edges = [f"{piece.times[0]:.9f}" for piece in track.pieces[1:]]
+        lines += ["BEGIN SegmentBoundaryTimes", *edges, "END SegmentBoundaryTimes"]
+    parts = ["\n".join([*lines, "EphemerisTimePosVel", ""])]
+    for piece in track.pieces:
+        parts.append(text_rows([f"{time:.9f}" for time in piece.times.tolist()], FORM, piece.states))
+    return "".join([*parts, "END Ephemeris\n"])

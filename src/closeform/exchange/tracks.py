@@ -1,0 +1,112 @@
+"""Tracks of craft: their paths told at nodes that are as dense as polynomials between them need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.exchange.exported import FileFrame, Piece, Shots, Track
+from closeform.exchange.interpolation import hermite
+from closeform.exchange.nodes import COUNT, common_nodes, edges_of, nodes_of, smooth_pieces
+from closeform.motion.arc import START
+from closeform.motion.path import Path
+
+STEPS = (120.0, 60.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)  # s
+GOAL, COARSE = 1e-6, 1e-3  # m: how far states between nodes are off, of steps that are chosen and given
+LOOKED_AT = 300  # intervals of a piece whose middles say how far polynomials are off
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+TURN = 0.5  # rad of the frame's turn, within which 16 points of Gauss integrate thrust to the last digits
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One craft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known."""
+
+    name: str
+    object_id: str
+    path: Path
+    burns: Shots
+    mass: float | None = None
+
+
+def tracks(craft: Sequence[Flown], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
+    """All craft at common nodes, a `step` [s] apart or the longest that is accurate, and at all their edges.
+
+    Raises ValueError for a step that leaves more between nodes.
+    """
+    pieces = [smooth_pieces(one.path) for one in craft]
+    edges = [edges_of(parts) for parts in pieces]
+    for wanted in STEPS if step is None else (step,):
+        common = common_nodes(edges, wanted)
+        nodes = [[nodes_of(part, common) for part in parts] for parts in pieces]
+        errors = [
+            max(error(part, times, frame) for part, times in zip(parts, own, strict=True))
+            for parts, own in zip(pieces, nodes, strict=True)
+        ]
+        if max(errors) <= GOAL:
+            break
+    if step is not None and max(errors) > COARSE:
+        off = f"leaves states between nodes up to {max(errors):.2g} m off, more than {COARSE:g} m"
+        raise ValueError(f"step: {step:g} s {off}; give less, or leave it out")
+    return tuple(
+        Track(
+            one.name,
+            one.object_id,
+            tuple(told(part, times, frame) for part, times in zip(parts, own, strict=True)),
+            off,
+            turned(one, frame),
+            one.mass,
+        )
+        for one, parts, own, off in zip(craft, pieces, nodes, errors, strict=True)
+    )
+
+
+def told(piece: Path, times: Floats, frame: FileFrame) -> Piece:
+    """States and thrust of a piece at its nodes."""
+    relative, thrust = rows(piece, times), rows(piece, times, 3)
+    return Piece(times, frame.states(times, relative), frame.vectors(times, relative, thrust))
+
+
+def error(piece: Path, times: Floats, frame: FileFrame) -> float:
+    """How far polynomials through the nodes of a piece are off [m], in the middle between two nodes."""
+    which = np.unique(np.linspace(0, len(times) - 2, LOOKED_AT).astype(int))
+    middles = 0.5 * (times[which] + times[which + 1])
+    truth, states = (frame.states(some, rows(piece, some)) for some in (middles, times))
+    off = hermite(times, states, middles, COUNT)[0][:, :3] - truth[:, :3]
+    return float(np.linalg.norm(off, axis=1).max())
+
+
+def rows(piece: Path, times: Floats, columns: int = 6) -> Floats:
+    """States (T, 6), or thrusts (T, 3), of one craft; at an end of its path those on this side."""
+    found: Floats = piece._evaluate_rows(times[None], columns)[0]
+    return found
+
+
+def turned(craft: Flown, frame: FileFrame) -> Shots:
+    """The burns of a craft along the axes of the file: of a long one its integral along them."""
+    burns, path = craft.burns, craft.path
+    if frame.chief is None or not len(burns):
+        return burns
+    middles = burns.start + 0.5 * burns.duration
+    push = frame.vectors(middles, rows(path, middles), burns.push)
+    for k in np.flatnonzero((burns.duration > 0.0) & (burns.thruster == 0)):
+        push[k] = integral(path, burns.start[k], burns.duration[k], frame)
+    return replace(burns, push=push)
+
+
+def integral(path: Path, start: float, duration: float, frame: FileFrame) -> Floats:
+    """Of the thrust over a burn along the axes of the file (3,) [m/s], by Gauss's rule."""
+    inside = path.arcs[:, START]
+    inside = inside[(inside > start) & (inside < start + duration)]
+    edges = np.concatenate([[start], inside, [start + duration]])
+    found = np.zeros(3)
+    for first, last in zip(edges[:-1], edges[1:], strict=True):
+        count = int(np.ceil(path.orbit.mean_motion * (last - first) / TURN)) or 1
+        half = 0.5 * (last - first) / count
+        times = (first + half * (2.0 * np.arange(count)[:, None] + 1.0 + NODES)).ravel()
+        thrust = frame.vectors(times, rows(path, times), rows(path, times, 3))
+        found += half * np.tile(WEIGHTS, count) @ thrust
+    return found
