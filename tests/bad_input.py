@@ -1369,7 +1369,7 @@ MISUSES = (
     Misuse(
         "an unknown command",
         "fly good.toml",
-        'closeform: Unknown command "fly". Available commands: run, check, screen, encounter, study, view; see closeform --help',
+        'closeform: Unknown command "fly". Available commands: run, check, screen, encounter, study, view, new, completion; see closeform --help',
     ),
     Misuse(
         "an unknown option",

@@ -194,4 +194,4 @@ def complain(*lines: str) -> None:
 
 def one_line(error: object) -> str:
     """A message of several lines as one."""
-    return " ".join(str(error).split()).rstrip(".")
+    return " ".join(str(error).split()).rstrip(" .,")
