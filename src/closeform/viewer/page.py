@@ -15,6 +15,10 @@ from closeform.viewer.stills import stills
 
 HERE = Path(__file__).parent  # the script and its style are made of web/ by `npm run build` there
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+STILL = (  # beside the style of the page in motion
+    "#still{max-width:62rem;margin:0 auto;padding:1rem}"
+    "#still svg{width:min(100%,19rem);margin:0 .5rem .5rem 0;border-radius:.4rem;vertical-align:top}"
+)
 REASON = "This page moves with JavaScript and WebGL, of which one is missing here; what follows stands still."
 MOST = 1000  # craft that a browser can move
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
@@ -35,7 +39,7 @@ def document(mission: Mission, scene: Scene) -> str:
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(scene.record['title'])}</title>\n<style>{style}</style></head>\n<body>\n"
+        f"<title>{escape(scene.record['title'])}</title>\n<style>{style}{STILL}</style></head>\n<body>\n"
         f"{still(mission, scene, crowd or REASON)}\n{'' if crowd else in_motion(scene)}</body></html>\n"
     )
 
