@@ -138,6 +138,7 @@ def correlated(first: str) -> str:
 
 
 STATES = F1_F2 + '\nvelocity = "0 0 0 m/s"'
+NAMES = 'name = ["F1", "F2", "F3"]\n' + STATES
 CHIEF = 'epoch = "2026-01-01T00:05:00Z"\nchief = { oem = "a.oem" }'
 TWO_OEM = 'start = [{ oem = "a.oem" }, { oem = "b.oem" }, { palmer = "0 900 0 0 0 0 m" }]'
 AN_EPOCH = (
@@ -1033,6 +1034,64 @@ craft.silent: is not built yet; remove it""",
         f'{CHIEF}\n\n[craft]\nname = ["F1", "F2", "F3"]\n{TWO_OEM.replace("b.oem", "coarse.oem")}',
         "craft.start[2]: coarse.oem: at the epoch a state between its own may be off by 9.13 m; "
         "give states closer together, or the epoch of one",
+    ),
+    Bad(
+        "a file of states without units",
+        STATES,
+        'states = "no_units.csv"',
+        "craft.states: no_units.csv: line 1: column x has no unit; name it one of x_m, x_km, x_cm, x_mm",
+    ),
+    Bad(
+        "a file of states that is not there",
+        STATES,
+        'states = "none.csv"',
+        "craft.states: none.csv: no such file or directory; check the path",
+    ),
+    Bad(
+        "a file of states that lacks a craft",
+        NAMES,
+        'name = ["F1", "F2", "SERVICER"]\nstates = "states.csv"',
+        "craft.states: states.csv: has no line of SERVICER; use one of F1, F2, F3\n"
+        "stage[2].craft: no craft F3; use one of F1, F2, SERVICER",
+    ),
+    Bad(
+        "states of another time",
+        STATES,
+        'states = "later.csv"',
+        "\n".join(
+            f"craft.states: later.csv: has no line of F{k} at 0 s, when the mission starts; add one"
+            for k in (1, 2, 3)
+        ),
+    ),
+    Bad(
+        "states of which a number is damaged",
+        STATES,
+        'states = "damaged.csv"',
+        "craft.states: damaged.csv: line 3: '1OO' is no number; correct the file or ask its originator for it again",
+    ),
+    Bad(
+        "states that are cut",
+        STATES,
+        'states = "cut.csv"',
+        "craft.states: cut.csv: line 4: 4 values for 7 columns; correct it",
+    ),
+    Bad(
+        "states of one craft twice",
+        STATES,
+        'states = "twice.csv"',
+        "craft.states: twice.csv: line 5: F1 stands twice at 0 s; keep one line",
+    ),
+    Bad(
+        "states in a file, inertial, without a chief",
+        STATES,
+        'states = "gcrf.csv"',
+        f"craft.states: {WITHOUT_CHIEF}",
+    ),
+    Bad(
+        "states in a file beside positions",
+        STATES,
+        STATES + '\nstates = "states.csv"',
+        "craft: states and position with velocity exclude each other; keep one",
     ),
     Bad(
         "a craft far from the chief",

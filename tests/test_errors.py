@@ -48,6 +48,12 @@ def oem(name: str, ahead: float, hour: str = "00") -> str:
     return OEM.format(name=name, hour=hour) + "\n".join(lines) + "\n"
 
 
+STATES = """\
+craft,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s
+F1,0,0,0,0,0,0
+F2,0,100,0,0,0,0
+F3,0,200,0,0,0,0
+"""
 COVARIANCE = """\
 COVARIANCE_START
 EPOCH = 2026-01-01T00:00:00
@@ -102,6 +108,13 @@ def desk(tmp_path, monkeypatch):
     (tmp_path / "indefinite.oem").write_text(oem("B", 1e-4) + COVARIANCE.replace("9e-5", "2e-4"))
     (tmp_path / "lvlh.oem").write_text(oem("B", 1e-4) + COVARIANCE.replace("RTN", "LVLH"))
     (tmp_path / "gcrf.oem").write_text(oem("B", 1e-4).replace("EME2000", "GCRF"))
+    (tmp_path / "states.csv").write_text(STATES)
+    (tmp_path / "no_units.csv").write_text(STATES.replace("_m_s", "").replace("_m", ""))
+    (tmp_path / "gcrf.csv").write_text(STATES.replace("craft", "frame,craft").replace("F", "GCRF,F"))
+    (tmp_path / "later.csv").write_text(STATES.replace("craft", "time_s,craft").replace("F", "60,F"))
+    (tmp_path / "damaged.csv").write_text(STATES.replace("100", "1OO"))
+    (tmp_path / "cut.csv").write_text(STATES[:-7])
+    (tmp_path / "twice.csv").write_text(STATES + STATES.splitlines(True)[1])
     (tmp_path / "empty.oem").write_text("")
     (tmp_path / "slow.cdm").write_text(SLOW)
     (tmp_path / "no_radius.cdm").write_text(SLOW.replace("HBR", "size"))

@@ -71,7 +71,9 @@ def case_of(scenario: Scenario, case: int) -> Scenario:
         raise ScenarioError(scenario.file, lines)
     states = drawn(scenario, scenario.study.seed, case, case + 1)[0].tolist()
     craft = tuple(
-        one.model_copy(update={"start": None, "position": tuple(state[:3]), "velocity": tuple(state[3:])})
+        one.model_copy(
+            update={"start": None, "states": None, "position": tuple(state[:3]), "velocity": tuple(state[3:])}
+        )
         for one, state in zip(scenario.craft, states, strict=True)
     )
     found = replace(scenario, title=f"{scenario.title}: case {case}", craft=craft, case=case)

@@ -26,7 +26,7 @@ from closeform.scenario.quantity import (
     TIME,
     Reader,
 )
-from closeform.scenario.table import Length, Name, Position, Table, Vector, Velocity
+from closeform.scenario.table import FileName, Length, Name, Position, Table, Vector, Velocity
 from closeform.scenario.thrusters import MinimumBit, ThrusterTable
 from closeform.scenario.uncertainty import Covariance, Execution, as_errors
 
@@ -47,6 +47,7 @@ class Craft(Table):
     position: Position | None = Field(None, examples=['["0 0 0 m", "0 100 0 m"]'])
     velocity: Velocity | None = Field(None, examples=['["0 0 0 m/s", "0 0 0 m/s"]'])
     start: Start | None = Field(None, examples=['{ palmer = "0 0 0 100 0 20 m" }'])
+    states: FileName | None = Field(None, examples=['"states.csv"'])
     mass: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
         None, examples=['"150 kg"']
     )
@@ -86,7 +87,7 @@ class Craft(Table):
     start_offset: Annotated[float, BeforeValidator(Reader(TIME))] = Field(0.0, examples=['"2 s"'])
     silent: bool = Field(False, examples=["false"])
     _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
-    _known: Floats | None = PrivateAttr(None)  # state (6,) at the start of which `start` is inertial
+    _known: Floats | None = PrivateAttr(None)  # state (6,) at the start, where it is inertial or in a file
 
     @classmethod
     def example(cls, key: str) -> Any:
@@ -94,11 +95,15 @@ class Craft(Table):
         return value[0] if isinstance(value, list) else value  # of one craft
 
     def flaws(self) -> Iterator[str]:
-        if self.start is not None and (self.position is not None or self.velocity is not None):
-            yield "start and position with velocity exclude each other; keep one"
-        if self.start is None and self.position is None:
+        given = self.start is not None or self.states is not None
+        if self.start is not None and self.states is not None:
+            yield "start and states exclude each other; keep one"
+        if given and (self.position is not None or self.velocity is not None):
+            key = "start" if self.start is not None else "states"
+            yield f"{key} and position with velocity exclude each other; keep one"
+        if not given and self.position is None:
             yield 'no position; add for example position = "0 100 0 m"'
-        if self.start is None and self.velocity is None:
+        if not given and self.velocity is None:
             yield 'no velocity; add for example velocity = "0 0 0 m/s"'
         if self.max_thrust is not None and self.mass is None:
             yield 'max_thrust needs mass; add for example mass = "150 kg"'
@@ -132,7 +137,7 @@ class Craft(Table):
         return craft
 
     def known_at(self, state: Floats) -> Self:
-        """The craft with its state (6,) at the start, where that is given inertially."""
+        """The craft with its state (6,) at the start, where that is inertial or in a file."""
         craft = self.model_copy()
         craft._known = state
         return craft
@@ -175,6 +180,8 @@ class Craft(Table):
 
         It is nan for a craft whose inertial state is not related to the chief's, as one of them is wrong.
         """
+        if self.states is not None:
+            return np.full(6, nan) if self._known is None else self._known
         if self.start is None:
             return np.array([*(self.position or ()), *(self.velocity or ())])
         if self.start.palmer is not None:

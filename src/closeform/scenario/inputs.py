@@ -5,6 +5,7 @@ from pathlib import Path
 
 from closeform.exchange.ephemeris import Ephemeris
 from closeform.exchange.oem import read_oem
+from closeform.exchange.state_csv import StateRows, read_states_csv
 
 DOUBTFUL = 1.0  # m: by how much a state may be off that is interpolated
 
@@ -21,6 +22,7 @@ class Inputs:
         self.contents: dict[str, bytes] = {}
         self.notes: list[str] = []
         self._ephemerides: dict[str, Ephemeris] = {}
+        self._states: dict[str, StateRows] = {}
 
     def read(self, name: str) -> Path:
         """Where a file is, whose contents are noted.  Raises ValueError if it cannot be read."""
@@ -51,6 +53,12 @@ class Inputs:
         if name not in self._ephemerides:
             self._ephemerides[name] = read_oem(self.read(name))
         return self._ephemerides[name]
+
+    def states(self, name: str) -> StateRows:
+        """What a file of states holds.  Raises ValueError, with file and line, for what is none."""
+        if name not in self._states:
+            self._states[name] = read_states_csv(self.read(name))
+        return self._states[name]
 
     def interpolated(self, name: str, error: float) -> None:
         """Note that the state at the epoch lies between those of a file, by estimate so far off [m]."""

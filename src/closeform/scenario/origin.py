@@ -8,13 +8,15 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.exchange.chief import Chief
 from closeform.exchange.covariance import canonical
+from closeform.exchange.ephemeris import SAME_EPOCH
 from closeform.exchange.interpolation import states_of
 from closeform.scenario.checks import Findings
-from closeform.scenario.errors import Place
-from closeform.scenario.formation import Start
+from closeform.scenario.craft import Craft
+from closeform.scenario.errors import Place, did_you_mean
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.scenario import Scenario
 
+HILL = ("", "HILL", "RTN", "RSW")  # how a file of states calls the frame of the scenario itself
 FAR = 0.1  # of the orbit's radius: a craft so far from the chief is in another unit or frame
 
 
@@ -35,39 +37,66 @@ def located(
         return scenario
     if chief is not None:
         scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief))
-    if not found.sound(r"craft\.start"):
-        return scenario
     placed = list(scenario.craft)
     for number, craft in enumerate(placed):
-        if craft.start is not None and craft.start.inertially:
-            try:
-                placed[number] = craft.known_at(beside(chief, craft.start, inputs))
-            except ValueError as error:
-                complain(("craft", number, "start"), str(error))
+        inertially = craft.start is not None and craft.start.inertially
+        for key, begins in (("start", inertially), ("states", craft.states is not None)):
+            if begins and found.sound(rf"craft\.{key}"):
+                try:
+                    placed[number] = craft.known_at(at_start(craft, chief, inputs))
+                except ValueError as error:
+                    complain(("craft", number, key), str(error))
     return replace(scenario, craft=tuple(placed))
 
 
-def beside(chief: Chief | None, start: Start, inputs: Inputs) -> Floats:
-    """The state (6,) in the chief's Hill frame, at the epoch, of a craft that begins inertially."""
+def at_start(craft: Craft, chief: Chief | None, inputs: Inputs) -> Floats:
+    """The state (6,) in Hill's frame, at the epoch, of a craft that begins inertially or by a file."""
+    start = craft.start
+    if craft.states is not None:
+        frame, state = row_of(craft.name, craft.states, inputs)
+        if canonical(frame) in HILL:
+            return state
+        return beside(known(chief), state, craft.states, "frame", frame)
+    assert start is not None
+    chief = known(chief)
+    if start.oem is None:
+        return beside(chief, np.array(start.inertial))
+    ephemeris = inputs.ephemeris(start.oem)
+    if canonical(ephemeris.center) != canonical(chief.center):
+        what = f"CENTER_NAME {ephemeris.center} differs from {chief.center} of the chief"
+        raise ValueError(f"{start.oem}: {what}; give another file")
+    (state,), (error,) = states_of(ephemeris, chief.instant, [0.0])
+    inputs.interpolated(start.oem, error)
+    return beside(chief, state, start.oem, "REF_FRAME", ephemeris.frame)
+
+
+def known(chief: Chief | None) -> Chief:
+    """The chief, which inertial states need."""
     if chief is None:
         remedy = 'add epoch = "2026-11-22T12:00:00Z" and chief = { oem = "chief.oem" } to [orbit]'
         raise ValueError(f"an inertial state needs the chief's beside it; {remedy}")
-    inertial: Floats = np.array(start.inertial)
-    if start.oem is not None:
-        ephemeris = inputs.ephemeris(start.oem)
-        for keyword, its, wanted in (
-            ("CENTER_NAME", ephemeris.center, chief.center),
-            ("REF_FRAME", ephemeris.frame, chief.frame),
-        ):
-            if canonical(its) != canonical(wanted):
-                raise ValueError(
-                    f"{start.oem}: {keyword} {its} differs from {wanted} of the chief; convert one of them"
-                )
-        (inertial,), (error,) = states_of(ephemeris, chief.instant, [0.0])
-        inputs.interpolated(start.oem, error)
+    return chief
+
+
+def row_of(name: str, file: str, inputs: Inputs) -> tuple[str, Floats]:
+    """Frame and state (6,) of a craft in a file of states, at time 0."""
+    rows = inputs.states(file)
+    mine = [k for k, one in enumerate(rows.craft) if one == name]
+    if not mine:
+        raise ValueError(f"{file}: has no line of {name}; {did_you_mean(name, dict.fromkeys(rows.craft))}")
+    now = [k for k in mine if abs(rows.times[k]) <= SAME_EPOCH]
+    if not now:
+        raise ValueError(f"{file}: has no line of {name} at 0 s, when the mission starts; add one")
+    return rows.frames[now[0]], rows.states[now[0]]
+
+
+def beside(chief: Chief, inertial: Floats, file: str = "", keyword: str = "", frame: str = "") -> Floats:
+    """An inertial state (6,) in the chief's Hill frame, at the epoch; a `file` tells in which frame it is."""
+    if file and canonical(frame) != canonical(chief.frame):
+        what = f"{keyword} {frame} differs from {chief.frame} of the chief"
+        raise ValueError(f"{file}: {what}; convert one of them")
     apart, radius = (float(np.linalg.norm(one)) for one in (inertial[:3] - chief.state[:3], chief.state[:3]))
     if apart > FAR * radius:
-        raise ValueError(
-            f"{apart / 1e3:.4g} km from the chief, where Hill's equations do not hold; check units and frame"
-        )
+        what = f"{apart / 1e3:.4g} km from the chief, where Hill's equations do not hold"
+        raise ValueError(f"{what}; check units and frame")
     return chief.relative_from_inertial(0.0, inertial)
