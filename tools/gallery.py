@@ -26,7 +26,7 @@ EXAMPLES = {
         "s04": "histogram",
         "s04_counterexample": "manoeuvres",
         "h03": "histogram",
-        "swarm": "view",
+        "swarm": "view-6",
     },
     "One craft passes others": {
         "cluster": "before-after",
@@ -37,12 +37,12 @@ EXAMPLES = {
     },
     "A formation moves as one": {
         "swap": "paths",
-        "swap_deep_space": "ratios",
-        "f6_scatter": "paths",
+        "swap_deep_space": "paths",
+        "f6_scatter": "stage-2-paths",
     },
     "As little delta-v as possible, and real thrusters": {
         "safety_ellipse": "primer",
-        "swap_impulses": "burns",
+        "swap_impulses": "paths",
         "cubesats": "pulses",
     },
     "Thrust fails": {
