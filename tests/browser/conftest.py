@@ -23,7 +23,7 @@ SOFTWARE = (
 
 
 def chromium_path() -> str:
-    """The machine's Chromium; as root Debian's is installed where there is none. Playwright downloads none."""
+    """Chromium of the machine; as root Debian's is installed where it is missing. Playwright gets none."""
     found = shutil.which("chromium") or shutil.which("chromium-browser")
     if found is None and os.geteuid() == 0 and shutil.which("apt-get"):
         subprocess.run(["apt-get", "update", "-qq"], check=True)

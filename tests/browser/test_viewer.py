@@ -107,7 +107,7 @@ def test_events_lead_to_their_moment(reader: Reader, pages: dict[str, Path]) -> 
 
 
 def test_sets_and_locks_of_a_search(reader: Reader, pages: dict[str, Path]) -> None:
-    """As H03 tells its run: after 12 minutes a formation of two, after 16 a knowledge set of three, then all."""
+    """As H03 tells: after 12 minutes a formation of two, after 16 a set of three besides, then all."""
     reader.open(pages["tpf"])
     told = {0.0: [-1] * 5, 12.5: [0, 0, -1, -1, -1], 16.5: [0, 0, 1, 1, 1]}
     for minutes, held in told.items():
@@ -187,8 +187,9 @@ def test_dark_and_light(reader: Reader, pages: dict[str, Path]) -> None:
     "reader", [{"viewport": {"width": 390, "height": 844}, "has_touch": True}], indirect=True
 )
 def test_on_a_phone(reader: Reader, pages: dict[str, Path]) -> None:
-    reader.open(pages["tpf"])
-    assert reader.ask("document.documentElement.scrollWidth") == 390  # nothing beyond the edge
+    for name in ("station_ellipsoid", "three_sigmas", "tpf"):
+        reader.open(pages[name])
+        assert reader.ask("document.documentElement.scrollWidth") == 390  # nothing beyond the edge
     reader.go(0.6)
     assert [overlaps(boxes) for boxes in labels(reader)] == [0, 0, 0]
     for button in reader.page.locator(".transport button").all():

@@ -26,7 +26,7 @@ export class Frame {
   grid(view, shown) {
     const facing = this.facing(view);
     view.floor = null;
-    const grid = { step: niceStep(SQUARE * view.scale), lines: [], numbers: [] };
+    const grid = { step: niceStep(Math.min(SQUARE, view.place.width / 6) * view.scale), lines: [], numbers: [] };
     if (shown && facing >= 0) this.numbered(view, grid, facing);
     else if (shown) this.floor(view, grid);
     return grid;
