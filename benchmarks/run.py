@@ -34,6 +34,7 @@ SECTIONS = {
     "sigmas": 1,
     "probability": None,
     "start": None,
+    "viewer": None,
 }  # cores; None: all
 LIMIT = 600  # seconds a section may take
 TESTS = Path(__file__).parents[1] / "tests"  # formations fixed before the planner was tuned

@@ -33,7 +33,7 @@ export class Marks {
     const seen = spots.map((spot) => spot && view.holds(spot[0], spot[1], -2));
     labels.begin([...taken, ...spots.flatMap((spot, k) => (seen[k] ? [[spot[0] - 6, spot[1] - 6, spot[0] + 6, spot[1] + 6]] : []))]);
     if (layers.grid) this.stems(pen, view, palette, spots);
-    if (layers.thrust) this.impulses(pen, view, palette);
+    if (layers.thrust) this.impulses(pen, view, palette, chosen);
     if (layers.before) this.ghosts(pen, view, palette, "before");
     if (layers.drifts) this.failed(pen, view, palette, chosen, labels);
     if (layers.thrust) this.thrust(pen, view, palette, spots);
@@ -74,8 +74,10 @@ export class Marks {
     });
   }
 
-  impulses(pen, view, palette) {
-    for (const { time, place } of this.burns) {
+  impulses(pen, view, palette, chosen) {
+    const crowded = this.scene.craft.length > NAMED / 2;
+    for (const { craft, time, place } of this.burns) {
+      if (crowded && craft !== chosen) continue;
       const [x, y] = view.project(...place);
       if (view.holds(x, y)) pen.diamond(x, y, 3.6, palette.thrust, time <= this.moment.time);
     }

@@ -7,6 +7,7 @@ import { clock, timeStep } from "./units.js";
 const SIDE = 14; // pixels left and right of it
 const [BANDS, MARKS, TICKS] = [17, 19, 15]; // heights of its rows
 export const HEIGHT = 2 + BANDS + MARKS + TICKS;
+const FEW = 40; // marks up to which locks go through the bands above
 const NEAR = 7; // pixels by which a click may miss a mark
 const RANK = ["conflict", "failure", "lock", "approach", "burn", "end", "phase", "stage"];
 
@@ -19,6 +20,7 @@ export class Timeline {
     this.now = element("i", { class: "cursor" });
     box.append(canvas, this.now);
     this.marks = scene.events.filter(({ kind }) => kind !== "stage" && kind !== "phase");
+    this.crowded = this.marks.length > FEW;
     this.width = 0;
   }
 
@@ -68,7 +70,7 @@ export class Timeline {
       pen.page.fillStyle = bad ?? palette.before;
       pen.page.fillRect(x, y - 4, Math.max(3, this.x(until) - x), 8);
     } else if (kind === "lock") {
-      pen.line([[x, 1], [x, y + 8]], palette.lock, { width: 1.6 });
+      pen.line([[x, this.crowded ? y - 8 : 1], [x, y + 8]], palette.lock, { width: this.crowded ? 1 : 1.6 });
       pen.ring(x, y, 3.5, palette.lock, { fill: palette.lock });
     } else if (kind === "burn") {
       if (until > time) pen.line([[x, y], [Math.max(x + 1, this.x(until)), y]], palette.thrust, { width: 2.5 });
