@@ -231,6 +231,29 @@ def test_thin_errors_that_move_past_a_cylinder(case):
     assert found.sigmas <= min(map(at, np.linspace(0.0, orbits * PERIOD, 401))) * (1 + 1e-7)
 
 
+def test_a_minimum_this_side_of_a_hump():
+    """The least is 10 s ahead of where the march first finds as few, and a hump lies behind it."""
+    mean = [106.09, 342.831, 68.1382, 0.18972, -0.234837, 0.0214256]
+    columns = np.array(
+        [
+            [0, 0, 0.601492, 0, 0, 0],
+            [1.8675, 0.0658836, -1.19602, 7.48588e-4, -1.19477e-4, 8.54015e-4],
+            [0.83339, -1.52684, -1.18605, -8.44943e-4, -1.84476e-3, -1.93981e-3],
+        ]
+    )
+    errors, zone, duration = cf.Errors(columns.T @ columns), cf.Box([20.0, 14.0, 10.0]), 0.5 * PERIOD
+    path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
+    found = cf.clearance_in_sigmas(path, other, zone, errors)
+    moved = ORBIT.coast(errors._root.T, duration)
+    least = minimize_scalar(
+        lambda t: sigmas_of(zone, path.position(t), moved.position(t).T),
+        bounds=(1345.0, 1365.0),
+        method="bounded",
+    )
+    assert found.time == pytest.approx(least.x, abs=0.1)
+    assert found.sigmas == pytest.approx(least.fun, rel=1e-8)  # of the solver
+
+
 @pytest.mark.parametrize("shape", ZONES)
 def test_thin_errors_at_one_place(shape):
     """Along a line or in a plane, or nearly, longer or shorter than the zone, past it or not: the solver's.

@@ -11,7 +11,7 @@ from math import inf, sqrt
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.planes import copy_row, room
-from closeform.zones.shapes import FACES, norm, support
+from closeform.zones.shapes import CUBE, FACES, norm, support
 
 GOLDEN, STEPS = 0.6180339887498949, 76  # after which a bracket is 1e-16 of what it was
 LACKING, MOST_LACKING = 1e-9, 1e-7  # of the room: what a plane may lack before all others are looked at
@@ -40,11 +40,23 @@ def search_planes(shape, faces, r, root, k, best):
     """Put the best plane of all in `best` (4,), if it is better; `root` (3, 3) is lower triangular."""
     chart = stack_matrix(3, 3)
     best[3] = left(r, root, k, best[0], best[1], best[2])
-    if shape == FACES:
+    cube = shape == FACES and is_cube(faces)
+    if shape == FACES and not cube:
         search_faces(faces, r, root, k, chart, best)
     else:
         axes_about(r, chart)
-        best_of_all(shape, r, root, k, chart, best)
+        best_of_all(CUBE if cube else shape, r, root, k, chart, best)
+
+
+@kernel()
+def is_cube(faces):
+    """Whether faces are those of the unit cube, in the order in which `faced` gives them."""
+    off = 0.0
+    for m in range(len(faces)):
+        for i in range(3):
+            side = 1.0 if m < 3 else -1.0
+            off += abs(faces[m, i] - (side if m % 3 == i else 0.0))
+    return len(faces) == 6 and off == 0.0
 
 
 @kernel()

@@ -45,29 +45,32 @@ def descend(tube, t, span, k, s):
     while True:
         after = min(before + step, span)
         found = level(tube, after, k, best)
-        if found < best:
+        lower = found < best
+        if lower:
             best, best_time = found, after
         if best <= 0.0:
             return best, best_time
         high = level_rate(tube, k, found) if found < inf else 1.0
-        if high >= 0.0:
+        if high >= 0.0 or not lower:  # past a minimum, or past several
             break
         if after >= span:
             return best, best_time
         before, low = after, high
         step = min(1.5 * step, longest)
     for m in range(100):
+        high = high if high > 0.0 else -low
         width = after - before
         if min(-low, high) * width <= 1e-12 * best or width <= 1e-15 * span:
             break
         middle = before + 0.5 * width if m % 3 == 2 else before - width * low / (high - low)
         found = level(tube, middle, k, best)
-        if found < best:
+        lower = found < best
+        if lower:
             best, best_time = found, middle
         if best <= 0.0:
             break
         rate = level_rate(tube, k, found) if found < inf else 1.0
-        if rate < 0.0:
+        if rate < 0.0 and lower:
             before, low = middle, rate
         else:
             after, high = middle, rate
