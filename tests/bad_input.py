@@ -1423,6 +1423,16 @@ MISUSES = (
         "study lost.toml --out done",
         "done: holds finished results; add --overwrite or choose another --out",
     ),
+    Misuse(
+        "an example that does not come along",
+        "new swp",
+        "new: there is no example 'swp'; did you mean swap?",
+    ),
+    Misuse(
+        "a shell that nothing is known of",
+        "completion tcsh",
+        'closeform: Invalid value "tcsh" for SHELL. Choose from: "bash", "zsh", "fish"; see closeform --help',
+    ),
     Misuse("no such results", "view nowhere", "nowhere: no such folder; give the folder that a run left"),
     Misuse("unfinished results", "view folder", "folder: holds no finished results; run the scenario first"),
     Misuse(
@@ -2073,5 +2083,20 @@ CALLS = (
         "a table that is not there",
         'cf.read_csv("nowhere.csv")',
         "nowhere.csv: cannot be read: No such file or directory; check the path",
+    ),
+    Call(
+        "a plan that has no path, drawn",
+        "cf.plot(cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(25.0)))",
+        "result: a plan without a path, the path's start is 0.00 x zone from obstacle 0; move it or the time",
+    ),
+    Call(
+        "a picture of what was found, with zones",
+        "cf.plot(cf.screen(cf.stack([plan, other]), cf.Sphere(9.0)), zone=cf.Sphere(9.0))",
+        "zone: no part of the picture of a Screening; leave it out",
+    ),
+    Call(
+        "an animation that is no GIF",
+        'cf.animate(plan, "flight.mp4")',
+        "file: animations are GIF, give NAME.gif, got flight.mp4",
     ),
 )
