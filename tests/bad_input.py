@@ -1039,7 +1039,7 @@ craft.silent: is not built yet; remove it""",
         "a file of states without units",
         STATES,
         'states = "no_units.csv"',
-        "craft.states: no_units.csv: line 1: column x has no unit; name it one of x_m, x_km, x_cm, x_mm",
+        "craft.states: no_units.csv: column 'x' has no unit; name it one of x_m, x_km, x_cm, x_mm",
     ),
     Bad(
         "a file of states that is not there",
@@ -1051,7 +1051,7 @@ craft.silent: is not built yet; remove it""",
         "a file of states that lacks a craft",
         NAMES,
         'name = ["F1", "F2", "SERVICER"]\nstates = "states.csv"',
-        "craft.states: states.csv: has no line of SERVICER; use one of F1, F2, F3\n"
+        "craft.states: states.csv: has no row of SERVICER; use one of F1, F2, F3\n"
         "stage[2].craft: no craft F3; use one of F1, F2, SERVICER",
     ),
     Bad(
@@ -1059,7 +1059,7 @@ craft.silent: is not built yet; remove it""",
         STATES,
         'states = "later.csv"',
         "\n".join(
-            f"craft.states: later.csv: has no line of F{k} at 0 s, when the mission starts; add one"
+            f"craft.states: later.csv: has no row of F{k} at 0 s, when the mission starts; add one"
             for k in (1, 2, 3)
         ),
     ),
@@ -1067,19 +1067,19 @@ craft.silent: is not built yet; remove it""",
         "states of which a number is damaged",
         STATES,
         'states = "damaged.csv"',
-        "craft.states: damaged.csv: line 3: '1OO' is no number; correct the file or ask its originator for it again",
+        "craft.states: damaged.csv: line 3: '1OO' is no number; correct or remove the row",
     ),
     Bad(
         "states that are cut",
         STATES,
         'states = "cut.csv"',
-        "craft.states: cut.csv: line 4: 4 values for 7 columns; correct it",
+        "craft.states: cut.csv: line 4: has 4 cells, the columns are 7; correct the row",
     ),
     Bad(
         "states of one craft twice",
         STATES,
         'states = "twice.csv"',
-        "craft.states: twice.csv: line 5: F1 stands twice at 0 s; keep one line",
+        "craft.states: twice.csv: line 5: a second row of F1; keep one, or add time_s",
     ),
     Bad(
         "states in a file, inertial, without a chief",

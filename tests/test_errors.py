@@ -110,7 +110,7 @@ def desk(tmp_path, monkeypatch):
     (tmp_path / "gcrf.oem").write_text(oem("B", 1e-4).replace("EME2000", "GCRF"))
     (tmp_path / "states.csv").write_text(STATES)
     (tmp_path / "no_units.csv").write_text(STATES.replace("_m_s", "").replace("_m", ""))
-    (tmp_path / "gcrf.csv").write_text(STATES.replace("craft", "frame,craft").replace("F", "GCRF,F"))
+    (tmp_path / "gcrf.csv").write_text("# frame = GCRF\n" + STATES)
     (tmp_path / "later.csv").write_text(STATES.replace("craft", "time_s,craft").replace("F", "60,F"))
     (tmp_path / "damaged.csv").write_text(STATES.replace("100", "1OO"))
     (tmp_path / "cut.csv").write_text(STATES[:-7])

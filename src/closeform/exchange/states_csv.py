@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path as FilePath
 
@@ -21,6 +22,7 @@ LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
 SPEEDS = {"m_s": 1.0, "km_s": 1e3, "cm_s": 1e-2, "mm_s": 1e-3}
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
 WANTED = {"time": TIMES, **dict.fromkeys("xyz", LENGTHS), **dict.fromkeys(("vx", "vy", "vz"), SPEEDS)}
+STATE = ("x", "y", "z", "vx", "vy", "vz")
 NAMED = re.compile(r"#\s*(center|frame|time_system|epoch)\s*[:=]\s*(.+?)\s*")
 
 
@@ -69,34 +71,58 @@ def read_csv(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
     """
     instance("file", file, str, PathLike)
     with within(file):
-        try:
-            text = FilePath(file).read_text(encoding="utf-8-sig")
-        except OSError as error:
-            raise ValueError(f"cannot be read: {error.strerror}; check the path") from None
-        except UnicodeDecodeError:
-            raise ValueError("not a text file; give a table of comma-separated values") from None
-        about = {"frame": "UNKNOWN", "center": "UNKNOWN", "time_system": "UNKNOWN", "epoch": "UNKNOWN"}
-        lines = text.splitlines()
-        about |= {found[1]: found[2] for line in lines if (found := NAMED.fullmatch(line)) is not None}
-        numbered = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[:1] != "#"]
-        if not numbered:
-            raise ValueError("has no rows; give a line of column names and a row for each state")
-        table = list(csv.reader(line for _, line in numbered))
-        columns, craft = _columns(table[0])
-        if len(table) < 2:
-            raise ValueError("has no rows; give a row for each state below the column names")
-        values = _numbers(table[1:], [number for number, _ in numbered[1:]], columns, len(table[0]))
-        whose = [row[craft].strip() if craft is not None else "" for row in table[1:]]
-        return tuple(_ephemerides(values, whose, [number for number, _ in numbered[1:]], about))
+        return tuple(_ephemerides(state_rows(file)))
 
 
-def _columns(names: Sequence[str]) -> tuple[dict[str, tuple[int, float]], int | None]:
+@dataclass(frozen=True, eq=False)
+class StateRows:
+    """The rows of a table: whose (R,), `times` (R,) [s], `states` (R, 6) [m, m/s], the `lines` they stand on.
+
+    `times` are None of a table without; `about` are its comments, "UNKNOWN" where there is none.
+    """
+
+    craft: tuple[str, ...]
+    times: Floats | None
+    states: Floats
+    lines: tuple[int, ...]
+    about: Mapping[str, str]
+
+
+def state_rows(file: str | PathLike[str], timed: bool = True) -> StateRows:
+    """What stands in a table of states, with its times unless it may go without and has none.
+
+    Raises ValueError, with the line, for what is none.
+    """
+    try:
+        text = FilePath(file).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"cannot be read: {error.strerror}; check the path") from None
+    except UnicodeDecodeError:
+        raise ValueError("not a text file; give a table of comma-separated values") from None
+    about = {"frame": "UNKNOWN", "center": "UNKNOWN", "time_system": "UNKNOWN", "epoch": "UNKNOWN"}
+    every = text.splitlines()
+    about |= {found[1]: found[2] for line in every if (found := NAMED.fullmatch(line)) is not None}
+    numbered = [(k, line) for k, line in enumerate(every, 1) if line.strip() and line[:1] != "#"]
+    if not numbered:
+        raise ValueError("has no rows; give a line of column names and a row for each state")
+    table = list(csv.reader(line for _, line in numbered))
+    columns, craft = _columns(table[0], timed)
+    if len(table) < 2:
+        raise ValueError("has no rows; give a row for each state below the column names")
+    lines = tuple(number for number, _ in numbered[1:])
+    values = _numbers(table[1:], lines, columns, len(table[0]))
+    whose = tuple(row[craft].strip() if craft is not None else "" for row in table[1:])
+    times = values.get("time")
+    return StateRows(whose, times, np.array([values[one] for one in STATE]).T, lines, about)
+
+
+def _columns(names: Sequence[str], timed: bool) -> tuple[dict[str, tuple[int, float]], int | None]:
     """Where each wanted quantity stands and its unit's size; where the craft's name stands."""
     found: dict[str, tuple[int, float]] = {}
     for k, name in enumerate(names):
         parts = re.fullmatch(r"\s*([a-z]+)(?:_|\s*\[)?(.*?)\]?\s*", name.lower())
         quantity, unit = (parts[1], parts[2].replace("/", "_")) if parts else ("", "")
-        if quantity not in WANTED:
+        if quantity not in WANTED or (quantity, unit) == ("time", "utc"):  # which stands beside seconds
             continue
         units = WANTED[quantity]
         known = ", ".join(f"{quantity}_{one}" for one in units)
@@ -107,7 +133,7 @@ def _columns(names: Sequence[str]) -> tuple[dict[str, tuple[int, float]], int | 
         if quantity in found:
             raise ValueError(f"column '{name.strip()}' stands twice; keep one")
         found[quantity] = k, units[unit]
-    if missing := [quantity for quantity in WANTED if quantity not in found]:
+    if missing := [one for one in WANTED if one not in found and (timed or one != "time")]:
         example = ", ".join(f"{one}_{next(iter(WANTED[one]))}" for one in missing)
         raise ValueError(f"has no column of {', '.join(missing)}; add {example}")
     lower = [name.strip().lower() for name in names]
@@ -116,23 +142,22 @@ def _columns(names: Sequence[str]) -> tuple[dict[str, tuple[int, float]], int | 
 
 def _numbers(
     rows: Sequence[Sequence[str]], lines: Sequence[int], columns: dict[str, tuple[int, float]], count: int
-) -> Floats:
-    """Time [s] and state [m, m/s] of each row (T, 7)."""
+) -> dict[str, Floats]:
+    """Each quantity (R,) in SI."""
     for row, line in zip(rows, lines, strict=True):
         if len(row) != count:
             raise ValueError(f"line {line}: has {len(row)} cells, the columns are {count}; correct the row")
-    found = np.empty((len(rows), len(WANTED)))
-    for k, quantity in enumerate(WANTED):
-        place, size = columns[quantity]
+    found = {}
+    for quantity, (place, size) in columns.items():
         try:
-            found[:, k] = [float(row[place]) for row in rows]
+            found[quantity] = np.array([float(row[place]) for row in rows]) * size
         except ValueError:
             wrong = next(k for k, row in enumerate(rows) if not _is_number(row[place]))
             what = f"'{rows[wrong][place].strip()[:30]}' is no number"
             raise ValueError(f"line {lines[wrong]}: {what}; correct or remove the row") from None
-        found[:, k] *= size
-    if not np.isfinite(found).all():
-        wrong = int(np.argmin(np.isfinite(found).all(axis=1)))
+    sound = np.isfinite(list(found.values())).all(axis=0)
+    if not sound.all():
+        wrong = int(np.argmin(sound))
         raise ValueError(f"line {lines[wrong]}: a value is not finite; correct or remove the row")
     return found
 
@@ -145,13 +170,13 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _ephemerides(
-    values: Floats, whose: Sequence[str], lines: Sequence[int], about: dict[str, str]
-) -> Iterable[Ephemeris]:
+def _ephemerides(rows: StateRows) -> Iterable[Ephemeris]:
     """The rows of each craft, cut where two have one time."""
-    for name in dict.fromkeys(whose):
-        own = np.flatnonzero([one == name for one in whose])
-        gaps = np.diff(values[own, 0])
+    times, lines, about = rows.times, rows.lines, rows.about
+    assert times is not None
+    for name in dict.fromkeys(rows.craft):
+        own = np.flatnonzero([one == name for one in rows.craft])
+        gaps = np.diff(times[own])
         if (gaps < 0.0).any():
             line = lines[own[int(np.argmax(gaps < 0.0)) + 1]]
             raise ValueError(f"line {line}: times of {name or 'the craft'} must rise; sort the rows")
@@ -162,8 +187,8 @@ def _ephemerides(
             yield Ephemeris(
                 name=name or "UNKNOWN",
                 object_id=name or "UNKNOWN",
-                times=values[part, 0],
-                states=values[part, 1:],
+                times=times[part],
+                states=rows.states[part],
                 center=about["center"],
                 frame=about["frame"],
                 time_system=about["time_system"],

@@ -4,8 +4,9 @@ import hashlib
 from pathlib import Path
 
 from closeform.exchange.ephemeris import Ephemeris
+from closeform.exchange.message import within
 from closeform.exchange.oem import read_oem
-from closeform.exchange.state_csv import StateRows, read_states_csv
+from closeform.exchange.states_csv import StateRows, state_rows
 
 DOUBTFUL = 1.0  # m: by how much a state may be off that is interpolated
 
@@ -57,7 +58,9 @@ class Inputs:
     def states(self, name: str) -> StateRows:
         """What a file of states holds.  Raises ValueError, with file and line, for what is none."""
         if name not in self._states:
-            self._states[name] = read_states_csv(self.read(name))
+            place = self.read(name)
+            with within(place):
+                self._states[name] = state_rows(place, timed=False)
         return self._states[name]
 
     def interpolated(self, name: str, error: float) -> None:

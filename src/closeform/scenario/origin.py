@@ -9,6 +9,8 @@ from closeform.arrays import Floats
 from closeform.exchange.chief import Chief
 from closeform.exchange.covariance import canonical
 from closeform.exchange.ephemeris import SAME_EPOCH
+from closeform.exchange.epochs import Epoch
+from closeform.exchange.exported import ROTATING
 from closeform.exchange.interpolation import states_of
 from closeform.scenario.checks import Findings
 from closeform.scenario.craft import Craft
@@ -16,7 +18,8 @@ from closeform.scenario.errors import Place, did_you_mean
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.scenario import Scenario
 
-HILL = ("", "HILL", "RTN", "RSW")  # how a file of states calls the frame of the scenario itself
+UNKNOWN = "UNKNOWN"  # what a table of states does not tell
+HILL = (UNKNOWN, "HILL", "RTN", ROTATING)  # how it may call the frame of the scenario itself
 FAR = 0.1  # of the orbit's radius: a craft so far from the chief is in another unit or frame
 
 
@@ -43,20 +46,20 @@ def located(
         for key, begins in (("start", inertially), ("states", craft.states is not None)):
             if begins and found.sound(rf"craft\.{key}"):
                 try:
-                    placed[number] = craft.known_at(at_start(craft, chief, inputs))
+                    placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs))
                 except ValueError as error:
                     complain(("craft", number, key), str(error))
     return replace(scenario, craft=tuple(placed))
 
 
-def at_start(craft: Craft, chief: Chief | None, inputs: Inputs) -> Floats:
+def at_start(craft: Craft, chief: Chief | None, epoch: Epoch | None, inputs: Inputs) -> Floats:
     """The state (6,) in Hill's frame, at the epoch, of a craft that begins inertially or by a file."""
     start = craft.start
     if craft.states is not None:
-        frame, state = row_of(craft.name, craft.states, inputs)
+        frame, state = row_of(craft.name, craft.states, epoch, inputs)
         if canonical(frame) in HILL:
             return state
-        return beside(known(chief), state, craft.states, "frame", frame)
+        return beside(known(chief), state, craft.states, "frame =", frame)
     assert start is not None
     chief = known(chief)
     if start.oem is None:
@@ -78,16 +81,25 @@ def known(chief: Chief | None) -> Chief:
     return chief
 
 
-def row_of(name: str, file: str, inputs: Inputs) -> tuple[str, Floats]:
-    """Frame and state (6,) of a craft in a file of states, at time 0."""
+def row_of(name: str, file: str, epoch: Epoch | None, inputs: Inputs) -> tuple[str, Floats]:
+    """Frame and state (6,) of a craft in a table of states, at the epoch; after a burn at that instant."""
     rows = inputs.states(file)
     mine = [k for k, one in enumerate(rows.craft) if one == name]
     if not mine:
-        raise ValueError(f"{file}: has no line of {name}; {did_you_mean(name, dict.fromkeys(rows.craft))}")
-    now = [k for k in mine if abs(rows.times[k]) <= SAME_EPOCH]
+        raise ValueError(f"{file}: has no row of {name}; {did_you_mean(name, dict.fromkeys(rows.craft))}")
+    if rows.times is None:
+        if len(mine) > 1:
+            raise ValueError(
+                f"{file}: line {rows.lines[mine[1]]}: a second row of {name}; keep one, or add time_s"
+            )
+        return rows.about["frame"], rows.states[mine[0]]
+    begin = 0.0
+    if epoch is not None and rows.about["epoch"] != UNKNOWN:
+        begin = Epoch(rows.about["epoch"], rows.about["time_system"]).until(epoch)
+    now = [k for k in mine if abs(rows.times[k] - begin) <= SAME_EPOCH]
     if not now:
-        raise ValueError(f"{file}: has no line of {name} at 0 s, when the mission starts; add one")
-    return rows.frames[now[0]], rows.states[now[0]]
+        raise ValueError(f"{file}: has no row of {name} at {begin:.9g} s, when the mission starts; add one")
+    return rows.about["frame"], rows.states[now[-1]]
 
 
 def beside(chief: Chief, inertial: Floats, file: str = "", keyword: str = "", frame: str = "") -> Floats:
