@@ -134,6 +134,30 @@ def test_not_where_somebody_is():
     assert 20.0 < np.linalg.norm(apart) < 25.0  # no farther than it must
 
 
+def test_not_from_where_it_drifts_into_somebody():
+    """A third craft swings 35 m across the track there, and back through a quarter of an orbit later."""
+    alone = mission("avoid", "energy", ', phase = "cheapest"')
+    end = alone.results[0].after.path("Inspector").state(DURATION)
+    x, y, z, vx, vy, vz = ORBIT.transition(-DURATION) @ (end + [0, 0, 35.0, 0, 0, 0])
+    third = (
+        FILE.replace('["Target", "Inspector"]', '["Target", "Inspector", "Third"]')
+        .replace('"10 -900 30 m"]', f'"10 -900 30 m", "{x} {y} {z} m"]')
+        .replace('"0 0.02 0 m/s"]', f'"0 0.02 0 m/s", "{vx} {vy} {vz} m/s"]')
+        .replace("TO", ELLIPSE.replace("PHASE", ', phase = "cheapest"'))
+        .replace("COST", "energy")
+        .replace("DO", "avoid")
+    )
+    without = fly(parse(third)).results[0].after.path("Inspector").state(DURATION)
+    assert np.linalg.norm(without - end) < 1e-6  # it stays clear as far as this stage
+    flown = fly(parse(third + 'drift = "0.5 orbits"\n'))
+    assert flown.clear, flown.stopped
+    (result,) = flown.results
+    own, other = (result.after.path(name).state(DURATION) for name in ("Inspector", "Third"))
+    times = np.linspace(0.0, 0.5 * ORBIT.period, 2001)
+    apart = [np.linalg.norm((ORBIT.transition(t) @ (own - other))[:3]) for t in times]
+    assert 20.0 < min(apart) < 21.0  # no farther than it must
+
+
 def test_fellows_go_to_relative_orbits_too():
     text = FILE.replace("DO", "avoid").replace("COST", "energy")
     text = text.replace("TO", '{ position = "0 -300 0 m", velocity = "0 0 0 m/s" }')

@@ -10,7 +10,9 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.motion.joining import stack
+from closeform.planning.fallbacks import tried_openly
 from closeform.planning.problem import Problem
+from closeform.planning.request import Request
 from closeform.planning.scene import Contacts
 from ring_formations import ring_formations
 from ring_transfers import RADIUS, ring_transfers
@@ -226,6 +228,35 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that
     assert "targets.safety_ellipse(orbit, 1, 39, 39) around client would do" in plan.reason
     named = ORBIT.coast(cf.targets.safety_ellipse(ORBIT, 1, 39.0, 39.0)[0], PERIOD)
     assert cf.closest_approach(named, ORBIT.coast(CLIENT, PERIOD), cf.Sphere(30.0)).ratio >= 1.3 - 1e-9
+
+
+def test_longer_plans_end_and_drift_while_obstacles_are_known():
+    """Known for 1.7 durations and the drift: two of four stretches are tried, and all but the last wait."""
+    obstacle = ORBIT.coast(CLIENT, 1.7 * 3000.0 + PERIOD)
+    begins, places = [[0, 200, 0, 0, 0, 0], [0, 400, 0, 0, 0, 0]], [[0, 90, 0, 0, 0, 0], [0, 300, 0, 0, 0, 0]]
+    request = Request.of(
+        ORBIT, begins, places, 3000.0, cf.Sphere(20.0), False, 0.0, obstacle, None, None, drift=PERIOD
+    )
+    blocked = cf.reconfigure(
+        ORBIT,
+        begins,
+        [[0, 9, 0, 0, 0, 0], places[1]],
+        3000.0,
+        cf.Sphere(20.0),
+        obstacles=obstacle,
+        drift=PERIOD,
+    )
+    assert not blocked.ok
+    seen = []
+
+    def attempt(asked, more):
+        seen.append(float((asked.starts + asked.durations).max()))
+        return blocked
+
+    _, plan = tried_openly(request, blocked, attempt, ("longer", "stagger"))
+    assert seen == pytest.approx([1.25 * 3000, 1.6 * 3000, 1.25 * 3000, 1.5 * 3000])
+    refused = [words for words in plan.measures if words.endswith(": an obstacle ends before the drift does")]
+    assert [words.split(",")[1].strip()[:2] for words in refused] == ["2 ", "3 ", "th"]
 
 
 def test_craft_of_a_formation_may_fail_one_at_a_time():

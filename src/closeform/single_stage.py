@@ -8,6 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import Flight
+from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, StageResult, TransferResult
 from closeform.motion.duration import far_beyond
 from closeform.motion.joining import join
@@ -56,7 +57,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
 
     def clear(finals: Floats) -> Any:
-        return outside(finals, others, zones, start.time + asked)
+        return outside(finals, others, zones, start.time + asked, drift or 0.0)
 
     to = None if stage.to is None else start.settled(stage.to, mover, asked, stage.cost, clear)
 
@@ -101,13 +102,21 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
 
 
-def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time: float) -> Any:
-    """Which of some final states (S, 6) are at a time in nobody's zone, each of the others having its own."""
+def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time: float, drift: float) -> Any:
+    """Which of some final states (S, 6) are in nobody's zone at a time, nor drift into one for so long.
+
+    Each of the others has a zone of its own.
+    """
     from closeform.planning.obstacles import ON
 
     ratios = [
         zone.norm(finals[:, :3] - path.position(time)) for path, zone in zip(others, zones, strict=True)
     ]
+    if drift > 0.0 and others:
+        coasts = others[0].orbit.coast(finals, drift, start=time)
+        ratios += [
+            closest_approach(coasts, path, zone).ratio for path, zone in zip(others, zones, strict=True)
+        ]
     return np.all(np.array(ratios) > ON, axis=0)
 
 
