@@ -55,6 +55,10 @@ myst_heading_anchors = 4
 autosummary_generate = True
 autodoc_typehints = "none"  # sections say more than annotations
 numpydoc_show_class_members = False  # members stand on the page of their class
+# Kinds of parameters lead to the classes that they name.
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"
+numpydoc_xref_aliases = {name: f"closeform.{name}" for name in cf._HOMES if name[0].isupper()}
 # All that numpydoc checks, but: more than a summary, examples and cross references where nothing asks for
 # them (ES, EX, SA), verbs first (SS05: a summary says what comes back), and what tests/test_docstrings.py
 # holds better (PR01, PR02: results have attributes; YD01).
