@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from docutils import nodes
+from numpydoc.xref import DEFAULT_LINKS
 from sphinx.application import Sphinx
 
 import closeform as cf
@@ -57,6 +58,7 @@ autodoc_typehints = "none"  # sections say more than annotations
 numpydoc_show_class_members = False  # members stand on the page of their class
 # Kinds of parameters lead to the classes that they name.
 numpydoc_xref_param_type = True
+DEFAULT_LINKS.clear()  # to the pages of Python and NumPy, which would need a network
 numpydoc_xref_ignore = "all"
 numpydoc_xref_aliases = {name: f"closeform.{name}" for name in cf._HOMES if name[0].isupper()}
 # All that numpydoc checks, but: more than a summary, examples and cross references where nothing asks for
