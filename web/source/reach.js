@@ -4,20 +4,24 @@ import { dot } from "./view.js";
 
 const CLOSE = 1.15; // of a zone's size, seen to either side of the craft that is followed
 const SHADES = 3.4; // half of the close view, in shades, of craft that look for each other
+const CONED = 0.9; // of a sensor's cone, for which there is room beside the ways
 const ALONE = 0.04; // of the scene, where a craft has neither
 
 /** A function of (view, craft) that gives the function from a direction to [least, most] for `View.fit`. */
-export function reaches(scene, moment, tubes) {
+export function reaches(scene, moment, { tubes, cone }) {
   const ways = moment.tracks.filter(({ kind }) => kind !== "drift").map((track) => ({ track, points: track.chords(Infinity) }));
   const ellipsoids = tubes.flatMap((tube) => Array.from({ length: 13 }, (_, k) => {
     const time = tube.start + (k / 12) * (tube.end - tube.start);
     return { middle: tube.way.position(time), spread: tube.spread(time) };
   }));
+  const resting = scene.craft.some(({ moves, zone }) => !moves && zone >= 0);
+  const searched = moment.searches.length ? CONED * cone + moment.searches[0].sensor.offset : 0;
   const spans = (direction) => {
     let [low, high] = [Infinity, -Infinity];
     for (const { track, points } of ways) {
       const { zone, moves } = scene.craft[track.craft];
-      const room = zone >= 0 && !moves ? support(scene.zones[zone], direction) : 0;
+      const guarded = zone >= 0 && !(moves && resting) ? support(scene.zones[zone], direction) : 0;
+      const room = Math.max(guarded, searched);
       for (let k = 0; k < points.length; k += 4) {
         const at = points[k] * direction[0] + points[k + 1] * direction[1] + points[k + 2] * direction[2];
         [low, high] = [Math.min(low, at - room), Math.max(high, at + room)];
