@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, cached_property
-from html import escape
 from textwrap import fill, shorten
 from typing import Any, ClassVar
 
@@ -177,6 +176,8 @@ def units(kind: type) -> dict[str, str]:
 
 def _table(caption: str, heads: list[str], rows: list[list[str]]) -> str:
     """A table in HTML; names may hold anything."""
+    from html import escape
+
     head = "<tr>" + "".join(f"<th>{escape(one)}</th>" for one in heads) + "</tr>" if heads else ""
     body = "".join("<tr>" + "".join(f"<td>{escape(one)}</td>" for one in row) + "</tr>" for row in rows)
     inside = f"<caption>{escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody>"
