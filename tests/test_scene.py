@@ -13,11 +13,14 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import closeform as cf
 from closeform.cli import main
+from closeform.exchange.common_frame import common_frame
+from closeform.exchange.oem import read_oem
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.scenario import parse
 from closeform.viewer.page import document
 from closeform.viewer.scene import scene_of
+from closeform.viewer.shown import Shown
 from closeform.viewer.solids import record
 from pages import Parts, Seen, fields, fits
 
@@ -40,7 +43,7 @@ def mission(name: str) -> Mission:
 
 @cache
 def seen(name: str) -> Seen:
-    scene = scene_of(mission(name))
+    scene = scene_of(Shown.of_mission(mission(name)))
     return Seen(scene.record, scene.numbers)
 
 
@@ -301,7 +304,7 @@ def test_a_plan_that_failed_is_shown_and_is_not_flown() -> None:
     """Its conflicts are those of the direct paths; nothing is spent in it."""
     text = (EXAMPLES / "cluster.toml").read_text()
     weak = flown(text.replace('max_thrust = "0.5 N"', 'max_thrust = "1 uN"'))
-    scene = scene_of(weak).record
+    scene = scene_of(Shown.of_mission(weak)).record
     assert [stage["flown"] for stage in scene["stages"]] == [True, False]
     assert "not flown" in scene["stages"][1]["title"]
     assert scene["stages"][1]["failure"] in scene["verdict"]
@@ -332,7 +335,7 @@ do = "coast"
 for = "10 min"
 """
     found = flown(toml)
-    page = document(found, scene_of(found))
+    page = document(scene_of(Shown.of_mission(found)))
     parts = Parts(page)
     assert [one["name"] for one in Seen.of(page).record["craft"]] == list(HOSTILE)
     assert len([tag for tag, _ in parts.tags if tag == "script"]) == 3
@@ -348,9 +351,8 @@ def quoted(name: str) -> str:
 
 
 def test_page_is_one_file_that_asks_for_nothing() -> None:
-    page = document(
-        mission("cluster"), scene_of(mission("cluster"), [("stage-2-thrust.png", "Thrust")], "report.html")
-    )
+    shown, pictures = Shown.of_mission(mission("cluster")), [("stage-2-thrust.png", "Thrust")]
+    page = document(scene_of(shown, pictures, "report.html"))
     parts = Parts(page)
     loading = [
         (tag, name, value)
@@ -367,7 +369,9 @@ def test_page_is_one_file_that_asks_for_nothing() -> None:
 
 def test_same_mission_same_bytes() -> None:
     again = cf.run(EXAMPLES / "cluster.toml")
-    assert document(again, scene_of(again)) == document(mission("cluster"), scene_of(mission("cluster")))
+    assert document(scene_of(Shown.of_mission(again))) == document(
+        scene_of(Shown.of_mission(mission("cluster")))
+    )
 
 
 def test_a_day_of_eight_craft_is_small() -> None:
@@ -376,14 +380,14 @@ def test_a_day_of_eight_craft_is_small() -> None:
     assert text.count('for = "1 orbit"') == 1
     day = flown(text.replace('for = "1 orbit"', 'for = "1360 min"'))
     assert day.results[-1].end > 86_400.0
-    assert len(document(day, scene_of(day))) < 5_000_000
-    assert len(document(mission("find_then_fly"), scene_of(mission("find_then_fly")))) < 1_500_000
+    assert len(document(scene_of(Shown.of_mission(day)))) < 5_000_000
+    assert len(document(scene_of(Shown.of_mission(mission("find_then_fly"))))) < 1_500_000
 
 
 def test_a_crowd_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
     """And says why; few are a crowd here, so that the test is quick."""
     monkeypatch.setattr("closeform.viewer.page.MOST", 7)
-    parts = Parts(document(mission("cluster"), scene_of(mission("cluster"))))
+    parts = Parts(document(scene_of(Shown.of_mission(mission("cluster")))))
     assert parts.scripts == {}
     assert "8 craft, and more than 7 are not shown in motion." in "".join(parts.text)
     assert [tag for tag, _ in parts.tags].count("polyline") > 3 * 8
@@ -392,7 +396,7 @@ def test_a_crowd_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_scene_has_the_epoch_in_utc() -> None:
     text = (EXAMPLES / "cluster.toml").read_text()
     dated = text.replace("[orbit]", '[orbit]\nepoch = "2026-11-22T12:00:37.5 TAI"')
-    assert scene_of(flown(dated)).record["epoch"] == "2026-11-22T12:00:00.500Z"
+    assert scene_of(Shown.of_mission(flown(dated))).record["epoch"] == "2026-11-22T12:00:00.500Z"
     assert seen("cluster").record["epoch"] is None
 
 
@@ -420,3 +424,28 @@ def test_study_links_its_worst_cases_to_their_replays(
     assert {int(name[5:-5]) for name, why in links.items() if "not clear" in why} <= {
         case for case, clear in enumerate(cases["clear"]) if not clear
     }
+
+
+def test_screened_ephemerides_and_messages_have_a_page(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GRACE's two in samples, whose thrust nobody knows; in UTC, while the files are in GPS time."""
+    files = [str(EXAMPLES / "grace" / f"GRACE-{letter}.oem") for letter in "AB"]
+    options = ["--ellipsoid", "20 40 20 m", "--out", str(tmp_path / "screen")]
+    assert main(["screen", *files, *options]) == 0
+    page = Seen.of((tmp_path / "screen" / "viewer.html").read_text())
+    assert fits(page.record, "Scene")
+    assert page.record["epoch"] == "2010-07-26T23:59:45.000Z"
+    frame = common_frame([read_oem(file) for file in files])
+    (track,) = (one for one in page.record["tracks"] if one["craft"] == 1)
+    for time, state in list(zip(frame.times, frame.states[1], strict=True))[5:-5:100]:
+        assert np.linalg.norm(page.state(track, time) - state[:3]) <= page.record["error"]
+    assert not page.record["thrusts"]
+    assert not any(craft["moves"] for craft in page.record["craft"])
+
+    assert main(["encounter", str(EXAMPLES / "slow_encounter.cdm"), "--out", str(tmp_path / "met")]) == 0
+    met = Seen.of((tmp_path / "met" / "viewer.html").read_text())
+    assert fits(met.record, "Scene")
+    assert "collision probability 0.026829" in met.record["verdict"]
+    assert len(met.record["tubes"]) == 2
+    capsys.readouterr()

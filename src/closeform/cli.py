@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -135,6 +136,7 @@ def run(
     from closeform.report.run import RunReport, leave
     from closeform.scenario import ScenarioError
     from closeform.viewer import page
+    from closeform.viewer.shown import Shown
 
     notes = stderr()
     try:
@@ -142,8 +144,8 @@ def run(
             mission = fly(loaded, lambda text: status.update(text))
             report = RunReport(mission)
             with written(place):
-                shown = None if no_viewer else page.leave
-                leave(report, under_way, lambda text: status.update(text), shown)
+                viewer = None if no_viewer else partial(page.leave, Shown.of_mission(mission))
+                leave(report, under_way, lambda text: status.update(text), viewer)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

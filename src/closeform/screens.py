@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -134,12 +135,15 @@ def left(made: "Callable[[], ScreenReport | EncounterReport]", place: Path, over
     """Make a report, leave its results and print it; the exit status."""
     from closeform.publishing import folder
     from closeform.result_folder import written
+    from closeform.viewer import page
+    from closeform.viewer.shown import Shown
 
     notes = stderr()
     with notes.status("looking") as status, folder(place, overwrite) as under_way:
         report = made()
         with written(place):
-            report.leave(under_way, lambda text: status.update(text))
+            viewer = partial(page.leave, Shown.of_report(report))
+            report.leave(under_way, lambda text: status.update(text), viewer)
     with kept(place):
         tell_screen(report, place)
     return report.verdict.status

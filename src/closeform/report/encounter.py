@@ -200,8 +200,10 @@ class EncounterReport:
             "probabilities": self.tables[0].records,
         }
 
-    def leave(self, folder: Folder, progress: Progress = lambda text: None) -> None:
-        """Fill a result folder with everything that a conjunction message comes to."""
+    def leave(
+        self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
+    ) -> None:
+        """Fill a result folder with all that a conjunction message comes to; `viewer`: a page that moves."""
         met = self.encounter
         times = np.linspace(float(met.path.start), float(met.path.end), SAMPLES)
         columns: dict[str, Any] = {
@@ -214,4 +216,4 @@ class EncounterReport:
         folder.table("states", columns)
         verdict = self.verdict
         head = Head(self.title, self.opening[:1], str(verdict), verdict.status == MET, met.warnings)
-        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress)
+        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)

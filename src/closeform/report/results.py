@@ -9,7 +9,9 @@ from closeform.report.drawing import drawn
 from closeform.report.page import Head
 from closeform.report.picture import Progress, Shot
 from closeform.report.section import Section
-from closeform.result_folder import REPORT, Folder
+from closeform.result_folder import REPORT, VIEWER, Folder
+
+Viewer = Callable[[Folder, Sequence[Shot]], None]  # what writes a page that moves, beside pictures
 
 
 def leave(
@@ -19,16 +21,18 @@ def leave(
     repeated: Callable[[Sequence[str]], Section],
     figures: Mapping[str, Any],
     progress: Progress = lambda text: None,
-    show: Callable[[Sequence[Shot]], None] = lambda shots: None,
+    viewer: Viewer | None = None,
 ) -> None:
     """Draw all pictures, then write the page and, last, the summary; all other files are there.
 
-    `repeated` makes the last chapter from the files beside the page; `show` leaves some more, which know
-    the pictures.
+    `repeated` makes the last chapter from the files beside the page; `viewer` leaves a page that moves
+    beside the pictures.
     """
     pictures = [picture for told in chapters for picture in told.pictures]
     shots = drawn(pictures, folder, progress)
-    show(shots)
+    if viewer is not None:
+        progress(f"writing {VIEWER}")
+        viewer(folder, shots)
     files = repeat.beside(folder)
     whole = [*chapters, repeated(files)]
     folder.text(REPORT, page.document(replace(head, links=repeat.links(files)), whole, shots))

@@ -32,7 +32,8 @@ from closeform.report import (
 )
 from closeform.report.clock import Clock
 from closeform.report.page import Head
-from closeform.report.picture import Film, Progress, Shot
+from closeform.report.picture import Film, Progress
+from closeform.report.results import Viewer
 from closeform.report.results import leave as leave_all
 from closeform.report.section import Section, fate, not_filmed
 from closeform.report.table import STATE_COLUMNS, Table, counted
@@ -272,7 +273,7 @@ def leave(
     report: RunReport,
     folder: Folder,
     progress: Progress = lambda text: None,
-    viewer: Callable[[Mission, Folder, Sequence[Shot]], None] | None = None,
+    viewer: Viewer | None = None,
 ) -> None:
     """Fill a result folder with everything that a run leaves; `progress` is told what is under way.
 
@@ -287,10 +288,4 @@ def leave(
     scenario, found = mission.scenario, mission.verdict
     lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
     head = Head(scenario.title, lines, str(found), found.ok, mission.warnings)
-
-    def show(shots: Sequence[Shot]) -> None:
-        if viewer is not None:
-            progress("writing viewer.html")
-            viewer(mission, folder, shots)
-
-    leave_all(folder, head, report.chapters, report.repeat, report.summary, progress, show)
+    leave_all(folder, head, report.chapters, report.repeat, report.summary, progress, viewer)

@@ -197,8 +197,10 @@ class ScreenReport:
             **found,
         }
 
-    def leave(self, folder: Folder, progress: Progress = lambda text: None) -> None:
-        """Fill a result folder with everything that a screening leaves."""
+    def leave(
+        self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
+    ) -> None:
+        """Fill a result folder with all that a screening leaves; `viewer` writes a page that moves."""
         frame, flight = self.frame, self.flight
         near = [conflicts.approach_row(one) for one in flight.approaches]
         tables = {
@@ -212,7 +214,7 @@ class ScreenReport:
             folder.table(name, table.stored)
         folder.table("states", states(frame))
         head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
-        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress)
+        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)
 
 
 def states(frame: CommonFrame) -> dict[str, Any]:

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.mission_result import FirstLocks, Mission, StageResult
+from closeform.mission_result import FirstLocks, StageResult
 from closeform.report import drift as failing
 from closeform.report.gather import BURNS, met, replayed
 from closeform.report.section import fate
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.viewer.meetings import closest, flights, places_of
 from closeform.viewer.searches import seen
+from closeform.viewer.shown import Shown
 from closeform.viewer.thrusts import pushes, stretches
 
 if TYPE_CHECKING:
@@ -25,16 +26,14 @@ NEAREST = 3  # failures of a stage, and approaches, that are marked
 PASSING = 1.5  # times a zone, up to which others than the closest are
 
 
-def events(mission: Mission) -> list[Record]:
+def events(shown: Shown) -> list[Record]:
     """Every `Event` of web/scene.d.ts, in order of time."""
     found: list[Record] = []
-    for result in mission.results:
+    for result in shown.results:
         for kind in (stage, phases, gathered, locked, burnt, conflicts, approaches, sigmas, failures):
-            found += list(kind(mission, result))[:LISTED]
-    if mission.results:
-        last = mission.results[-1]
-        level = "good" if mission.verdict.ok else "bad"
-        found.append(event("end", last, last.end, str(mission.verdict), level=level))
+            found += list(kind(result))[:LISTED]
+    last, level = shown.results[-1], "good" if shown.ok else "bad"
+    found.append(event("end", last, last.end, shown.verdict, level=level))
     return sorted(found, key=lambda one: one["time"])
 
 
@@ -59,13 +58,13 @@ def event(
     }
 
 
-def stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def stage(result: StageResult[Any, Any]) -> Iterator[Record]:
     """That a stage begins, or why it failed."""
     level = "plain" if result.failure is None else "bad"
     yield event("stage", result, result.start, fate(result), until=result.end, level=level)
 
 
-def phases(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def phases(result: StageResult[Any, Any]) -> Iterator[Record]:
     """The phases of a search."""
     if not isinstance(result.result, Gathering | FirstLocks):
         return
@@ -75,7 +74,7 @@ def phases(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
             yield event("phase", result, result.start + start, f"{name} {number}", until=until)
 
 
-def gathered(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def gathered(result: StageResult[Any, Any]) -> Iterator[Record]:
     """Locks and burns of a gathering."""
     if not isinstance(result.result, Gathering):
         return
@@ -93,7 +92,7 @@ def gathered(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record
             )
 
 
-def locked(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def locked(result: StageResult[Any, Any]) -> Iterator[Record]:
     """First locks of a search in which nothing burns."""
     if not isinstance(result.result, FirstLocks):
         return
@@ -103,7 +102,7 @@ def locked(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
         yield event("lock", result, result.start + time, text, (one, other), level="good")
 
 
-def burnt(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def burnt(result: StageResult[Any, Any]) -> Iterator[Record]:
     """Impulses, pulses and thrust between coasts, of craft that do not gather."""
     if isinstance(result.result, Gathering):
         return
@@ -126,7 +125,7 @@ def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
         yield event("burn", result, start, f"{name}: thrusts for {end - start:.1f} s", (craft,), end)
 
 
-def conflicts(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def conflicts(result: StageResult[Any, Any]) -> Iterator[Record]:
     """Who would have been in whose zone, and who still is."""
     place = places_of(result)
     for when, flight in flights(result):
@@ -140,7 +139,7 @@ def conflicts(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Recor
             yield event("conflict", result, conflict.start, text, craft, conflict.end, level)
 
 
-def approaches(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def approaches(result: StageResult[Any, Any]) -> Iterator[Record]:
     """The closest of a stage, and others that pass along a zone."""
     names, near_by = result.after.names, closest(result)
     passing = [near for near in near_by[1:] if near["ratio"] < PASSING]
@@ -153,7 +152,7 @@ def approaches(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Reco
         yield event("approach", result, near["time"], text, (one, other))
 
 
-def sigmas(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def sigmas(result: StageResult[Any, Any]) -> Iterator[Record]:
     """When fewest sigmas of errors bring two craft together."""
     near = None if result.uncertain is None else result.uncertain.nearest
     if near is None or not isfinite(near.sigmas):
@@ -167,7 +166,7 @@ def sigmas(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
     yield event("approach", result, near.time, text, craft, level="bad" if short else "plain")
 
 
-def failures(mission: Mission, result: StageResult[Any, Any]) -> Iterator[Record]:
+def failures(result: StageResult[Any, Any]) -> Iterator[Record]:
     """The failures that lead nearest to anybody."""
     if result.passive is None:
         return

@@ -7,10 +7,11 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.drift.failures import ThrustLost
-from closeform.mission_result import Mission, StageResult
+from closeform.mission_result import StageResult
 from closeform.motion.arc import IMPULSE, START
 from closeform.motion.path import Path
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.shown import Shown
 from closeform.viewer.tracks import track
 
 if TYPE_CHECKING:
@@ -22,10 +23,10 @@ BEYOND = 0.5  # orbits that a drift is shown after it is nearest
 SHARES = np.linspace(0.0, 1.0, 1025)  # of an impulse in whose midst thrust is lost
 
 
-def failures(mission: Mission, numbers: Numbers, drawn: list[Record], error: float) -> list[Record]:
+def failures(shown: Shown, numbers: Numbers, drawn: list[Record], error: float) -> list[Record]:
     """Every `Failure` of web/scene.d.ts; their drifts are added to the tracks `drawn`."""
     found = []
-    for result in mission.results:
+    for result in shown.results:
         if result.passive is None:
             continue
         coasts: dict[int, int] = {}  # by who is met: its track after the stage

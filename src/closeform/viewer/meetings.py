@@ -6,17 +6,18 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import Flight
-from closeform.mission_result import Mission, StageResult
+from closeform.mission_result import StageResult
+from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]
 LISTED = 500  # conflicts and approaches of a stage, the deepest and the closest
 FEW = 30  # craft up to which distances of all pairs are looked at
 
 
-def conflicts(mission: Mission) -> list[Record]:
+def conflicts(shown: Shown) -> list[Record]:
     """Every `Conflict` of web/scene.d.ts, in order of time."""
     found = []
-    for result in mission.results:
+    for result in shown.results:
         place = places_of(result)
         for when, flight in flights(result):
             for met in sorted(flight.conflicts, key=lambda met: met.ratio)[:LISTED]:
@@ -41,9 +42,9 @@ def flights(result: StageResult[Any, Any]) -> list[tuple[str, Flight]]:
     return last if result.before is result.after else [("before", result.before), *last]
 
 
-def approaches(mission: Mission) -> list[Record]:
+def approaches(shown: Shown) -> list[Record]:
     """Every `Approach` of web/scene.d.ts, the closest first."""
-    found = [record for result in mission.results for record in closest(result)]
+    found = [record for result in shown.results for record in closest(result)]
     return sorted(found, key=lambda one: (one["ratio"], one["time"], one["first"], one["second"]))
 
 
@@ -69,14 +70,14 @@ def places_of(result: StageResult[Any, Any]) -> dict[str, int]:
     return {name: k for k, name in enumerate(result.after.names)}
 
 
-def worth_watching(mission: Mission, most: int) -> list[tuple[int, int]]:
+def worth_watching(shown: Shown, most: int) -> list[tuple[int, int]]:
     """Up to `most` pairs (i < j): those that come closest, and first of all the closest one of each craft.
 
     In terms of zones; in a scene without any by distance, of few craft.
     """
-    ranked = list(dict.fromkeys((one["first"], one["second"]) for one in approaches(mission)))
+    ranked = list(dict.fromkeys((one["first"], one["second"]) for one in approaches(shown)))
     if not ranked:
-        ranked = by_distance(mission)
+        ranked = by_distance(shown)
     firsts, seen = [], set[int]()
     for pair in ranked:
         if not seen.issuperset(pair):
@@ -87,14 +88,14 @@ def worth_watching(mission: Mission, most: int) -> list[tuple[int, int]]:
     return [pair for pair in ranked if pair in chosen]
 
 
-def by_distance(mission: Mission) -> list[tuple[int, int]]:
+def by_distance(shown: Shown) -> list[tuple[int, int]]:
     """All pairs of few craft, those that come nearest first."""
-    count = len(mission.scenario.craft)
-    if not 1 < count <= FEW or not mission.results:
+    count = len(shown.names)
+    if not 1 < count <= FEW or not shown.results:
         return []
     first, second = np.triu_indices(count, 1)
     least = np.full(len(first), inf)
-    for result in mission.results:
+    for result in shown.results:
         places = result.after.paths.position(np.linspace(result.start, result.end, 65))
         least = np.minimum(least, np.linalg.norm(places[first] - places[second], axis=2).min(axis=1))
     order = np.argsort(least, kind="stable")

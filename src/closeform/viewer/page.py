@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
-from closeform.mission_result import Mission
 from closeform.report.page import letters
 from closeform.report.picture import Shot
 from closeform.result_folder import REPORT, VIEWER, Folder
 from closeform.viewer.scene import Scene, scene_of
+from closeform.viewer.shown import Shown
 from closeform.viewer.stills import stills
 
 HERE = Path(__file__).parent  # the script and its style are made of web/ by `npm run build` there
@@ -24,13 +24,13 @@ MOST = 1000  # craft that a browser can move
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
 
-def leave(mission: Mission, folder: Folder, pictures: Sequence[Shot] = ()) -> None:
+def leave(shown: Shown, folder: Folder, pictures: Sequence[Shot] = ()) -> None:
     """Write `viewer.html` into a result folder that holds `pictures`."""
     named = [(shot.file.name, shot.caption) for shot in pictures]
-    folder.text(VIEWER, document(mission, scene_of(mission, named, REPORT)))
+    folder.text(VIEWER, document(scene_of(shown, named, REPORT)))
 
 
-def document(mission: Mission, scene: Scene) -> str:
+def document(scene: Scene) -> str:
     """A scene as one HTML document without requests; of very many craft its still views alone."""
     style = (HERE / "viewer.css").read_text(encoding="utf-8")
     count = len(scene.record["craft"])
@@ -40,7 +40,7 @@ def document(mission: Mission, scene: Scene) -> str:
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(scene.record['title'])}</title>\n<style>{style}{STILL}</style></head>\n<body>\n"
-        f"{still(mission, scene, crowd or REASON)}\n{'' if crowd else in_motion(scene)}</body></html>\n"
+        f"{still(scene, crowd or REASON)}\n{'' if crowd else in_motion(scene)}</body></html>\n"
     )
 
 
@@ -59,7 +59,7 @@ def as_json(scene: Scene) -> str:
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def still(mission: Mission, scene: Scene, reason: str) -> str:
+def still(scene: Scene, reason: str) -> str:
     """What stands on the page until a script has taken over: words, views, the way to other pictures."""
     record = scene.record
     tone = "good" if record["ok"] else "bad"
@@ -69,5 +69,5 @@ def still(mission: Mission, scene: Scene, reason: str) -> str:
     return (
         f'<main id="still">\n<h1>{letters(record["title"])}</h1>\n<p>{letters(record["opening"])}</p>\n'
         f'<p class="verdict {tone}">{letters(record["verdict"])}</p>\n<p id="still-reason">{reason}</p>\n'
-        f"{stills(mission, scene)}\n<ul>{listed}</ul>\n</main>"
+        f"{stills(scene)}\n<ul>{listed}</ul>\n</main>"
     )

@@ -14,6 +14,7 @@ from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
 from closeform.viewer.page import document
 from closeform.viewer.scene import scene_of
+from closeform.viewer.shown import Shown
 
 PLANNED = "planned.html"
 UNMET = 2  # cases in which something is not met, at most, of each kind
@@ -46,7 +47,7 @@ def leave(campaign: Campaign | ErrorCampaign, folder: Folder) -> tuple[Replay, .
 
 def write(mission: Mission, folder: Folder, name: str) -> None:
     """One page, with a way back to the study's report."""
-    folder.text(name, document(mission, scene_of(mission, report=REPORT)))
+    folder.text(name, document(scene_of(Shown.of_mission(mission), report=REPORT)))
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:

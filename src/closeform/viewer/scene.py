@@ -8,21 +8,20 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission
 from closeform.plots.zones_and_tracks import drawn
-from closeform.report.run import RunReport
 from closeform.report.section import fate
 from closeform.search.leg import SUN
 from closeform.viewer.events import events
 from closeform.viewer.failures import failures
-from closeform.viewer.fleet import around, fleet, pairs
+from closeform.viewer.fleet import fleet, pairs
 from closeform.viewer.meetings import approaches, conflicts
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.searches import locks, searches
 from closeform.viewer.series import series
+from closeform.viewer.shown import Shown
 from closeform.viewer.solids import Solids
 from closeform.viewer.thrusts import burns, thrusts
-from closeform.viewer.tracks import box, error_for, tracks
+from closeform.viewer.tracks import error_for, tracks
 from closeform.viewer.tubes import tubes
 from closeform.zones.zone import Zone
 
@@ -34,63 +33,63 @@ WIDE = 1.0  # m, of a scene in which nothing moves and nobody has a zone
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A `Scene` of web/scene.d.ts: its record, and the numbers that it points to, in base64."""
+    """A `Scene` of web/scene.d.ts: its record, the numbers it points to in base64, and what is shown."""
 
     record: dict[str, Any]
     numbers: str
+    shown: Shown
 
 
-def scene_of(mission: Mission, pictures: Sequence[tuple[str, str]] = (), report: str | None = None) -> Scene:
-    """The scene of a mission, whose folder holds `pictures`, by name and title, and a `report`."""
+def scene_of(shown: Shown, pictures: Sequence[tuple[str, str]] = (), report: str | None = None) -> Scene:
+    """The scene of what is shown, whose folder holds `pictures`, by name and title, and a `report`."""
     numbers, solids = Numbers(), Solids()
-    zones = [zone for k in range(len(mission.scenario.craft)) if (zone := around(mission, k)) is not None]
-    corners = box(mission)
+    zones, corners = [zone for zone in shown.around if zone is not None], shown.corners
     error = error_for(corners, min((zone.inner_radius for zone in zones), default=None))
     corners = with_room(corners, zones)
-    craft = fleet(mission, solids, float(np.linalg.norm(corners[1] - corners[0])))
-    ways = tracks(mission, numbers, error)
-    lost = failures(mission, numbers, ways, error)
-    kept = pairs(mission.scenario.zones, solids)
+    craft = fleet(shown, solids, float(np.linalg.norm(corners[1] - corners[0])))
+    ways = tracks(shown, numbers, error)
+    lost = failures(shown, numbers, ways, error)
+    kept = pairs(shown.zones, solids)
     record = {
-        **header(mission),
+        **header(shown),
         "error": error,
         "low": corners[0].tolist(),
         "high": corners[1].tolist(),
         "craft": craft,
         "zones": solids.records,
         "pairs": kept,
-        "stages": stages(mission),
+        "stages": stages(shown),
         "tracks": ways,
-        "searches": searches(mission, numbers),
-        "thrusts": thrusts(mission, numbers),
-        "burns": burns(mission, numbers),
-        "locks": locks(mission),
-        "conflicts": conflicts(mission),
-        "approaches": approaches(mission),
+        "searches": searches(shown, numbers),
+        "thrusts": thrusts(shown, numbers),
+        "burns": burns(shown, numbers),
+        "locks": locks(shown),
+        "conflicts": conflicts(shown),
+        "approaches": approaches(shown),
         "failures": lost,
-        "tubes": tubes(mission, numbers),
-        "events": events(mission),
-        "series": series(mission, numbers),
+        "tubes": tubes(shown, numbers),
+        "events": events(shown),
+        "series": series(shown, numbers),
         "pictures": [{"name": name, "title": title} for name, title in pictures],
         "report": report,
     }
-    return Scene(record, numbers.text)
+    return Scene(record, numbers.text, shown)
 
 
-def header(mission: Mission) -> dict[str, Any]:
+def header(shown: Shown) -> dict[str, Any]:
     """What the scene is, and how it ended."""
-    results, orbit = mission.results, mission.orbit
+    results, orbit = shown.results, shown.orbit
     searched = any(result.stage.searches for result in results)
     return {
         "format": FORMAT,
-        "title": mission.scenario.title,
-        "opening": RunReport(mission).opening,
-        "verdict": str(mission.verdict),
-        "ok": mission.verdict.ok,
-        "warnings": list(mission.warnings),
-        "start": results[0].start if results else 0.0,
-        "end": results[-1].end if results else 0.0,
-        "epoch": epoch_of(mission),
+        "title": shown.title,
+        "opening": shown.opening,
+        "verdict": shown.verdict,
+        "ok": shown.ok,
+        "warnings": list(shown.warnings),
+        "start": results[0].start,
+        "end": results[-1].end,
+        "epoch": epoch_of(shown),
         "mean_motion": orbit.mean_motion,
         "period": orbit.period if isfinite(orbit.period) else None,
         "axes": ORBITAL if orbit.mean_motion else INERTIAL,
@@ -98,13 +97,12 @@ def header(mission: Mission) -> dict[str, Any]:
     }
 
 
-def epoch_of(mission: Mission) -> str | None:
+def epoch_of(shown: Shown) -> str | None:
     """UTC at time 0 to the millisecond, as browsers read it; None without an epoch."""
-    epoch = mission.scenario.epoch
-    return None if epoch is None else str(epoch.utc([0.0])[0])[:MILLISECONDS] + "Z"
+    return None if shown.epoch is None else str(shown.epoch.utc([0.0])[0])[:MILLISECONDS] + "Z"
 
 
-def stages(mission: Mission) -> list[dict[str, Any]]:
+def stages(shown: Shown) -> list[dict[str, Any]]:
     """Every `Stage`."""
     return [
         {
@@ -116,7 +114,7 @@ def stages(mission: Mission) -> list[dict[str, Any]]:
             "failure": result.failure,
             "flown": result.flown,
         }
-        for result in mission.results
+        for result in shown.results
     ]
 
 

@@ -6,26 +6,27 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import FirstLocks, Mission, StageResult
+from closeform.mission_result import FirstLocks, StageResult
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import Leg
 from closeform.search.schedule import Search
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.shown import Shown
 
 WIDEST = pi / 2.0  # of a turn between two attitudes: a half-turn could go either way
 HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])  # about body x: from group A to B
 
 
-def searches(mission: Mission, numbers: Numbers) -> list[dict[str, Any]]:
+def searches(shown: Shown, numbers: Numbers) -> list[dict[str, Any]]:
     """Every `SearchScene` of web/scene.d.ts."""
     return [
-        searched(mission, result, numbers)
-        for result in mission.results
+        searched(shown, result, numbers)
+        for result in shown.results
         if isinstance(result.result, Gathering | FirstLocks)
     ]
 
 
-def searched(mission: Mission, result: StageResult[Any, Any], numbers: Numbers) -> dict[str, Any]:
+def searched(shown: Shown, result: StageResult[Any, Any], numbers: Numbers) -> dict[str, Any]:
     """One stage in which craft look for each other."""
     search: Search = result.result.search
     sensor, length = search.sensor, result.end - result.start
@@ -46,7 +47,7 @@ def searched(mission: Mission, result: StageResult[Any, Any], numbers: Numbers) 
             "range": sensor.range if isfinite(sensor.range) else None,
         },
         "sun_limit": search.sun_limit,
-        "groups": list(mission.scenario.groups),
+        "groups": list(shown.groups),
         "attitudes": {group: numbers.block(some, "f8") for group, some in rows.items()},
         "phases": [
             {
@@ -71,10 +72,10 @@ def sets(result: StageResult[Any, Gathering], numbers: Numbers) -> dict[str, Any
     return numbers.block(rows, "f8")
 
 
-def locks(mission: Mission) -> list[dict[str, Any]]:
+def locks(shown: Shown) -> list[dict[str, Any]]:
     """Every `Lock` of web/scene.d.ts, in order of time."""
     found = []
-    for result in mission.results:
+    for result in shown.results:
         for time, first, second in seen(result.result):
             found.append(
                 {"first": first, "second": second, "time": result.start + time, "stage": result.number}

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission, StageResult
+from closeform.mission_result import StageResult
 from closeform.viewer.meetings import places_of, worth_watching
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.shown import Shown
 from closeform.viewer.thrusts import instants, is_pulsed, spent, thrust_of
 
 Record = dict[str, Any]
@@ -17,10 +18,10 @@ PAIRS = 30  # that have curves
 UNITS = {"ratio": "× zone", "range": "m", "thrust": "m/s²", "delta-v": "m/s"}
 
 
-def series(mission: Mission, numbers: Numbers) -> list[Record]:
+def series(shown: Shown, numbers: Numbers) -> list[Record]:
     """Every `Series` of web/scene.d.ts."""
-    chart = Chart(mission.scenario.names, numbers)
-    return [*nearness(mission, chart), *efforts(mission, chart)]
+    chart = Chart(shown.names, numbers)
+    return [*nearness(shown, chart), *efforts(shown, chart)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,19 +43,19 @@ class Chart:
         }
 
 
-def nearness(mission: Mission, chart: Chart) -> list[Record]:
+def nearness(shown: Shown, chart: Chart) -> list[Record]:
     """How near pairs are, in terms of their zone where they have one, and in metres."""
-    watched = worth_watching(mission, PAIRS)
+    watched = worth_watching(shown, PAIRS)
     if not watched:
         return []
-    looks = [(result, looked_at(result, watched)) for result in mission.results]
+    looks = [(result, looked_at(result, watched)) for result in shown.results]
     times = np.concatenate([some for _, some in looks])
     places = np.concatenate([result.after.paths.position(some) for result, some in looks], axis=1)
     found = []
     for kind in ("ratio", "range"):
         for one, other in watched:
             gap = places[one] - places[other]
-            zone = mission.scenario.zones.between(one, other) if kind == "ratio" else None
+            zone = shown.zones.between(one, other) if kind == "ratio" else None
             if zone is None and kind == "ratio":
                 continue
             values = np.linalg.norm(gap, axis=1) if zone is None else zone.norm(gap)
@@ -74,16 +75,16 @@ def looked_at(result: StageResult[Any, Any], watched: list[tuple[int, int]]) -> 
     return np.unique(np.concatenate([instants(result), within]))
 
 
-def efforts(mission: Mission, chart: Chart) -> list[Record]:
-    """The thrust of each craft, and the delta-v that it has spent since the start of the mission."""
+def efforts(shown: Shown, chart: Chart) -> list[Record]:
+    """The thrust of each craft, and the delta-v that it has spent since the start of the shown."""
     found = []
-    for craft in range(len(mission.scenario.craft)):
-        sizes = [thrust_sizes(result, craft) for result in mission.results]
+    for craft in range(len(shown.names)):
+        sizes = [thrust_sizes(result, craft) for result in shown.results]
         if any(np.nanmax(size, initial=0.0) > 0.0 for _, size in sizes):
             found.append(
                 chart.curve("thrust", [craft], *(np.concatenate(one) for one in zip(*sizes, strict=True)))
             )
-        if (used := used_up(mission, craft)) is not None:
+        if (used := used_up(shown, craft)) is not None:
             found.append(chart.curve("delta-v", [craft], *used))
     return found
 
@@ -95,10 +96,10 @@ def thrust_sizes(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Flo
     return np.array([result.start, result.end]), np.full(2, nan if is_pulsed(result, craft) else 0.0)
 
 
-def used_up(mission: Mission, craft: int) -> tuple[Floats, Floats] | None:
+def used_up(shown: Shown, craft: int) -> tuple[Floats, Floats] | None:
     """Times [s] and the delta-v [m/s] until then in all stages flown; None of who spends none."""
     parts, so_far = [], 0.0
-    for result in mission.results:
+    for result in shown.results:
         if not result.flown:
             continue
         edges = np.array([result.start, result.end])

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission
 from closeform.plots.look import INK, ZONE
 from closeform.plots.zones_and_tracks import PLANES, shadow
-from closeform.viewer.fleet import around
 from closeform.viewer.scene import Scene
+from closeform.viewer.shown import Shown
 from closeform.viewer.tracks import before
 
 POINTS, FEWEST, MOST = 4000, 8, 120  # of all tracks of a stage in one view, of one track
@@ -22,12 +21,11 @@ ZONES = 60  # that are drawn
 Placed = Callable[[Floats], Floats]
 
 
-def stills(mission: Mission, scene: Scene) -> str:
+def stills(scene: Scene) -> str:
     """Everybody's tracks in three planes as SVG, with craft and zones when two are closest."""
-    if not mission.results:
-        return ""
+    shown = scene.shown
     time = moment(scene.record)
-    views = "\n".join(view(mission, scene.record, plane, time) for plane in PLANES)
+    views = "\n".join(view(shown, scene.record, plane, time) for plane in PLANES)
     return f"<div>{views}</div>\n<p>Craft and zones are shown at {time:.1f} s.</p>"
 
 
@@ -36,7 +34,7 @@ def moment(record: dict[str, Any]) -> float:
     return float(record["approaches"][0]["time"] if record["approaches"] else record["end"])
 
 
-def view(mission: Mission, record: dict[str, Any], plane: tuple[int, int], time: float) -> str:
+def view(shown: Shown, record: dict[str, Any], plane: tuple[int, int], time: float) -> str:
     """One plane, all of the scene in it, at the same scale as the others, on white as other pictures are."""
     low, high = np.array(record["low"]), np.array(record["high"])
     scale = SIDE / float((high - low).max())
@@ -47,13 +45,13 @@ def view(mission: Mission, record: dict[str, Any], plane: tuple[int, int], time:
         return np.asarray(flat * [1.0, -1.0] + SIDE / 2.0)
 
     right, up = (record["axes"][axis] for axis in plane)
-    result = next(one for one in mission.results if time <= one.end)
+    result = next(one for one in shown.results if time <= one.end)
     places = placed(result.after.paths.position(time))
     look = f'font-family="sans-serif" font-size="12" fill="{INK}"'
     parts = [
         f'<rect width="{SIDE:g}" height="{SIDE + BELOW:g}" fill="white"/>',
-        *zones(mission, plane, places, scale),
-        *lines(mission, record, placed),
+        *zones(shown, plane, places, scale),
+        *lines(shown, record, placed),
         *marks(record["craft"], places),
         f'<text x="6" y="{SIDE + 12:g}">{right} to the right, {up} upwards</text>',
         f'<text x="6" y="{SIDE + 28:g}">{SIDE / scale:.4g} m across</text>',
@@ -65,11 +63,11 @@ def view(mission: Mission, record: dict[str, Any], plane: tuple[int, int], time:
     )
 
 
-def lines(mission: Mission, record: dict[str, Any], placed: Placed) -> Iterator[str]:
+def lines(shown: Shown, record: dict[str, Any], placed: Placed) -> Iterator[str]:
     """The tracks; without avoidance they are dashed."""
     craft = record["craft"]
     count = int(np.clip(POINTS / len(craft), FEWEST, MOST))
-    for result in mission.results:
+    for result in shown.results:
         for k, path in before(result):
             points = path.position(np.linspace(path.start, path.end, count))
             yield line(placed(points), craft[k]["colour"], 'stroke-dasharray="4 3" stroke-opacity="0.6"')
@@ -101,9 +99,9 @@ def marks(craft: list[dict[str, Any]], places: Floats) -> Iterator[str]:
             yield f'<text {beside} y="{y - 5:.1f}">{escape(one["name"])}</text>'
 
 
-def zones(mission: Mission, plane: tuple[int, int], places: Floats, scale: float) -> Iterator[str]:
+def zones(shown: Shown, plane: tuple[int, int], places: Floats, scale: float) -> Iterator[str]:
     """Outlines of zones about their craft."""
     for k, place in enumerate(places[:ZONES]):
-        if (zone := around(mission, k)) is not None:
+        if (zone := shown.around[k]) is not None:
             outline = shadow(zone, np.eye(3)[list(plane)])[::4] * scale * [1.0, -1.0] + place
             yield f'<polygon points="{steps(outline)}" fill="{ZONE}" fill-opacity="0.18" stroke="{ZONE}"/>'

@@ -5,10 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission, StageResult
-from closeform.motion.arc import END, IMPULSE, START, THRUST
+from closeform.mission_result import StageResult
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, THRUST
 from closeform.motion.path import Path
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]
 SAMPLES, ALL_SAMPLES, FEWEST = 240, 24_000, 40  # instants of a stage: of one craft, of all together
@@ -53,12 +54,17 @@ def arcs_of(paths: Path, craft: int) -> Floats:
     return paths.arcs[paths.offsets[craft] : paths.offsets[craft + 1]]
 
 
+def thrusting(paths: Path) -> Any:
+    """In which arcs (M,) of some paths thrust is known to act; of a path through samples nobody knows."""
+    return paths.arcs[:, THRUST:].any(axis=1) & (paths.arcs[:, MEAN_MOTION] == paths.orbit.mean_motion)
+
+
 def stretches(result: StageResult[Any, Any], craft: int) -> Floats:
     """When a craft thrusts without a pause (K, 2) [s]: from and until; pulses are not among them."""
     if is_pulsed(result, craft):
         return np.empty((0, 2))
-    arcs = arcs_of(result.after.paths, craft)
-    on = arcs[:, THRUST:].any(axis=1)
+    paths = result.after.paths
+    arcs, on = arcs_of(paths, craft), thrusting(paths)[paths.offsets[craft] : paths.offsets[craft + 1]]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
     return np.column_stack([arcs[edges[::2], START], arcs[edges[1::2] - 1, END]])
 
@@ -75,10 +81,10 @@ def thrust_of(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats
     return times, path.thrust(times)
 
 
-def thrusts(mission: Mission, numbers: Numbers) -> list[Record]:
+def thrusts(shown: Shown, numbers: Numbers) -> list[Record]:
     """Every `Thrust` of web/scene.d.ts."""
     found = []
-    for result in mission.results:
+    for result in shown.results:
         for craft in range(len(result.after.names)):
             if (thrust := thrust_of(result, craft)) is None:
                 continue
@@ -91,10 +97,10 @@ def thrusts(mission: Mission, numbers: Numbers) -> list[Record]:
     return found
 
 
-def burns(mission: Mission, numbers: Numbers) -> list[Record]:
+def burns(shown: Shown, numbers: Numbers) -> list[Record]:
     """Every `Burn` of web/scene.d.ts."""
     found = []
-    for result in mission.results:
+    for result in shown.results:
         for craft in range(len(result.after.names)):
             kind, rows = pushes(result, craft)
             if len(rows):

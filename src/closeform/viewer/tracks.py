@@ -6,28 +6,16 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission, StageResult
+from closeform.mission_result import StageResult
 from closeform.motion.path import Path
 from closeform.viewer.nodes import nodes_of
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]
-COARSE = 33  # instants of each stage at which a first look tells how large the scene is
 DETAIL = 1e-4  # of the scene's size that a track may be off
 ZONE_DETAIL = 0.01  # of the smallest zone, which a close view fills the page with
 ROUNDING = 2.0**-22  # of the largest coordinate: two roundings to Float32
-
-
-def box(mission: Mission) -> Floats:
-    """The smallest box (2, 3) [m] about all craft at some instants of all stages."""
-    points = [
-        result.after.paths.position(np.linspace(result.start, result.end, COARSE)).reshape(-1, 3)
-        for result in mission.results
-    ]
-    if not points:
-        points = [mission.scenario.states(mission.orbit)[:, :3]]
-    every = np.concatenate(points)
-    return np.array([every.min(axis=0), every.max(axis=0)])
 
 
 def error_for(corners: Floats, smallest: float | None) -> float:
@@ -51,12 +39,12 @@ def track(numbers: Numbers, path: Path, craft: int, stage: int, kind: str, error
     }
 
 
-def tracks(mission: Mission, numbers: Numbers, error: float) -> list[Record]:
+def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
     """Every track but drifts after a failure; those flown come first."""
     return [
         track(numbers, path, craft, result.number, kind, error)
         for kind, ways in (("flown", flown), ("before", before), ("planned", planned))
-        for result in mission.results
+        for result in shown.results
         for craft, path in ways(result)
     ]
 

@@ -4,18 +4,18 @@ from typing import Any
 
 import numpy as np
 
-from closeform.mission_result import Mission
 from closeform.viewer.numbers import Numbers
+from closeform.viewer.shown import Shown
 
 USUAL = 3.0  # sigmas that a tube is wide where none are asked for
 SAMPLES, ALL_SAMPLES, FEWEST = 96, 4800, 24  # times: of one craft, of all together
 UPPER = np.triu_indices(3)
 
 
-def tubes(mission: Mission, numbers: Numbers) -> list[dict[str, Any]]:
+def tubes(shown: Shown, numbers: Numbers) -> list[dict[str, Any]]:
     """Every `Tube` of web/scene.d.ts."""
     found = []
-    for result in mission.results:
+    for result in shown.results:
         if result.uncertain is None:
             continue
         many = result.stage.sigmas or USUAL

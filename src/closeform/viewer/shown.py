@@ -1,0 +1,149 @@
+"""Shown: what a scene is made of, whether a mission was flown or ephemerides were screened."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.flight import Flight, watch
+from closeform.exchange.epochs import Epoch
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.joining import stack
+from closeform.motion.orbit import Orbit
+from closeform.report.encounter import EncounterReport
+from closeform.report.run import RunReport
+from closeform.report.screening import ScreenReport
+from closeform.scenario.stage_table import StageTable
+from closeform.verdict import MET
+from closeform.zones.made_table import MadeTable, set_of
+from closeform.zones.pair_zones import PairZones
+from closeform.zones.solids import Sphere
+from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
+COARSE = 33  # instants of each stage at which a first look tells how large the scene is
+
+
+class Screening(StageTable):
+    """What ephemerides that were screened are told as: one stage."""
+
+
+class Encounter(StageTable):
+    """What a conjunction message is told as."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """Who flew where, and what came of it.
+
+    Of N craft: `bodies` the radii of their hard bodies [m], `around` the zones that are drawn around them,
+    `groups` those of a search.  `results` are one stage at least.
+    """
+
+    title: str
+    opening: str
+    verdict: str
+    ok: bool
+    warnings: tuple[str, ...]
+    orbit: Orbit
+    epoch: Epoch | None
+    names: tuple[str, ...]
+    bodies: tuple[float | None, ...]
+    zones: PairZones
+    around: tuple[Zone | None, ...]
+    groups: tuple[str, ...]
+    results: tuple[StageResult[Any, Any], ...]
+
+    @classmethod
+    def of_mission(cls, mission: Mission) -> Self:
+        """All stages of a mission."""
+        scenario = mission.scenario
+        own = [
+            one if one is None or isinstance(one, Zone) else largest(scenario.zones, k)
+            for k, one in enumerate(scenario.keep_out)
+        ]
+        return cls(
+            scenario.title,
+            RunReport(mission).opening,
+            str(mission.verdict),
+            mission.verdict.ok,
+            tuple(mission.warnings),
+            mission.orbit,
+            scenario.epoch,
+            scenario.names,
+            tuple(craft.hard_body for craft in scenario.craft),
+            scenario.zones,
+            tuple(own),
+            scenario.groups,
+            mission.results,
+        )
+
+    @classmethod
+    def of_report(cls, report: ScreenReport | EncounterReport) -> Self:
+        """Ephemerides in the frame of the first, or the two of a conjunction message, as one stage."""
+        if isinstance(report, ScreenReport):
+            frame, found = report.frame, report.uncertain
+            sigmas, errors = (None, ()) if found is None else (found.sigmas, frame.errors)
+            epoch = Epoch(frame.epoch, frame.time_system)
+            return cls._of_flight(report, epoch, report.flight, report.zones, errors, sigmas)
+        met, zones = report.encounter, PairZones.of([Sphere(report.radius), None])
+        flight = watch(stack([met.other, met.path]), report.names, zones)
+        epoch = Epoch(report.message.tca, "UTC")
+        return cls._of_flight(report, epoch, flight, zones, (met.other_errors, met.errors), None)
+
+    @classmethod
+    def _of_flight(
+        cls,
+        report: ScreenReport | EncounterReport,
+        epoch: Epoch,
+        flight: Flight,
+        zones: PairZones,
+        errors: "tuple[Errors | None, ...]",
+        sigmas: float | None,
+    ) -> Self:
+        count, kind = len(flight.names), Screening if isinstance(report, ScreenReport) else Encounter
+        stage = kind(name=None, sigmas=sigmas, max_probability=None)
+        start, uncertain = float(np.min(flight.paths.start)), None
+        if errors:
+            from closeform.uncertain_stage import UncertainStage  # whose kernels others can spare
+
+            found = report.uncertain if isinstance(report, ScreenReport) else None
+            uncertain = UncertainStage(1, stage, errors, found, None)
+        return cls(
+            report.title,
+            report.opening[0],
+            str(report.verdict),
+            report.verdict.status == MET,
+            (),
+            flight.paths.orbit,
+            epoch,
+            flight.names,
+            (None,) * count,
+            zones,
+            tuple(largest(zones, k) for k in range(count)),
+            ("A",) * count,
+            (StageResult(1, stage, start, flight, flight, None, uncertain=uncertain),),
+        )
+
+    @property
+    def corners(self) -> Floats:
+        """The smallest box (2, 3) [m] about all craft at some instants of all stages."""
+        points = [
+            result.after.paths.position(np.linspace(result.start, result.end, COARSE)).reshape(-1, 3)
+            for result in self.results
+        ]
+        every = np.concatenate(points)
+        return np.array([every.min(axis=0), every.max(axis=0)])
+
+
+def largest(zones: PairZones, k: int) -> Zone | None:
+    """The largest zone that a craft keeps with anybody; of many unlike ones its own; None without any."""
+    if isinstance(zones.table, MadeTable):
+        own = zones.table.own[zones.kinds[k]]
+        return None if own is None else set_of(own)
+    firsts = {int(kind): other for other, kind in enumerate(zones.kinds) if other != k}
+    kept = [zone for other in firsts.values() if (zone := zones.between(other, k)) is not None]
+    return max(kept, key=lambda zone: zone.radius, default=None)
