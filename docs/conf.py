@@ -90,12 +90,16 @@ html_theme_options = {
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
 
+DOCS = Path(__file__).parent
+# Pages of names that are no longer public, left by an earlier build.
+public = set(re.findall(r"^   (\w+)$", (DOCS / "api.md").read_text(encoding="utf-8"), re.MULTILINE))
+for page in (DOCS / "api").glob("*.rst"):
+    if page.stem.rpartition(".")[2] not in public:
+        page.unlink()
+
 TAG = re.compile(r"\\tag\{(\w+)\}")
 CITED = re.compile(r"(\(\d\d?[ab]?\))")
-NUMBERS = {
-    tag: f"equation-{tag}"
-    for tag in TAG.findall((Path(__file__).parent / "theory.md").read_text(encoding="utf-8"))
-}
+NUMBERS = {tag: f"equation-{tag}" for tag in TAG.findall((DOCS / "theory.md").read_text(encoding="utf-8"))}
 
 
 def append_contents(app: Sphinx, page: str, source: list[str]) -> None:

@@ -67,6 +67,11 @@ message ([ephemerides](ephemerides.md)):
 closeform screen examples/grace/GRACE-A.oem examples/grace/GRACE-B.oem --ellipsoid "20 40 20 m"
 closeform encounter examples/slow_encounter.cdm
 ```
+
+## Notebooks
+
+`examples/notebooks` has one for each of the three questions: `find.md`, `collide.md` and `move.md` open in Jupyter by
+jupytext, and `python tools/notebooks.py` leaves them as notebooks with all that they show.
 """
 
 
