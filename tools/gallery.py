@@ -70,8 +70,8 @@ closeform encounter examples/slow_encounter.cdm
 
 ## Notebooks
 
-`examples/notebooks` has one for each of the three questions: `find.md`, `collide.md` and `move.md` open in Jupyter by
-jupytext, and `python tools/notebooks.py` leaves them as notebooks with all that they show.
+`examples/notebooks` has one for each of the three questions: `find.md`, `collide.md` and `move.md` open in
+Jupyter by jupytext, and `python tools/notebooks.py` leaves them as notebooks with all that they show.
 """
 
 
