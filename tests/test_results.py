@@ -14,11 +14,11 @@ import pytest
 
 import closeform as cf
 from answers import answers
-from closeform.result import Result, Rows
+from closeform.result import Result
 
 ANSWERS = {name: one for name, one in answers().items() if not isinstance(one, tuple | list)}
 SPOKEN = {name: one for name, one in ANSWERS.items() if isinstance(one, Result)}
-TABLES = {name: one for name, one in ANSWERS.items() if isinstance(one, Rows)}
+TABLES = {name: one for name, one in ANSWERS.items() if hasattr(one, "columns")}
 UNITS = re.compile(r"_(s|m|m_s|m2_s3|kg|1_s)$")
 
 
@@ -109,6 +109,12 @@ def test_columns_are_the_numbers_of_the_answer() -> None:
     rows = [(one.first, one.second, one.start, one.end, one.time, one.ratio) for one in screening.conflicts]
     assert list(zip(*(values.tolist() for values in columns.values()), strict=True)) == rows
     assert near.columns()["ratio"].tolist() == near.ratio.ravel().tolist()
+    events, gathered = answers()["Gathering"].columns(), answers()["Gathering"]
+    assert events["time_s"].tolist() == [event.time for event in gathered.events]
+    np.testing.assert_array_equal(events["dvy_m_s"][1], gathered.events[1].delta_v[1])
+    frame = answers()["CommonFrame"]
+    assert frame.columns()["name"].tolist() == ["A", "A", "B", "B"]
+    np.testing.assert_array_equal(frame.columns()["vz_m_s"][2:], frame.states[1, :, 5])
     pulses = answers()["Pulses"]
     np.testing.assert_array_equal(pulses.columns()["cross_track"], pulses.direction[:, 2])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -63,6 +63,28 @@ class CommonFrame(Result):
     covariances: tuple[Floats | None, ...]
     ages: tuple[float | None, ...]
     interpolation_errors: Floats
+
+    def columns(self) -> dict[str, Any]:
+        """The states as columns, which pandas, polars and pyarrow make a data frame of.
+
+        Returns
+        -------
+        dict of str to array of shape (N T,) [s, m, m/s, or no unit, as the names say]
+            Object by object a row for each of `times`, in the chief's Hill frame.
+
+        References
+        ----------
+        docs/python.md.
+        """
+        many = len(self.times)
+        states = zip(
+            ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s"), self.states.reshape(-1, 6).T, strict=True
+        )
+        return {
+            "name": np.repeat(self.names, many),
+            "time_s": np.tile(self.times, len(self.names)),
+            **dict(states),
+        }
 
     @property
     def errors(self) -> tuple[Errors | None, ...]:

@@ -150,6 +150,28 @@ class Gathering(Result):
         """
         return () if self.keep_out is None else screen(self.paths, self.keep_out).conflicts
 
+    def columns(self) -> dict[str, Any]:
+        """The events as columns, which pandas, polars and pyarrow make a data frame of.
+
+        Returns
+        -------
+        dict of str to array of shape (E,) [s, m/s, or no unit, as the names say]
+            A row for each event, in order of time; craft by index, the second of a burn is -1.
+
+        References
+        ----------
+        docs/python.md.
+        """
+        pushes = np.array([event.delta_v for event in self.events]).reshape(-1, 3)
+        names = ("kind", "first", "second", "phase", "round", "case", "label")
+        told = {name: np.array([getattr(event, name) for event in self.events]) for name in names}
+        times = np.array([event.time for event in self.events], dtype=float)
+        return {
+            "time_s": times,
+            **told,
+            **dict(zip(("dvx_m_s", "dvy_m_s", "dvz_m_s"), pushes.T, strict=True)),
+        }
+
     @cached_property
     def history(self) -> Any:
         """The label of each craft before the first event and after each, (E + 1, N), no unit; see `Event`."""
