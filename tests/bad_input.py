@@ -1644,6 +1644,7 @@ fired = cf.fire(plan, thrusters, mass=12.0, specific_impulse=60.0)
 primary = [6.9e6, 0, 0, 0, 7600.0, 0]  # inertial
 other = orbit.coast([0, 60, 0, 0, 0, 0], 3000.0)
 errors = cf.Errors([[4.0 * (i == j) * (1e-6 if i > 2 else 1) for j in range(6)] for i in range(6)])
+chief = cf.Chief.from_elements('2026-11-22T12:00:00', [6878137.0, 0, 0.001, 0, 1, 0])
 known = [[100.0 * (i == j) * (0.001 if i > 2 else 1) for j in range(6)] for i in range(6)]
 chief = cf.Chief.from_elements("2026-11-22T12:00:00", [cf.EARTH_RADIUS + 500e3, 0, 0, 0, 1.7, 0])
 """
@@ -2008,6 +2009,36 @@ CALLS = (
         "an Uncertainty beside errors",
         "cf.screen(cf.stack([plan, plan]), cf.Uncertainty([[1, 0, 0], [0, 1, 0], [0, 0, 1]], 3.0), cf.Errors())",
         "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and give what craft fill as Body(Sphere(radius))",
+    ),
+    Call(
+        "a chief below the ground",
+        "cf.Field(cf.Chief.from_elements('2026-11-22T12:00:00', [6.3e6, 0, 0.001, 0, 1, 0]))",
+        "chief: comes to -84436 m above a body of 6378136 m; give another orbit",
+    ),
+    Call(
+        "a degree of zonals that is not there",
+        "cf.Field(chief, zonals=7)",
+        "zonals: 0, or a degree from 2 to 6, got 7",
+    ),
+    Call(
+        "drag beside a function",
+        "cf.Field(chief, drag=cf.Drag(5e-13, 5e5, 6e4, 0.02, 0.02), acceleration=lambda times, states: states)",
+        "acceleration: a function of times and states, in place of zonals and drag",
+    ),
+    Call(
+        "a plan of another orbit than the chief's",
+        "cf.thrust(cf.Orbit.circular(800e3).transfer(start, end, 900.0), cf.Field(chief))",
+        "field: its chief turns once in 5677.0 s, the plan's orbit in 6052.4 s; plan in chief.orbit, or give the chief of this orbit",
+    ),
+    Call(
+        "a plan of deep space in a field",
+        "cf.validity(cf.Orbit(0.0).transfer(start, end, 900.0), cf.Field(chief))",
+        "plan: of deep space, where no chief has an orbit; plan in an orbit, such as chief.orbit",
+    ),
+    Call(
+        "ballistic coefficients of fewer craft than fly",
+        "cf.thrust(cf.stack([plan, plan, plan]), cf.Field(chief, drag=cf.Drag(5e-13, 5e5, 6e4, [0.02, 0.02], 0.02)))",
+        "ballistic: of 2 craft, where there are 3; give one for each",
     ),
     Call(
         "errors of more craft than there are",

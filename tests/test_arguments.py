@@ -54,6 +54,8 @@ OBJECTS = [
     for name, state in (("A", CHIEF), ("B", DEPUTY))
 ]
 MEETING = cf.Conjunction("2020-01-01T00:00:00", OBJECTS)
+LOW = cf.Chief("2020-01-01T00:00:00", CHIEF)
+AIR = cf.Drag(5e-13, 5e5, 6e4, ballistic=0.02, chief=0.01)
 BLOCK = cf.Covariances([0.0], MESSAGE[None], ["RTN"])
 
 
@@ -208,8 +210,12 @@ CALLS = {
         orbit=ORBIT, initial=START[0], final=START[1], max_acceleration=1e-2, start=0.0
     ),
     "propellant": turned(mass=np.array([100.0]), delta_v=np.array([1.0]), specific_impulse=np.array([200.0])),
-    "relative_from_inertial": turned(chief=CHIEF, deputy=DEPUTY, along_track="arc", radius=7e6),
-    "inertial_from_relative": turned(chief=CHIEF, relative=START, along_track="arc", radius=7e6),
+    "relative_from_inertial": turned(
+        chief=CHIEF, deputy=DEPUTY, along_track="arc", radius=7e6, acceleration=np.array([-8.0, 0.0, 1e-3])
+    ),
+    "inertial_from_relative": turned(
+        chief=CHIEF, relative=START, along_track="arc", radius=7e6, acceleration=np.array([-8.0, 0.0, 1e-3])
+    ),
     "mean_motion_from_semi_major_axis": turned(semi_major_axis=np.array([7e6]), mu=4e14),
     "mean_motion_from_altitude": turned(altitude=np.array([5e5]), mu=4e14, radius=6.4e6),
     "mean_motion_from_period": turned(period=np.array([5700.0])),
@@ -271,6 +277,22 @@ CALLS = {
         exclusion_radii=np.array([1.0, 2.0]),
     ),
     "Conjunction.encounter": turned(self=MEETING, half_window=60.0, mu=4e14),
+    "Drag": turned(
+        density=5e-13, altitude=5e5, scale_height=6e4, ballistic=np.array([0.01, 0.02]), chief=0.01, spin=7e-5
+    ),
+    "Field": turned(chief=LOW, zonals=np.array([1e-3, -2e-6]), drag=AIR, radius=6.4e6),
+    "Field.accelerations": turned(
+        self=cf.Field(LOW), times=np.array([0.0, 1.0]), states=np.array([CHIEF, DEPUTY]),
+        ballistics=np.array([0.01, 0.02]),
+    ),
+    "Field.chief_states": turned(self=cf.Field(LOW), times=np.array([0.0, 60.0])),
+    "thrust": turned(
+        plan=LOW.orbit.transfer(START[0], START[1], 900.0), field=cf.Field(LOW), every=60.0,
+        max_acceleration=1.0,
+    ),
+    "validity": turned(
+        plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), zones=BALL
+    ),
     "common_frame": turned(
         ephemerides=[TABLE, cf.Ephemeris("B", *(getattr(TABLE, f.name) for f in fields(TABLE)[1:]))],
         along_track="arc", interpolate=1.0, mu=4e14,

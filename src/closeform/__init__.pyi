@@ -27,6 +27,10 @@ from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission import run as run
 from closeform.exchange.chief import Chief as Chief
+from closeform.field.commanded import CommandedThrust as CommandedThrust, thrust as thrust
+from closeform.field.drag import Drag as Drag
+from closeform.field.field import Field as Field
+from closeform.field.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
 from closeform.exchange.conjunction import (
     Conjunction as Conjunction,

@@ -4,8 +4,10 @@ The Hill frame of the chief: x radial outward, y in the orbital plane at right a
 sense of the motion, z along the orbit normal (RTN, RSW, RIC; the `LVLH` of CCSDS is another).  It
 turns at the chief's true rate h / r^2 about z, also on an eccentric orbit.  A force f_z across the
 chief's orbital plane turns it about x as well, at r f_z / h; inertial states do not tell that
-force, so this rate is left out.  Earth's flattening makes it up to 2e-6 rad/s in low orbit (5e-8
-on a nearly polar one): at 1 km along-track the velocity along z is then off by 2 mm/s.
+force, so this rate counts only where the chief's `acceleration` is given.  Earth's flattening makes it
+up to 2e-6 rad/s in low orbit (5e-8 on a nearly polar one).  Without it, at 1 km along-track the velocity
+along z is off by 2 mm/s, and at 1 km across the velocity along-track is, by which craft drift apart:
+some 9 m for each kilometre and orbit.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ def relative_from_inertial(
     deputy: ArrayLike,
     along_track: AlongTrack = "straight",
     radius: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
 ) -> Floats:
     """State of a deputy in the rotating Hill frame of a chief, exactly.
 
@@ -42,6 +45,8 @@ def relative_from_inertial(
         plane and out of it, times `radius`.  Velocities are the rates of these.
     radius : array_like of shape (...) [m], optional
         Of the circle of "arc": held constant, or unless given the chief's own distance, which varies.
+    acceleration : array_like of shape (..., 3) [m/s^2], optional
+        What the chief feels, inertial: its part across the orbital plane turns the frame, too.
 
     Returns
     -------
@@ -65,12 +70,13 @@ def relative_from_inertial(
     docs/validity.md and docs/ephemerides.md.
     """
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
+    roll = _roll(axes, distance, turn, acceleration)
     inertial = checked("deputy", deputy, last=6)
     circle, growth = _circle(along_track, radius, distance, climb)
     broadcast(chief=np.shape(distance), deputy=inertial.shape[:-1], radius=np.shape(circle))
     x, y, z = np.moveaxis(np.einsum("...ij,...j->...i", axes, inertial[..., :3]), -1, 0)
     vx, vy, vz = np.moveaxis(np.einsum("...ij,...j->...i", axes, inertial[..., 3:]), -1, 0)
-    vx, vy = vx + turn * y, vy - turn * x  # seen from the turning axes
+    vx, vy, vz = vx + turn * y, vy - turn * x + roll * z, vz - roll * y  # seen from the turning axes
     if along_track == "straight":
         parts = (x - distance, y, z, vx - climb, vy, vz)
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
@@ -95,6 +101,7 @@ def inertial_from_relative(
     relative: ArrayLike,
     along_track: AlongTrack = "straight",
     radius: ArrayLike | None = None,
+    acceleration: ArrayLike | None = None,
 ) -> Floats:
     """Inertial state of a deputy: the inverse of `relative_from_inertial`.
 
@@ -107,6 +114,8 @@ def inertial_from_relative(
     along_track : "straight" or "arc", default "straight"
         As `relative` was made.
     radius : array_like of shape (...) [m], optional
+        As `relative` was made.
+    acceleration : array_like of shape (..., 3) [m/s^2], optional
         As `relative` was made.
 
     Returns
@@ -125,6 +134,7 @@ def inertial_from_relative(
     docs/validity.md.
     """
     axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
+    roll = _roll(axes, distance, turn, acceleration)
     circle, growth = _circle(along_track, radius, distance, climb)
     states = checked("relative", relative, last=6)
     broadcast(chief=np.shape(distance), relative=states.shape[:-1], radius=np.shape(circle))
@@ -139,7 +149,7 @@ def inertial_from_relative(
         x, y = flat * np.cos(ahead), flat * np.sin(ahead)
         vx = outward * np.cos(ahead) - y * ahead_rate
         vy = outward * np.sin(ahead) + x * ahead_rate
-    vx, vy = vx - turn * y, vy + turn * x
+    vx, vy, vz = vx - turn * y, vy + turn * x - roll * z, vz + roll * y
     position = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
     velocity = np.stack(np.broadcast_arrays(vx, vy, vz), axis=-1)
     inertial = [np.einsum("...ji,...j->...i", axes, part) for part in (position, velocity)]
@@ -171,6 +181,15 @@ def _frame(chief: Floats) -> tuple[Floats, Any, Any, Any]:
     radial, normal = position / r[..., None], momentum / h[..., None]
     axes = np.stack([radial, np.cross(normal, radial), normal], axis=-2)
     return axes, r, (radial * velocity).sum(-1), h / r**2
+
+
+def _roll(axes: Floats, distance: Any, turn: Any, acceleration: ArrayLike | None) -> Any:
+    """At what rate [rad/s] a force across the orbit turns the axes about the radial one: r f_z / h."""
+    if acceleration is None:
+        return 0.0
+    felt = checked("acceleration", acceleration, last=3)
+    broadcast(chief=np.shape(distance), acceleration=felt.shape[:-1])
+    return np.einsum("...j,...j->...", axes[..., 2, :], felt) / (distance * turn)
 
 
 def _circle(along_track: str, radius: ArrayLike | None, distance: Any, climb: Any) -> tuple[Any, Any]:

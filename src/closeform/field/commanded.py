@@ -1,0 +1,142 @@
+"""The thrust that flies a planned path in a real field: the plan's, less what Hill's equations leave out."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.field.field import Field
+from closeform.field.flown_plan import paths_to_fly
+from closeform.field.residual import residuals
+from closeform.motion.mean_motion import checked
+from closeform.result import Rows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CommandedThrust(Rows):
+    """What N craft thrust at T times to fly their paths in a field; made by `thrust`.
+
+    Attributes
+    ----------
+    field : str
+        In which the paths, and all that is certified of them, are flown: its words.
+    times : array of shape (T,) [s]
+        Since the chief's epoch.
+    commanded : array of shape (N, T, 3) [m/s^2]
+        Radial, along-track and cross-track, in the chief's axes: planned less residual.  Impulses are
+        fired as planned.
+    planned : array of shape (N, T, 3) [m/s^2]
+        The thrust of the plan.
+    residual : array of shape (N, T, 3) [m/s^2]
+        What Hill's equations leave out along its paths.
+    delta_v : array of shape (N,) [m/s]
+        Of what is commanded, impulses included.
+    planned_delta_v : array of shape (N,) [m/s]
+        Of the plan.
+    exceeded : array of bool of shape (N,)
+        Who is commanded more than it can give; False where no limit was given.
+    """
+
+    _columns: ClassVar = {
+        "craft": "craft",
+        "time": "time_s",
+        "commanded": "ux_m_s2 uy_m_s2 uz_m_s2",
+        "residual": "dx_m_s2 dy_m_s2 dz_m_s2",
+    }
+    _told: ClassVar = ("field", "delta_v", "planned_delta_v", "peak_thrust")
+
+    field: str
+    times: Floats
+    commanded: Floats
+    planned: Floats
+    residual: Floats
+    delta_v: Floats
+    planned_delta_v: Floats
+    exceeded: Any
+
+    @property
+    def craft(self) -> Any:
+        """Which craft, by index, each row of `columns` is of (N, T)."""
+        return np.broadcast_to(np.arange(len(self.commanded))[:, None], self.commanded.shape[:2])
+
+    @property
+    def time(self) -> Any:
+        """When each row of `columns` is (N, T) [s]."""
+        return np.broadcast_to(self.times, self.commanded.shape[:2])
+
+    @property
+    def peak_thrust(self) -> Floats:
+        """The most that each craft (N,) is commanded at these times [m/s^2]."""
+        return np.asarray(np.linalg.norm(self.commanded, axis=2).max(axis=1))
+
+
+def thrust(
+    plan: Any, field: Field, every: float = 10.0, max_acceleration: float | None = None
+) -> CommandedThrust:
+    """The thrust that flies planned paths in a field as they are, and with them all that is certified.
+
+    Parameters
+    ----------
+    plan : Plan, Avoidance or Path
+        Of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+    field : Field
+        In which they fly.
+    every : float [s], default 10
+        Between rows of the table, at most; each arc of thrust begins one.
+    max_acceleration : float [m/s^2], optional
+        What each craft can give.
+
+    Returns
+    -------
+    CommandedThrust
+        A table of what to command, and what it costs.
+
+    Raises
+    ------
+    ValueError
+        If the plan has no paths, is of deep space, its mean motion is not the chief's, or an argument is of
+        another kind.
+
+    Notes
+    -----
+    Flown exactly, and in exactly this field, the planned paths are met to rounding: d is what is left of the
+    exact equations of relative motion, not an approximation of it.  Held over some seconds instead, or in
+    a field that is known less well, a deviation remains (`validity` says how large without any of this).
+
+    References
+    ----------
+    docs/theory.md (82).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
+    >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
+    >>> table = cf.thrust(path, cf.Field(chief))
+    >>> bool(table.delta_v[0] < 1.1 * table.planned_delta_v[0])
+    True
+    """
+    paths = paths_to_fly(plan, field)
+    step = float(checked("every", every, positive=True))
+    limit = (
+        None
+        if max_acceleration is None
+        else float(checked("max_acceleration", max_acceleration, positive=True))
+    )
+    start, end = float(paths.start[0]), float(paths.end[0])
+    times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
+    planned = paths.thrust(times)
+    left_out = residuals(field, times, paths.state(times), paths.orbit.mean_motion)
+    commanded = planned - left_out
+    spent = np.asarray(paths.delta_v) + _integral(np.linalg.norm(commanded, axis=2), times)
+    spent = spent - _integral(np.linalg.norm(planned, axis=2), times)
+    most = np.linalg.norm(commanded, axis=2).max(axis=1)
+    exceeded = most > limit if limit is not None else np.zeros(len(most), dtype=bool)
+    told = field.words, times, commanded, planned, left_out
+    return CommandedThrust(*told, spent, np.array(paths.delta_v), exceeded)
+
+
+def _integral(values: Floats, times: Floats) -> Floats:
+    """Of values (N, T) over times: by trapezoids, whose error cancels in a difference."""
+    return np.asarray(np.trapezoid(values, times, axis=1))

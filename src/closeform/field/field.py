@@ -1,0 +1,212 @@
+"""Field: what pulls on a formation and its chief, beyond Hill's equations."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
+
+from closeform.arrays import Floats, instance, number, shown
+from closeform.exchange.chief import Chief
+from closeform.field.drag import Drag
+from closeform.field.gravity import DEGREES, TABLEAU, WIDTH, accelerate, fly
+from closeform.motion.mean_motion import checked
+
+# J2 to J6 of JGM-3 (Tapley et al. 1996), about a radius of 6378136.3 m.
+EARTH_ZONALS = (1.082635854e-3, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
+GRAVITY_RADIUS = 6378136.3
+LONGEST = 30.0  # s: a step of the chief's motion, off by 1e-9 m in low orbit
+TIGHT = 1e-12  # of what an integrator of foreign fields may be off
+
+Acceleration = Callable[[Floats, Floats], ArrayLike]
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """What pulls on a formation: a flattened body and its air, or any function; the chief flies in it, too.
+
+    Parameters
+    ----------
+    chief : Chief
+        From whose state, at its epoch, the formation's origin flies in this field; along an ephemeris it
+        flies that.
+    zonals : int or sequence of float, default 2
+        Up to which degree the Earth is flattened: 0 is a point mass, 2 to 6 are J2 to J6.  Or these
+        themselves, of another body, from J2 on.
+    drag : Drag, optional
+        Air and ballistic coefficients; without it there is none.
+    radius : float [m], default 6378136.3
+        Of the body, that `zonals` are about.
+    acceleration : callable, optional
+        In place of all that: of times (M,) [s] since the chief's epoch and inertial states (M, 6)
+        [m, m/s] the accelerations (M, 3) [m/s^2], the same function for the chief and all craft.
+
+    Raises
+    ------
+    ValueError
+        If a degree is not one of these, a number is not finite, the chief is below the ground, or
+        `acceleration` comes with `drag`.
+
+    Notes
+    -----
+    The body's pole is the z axis of the chief's frame: exactly so of TOD, to some 0.1 degrees of EME2000 in
+    this century.  The Moon, the Sun, radiation and all that depends on longitude are left out: give an
+    `acceleration` that has them.
+
+    References
+    ----------
+    docs/theory.md section 10; zonals of JGM-3 (Tapley et al. 1996).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
+    >>> field = cf.Field(chief)
+    """
+
+    chief: Chief
+    zonals: Any = 2
+    drag: Drag | None = None
+    radius: float = GRAVITY_RADIUS
+    acceleration: Acceleration | None = None
+
+    def __post_init__(self) -> None:
+        instance("chief", self.chief, Chief)
+        instance("drag", self.drag, Drag, type(None))
+        object.__setattr__(self, "radius", float(checked("radius", self.radius, positive=True)))
+        if self.acceleration is not None and (self.drag is not None or not callable(self.acceleration)):
+            raise ValueError("acceleration: a function of times and states, in place of zonals and drag")
+        object.__setattr__(self, "zonals", zonals_of(self.zonals))
+        low = self.chief.semi_major_axis * (1.0 - self.chief.eccentricity)
+        if low < self.radius:
+            raise ValueError(
+                f"chief: comes to {low - self.radius:.0f} m above a body of {self.radius:.0f} m; "
+                "give another orbit"
+            )
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        if self.acceleration is not None:
+            return "a function's field"
+        degree = max((k + 2 for k, one in enumerate(self.zonals) if one != 0.0), default=0)
+        pull = f"J2 to J{degree}" if degree > 2 else ("J2" if degree else "a point mass")
+        return pull if self.drag is None else f"{pull} and drag"
+
+    @cached_property
+    def constants(self) -> Floats:
+        """What kernels know it by."""
+        air = [0.0, 0.0, 1.0, 0.0] if self.drag is None else self.drag.constants
+        row = np.array([self.chief.mu, self.radius, *self.zonals, *air])
+        assert len(row) == WIDTH
+        return row
+
+    def accelerations(self, times: Floats, states: Floats, ballistics: ArrayLike = 0.0) -> Floats:
+        """What craft feel.
+
+        Parameters
+        ----------
+        times : array_like of shape (...) [s]
+            Since the chief's epoch; broadcasts with the states.
+        states : array_like of shape (..., 6) [m, m/s]
+            Inertial, in the chief's frame.
+        ballistics : array_like of shape (...) [m^2/kg], default 0
+            Their ballistic coefficients.
+
+        Returns
+        -------
+        array of shape (..., 3) [m/s^2]
+            Inertial.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, a number is not finite, or `acceleration` gives another shape, or numbers
+            that are not finite.
+
+        References
+        ----------
+        docs/theory.md (80) and (81).
+        """
+        given = np.asarray(checked("states", states, last=6))
+        shape = np.broadcast_shapes(given.shape[:-1], np.shape(times), np.shape(ballistics))
+        rows = np.ascontiguousarray(np.broadcast_to(given, (*shape, 6)).reshape(-1, 6))
+        if self.acceleration is None:
+            felt = np.empty((len(rows), 3))
+            accelerate(self.constants, np.ravel(np.broadcast_to(ballistics, shape)).astype(float), rows, felt)
+            return felt.reshape((*shape, 3))
+        when = np.ravel(np.broadcast_to(np.asarray(times, dtype=float), shape))
+        felt = np.asarray(self.acceleration(when, rows), dtype=float)
+        if felt.shape != (len(rows), 3) or not np.isfinite(felt).all():
+            raise ValueError(
+                f"acceleration: expected finite numbers of shape ({len(rows)}, 3), got {shown(felt)}"
+            )
+        return felt.reshape((*shape, 3))
+
+    def chief_states(self, times: ArrayLike) -> Floats:
+        """The chief's inertial states as it flies in this field, or along its ephemeris.
+
+        Parameters
+        ----------
+        times : array_like of shape (T,) [s]
+            Since the chief's epoch, of any sign.
+
+        Returns
+        -------
+        array of shape (T, 6) [m, m/s]
+            In the chief's frame.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite, or outside of the ephemeris.
+
+        References
+        ----------
+        Dormand and Prince's method of eighth order (Hairer, Norsett and Wanner 1993, II.10).
+        """
+        given = np.ravel(checked("times", times))
+        if self.chief.ephemeris is not None:
+            return self.chief.states(given)
+        out = np.empty((len(given), 6))
+        for some in (np.flatnonzero(given >= 0.0), np.flatnonzero(given < 0.0)):
+            some = some[np.argsort(np.abs(given[some]), kind="stable")]
+            out[some] = self._flown(given[some])
+        return out
+
+    def _flown(self, times: Floats) -> Floats:
+        """The chief's states at times that go away from 0."""
+        out, start = np.empty((len(times), 6)), self.chief.state
+        if not len(times):
+            return out
+        if self.acceleration is None:
+            ballistic = 0.0 if self.drag is None else self.drag.chief
+            fly(self.constants, ballistic, start, times, LONGEST, TABLEAU, out)
+            return out
+
+        def rates(t: float, s: Floats) -> Floats:
+            return np.concatenate([s[3:], self.accelerations(np.array(t), s)])
+
+        span = (0.0, float(times[-1]))
+        if span[1] == 0.0:
+            return np.tile(start, (len(times), 1))
+        done = solve_ivp(rates, span, start, "DOP853", times, rtol=TIGHT, atol=TIGHT * np.abs(start).max())
+        return np.asarray(done.y.T)
+
+
+def zonals_of(given: Any) -> tuple[float, ...]:
+    """J2 to J6 of a degree, or as given."""
+    none = (0.0,) * DEGREES
+    if isinstance(given, int) and not isinstance(given, bool):
+        if given not in (0, *range(2, DEGREES + 2)):
+            raise ValueError(f"zonals: 0, or a degree from 2 to {DEGREES + 1}, got {given}")
+        return (EARTH_ZONALS[: max(given - 1, 0)] + none)[:DEGREES]
+    if isinstance(given, (str, bytes)) or not np.iterable(given):
+        raise ValueError(f"zonals: a degree, or J2 and what follows, got {shown(given)}")
+    own = tuple(number("zonals", one) for one in given)
+    if len(own) > DEGREES or not np.isfinite(own).all():
+        raise ValueError(f"zonals: up to {DEGREES} finite numbers, J2 to J{DEGREES + 1}, got {shown(given)}")
+    return (own + none)[:DEGREES]

@@ -1,0 +1,35 @@
+"""The paths of a plan as they are to be flown in a field: which craft, when, in which frame."""
+
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import instance
+from closeform.field.field import Field
+from closeform.motion.path import Path, path_of
+from closeform.planning.plan import Avoidance, Plan
+
+FITS = 5e-3  # of the mean motion, by which flattening makes an orbit's rate another than that of a circle
+
+
+def paths_to_fly(plan: Any, field: Field) -> Path:
+    """The paths (N,) of a plan, an avoidance or themselves; ValueError where the field cannot have them."""
+    instance("plan", plan, Plan, Avoidance, Path)
+    instance("field", field, Field)
+    path = plan.paths if isinstance(plan, Plan) else (plan.path if isinstance(plan, Avoidance) else plan)
+    if path is None:
+        raise ValueError(f"plan: has no paths: {plan.reason}")
+    n, own = path.orbit.mean_motion, field.chief.orbit.mean_motion
+    if n == 0.0:
+        raise ValueError(
+            "plan: of deep space, where no chief has an orbit; plan in an orbit, such as chief.orbit"
+        )
+    if abs(n / own - 1.0) > FITS:
+        raise ValueError(
+            f"field: its chief turns once in {2.0 * np.pi / own:.1f} s, the plan's orbit in "
+            f"{2.0 * np.pi / n:.1f} s; plan in chief.orbit, or give the chief of this orbit"
+        )
+    starts, ends = np.ravel(path.start), np.ravel(path.end)
+    if np.ptp(starts) > 0.0 or np.ptp(ends) > 0.0:
+        raise ValueError("plan: paths begin or end apart; carry them on by coasts to common times")
+    return path_of(path.orbit, path.arcs, path.offsets, (len(starts),))

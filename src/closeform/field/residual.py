@@ -1,0 +1,34 @@
+"""The residual: the acceleration along a path that Hill's equations leave out."""
+
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.field.chief_frame import ChiefFrame
+from closeform.field.drag import ballistics_of
+from closeform.field.field import Field
+
+
+def residuals(field: Field, times: Floats, states: Floats, n: float) -> Floats:
+    """What Hill's equations of mean motion `n` leave out (N, T, 3) [m/s^2] at states (N, T, 6) [m, m/s]
+    at times (T,) [s].
+
+    In the chief's axes; craft in the order of the field's ballistic coefficients.            # theory (82)
+    """
+    frame = ChiefFrame.of(field, times)
+    place, speed = states[..., :3], states[..., 3:]
+    turn, swing = frame.turn, np.cross(frame.turn, place)
+    there = np.empty_like(states)
+    there[..., :3] = frame.states[:, :3] + np.einsum("tji,ntj->nti", frame.axes, place)
+    there[..., 3:] = frame.states[:, 3:] + np.einsum("tji,ntj->nti", frame.axes, speed + swing)
+    felt = (
+        field.accelerations(frame.times, there, ballistics_of(field.drag, len(states))[:, None]) - frame.felt
+    )
+    d: Any = np.einsum("tij,ntj->nti", frame.axes, felt)
+    d -= 2.0 * np.cross(turn, speed) + np.cross(frame.turn_rate, place) + np.cross(turn, swing)
+    x, z, vx, vy = place[..., 0], place[..., 2], speed[..., 0], speed[..., 1]
+    d[..., 0] -= 3.0 * n * n * x + 2.0 * n * vy  # theory (1)
+    d[..., 1] += 2.0 * n * vx
+    d[..., 2] += n * n * z
+    return np.asarray(d)

@@ -1,0 +1,270 @@
+"""The real field, against a potential that is differentiated, and craft flown by another integrator.
+
+What flies here is written anew: inertial motion by DOP853, the flattening of degree two as in a textbook,
+frames by finite differences of a chief that is integrated beside the craft.
+"""
+
+import mpmath
+import numpy as np
+import pytest
+from numpy.polynomial import Legendre
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from closeform.field.field import EARTH_ZONALS, GRAVITY_RADIUS
+
+MU = cf.EARTH_MU
+EPOCH = "2026-11-22T12:00:00"
+J2 = 1.082635854e-3
+
+
+def chief(e: float = 1e-3, inclination: float = 0.9, a: float = 6.878e6, latitude: float = 0.7) -> cf.Chief:
+    return cf.Chief.from_elements(EPOCH, [a, latitude, e, 0.0, inclination, 0.3])
+
+
+def task(orbit: cf.Orbit, seed: int, count: int = 2, size: float = 400.0, turns: float = 1.2):
+    draws = np.random.default_rng(seed)
+    scale = size * np.repeat([1.0, orbit.mean_motion], 3)
+    return *(draws.normal(size=(2, count, 6)) * scale), turns * orbit.period
+
+
+# --- what pulls ---------------------------------------------------------------------------------
+
+
+def test_zonals_are_the_gradient_of_the_potential():
+    """By differences in forty digits of mu/r (1 - sum J_k (R/r)^k P_k(s))."""
+    place = [mpmath.mpf(v) for v in (3.1e6, -4.7e6, 4.2e6)]
+    polynomials = [Legendre.basis(k).convert(kind=np.polynomial.Polynomial).coef for k in range(2, 7)]
+
+    def potential(x, y, z):
+        r = mpmath.sqrt(x * x + y * y + z * z)
+        total = mpmath.mpf(1)
+        for k, (zonal, powers) in enumerate(zip(EARTH_ZONALS, polynomials, strict=True), 2):
+            legendre = sum(mpmath.mpf(c) * (z / r) ** p for p, c in enumerate(powers))
+            total -= zonal * (GRAVITY_RADIUS / r) ** k * legendre
+        return MU / r * total
+
+    with mpmath.workdps(40):
+        want = [
+            float(mpmath.diff(potential, tuple(place), tuple(int(i == axis) for i in range(3))))
+            for axis in range(3)
+        ]
+    felt = cf.Field(chief(), zonals=6).accelerations(0.0, [*map(float, place), 0.0, 0.0, 0.0])
+    assert felt == pytest.approx(want, rel=1e-12)
+
+
+def test_drag_by_hand():
+    """At the reference height, in air at rest: rho B v^2 / 2 against the motion."""
+    air = cf.Drag(4e-13, 500e3, 60e3, ballistic=0.02, chief=0.01, spin=0.0)
+    at = [cf.EARTH_RADIUS + 500e3, 0.0, 0.0, 0.0, 7600.0, 0.0]
+    with_air = cf.Field(chief(), 0, air).accelerations(0.0, at, 0.02)
+    without = cf.Field(chief(), 0).accelerations(0.0, at)
+    assert with_air - without == pytest.approx([0.0, -0.5 * 4e-13 * 0.02 * 7600.0**2, 0.0], abs=1e-15)
+    higher = np.array(at) + [60e3, 0, 0, 0, 0, 0]
+    thinner = cf.Field(chief(), 0, air).accelerations(0.0, higher, 0.02)[1]
+    assert thinner == pytest.approx(-0.5 * 4e-13 / np.e * 0.02 * 7600.0**2, rel=1e-10)
+
+
+def test_air_turns_with_the_body():
+    """On a circle at its own rate nobody feels it."""
+    spin, at = 7600.0 / 6.9e6, [6.9e6, 0.0, 0.0, 0.0, 7600.0, 0.0]
+    air = cf.Drag(4e-13, 500e3, 60e3, ballistic=0.02, chief=0.01, spin=spin)
+    felt = cf.Field(chief(), 0, air).accelerations(0.0, at, 0.02)
+    assert felt == pytest.approx(cf.Field(chief(), 0).accelerations(0.0, at), abs=1e-15)
+
+
+# --- how the chief flies ------------------------------------------------------------------------
+
+
+def textbook(place: np.ndarray) -> np.ndarray:
+    """Point mass and J2 (Vallado 2013, 8-30), of places (..., 3)."""
+    r = np.linalg.norm(place, axis=-1, keepdims=True)
+    square = (place[..., 2:] / r) ** 2
+    factor = 1.5 * J2 * (GRAVITY_RADIUS / r) ** 2
+    shape = 1.0 + factor * (1.0 - 5.0 * square) + 2.0 * factor * np.array([0.0, 0.0, 1.0])
+    return -MU / r**3 * place * shape
+
+
+def test_chief_flies_in_the_field():
+    field, times = cf.Field(chief()), np.array([4000.0, -1700.0, 0.0, 9000.0])
+    states = field.chief_states(times)
+    for time, state in zip(times, states, strict=True):
+        if time == 0.0:
+            assert state == pytest.approx(chief().state)
+            continue
+        rates = lambda t, s: np.concatenate([s[3:], textbook(s[:3])])  # noqa: E731
+        end = solve_ivp(rates, (0.0, time), chief().state, "DOP853", rtol=1e-13, atol=1e-7).y[:, -1]
+        assert state[:3] == pytest.approx(end[:3], abs=1e-4)  # m, of an orbit of 40 000 km
+        assert state[3:] == pytest.approx(end[3:], abs=1e-7)
+
+
+def test_a_function_is_a_field():
+    own = cf.Field(chief(), acceleration=lambda times, states: textbook(states[:, :3]))
+    built, times = cf.Field(chief()), [0.0, 900.0, 5000.0]
+    assert own.chief_states(times) == pytest.approx(built.chief_states(times), rel=1e-11, abs=1e-3)
+    path = chief().orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 30, 0, 0, 0], 3000.0)
+    one, other = (cf.thrust(path, field).commanded for field in (own, built))
+    assert one == pytest.approx(other, abs=1e-10)  # differences of accelerations of 8 m/s^2
+    assert np.isnan(cf.validity(path, own).expected).all()
+
+
+def test_without_a_field_the_chief_keeps_keplers_orbit():
+    times, high = np.linspace(-6000.0, 20000.0, 11), chief(e=0.1, a=8e6)
+    assert cf.Field(high, 0).chief_states(times) == pytest.approx(high.states(times), rel=1e-8, abs=1e-3)
+
+
+def test_chief_along_an_ephemeris():
+    """What an ephemeris says counts, not what the field would make of its first state."""
+    times = np.arange(0.0, 3600.0, 30.0)
+    states = chief().states(times)  # Kepler's, in a flattened field
+    table = cf.Ephemeris("A", "2026-001A", "EARTH", "GCRF", "UTC", EPOCH, times, states)
+    field = cf.Field(cf.Chief.from_ephemeris(table))
+    assert field.chief_states([1000.0]) == pytest.approx(chief().states([1000.0]), rel=1e-9)
+
+
+# --- relative motion ----------------------------------------------------------------------------
+
+
+def axes_of(state: np.ndarray) -> np.ndarray:
+    radial = state[:3] / np.linalg.norm(state[:3])
+    normal = np.cross(state[:3], state[3:])
+    normal /= np.linalg.norm(normal)
+    return np.stack([radial, np.cross(normal, radial), normal])
+
+
+def test_a_force_across_the_orbit_turns_the_frame():
+    """Relative velocity is the rate of relative position, seen from the chief's axes as they turn."""
+    field, dt = cf.Field(chief()), 0.02
+    before, now, after = field.chief_states([-dt, 0.0, dt])
+    deputy = now + np.array([300.0, -800.0, 900.0, 0.5, -0.2, 0.4])
+    felt = textbook(deputy[:3])
+    places = []
+    for t, origin in ((-dt, before), (dt, after)):
+        there = deputy[:3] + t * deputy[3:] + 0.5 * t * t * felt
+        places.append(axes_of(origin) @ (there - origin[:3]))
+    rate = (places[1] - places[0]) / (2.0 * dt)
+    turning = cf.relative_from_inertial(now, deputy, acceleration=textbook(now[:3]))
+    plain = cf.relative_from_inertial(now, deputy)
+    assert turning[3:] == pytest.approx(rate, abs=2e-6)  # m/s: dt^2/6 of a jerk of 8e-3 m/s^3
+    assert np.abs(plain[3:] - rate).max() > 1e-4
+    back = cf.inertial_from_relative(now, turning, acceleration=textbook(now[:3]))
+    assert back == pytest.approx(deputy, rel=1e-12)
+    arcs = cf.relative_from_inertial(now, deputy, "arc", acceleration=textbook(now[:3]))
+    assert cf.inertial_from_relative(now, arcs, "arc", acceleration=textbook(now[:3])) == pytest.approx(
+        deputy
+    )
+
+
+def turn_of(state: np.ndarray) -> np.ndarray:
+    """How the chief's axes turn (3,), in themselves, by differences of axes along its motion."""
+    dt, felt = 0.05, textbook(state[:3])
+    ahead, behind = (
+        axes_of(np.concatenate([state[:3] + t * state[3:] + 0.5 * t * t * felt, state[3:] + t * felt]))
+        for t in (dt, -dt)
+    )
+    rate = axes_of(state) @ ((ahead - behind) / (2.0 * dt)).T
+    return np.array([rate[2, 1], rate[0, 2], rate[1, 0]])
+
+
+def flown(path: cf.Path, start: np.ndarray, duration: float, command) -> np.ndarray:
+    """Relative positions (N, 3) after a flight of chief and craft by DOP853; `command` of time (N, 3)."""
+    origin = chief().state
+    axes, turn = axes_of(origin), turn_of(origin)
+    craft = np.hstack(
+        [origin[:3] + start[:, :3] @ axes, origin[3:] + (start[:, 3:] + np.cross(turn, start[:, :3])) @ axes]
+    )
+
+    def rates(t, y):
+        states = y.reshape(-1, 6)
+        felt = textbook(states[:, :3])
+        felt[1:] += command(t) @ axes_of(states[0])
+        return np.hstack([states[:, 3:], felt]).ravel()
+
+    end = solve_ivp(
+        rates, (0.0, duration), np.vstack([origin, craft]).ravel(), "DOP853", rtol=1e-11, atol=1e-6
+    )
+    states = end.y[:, -1].reshape(-1, 6)
+    return (states[1:, :3] - states[0, :3]) @ axes_of(states[0]).T
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_commanded_thrust_flies_the_plan(seed):
+    """Planned thrust ends metres off, commanded thrust where the plan does; between rows by a spline."""
+    from scipy.interpolate import CubicSpline
+
+    orbit = chief().orbit
+    start, final, duration = task(orbit, seed)
+    path = orbit.transfer(start, final, duration)
+    table = cf.thrust(path, cf.Field(chief()))
+    assert table.field == "J2"
+    spline = CubicSpline(table.times, table.commanded, axis=1)
+    kept = flown(path, start, duration, lambda t: spline(t))
+    left = flown(path, start, duration, lambda t: path.thrust(min(t, duration)))
+    assert np.linalg.norm(kept - final[:, :3], axis=1).max() < 1e-3  # m, asked; reached: some 1e-6
+    off = np.linalg.norm(left - final[:, :3], axis=1)
+    assert off.min() > 0.5
+    predicted = cf.validity(path, cf.Field(chief()))
+    assert predicted.ends == pytest.approx(off, rel=0.06)  # of first order
+    assert (np.abs(table.commanded - table.planned + table.residual) < 1e-18).all()
+
+
+def test_residual_of_a_circle_without_flattening_is_curvature():
+    """Of second order in the distance: an eighth of it at a half, at most 3 n^2 rho^2 / a."""
+    still = chief(e=0.0)
+    n, a = still.orbit.mean_motion, 6.878e6
+    sizes = []
+    for size in (2000.0, 1000.0, 500.0):
+        path = still.orbit.coast([0.0, size, 0, 0, 0, 0], 3000.0)
+        sizes.append(cf.validity(path, cf.Field(still, 0)).residual[0])
+    assert sizes[0] <= 3.0 * n * n * 2000.0**2 / a
+    assert np.diff(np.log2(sizes)) == pytest.approx([-2.0, -2.0], abs=0.01)
+
+
+def test_deviation_grows_with_eccentricity():
+    """In proportion, and by the rule of thumb within what it was measured to."""
+    ends, rule = [], []
+    for e in (5e-4, 1e-3, 2e-3):
+        start, final, duration = task(chief(e).orbit, 4, size=300.0)
+        found = cf.validity(chief(e).orbit.transfer(start, final, duration), cf.Field(chief(e), 0))
+        ends.append(found.ends.max())
+        rule.append(found.unlikely.max())
+    assert np.diff(np.log2(ends)) == pytest.approx([1.0, 1.0], abs=0.1)
+    assert (np.array(ends) < 2.0 * np.array(rule)).all()
+
+
+def test_least_ratio_as_flown():
+    """Against dense sampling of the plan with the deviations that were predicted."""
+    orbit, zone = chief().orbit, cf.Sphere(30.0)
+    start = np.array([[0, 0, 120.0, 0, 0, 0], [0, 0, -120.0, 0, 0, 0]])
+    plan = cf.reconfigure(orbit, start, start[::-1], 0.2 * orbit.period, zone)
+    found = cf.validity(plan, cf.Field(chief()), zone)
+    assert found.pairs.tolist() == [[0, 1]]
+    assert found.planned == pytest.approx([1.0], abs=1e-4)
+    times = np.linspace(0.0, 0.2 * orbit.period, 20001)
+    off = [np.interp(times, found.times, (found.deviations[0] - found.deviations[1])[:, k]) for k in range(3)]
+    places = plan.paths.position(times)
+    dense = zone.norm(places[0] - places[1] + np.stack(off, axis=1)).min()
+    assert found.flown == pytest.approx([dense], abs=2e-4)
+    assert len(found.lines) == 2
+    zones = cf.PairZones.of([zone, None])
+    assert cf.validity(plan, cf.Field(chief()), zones).flown == pytest.approx(found.flown)
+
+
+def test_limit_and_columns():
+    path = chief().orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 30, 0, 0, 0], 3000.0)
+    field = cf.Field(chief())
+    peak = float(cf.thrust(path, field).peak_thrust[0])
+    assert cf.thrust(path, field, max_acceleration=0.99 * peak).exceeded.all()
+    assert not cf.thrust(path, field, max_acceleration=1.01 * peak).exceeded.any()
+    columns = cf.thrust(path, field, every=100.0).columns()
+    assert {len(column) for column in columns.values()} == {31}
+    assert columns["time_s"][-1] == 3000.0
+
+
+def test_impulses_stay_and_coasts_are_thrust():
+    """The path of two impulses is flown by them and the residual."""
+    path = chief().orbit.two_impulse([0, 200, 0, 0, 0, 0], [0, 50, 30, 0, 0, 0], 3000.0)
+    table = cf.thrust(path, cf.Field(chief()))
+    assert not table.planned.any()
+    assert table.delta_v > table.planned_delta_v
+    assert table.delta_v == pytest.approx(table.planned_delta_v, rel=0.1)
