@@ -27,7 +27,7 @@ CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
         "choose lost_craft conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
-        "export epochs motion elements python pictures viewer"
+        "export epochs field motion elements python pictures viewer"
     ),
     "reference": "scenario command-line api errors",
     "background": "certified theory validity benchmarks peers",

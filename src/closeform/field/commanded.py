@@ -1,12 +1,14 @@
 """The thrust that flies a planned path in a real field: the plan's, less what Hill's equations leave out."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from closeform.arrays import Floats
-from closeform.field.field import Field
+from closeform.arrays import Floats, number
+from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
 from closeform.motion.mean_motion import checked
@@ -27,9 +29,9 @@ class CommandedThrust(Rows):
         Radial, along-track and cross-track, in the chief's axes: planned less residual.  Impulses are
         fired as planned.
     planned : array of shape (N, T, 3) [m/s^2]
-        The thrust of the plan.
+        The thrust of the plan, in the same axes.
     residual : array of shape (N, T, 3) [m/s^2]
-        What Hill's equations leave out along its paths.
+        What Hill's equations leave out along its paths, in the same axes.
     delta_v : array of shape (N,) [m/s]
         Of what is commanded, impulses included.
     planned_delta_v : array of shape (N,) [m/s]
@@ -57,7 +59,7 @@ class CommandedThrust(Rows):
 
     @property
     def craft(self) -> Any:
-        """Which craft, by index, each row of `columns` is of (N, T)."""
+        """Which craft each row of `columns` is of (N, T), by index, no unit."""
         return np.broadcast_to(np.arange(len(self.commanded))[:, None], self.commanded.shape[:2])
 
     @property
@@ -118,11 +120,11 @@ def thrust(
     True
     """
     paths = paths_to_fly(plan, field)
-    step = float(checked("every", every, positive=True))
+    step = checked("every", number("every", every), positive=True)
     limit = (
         None
         if max_acceleration is None
-        else float(checked("max_acceleration", max_acceleration, positive=True))
+        else checked("max_acceleration", number("max_acceleration", max_acceleration), positive=True)
     )
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
@@ -133,7 +135,7 @@ def thrust(
     spent = spent - _integral(np.linalg.norm(planned, axis=2), times)
     most = np.linalg.norm(commanded, axis=2).max(axis=1)
     exceeded = most > limit if limit is not None else np.zeros(len(most), dtype=bool)
-    told = field.words, times, commanded, planned, left_out
+    told = described(field), times, commanded, planned, left_out
     return CommandedThrust(*told, spent, np.array(paths.delta_v), exceeded)
 
 

@@ -1,10 +1,12 @@
 """Drag: air whose density falls by e each scale height, and what each craft gives it to push on."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 
-from closeform.arrays import Floats, numbers, shown
+from closeform.arrays import Floats, number, numbers, shown
 from closeform.motion.mean_motion import EARTH_RADIUS, checked
 
 EARTH_SPIN = 7.292115e-5  # rad/s: GRS 80
@@ -54,9 +56,9 @@ class Drag:
 
     def __post_init__(self) -> None:
         for name in ("density", "scale_height"):
-            object.__setattr__(self, name, float(checked(name, getattr(self, name), positive=True)))
+            object.__setattr__(self, name, checked(name, number(name, getattr(self, name)), positive=True))
         for name in ("altitude", "chief", "spin"):
-            object.__setattr__(self, name, float(checked(name, getattr(self, name))))
+            object.__setattr__(self, name, checked(name, number(name, getattr(self, name))))
         ballistic = numbers("ballistic", self.ballistic)
         if (
             ballistic.ndim > 1
@@ -67,11 +69,6 @@ class Drag:
             raise ValueError(f"ballistic: expected m^2/kg of each craft, 0 or more, got {got}")
         object.__setattr__(self, "ballistic", ballistic)
 
-    @property
-    def constants(self) -> list[float]:
-        """Density [kg/m^3], its radius [m], scale height [m] and spin [rad/s]."""
-        return [self.density, EARTH_RADIUS + self.altitude, self.scale_height, self.spin]
-
 
 def ballistics_of(drag: Drag | None, count: int) -> Floats:
     """The coefficients (N,) [m^2/kg] of `count` craft; 0 without drag."""
@@ -79,3 +76,10 @@ def ballistics_of(drag: Drag | None, count: int) -> Floats:
     if own.ndim and len(own) != count:
         raise ValueError(f"ballistic: of {len(own)} craft, where there are {count}; give one for each")
     return np.ascontiguousarray(np.broadcast_to(own, count))
+
+
+def air_of(drag: Drag | None) -> list[float]:
+    """Density [kg/m^3], its radius [m], scale height [m] and spin [rad/s], as kernels know air."""
+    if drag is None:
+        return [0.0, 0.0, 1.0, 0.0]
+    return [drag.density, EARTH_RADIUS + drag.altitude, drag.scale_height, drag.spin]

@@ -1,5 +1,7 @@
 """Field: what pulls on a formation and its chief, beyond Hill's equations."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
-from closeform.arrays import Floats, instance, number, shown
+from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.exchange.chief import Chief
-from closeform.field.drag import Drag
+from closeform.field.drag import Drag, air_of
 from closeform.field.gravity import DEGREES, TABLEAU, WIDTH, accelerate, fly
 from closeform.motion.mean_motion import checked
 
@@ -33,7 +35,7 @@ class Field:
     chief : Chief
         From whose state, at its epoch, the formation's origin flies in this field; along an ephemeris it
         flies that.
-    zonals : int or sequence of float, default 2
+    zonals : int or sequence of float, no unit, default 2
         Up to which degree the Earth is flattened: 0 is a point mass, 2 to 6 are J2 to J6.  Or these
         themselves, of another body, from J2 on.
     drag : Drag, optional
@@ -76,7 +78,7 @@ class Field:
     def __post_init__(self) -> None:
         instance("chief", self.chief, Chief)
         instance("drag", self.drag, Drag, type(None))
-        object.__setattr__(self, "radius", float(checked("radius", self.radius, positive=True)))
+        object.__setattr__(self, "radius", checked("radius", number("radius", self.radius), positive=True))
         if self.acceleration is not None and (self.drag is not None or not callable(self.acceleration)):
             raise ValueError("acceleration: a function of times and states, in place of zonals and drag")
         object.__setattr__(self, "zonals", zonals_of(self.zonals))
@@ -87,20 +89,10 @@ class Field:
                 "give another orbit"
             )
 
-    @property
-    def words(self) -> str:
-        """What it is, for people."""
-        if self.acceleration is not None:
-            return "a function's field"
-        degree = max((k + 2 for k, one in enumerate(self.zonals) if one != 0.0), default=0)
-        pull = f"J2 to J{degree}" if degree > 2 else ("J2" if degree else "a point mass")
-        return pull if self.drag is None else f"{pull} and drag"
-
     @cached_property
-    def constants(self) -> Floats:
+    def _constants(self) -> Floats:
         """What kernels know it by."""
-        air = [0.0, 0.0, 1.0, 0.0] if self.drag is None else self.drag.constants
-        row = np.array([self.chief.mu, self.radius, *self.zonals, *air])
+        row = np.array([self.chief.mu, self.radius, *self.zonals, *air_of(self.drag)])
         assert len(row) == WIDTH
         return row
 
@@ -110,7 +102,7 @@ class Field:
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since the chief's epoch; broadcasts with the states.
+            Since the chief's epoch; broadcasts with the states, anything that makes a NumPy array will do.
         states : array_like of shape (..., 6) [m, m/s]
             Inertial, in the chief's frame.
         ballistics : array_like of shape (...) [m^2/kg], default 0
@@ -119,7 +111,7 @@ class Field:
         Returns
         -------
         array of shape (..., 3) [m/s^2]
-            Inertial.
+            In the chief's inertial frame.
 
         Raises
         ------
@@ -132,13 +124,14 @@ class Field:
         docs/theory.md (80) and (81).
         """
         given = np.asarray(checked("states", states, last=6))
-        shape = np.broadcast_shapes(given.shape[:-1], np.shape(times), np.shape(ballistics))
+        when, own = np.asarray(checked("times", times)), np.asarray(checked("ballistics", ballistics))
+        shape = broadcast(times=when.shape, states=given.shape[:-1], ballistics=own.shape)
         rows = np.ascontiguousarray(np.broadcast_to(given, (*shape, 6)).reshape(-1, 6))
         if self.acceleration is None:
             felt = np.empty((len(rows), 3))
-            accelerate(self.constants, np.ravel(np.broadcast_to(ballistics, shape)).astype(float), rows, felt)
+            accelerate(self._constants, np.broadcast_to(own, shape).ravel(), rows, felt)
             return felt.reshape((*shape, 3))
-        when = np.ravel(np.broadcast_to(np.asarray(times, dtype=float), shape))
+        when = np.broadcast_to(when, shape).ravel()
         felt = np.asarray(self.acceleration(when, rows), dtype=float)
         if felt.shape != (len(rows), 3) or not np.isfinite(felt).all():
             raise ValueError(
@@ -184,7 +177,7 @@ class Field:
             return out
         if self.acceleration is None:
             ballistic = 0.0 if self.drag is None else self.drag.chief
-            fly(self.constants, ballistic, start, times, LONGEST, TABLEAU, out)
+            fly(self._constants, ballistic, start, times, LONGEST, TABLEAU, out)
             return out
 
         def rates(t: float, s: Floats) -> Floats:
@@ -195,6 +188,15 @@ class Field:
             return np.tile(start, (len(times), 1))
         done = solve_ivp(rates, span, start, "DOP853", times, rtol=TIGHT, atol=TIGHT * np.abs(start).max())
         return np.asarray(done.y.T)
+
+
+def described(field: Field) -> str:
+    """What a field is, for people."""
+    if field.acceleration is not None:
+        return "a function"
+    degree = max((k + 2 for k, one in enumerate(field.zonals) if one != 0.0), default=0)
+    pull = f"J2 to J{degree}" if degree > 2 else ("J2" if degree else "a point mass")
+    return pull if field.drag is None else f"{pull} and drag"
 
 
 def zonals_of(given: Any) -> tuple[float, ...]:

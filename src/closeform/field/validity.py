@@ -1,13 +1,15 @@
 """Validity: how far a plan is flown off, in a field, where only its own thrust is played."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from closeform.arrays import Floats, instance
-from closeform.field.drag import ballistics_of
-from closeform.field.field import Field
+from closeform.field.drag import air_of, ballistics_of
+from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
 from closeform.motion.path import Path
@@ -38,7 +40,7 @@ class Validity(Result):
     times : array of shape (T,) [s]
         Since the chief's epoch.
     deviations : array of shape (N, T, 6) [m, m/s]
-        How far off each craft is predicted to be, to first order.
+        How far off each craft is predicted to be, to first order, in the chief's axes.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     planned : array of shape (P,), no unit
@@ -121,7 +123,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     >>> import closeform as cf
     >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
     >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
-    >>> 0.1 < cf.validity(path, cf.Field(chief)).ends[0] < 10.0
+    >>> bool(0.1 < cf.validity(path, cf.Field(chief)).ends[0] < 10.0)
     True
     """
     paths = paths_to_fly(plan, field)
@@ -139,7 +141,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
         _by_rule(field, distance, (end - start) / orbit.period, orbit.period, rule) for rule in (HALF, MOST)
     )
     greatest = np.linalg.norm(left_out, axis=2).max(axis=1)
-    return Validity(field.words, half, most, greatest, times[::2], deviations, pairs, planned, flown)
+    return Validity(described(field), half, most, greatest, times[::2], deviations, pairs, planned, flown)
 
 
 def deviations_of(paths: Path, times: Floats, left_out: Floats) -> Floats:
@@ -191,7 +193,7 @@ def _by_rule(field: Field, distance: Floats, turns: float, period: float, rule: 
     if field.drag is not None:
         air = field.drag
         speed = np.linalg.norm(chief.state[3:])
-        height = np.exp((air.constants[1] - np.linalg.norm(chief.state[:3])) / air.scale_height)
+        height = np.exp((air_of(air)[1] - np.linalg.norm(chief.state[:3])) / air.scale_height)
         lag = 0.5 * air.density * height * speed**2 * np.abs(ballistics_of(air, len(distance)) - air.chief)
         off = off + dragged * lag * (turns * period) ** 2
     return np.asarray(off)

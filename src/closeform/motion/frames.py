@@ -46,7 +46,7 @@ def relative_from_inertial(
     radius : array_like of shape (...) [m], optional
         Of the circle of "arc": held constant, or unless given the chief's own distance, which varies.
     acceleration : array_like of shape (..., 3) [m/s^2], optional
-        What the chief feels, inertial: its part across the orbital plane turns the frame, too.
+        What the chief feels, in the same inertial frame: its part across the orbit turns the axes, too.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def inertial_from_relative(
     radius : array_like of shape (...) [m], optional
         As `relative` was made.
     acceleration : array_like of shape (..., 3) [m/s^2], optional
-        As `relative` was made.
+        What the chief feels, in the same inertial frame, as `relative` was made.
 
     Returns
     -------

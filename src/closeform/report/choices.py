@@ -85,7 +85,7 @@ class Choices:
             told.append(("impulses of these thrusters", self.by_thrusters))
         told.append(("least delta-v, impulses", lambda: self.least.upper))
         found = [self.row(name, tried(spent)) for name, spent in told]
-        found = sorted(found, key=lambda row: -(row[1] or np.inf))
+        found = sorted(found, key=lambda row: -float(f"{row[1] or np.inf:.6g}"))  # as printed
         if self.result.flown:
             planned = [effort.asked(self.mission, self.result, name, self.plan(name)) for name in self.movers]
             found.append(self.row("this plan", planned))
