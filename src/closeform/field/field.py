@@ -96,13 +96,13 @@ class Field:
         assert len(row) == WIDTH
         return row
 
-    def accelerations(self, times: Floats, states: Floats, ballistics: ArrayLike = 0.0) -> Floats:
+    def accelerations(self, times: ArrayLike, states: ArrayLike, ballistics: ArrayLike = 0.0) -> Floats:
         """What craft feel.
 
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since the chief's epoch; broadcasts with the states, anything that makes a NumPy array will do.
+            Since the chief's epoch;.
         states : array_like of shape (..., 6) [m, m/s]
             Inertial, in the chief's frame.
         ballistics : array_like of shape (...) [m^2/kg], default 0
