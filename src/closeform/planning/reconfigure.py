@@ -144,14 +144,6 @@ def reconfigure(
     References
     ----------
     docs/theory.md section 4, many craft; "sequential" is as in SP11 (Sauter and Palmer 2011).
-
-    Examples
-    --------
-    >>> orbit, places = cf.Orbit(0.0), np.array([[0, -50, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0.0]])
-    >>> zone = cf.Sphere(10.0)
-    >>> swap = cf.reconfigure(orbit, places, -places, 600.0, zone)
-    >>> swap.ok, len(cf.screen(swap.direct, zone).pairs), len(cf.screen(swap.paths, zone).pairs)
-    (True, 1, 0)
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
