@@ -58,10 +58,10 @@ def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "Com
         raise UsageError("screen: needs two ephemerides or more; name another file")
     check_present(*files)
     from closeform.exchange.common_frame import common_frame
-    from closeform.exchange.oem import read_oem
+    from closeform.exchange.oem import read_oem_segments
 
     try:
-        return common_frame([read_oem(file) for file in files], interpolate=interpolate)
+        return common_frame([read_oem_segments(file) for file in files], interpolate=interpolate)
     except ValueError as error:
         raise UsageError(str(error)) from None
 

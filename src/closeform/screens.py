@@ -94,7 +94,6 @@ def screen(
     except ValueError as error:
         raise UsageError(str(error)) from None
     from closeform.conflicts.flight import watch
-    from closeform.motion.orbit import Orbit
     from closeform.report.repeat import Command
     from closeform.report.screening import ScreenReport
 
@@ -109,7 +108,7 @@ def screen(
     command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [])
 
     def report() -> ScreenReport:
-        flight = watch(Orbit(frame.mean_motion).sampled(frame.times, frame.states), frame.names, held_clear)
+        flight = watch(frame.paths, frame.names, held_clear)
         return ScreenReport(frame, flight, held_clear, command, uncertain(frame, flight, asked.sigmas))
 
     return left(report, place, overwrite)

@@ -12,12 +12,13 @@ from closeform.arrays import Floats, number, sequence
 from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
-from closeform.exchange.interpolation import interpolated
+from closeform.exchange.spans import Spans
 from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.result import Result
 
 if TYPE_CHECKING:
+    from closeform.motion.path import Path
     from closeform.uncertainty.errors import Errors
 
 # Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
@@ -51,6 +52,10 @@ class CommonFrame(Result):
         How long each was carried to that time by Hill's equations, below 0 backwards; None of who has none.
     interpolation_errors : array of shape (N,) [m]
         By how much positions may be off, by estimate, as states were interpolated; 0 if none was.
+    arrivals : array of shape (N, T, 6) [m, m/s]
+        As `states`, where somebody fires those before it.
+    manoeuvres : tuple of tuple of tuple of float [s, m/s], of N
+        Of each craft when its velocity jumps, since `epoch`, and by how much.
     """
 
     names: tuple[str, ...]
@@ -63,6 +68,15 @@ class CommonFrame(Result):
     covariances: tuple[Floats | None, ...]
     ages: tuple[float | None, ...]
     interpolation_errors: Floats
+    arrivals: Floats
+    manoeuvres: tuple[tuple[tuple[float, float], ...], ...]
+
+    @property
+    def paths(self) -> Path:
+        """The paths (N,) through all states, in Hill's frame of the circle; manoeuvres are impulses."""
+        from closeform.motion.orbit import Orbit  # with kernels, which states alone can spare
+
+        return Orbit(self.mean_motion)._through(self.times, self.states, self.arrivals)
 
     def columns(self) -> dict[str, Any]:
         """The states as columns, which pandas, polars and pyarrow make a data frame of.
@@ -95,7 +109,7 @@ class CommonFrame(Result):
 
 
 def common_frame(
-    ephemerides: Sequence[Ephemeris],
+    ephemerides: Sequence[Ephemeris | Sequence[Ephemeris]],
     along_track: AlongTrack = "arc",
     mu: float = EARTH_MU,
     interpolate: float | None = None,
@@ -107,15 +121,16 @@ def common_frame(
 
     Parameters
     ----------
-    ephemerides : sequence of Ephemeris
-        Two or more, the chief's first.
+    ephemerides : sequence of Ephemeris, or of sequences of Ephemeris
+        Two or more, the chief's first; of an object that fires its segments, as from `read_oem_segments`.
     along_track : "straight" or "arc", default "arc"
         As in `relative_from_inertial`; arcs are measured on the chief's circle.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
     interpolate : float [m], optional
         By how much positions may be off, by estimate, if states are interpolated to the epochs of whose are
-        densest: by polynomials through six positions and velocities (Hermite's), of degree 11.
+        densest: by polynomials through six positions and velocities (Hermite's), of degree 11, and never
+        from one segment into another.
 
     Returns
     -------
@@ -126,26 +141,23 @@ def common_frame(
     ------
     ValueError
         If there are fewer than two, equal names, different centres, frames or time systems, a frame that
-        turns with the Earth, fewer than two common epochs, states too far apart to interpolate, an open
-        orbit, or a `mu` that is not positive; naming the objects.
+        turns with the Earth, fewer than two common epochs, states too far apart to interpolate, gaps or
+        positions that jump between segments, an open orbit, or a `mu` that is not positive; naming objects.
 
     References
     ----------
     Kepler's third law; docs/ephemerides.md and docs/validity.md.
     """
-    ephemerides = tuple(sequence("ephemerides", ephemerides, Ephemeris))
+    spans = _spans(ephemerides)
     if not (number("mu", mu) > 0.0 and np.isfinite(mu)):
         raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
     if interpolate is not None and not number("interpolate", interpolate) >= 0.0:
         raise ValueError(f"interpolate: by how much states may be off, 0 or more, got {interpolate:g} m")
-    _comparable(ephemerides)
-    chief = ephemerides[0]
-    offsets = seconds_of([each.epoch for each in ephemerides], chief.time_system)
-    if interpolate is None:
-        times, inertial = _shared(ephemerides, offsets)
-        errors = np.zeros(len(ephemerides))
-    else:
-        times, inertial, errors = _interpolated(ephemerides, offsets, interpolate)
+    _comparable([each.first for each in spans])
+    chief = spans[0].first
+    offsets = seconds_of([each.first.epoch for each in spans], chief.time_system)
+    times = _shared(spans, offsets) if interpolate is None else _densest(spans, offsets)
+    inertial, before, errors = _states(spans, offsets, times, interpolate)
     speed_squared = (inertial[0, :, 3:] ** 2).sum(-1)
     inverse = 2.0 / np.linalg.norm(inertial[0, :, :3], axis=-1) - speed_squared / mu
     if not (inverse > 0.0).all():
@@ -153,17 +165,19 @@ def common_frame(
     radius = float((1.0 / inverse).mean())
     circle = radius if isinstance(along_track, str) and along_track == "arc" else None
     states = relative_from_inertial(inertial[0], inertial, along_track, circle)
-    states[0] = 0.0
+    fires = any(each.manoeuvres for each in spans)
+    arrivals = relative_from_inertial(before[0], before, along_track, circle) if fires else states.copy()
+    states[0] = arrivals[0] = 0.0
     covariances, ages = [], []
-    for each, offset, state in zip(ephemerides, offsets, inertial[:, 0], strict=True):
-        found = covariance_at(each, times[0] - offset, mu)
+    for each, offset, state in zip(spans, offsets, inertial[:, 0], strict=True):
+        found = covariance_at(each.first, times[0] - offset, mu)
         if found is not None:
             turn = relative_jacobian(inertial[0, 0], state, along_track, circle)
             found = turn @ found[0] @ turn.T, found[1]
         covariances.append(found and found[0])
         ages.append(found and found[1])
     return CommonFrame(
-        names=tuple(each.name for each in ephemerides),
+        names=tuple(each.name for each in spans),
         epoch=chief.epoch,
         time_system=chief.time_system,
         times=times,
@@ -173,62 +187,98 @@ def common_frame(
         covariances=tuple(covariances),
         ages=tuple(ages),
         interpolation_errors=errors,
+        arrivals=arrivals,
+        manoeuvres=tuple(_fired(each, offset, times) for each, offset in zip(spans, offsets, strict=True)),
     )
 
 
-def _shared(ephemerides: tuple[Ephemeris, ...], offsets: Floats) -> tuple[Floats, Floats]:
-    """Times (T,) [s] at which all have states, after the chief's epoch, and these states (N, T, 6)."""
-    chief = ephemerides[0]
+def _spans(given: Sequence[Ephemeris | Sequence[Ephemeris]]) -> tuple[Spans, ...]:
+    """Each object's segments. Raises ValueError for what is none."""
+    each = [
+        one if isinstance(one, Ephemeris) else tuple(sequence("ephemerides", one, Ephemeris))
+        for one in sequence("ephemerides", given, Ephemeris, Sequence)
+    ]
+    if any(isinstance(one, tuple) and not one for one in each):
+        raise ValueError("ephemerides: an object has no segments; leave it out")
+    return tuple(Spans.of(one) for one in each)
+
+
+def _fired(spans: Spans, offset: float, times: Floats) -> tuple[tuple[float, float], ...]:
+    """The manoeuvres of an object within the common time, since the chief's epoch."""
+    moved = [(when + float(offset), size) for when, size in spans.manoeuvres]
+    return tuple((when, size) for when, size in moved if times[0] <= when <= times[-1])
+
+
+def _shared(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
+    """Times (T,) [s] at which all have states, after the chief's epoch."""
+    chief = spans[0]
     shared = np.ones(len(chief.times), dtype=bool)
-    nearest = []
-    for each, offset in zip(ephemerides, offsets, strict=True):
+    for each, offset in zip(spans, offsets, strict=True):
         times = each.times + offset
         after = np.clip(np.searchsorted(times, chief.times), 1, len(times) - 1)
         index = after - (chief.times - times[after - 1] < times[after] - chief.times)
         shared &= np.abs(times[index] - chief.times) <= SAME_EPOCH
-        nearest.append(index)
     if shared.sum() < 2:
-        start, stop = _common_span(ephemerides, offsets)
-        names = ", ".join(each.name for each in ephemerides)
+        start, stop = _common_span(spans, offsets)
+        names = ", ".join(each.name for each in spans)
         remedy = 'allow it with interpolate=1.0 (m), or screen --interpolate "1 m"'
         how = f"states between them can be interpolated: {remedy}"
         if stop <= start:
             how = "they have no time in common; give files that overlap"
         raise ValueError(f"{names}: fewer than two common epochs; {how}")
-    pairs = zip(ephemerides, nearest, strict=True)
-    return chief.times[shared], np.stack([each.states[index[shared]] for each, index in pairs])
+    times = chief.times[shared]
+    for each, offset in zip(spans, offsets, strict=True):
+        for when, _ in each.manoeuvres:
+            apart = float(np.abs(times - when - offset).min())
+            if apart > SAME_EPOCH and times[0] < when + offset < times[-1]:
+                what = f"fires {apart:.3g} s from the nearest epoch that all share"
+                raise ValueError(
+                    f'{each.name}: {what}; allow interpolation, as with screen --interpolate "1 m"'
+                )
+    return times
 
 
-def _interpolated(
-    ephemerides: tuple[Ephemeris, ...], offsets: Floats, allowed: float
-) -> tuple[Floats, Floats, Floats]:
-    """The epochs (T,) [s] of whose are densest, the states (N, T, 6) of all then, and errors (N,) [m]."""
-    start, stop = _common_span(ephemerides, offsets)
-    choices = [each.times + offset for each, offset in zip(ephemerides, offsets, strict=True)]
-    inside = [times[(times >= start - SAME_EPOCH) & (times <= stop + SAME_EPOCH)] for times in choices]
-    times = max(inside, key=len)
+def _densest(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
+    """The epochs (T,) [s] of whose are densest in the common time, and all edges of segments."""
+    start, stop = _common_span(spans, offsets)
+
+    def inside(times: Floats) -> Floats:
+        return times[(times >= start - SAME_EPOCH) & (times <= stop + SAME_EPOCH)]
+
+    pairs = list(zip(spans, offsets, strict=True))
+    times = max((inside(each.times + offset) for each, offset in pairs), key=len)
     if len(times) < 2:
-        names = ", ".join(each.name for each in ephemerides)
+        names = ", ".join(each.name for each in spans)
         raise ValueError(f"{names}: they have less than two epochs in common time; give files that overlap")
-    states, errors = [], []
-    for each, offset in zip(ephemerides, offsets, strict=True):
-        found, off = interpolated(each, times - offset)
-        if (worst := float(off.max())) > allowed:
-            what = f"interpolated states may be off by {worst:.3g} m, more than {allowed:g} m"
+    edges = inside(np.concatenate([each.edges[2::2] + offset for each, offset in pairs]))
+    both = np.union1d(times, edges)
+    return both[np.diff(both, prepend=-np.inf) > SAME_EPOCH]
+
+
+def _states(
+    spans: tuple[Spans, ...], offsets: Floats, times: Floats, allowed: float | None
+) -> tuple[Floats, Floats, Floats]:
+    """States (N, T, 6) of all, the same before manoeuvres, and by how much they may be off (N,) [m]."""
+    after, before, errors = [], [], []
+    for each, offset in zip(spans, offsets, strict=True):
+        found, off = each.states(times - offset)
+        if (worst := float(off.max())) > (allowed or 0.0):
+            what = f"interpolated states may be off by {worst:.3g} m, more than {allowed or 0.0:g} m"
             raise ValueError(f"{each.name}: {what}; give states closer in time, or allow so much")
-        states.append(found)
+        after.append(found)
+        before.append(each.states(times - offset, before=True)[0] if each.manoeuvres else found)
         errors.append(worst)
-    return times, np.stack(states), np.array(errors)
+    return np.stack(after), np.stack(before), np.array(errors)
 
 
-def _common_span(ephemerides: tuple[Ephemeris, ...], offsets: Floats) -> tuple[float, float]:
+def _common_span(spans: tuple[Spans, ...], offsets: Floats) -> tuple[float, float]:
     """From when until when all have states [s]."""
-    pairs = list(zip(ephemerides, offsets, strict=True))
+    pairs = list(zip(spans, offsets, strict=True))
     begins = max(float(each.times[0] + offset) for each, offset in pairs)
     return begins, min(float(each.times[-1] + offset) for each, offset in pairs)
 
 
-def _comparable(ephemerides: tuple[Ephemeris, ...]) -> None:
+def _comparable(ephemerides: Sequence[Ephemeris]) -> None:
     if len(ephemerides) < 2:
         raise ValueError(f"ephemerides: at least two are needed, got {len(ephemerides)}")
     chief = ephemerides[0]

@@ -12,7 +12,6 @@ from closeform.motion.path import Path, path_of
 
 COUNT = 4  # nodes that one of Hermite's polynomials goes through
 DEGREE = 2 * COUNT - 1
-STEPS = (120.0, 60.0, 30.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)  # s
 SMOOTH = 1e-6  # of the greatest thrust: a jump that is rounding, or a piece of saturated thrust
 NEAR = 0.05  # of a step: nodes of the grid that are nearer to another node are left out
 SHORTEST = 1e-6  # s: what lasts no longer has no nodes

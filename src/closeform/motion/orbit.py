@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import shown
+from closeform.arrays import Floats, shown
 from closeform.motion.arc import PUSH, WIDTH
 from closeform.motion.circular import CircularOrbit
 from closeform.motion.ends import arcs_between, arcs_from, checked_below
@@ -325,7 +325,11 @@ class Orbit(CircularOrbit):
         ----------
         docs/theory.md section 2; docs/ephemerides.md.
         """
-        arcs = arcs_through(self.mean_motion, times, states)
+        return self._through(times, states)
+
+    def _through(self, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None) -> Path:
+        """The path through samples, from `arrivals` on by impulses where these are other states."""
+        arcs = arcs_through(self.mean_motion, times, states, arrivals)
         *batch, each, _ = arcs.shape
         offsets = each * np.arange(int(np.prod(batch, dtype=int)) + 1)
         return Path(self, arcs.reshape(-1, WIDTH), offsets, tuple(batch))

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH
 from closeform.motion.duration import flaw
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.ends import checked_below
@@ -17,8 +17,13 @@ from closeform.motion.steering import steer
 COASTING = 0.1
 
 
-def arcs_through(mean_motion: float, times: ArrayLike, states: ArrayLike) -> Floats:
-    """Arcs (..., T - 1, 30) from each of some states (..., T, 6) at times (T,) to the next."""
+def arcs_through(
+    mean_motion: float, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None
+) -> Floats:
+    """Arcs (..., T - 1, 30) from each of some states (..., T, 6) at times (T,) to the next.
+
+    Where `arrivals` (..., T, 6) are other states, arcs end there, and an impulse leads on.
+    """
     instants = checked_below("times", times)
     nodes = checked_below("states", states, 6)
     if instants.ndim != 1 or len(instants) < 2 or nodes.shape[-2:-1] != instants.shape:
@@ -34,7 +39,9 @@ def arcs_through(mean_motion: float, times: ArrayLike, states: ArrayLike) -> Flo
     arcs[..., START] = instants[:-1]
     arcs[..., END] = instants[1:]
     arcs[..., STATE : STATE + 6] = nodes[..., :-1, :]
-    finals = np.ascontiguousarray(nodes[..., 1:, :]).reshape(-1, 6)
+    ends = nodes if arrivals is None else arrivals
+    arcs[..., 1:, IMPULSE : IMPULSE + 3] = (nodes - ends)[..., 1:-1, 3:]
+    finals = np.ascontiguousarray(ends[..., 1:, :]).reshape(-1, 6)
     return interpolated(mean_motion, arcs.reshape(-1, WIDTH), finals).reshape(arcs.shape)
 
 

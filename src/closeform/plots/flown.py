@@ -63,10 +63,7 @@ def _conjunction(result: Any) -> Flown:
 
 
 def _common_frame(result: Any) -> Flown:
-    from closeform.motion.orbit import Orbit
-
-    paths = Orbit(result.mean_motion).sampled(result.times, result.states)
-    return Flown(paths, paths, result.names)
+    return Flown(result.paths, result.paths, result.names)
 
 
 def _mission(result: Any) -> Flown:

@@ -62,9 +62,19 @@ class ScreenReport:
             f"{frame.time_system}, {frame.times[-1] - frame.times[0]:.1f} s",
             f"Frame: radial, along-track (arc), cross-track of {frame.names[0]}, "
             f"on a circle of {frame.radius / 1e3:.3f} km",
+            *self.fired,
             *self.interpolated,
             *self.known,
         )
+
+    @property
+    def fired(self) -> tuple[str, ...]:
+        """Who fires between segments, how often and by how much in all."""
+        pairs = zip(self.frame.names, self.frame.manoeuvres, strict=True)
+        told = [
+            f"{name} {len(some)} ({sum(size for _, size in some):.4g} m/s)" for name, some in pairs if some
+        ]
+        return (f"Manoeuvres between segments: {', '.join(told)}",) if told else ()
 
     @property
     def interpolated(self) -> tuple[str, ...]:
