@@ -53,7 +53,7 @@ class CommonFrame(Result):
     interpolation_errors : array of shape (N,) [m]
         By how much positions may be off, by estimate, as states were interpolated; 0 if none was.
     arrivals : array of shape (N, T, 6) [m, m/s]
-        As `states`, where somebody fires those before it.
+        In the same frame: as `states`, where somebody fires those before it.
     manoeuvres : tuple of tuple of tuple of float [s, m/s], of N
         Of each craft when its velocity jumps, since `epoch`, and by how much.
     """

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Sequence
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path as FilePath
@@ -84,8 +85,9 @@ def read_oem_segments(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
     instance("file", file, str, PathLike)
     with within(file):
         found = []
-        for number, segment in enumerate(segments_of(message(file, "OEM")), 1):
-            with within(f"segment {number}"):
+        segments = segments_of(message(file, "OEM"))
+        for number, segment in enumerate(segments, 1):
+            with within(f"segment {number}") if len(segments) > 1 else nullcontext():
                 found.append(ephemeris_of(segment))
         for number, (one, other) in enumerate(itertools.pairwise(found), 2):
             for field in ("name", "object_id", "time_system"):
