@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -259,3 +261,56 @@ def test_chief_and_craft_that_are_wrong_are_said_at_once():
         parse(text, "two.toml")
     keys = [line.split(": ")[1] for line in refused.value.lines]
     assert keys == ["craft.keep_out.sphere", "orbit.chief"]
+
+
+LOST = """\
+closeform = 1
+title = "Lost, at an epoch"
+
+[orbit]
+deep_space = true
+epoch = "2026-11-22T12:00:00Z"
+
+[craft]
+name = ["L1", "L2"]
+group = ["A", "B"]
+position = ["0 0 0 m", "100 20 30 m"]
+velocity = "0 0 0 cm/s"
+keep_out = { sphere = "1 m" }
+
+[sensor]
+half_angle = "70 deg"
+
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+
+[[stage]]
+do = "coast"
+for = "100 s"
+
+[[stage]]
+do = "lock"
+"""
+
+
+def test_times_of_a_search_count_from_its_stage(tmp_path, capsys):
+    """Seconds since the search began, and UTC of the mission: a hundred seconds apart."""
+    lines, figures, tables = left(tmp_path, LOST, capsys)
+    start = Time("2026-11-22T12:01:40", scale="utc")
+    locks, (_, search) = tables["locks"], figures["stages"]
+    (seconds,), (stamp,) = locks["time_s"], locks["time_utc"]
+    assert abs((Time(stamp[:-1]) - start).to_value("s") - seconds) < 1e-8
+    first = search["search"]["phases"][0]
+    assert abs((Time(first["end_utc"][:-1]) - start).to_value("s") - first["end_s"]) < 1e-8
+    assert search["start_utc"] == "2026-11-22T12:01:40.000000000Z"
+    (row,) = [line for line in lines if line.startswith("L1 - L2 ")]
+    assert f" {seconds:.2f} " in row
+    assert stamp[11:22] in row
+
+
+def test_scenarios_without_a_chief_load_nothing_for_it():
+    code = "import sys, closeform.scenario; print(sorted(m for m in sys.modules if 'exchange.' in m or m == 'erfa'))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout == "['closeform.exchange.epochs']\n"

@@ -9,7 +9,9 @@ import numpy as np
 
 from closeform.conflicts.flight import Flight
 from closeform.exchange.common_frame import CommonFrame
+from closeform.exchange.epochs import Epoch
 from closeform.report import conflicts, model, results, uncertain
+from closeform.report.clock import Clock
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
 from closeform.report.page import Head
 from closeform.report.picture import Picture, Progress
@@ -129,9 +131,15 @@ class ScreenReport:
         return (*conflicts.between_samples(self.flight), *conflicts.zones(self.flight), *self.found[0])
 
     @property
+    def clock(self) -> Clock:
+        """What its times are in UTC."""
+        return Clock(Epoch(self.frame.epoch, self.frame.time_system))
+
+    @property
     def tables(self) -> tuple[Table, ...]:
         """Conflicts and closest approaches."""
-        return (*self.found[1], *conflicts.approaches("Closest approaches", self.flight), *self.sigmas)
+        near = conflicts.approaches("Closest approaches", self.flight)
+        return tuple(map(self.clock.dated, (*self.found[1], *near, *self.sigmas)))
 
     @property
     def verdict(self) -> Verdict:
@@ -203,8 +211,7 @@ class ScreenReport:
             },
             "mean_motion_rad_s": frame.mean_motion,
             "craft": list(frame.names),
-            "flight": conflicts.figures(self.flight),
-            **found,
+            **self.clock.record({"flight": conflicts.figures(self.flight), **found}),
         }
 
     def leave(
@@ -221,7 +228,7 @@ class ScreenReport:
             tables["sigmas"] = Table("", SIGMAS, [row(pair) for pair in self.uncertain.pairs])
         progress("writing tables")
         for name, table in tables.items():
-            folder.table(name, table.stored)
+            folder.table(name, self.clock.dated(table).stored)
         folder.table("states", states(frame))
         head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
         results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)
@@ -233,5 +240,6 @@ def states(frame: CommonFrame) -> dict[str, Any]:
     return {
         "craft": np.repeat(frame.names, count),
         "time_s": np.tile(frame.times, len(frame.names)),
+        "time_utc": np.tile(Epoch(frame.epoch, frame.time_system).utc(frame.times), len(frame.names)),
         **dict(zip(STATE_COLUMNS, frame.states.reshape(-1, 6).T, strict=True)),
     }

@@ -2,11 +2,11 @@
 
 import hashlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.message import within
-from closeform.exchange.oem import read_oem
-from closeform.exchange.states_csv import StateRows, state_rows
+if TYPE_CHECKING:
+    from closeform.exchange.ephemeris import Ephemeris
+    from closeform.exchange.states_csv import StateRows
 
 DOUBTFUL = 1.0  # m: by how much a state may be off that is interpolated
 
@@ -49,14 +49,19 @@ class Inputs:
         """What a result folder keeps of them, by its place there."""
         return {copy_of(name): held for name, held in self.contents.items()}
 
-    def ephemeris(self, name: str) -> Ephemeris:
+    def ephemeris(self, name: str) -> "Ephemeris":
         """What an OEM holds.  Raises ValueError, with file and line, for what is none."""
+        from closeform.exchange.oem import read_oem  # which most scenarios can spare
+
         if name not in self._ephemerides:
             self._ephemerides[name] = read_oem(self.read(name))
         return self._ephemerides[name]
 
-    def states(self, name: str) -> StateRows:
+    def states(self, name: str) -> "StateRows":
         """What a file of states holds.  Raises ValueError, with file and line, for what is none."""
+        from closeform.exchange.message import within
+        from closeform.exchange.states_csv import state_rows
+
         if name not in self._states:
             place = self.read(name)
             with within(place):

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 from math import atan2, cos, pi, sin, sqrt
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field
 
 from closeform.arrays import Floats
-from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import SYSTEMS, Epoch
 from closeform.motion.elements import inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS
@@ -16,6 +15,9 @@ from closeform.motion.orbit import Orbit
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.quantity import GRAVITY, LENGTH, RATE, TIME, Reader, shown
 from closeform.scenario.table import Angle, FileName, Inertial, Length, Table
+
+if TYPE_CHECKING:
+    from closeform.exchange.chief import Chief
 
 CLOSE_TO_A_CIRCLE = 0.1  # eccentricity up to which Hill's equations are of any use
 
@@ -85,8 +87,10 @@ class ChiefTable(Table):
         yield from self.only_with("frame", "elements", "state")
         yield from self.only_with("center", "elements", "state")
 
-    def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs) -> Chief:
+    def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs) -> "Chief":
         """The chief of the core.  Raises ValueError for what is none, or too far from a circle."""
+        from closeform.exchange.chief import Chief  # which most scenarios can spare
+
         if self.oem is not None:
             chief = Chief.from_ephemeris(inputs.ephemeris(self.oem), epoch.stamp, epoch.system, mu)
             inputs.interpolated(self.oem, float(chief.interpolation_errors(0.0)))
@@ -147,13 +151,13 @@ class OrbitTable(Table):
             return Orbit.from_period(self.period)
         return Orbit(self.mean_motion or 0.0)
 
-    def origin(self, inputs: Inputs) -> Chief | None:
+    def origin(self, inputs: Inputs) -> "Chief | None":
         """The chief, if there is one.  Raises ValueError if it cannot be."""
         if self.chief is None or self.epoch is None:
             return None
         return self.chief.build(self.epoch, self.mu or EARTH_MU, self.radius or EARTH_RADIUS, inputs)
 
-    def following(self, chief: Chief) -> "OrbitTable":
+    def following(self, chief: "Chief") -> "OrbitTable":
         """The same as the circle of its chief."""
         return self.model_copy(
             update={

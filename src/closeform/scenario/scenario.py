@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
@@ -26,6 +25,7 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
+    from closeform.exchange.chief import Chief
     from closeform.search.schedule import Search
 
 LIMITS = ("max_thrust", "acceleration", "delta_v_budget", "propellant")  # fields of a Craft
@@ -48,7 +48,7 @@ class Scenario:
     search: SearchTable | None = None
     study: Study | None = None
     case: int | None = None  # of the study, if the craft's states are those of one
-    chief: Chief | None = None
+    chief: "Chief | None" = None
     inputs: Inputs | None = None  # the files that it names
 
     @property
