@@ -288,11 +288,21 @@ class Mission(Stages):
         mass = craft.mass - float(self.propellant[: number - 1, k].sum())
         return float(propellant(mass, delta_v, craft.specific_impulse))
 
+    def mass_left(self, number: int, k: int) -> float:
+        """The share of its mass that craft k has when stage `number` begins; 1 where that is not known."""
+        craft = self.scenario.craft[k]
+        if craft.mass is None or craft.specific_impulse is None:
+            return 1.0
+        return 1.0 - float(self.propellant[: number - 1, k].sum()) / craft.mass
+
     def thrusts(self, result: StageResult[Any, Any]) -> Iterator[Use]:
         """The greatest thrust of each craft that has a limit, as planned in one stage."""
         on = () if result.pulsed is None else result.pulsed.names  # all or nothing
-        for craft, peak in zip(self.scenario.craft, result.planned.paths.peak_thrust.tolist(), strict=True):
-            if craft.limited:
+        for k, (craft, peak) in enumerate(
+            zip(self.scenario.craft, result.planned.paths.peak_thrust.tolist(), strict=True)
+        ):
+            if craft.limited:  # an engine's force, told by what it gives the mass at the start
+                peak *= self.mass_left(result.number, k)
                 yield thrust_use(craft, craft.max_acceleration if craft.name in on else peak)
 
     def spent(self, stages: Any) -> Iterator[Use]:

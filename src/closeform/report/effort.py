@@ -51,7 +51,7 @@ def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path
     k = mission.scenario.names.index(name)
     speed = asked(mission, result, name, path)
     mass, burnt = mission.scenario.force_mass(name), mission.burnt(result.number, k, speed)
-    force = None if mass is None else mass * path.peak_thrust
+    force = None if mass is None else mass * mission.mass_left(result.number, k) * path.peak_thrust
     energy, fuel = (one if isfinite(one) else None for one in (path.energy, burnt))
     return energy, speed, path.peak_thrust, force, fuel
 
