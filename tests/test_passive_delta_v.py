@@ -117,6 +117,20 @@ def test_a_cone_program_with_the_same_planes_costs_as_much(k):
     assert (1.0 - 1e-4) * solution.obj_val <= plan.delta_v <= 1.012 * solution.obj_val
 
 
+def test_a_hold_on_the_track_is_not_left_absurdly_dear():
+    """Impulses that were found cost 1.06 m/s; the safe path of least energy spends 0.18."""
+    orbit = cf.Orbit.circular(550e3)
+    end = cf.targets.safety_ellipse(orbit, 1, 50.0, 50.0)[0]
+    path = orbit.transfer([0, 200, 0, 0, 0, 0], end, 0.8 * orbit.period)
+    client = orbit.coast(np.zeros(6), 2 * orbit.period)
+    by_energy = cf.avoid(path, client, cf.Sphere(20.0), drift=orbit.period)
+    found = cf.avoid(path, client, cf.Sphere(20.0), drift=orbit.period, cost="delta-v")
+    assert found.ok
+    assert found.delta_v == pytest.approx(float(found.path.delta_v))
+    assert found.lower_bound < found.delta_v <= 1.1 * float(by_energy.path.delta_v)
+    assert cf.passively_safe(found.path, client, cf.Sphere(20.0), found.path.end + orbit.period)
+
+
 def test_more_drift_costs_no_less():
     case = ring_transfers("thirty")[22]
     client = ORBIT.coast(np.zeros(6), case.duration + 3.0 * PERIOD)

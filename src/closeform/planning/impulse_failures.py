@@ -26,7 +26,8 @@ from closeform.zones.shapes import BALL
 from closeform.zones.zone import scaled_norm
 
 ROOM = 600  # minima, and for each pair
-STARTS, ANOTHER = 16, 0.01  # from which least energy is looked for, and by how much two are not one
+STARTS, MORE_STARTS = 16, 64  # from which least energy is looked for, and where that found fewer than ENOUGH
+ENOUGH, ANOTHER = 4, 0.01  # paths, and by how much of their energy two are not one
 TOUCHING = 1.02  # zones: a plane that is kept farther away is no contact
 REACH = 1.4  # zones, within which a minimum becomes a plane
 AMID = (np.arange(32) + 0.5) / 32  # shares of an impulse after which thrust is lost
@@ -81,7 +82,9 @@ class ImpulseFailures:
     def starts(self) -> Iterator[Contacts]:
         """Contacts of passively safe paths of least energy, one after another."""
         search, known = PassiveSearch(self.problem, MARGINS[0], None, False), np.empty(0)
-        for seed in range(STARTS):
+        for seed in range(MORE_STARTS):
+            if seed >= STARTS and len(known) >= ENOUGH:
+                return
             found = search.examine(seed)
             if found.clear and (np.abs(known - found.energy) > ANOTHER * found.energy).all():
                 known = np.append(known, found.energy)

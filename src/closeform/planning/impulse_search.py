@@ -24,6 +24,7 @@ from closeform.planning.ways_out import ranked_exits
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
 MORE = 4  # times as many where none of those is clear
+DEAR = 1.1  # times the delta-v of safe paths of least energy: dearer impulses are not worth being few
 
 
 def solve_impulses(
@@ -86,6 +87,8 @@ def solved(
         if solver.failures is not None:
             solver.failures.holding = False
         best = solver.fewest(solver.focused(best))
+        if solver.failures is not None and (plain := cheaper(solver, best, by_energy)) is not None:
+            return replace(plain, tried=tried + plain.tried), free
         touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
         if solver.failures is not None:
             touched = touched.some(touched.multipliers > FELT * best.delta_v)
@@ -95,9 +98,26 @@ def solved(
         return Outcome(*answer, delta_v=best.delta_v, priced=priced), free
     if solver.pushes.fixed.any():
         return Outcome(None, (), nan, 1.0, False, tried, blocked(solver, free)), free
-    other = by_energy()
-    spent = nan if other.flown is None else float(np.sum(problem.path(other.flown).delta_v))
-    return replace(other, proven=False, tried=tried + other.tried, delta_v=spent, priced=False), free
+    other = thrusting(problem, by_energy())
+    return replace(other, tried=tried + other.tried), free
+
+
+def thrusting(problem: Problem, found: Outcome) -> Outcome:
+    """Paths of least energy as an answer of delta-v."""
+    spent = nan if found.flown is None else float(np.sum(problem.path(found.flown).delta_v))
+    return replace(found, proven=False, delta_v=spent, priced=False)
+
+
+def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]) -> Outcome | None:
+    """Safe paths of least energy where impulses are far dearer, and who flies may thrust so."""
+    if solver.pushes.fixed.any():
+        return None
+    found = thrusting(solver.problem, by_energy())
+    if found.flown is None or not best.delta_v > DEAR * found.delta_v:
+        return None
+    peaks = solver.problem.path(found.flown).peak_thrust[: solver.problem.count]
+    limited = solver.limits > 0.0
+    return None if (peaks > FULL * solver.limits)[limited].any() else found
 
 
 def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> TooWeak:
