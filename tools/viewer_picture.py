@@ -1,0 +1,47 @@
+"""Draws docs/images/viewer.png: the page of the cluster at its closest approach, in the machine's Chromium.
+
+.venv/bin/pip install -e '.[browser]' && .venv/bin/python tools/viewer_picture.py
+"""
+
+import shutil
+import sys
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+import closeform as cf
+from closeform.viewer.page import document
+from closeform.viewer.scene import scene_of
+from closeform.viewer.shown import Shown
+
+ROOT = Path(__file__).parents[1]
+SIZE = {"width": 1280, "height": 720}
+COLOURS = 128  # which keep the file small
+SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+def main() -> None:
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        sys.exit("no Chromium: install Debian's with `apt-get install chromium`")
+    scene = scene_of(Shown.of_mission(cf.run(ROOT / "examples" / "cluster.toml")), report="report.html")
+    near = min((one for one in scene.record["approaches"] if one["stage"] == 2), key=lambda one: one["ratio"])
+    mover = scene.record["craft"][near["second"]]["name"]
+    with TemporaryDirectory() as folder, sync_playwright() as playwright:
+        page = Path(folder) / "viewer.html"
+        page.write_text(document(scene), encoding="utf-8")
+        browser = playwright.chromium.launch(executable_path=chromium, args=list(SOFTWARE))
+        tab = browser.new_page(viewport=SIZE, color_scheme="light")
+        tab.goto(f"{page.as_uri()}#t={near['time']:.1f}&craft={mover}")
+        tab.wait_for_function("window.closeform")
+        tab.wait_for_timeout(1000)  # ms, in which software has drawn it
+        shot = Image.open(BytesIO(tab.screenshot())).convert("RGB")
+        browser.close()
+    shot.quantize(COLOURS).save(ROOT / "docs" / "images" / "viewer.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
