@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pagereader import EXAMPLES, Reader
+from pagereader import EXAMPLES, Reader, fly
 from playwright.sync_api import Browser, sync_playwright
 
 ROOT = Path(__file__).parents[2]
@@ -39,8 +38,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The page of each example, flown once."""
     folder = tmp_path_factory.mktemp("pages")
     for name in EXAMPLES:
-        command = [sys.executable, "-m", "closeform", "run", str(ROOT / "examples" / f"{name}.toml")]
-        subprocess.run([*command, "--out", str(folder / name)], check=True, capture_output=True)
+        fly(ROOT / "examples" / f"{name}.toml", folder / name)
     return {name: folder / name / "viewer.html" for name in EXAMPLES}
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -10,6 +12,12 @@ from playwright.sync_api import Page
 
 EXAMPLES = ("swap", "three_sigmas", "passive_inspector", "tpf", "station_ellipsoid")
 PATIENCE = 60.0  # seconds, on a busy machine
+
+
+def fly(scenario: Path, results: Path) -> None:
+    """As a user does."""
+    command = [sys.executable, "-m", "closeform", "run", str(scenario), "--out", str(results)]
+    subprocess.run(command, check=True, capture_output=True)
 
 
 class Reader:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from numpy.typing import NDArray
-from pagereader import EXAMPLES, Reader
+from pagereader import EXAMPLES, Reader, fly
 
 pytestmark = pytest.mark.browser
 Sides = dict[str, float]
@@ -227,6 +227,28 @@ def test_a_layer_goes_and_comes(reader: Reader, pages: dict[str, Path]) -> None:
     zone.check()
     reader.settle()
     assert abs(seen(reader, "top") - with_zone).max() < 0.02
+
+
+def test_faces_stand_where_they_are(reader: Reader, tmp_path: Path) -> None:
+    """A box of half-spaces, 80 m along-track and 60 m across: its picture is as large as the scale says."""
+    faces = 'half_spaces = "40 40 30 30 20 20 m"'
+    normals = "normals = [[0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]]"
+    (tmp_path / "faces.toml").write_text(
+        'closeform = 1\ntitle = "Faces"\n[orbit]\naltitude = "500 km"\n[craft]\nname = ["A", "B"]\n'
+        'start = [{ palmer = "0 0 0 0 0 0 m" }, { palmer = "0 0 0 200 0 0 m" }]\n'
+        f'keep_out = [{{ {faces}, {normals} }}, {{ sphere = "1 m" }}]\n'
+        '[[stage]]\ndo = "coast"\nfor = "10 min"\n'
+    )
+    fly(tmp_path / "faces.toml", tmp_path / "results")
+    reader.open(tmp_path / "results" / "viewer.html", "#one=top&hide=grid,names,paths")
+    reader.page.keyboard.press("1")
+    reader.settle()
+    red, green, blue = np.moveaxis(seen(reader, "top"), 2, 0)
+    tinted = (red > green + 0.01) & (green > blue + 0.02)
+    rows, columns = np.flatnonzero(tinted.any(axis=1)), np.flatnonzero(tinted.any(axis=0))
+    scale = reader.ask("app.views[1].scale")
+    assert np.ptp(columns) * scale == pytest.approx(80.0, abs=3 * scale)  # a pixel at each edge
+    assert np.ptp(rows) * scale == pytest.approx(60.0, abs=3 * scale)
 
 
 def test_without_webgl(chromium: Any, pages: dict[str, Path]) -> None:

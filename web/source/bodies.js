@@ -2,7 +2,7 @@
 
 import { Dots } from "./dots.js";
 import { Ribbons } from "./ribbons.js";
-import { polyhedron, SHAPES, Solids } from "./solids.js";
+import { axesOf, shapeOf, SHAPES, Solids } from "./solids.js";
 
 export class Bodies {
   constructor(scene, moment, span) {
@@ -12,9 +12,8 @@ export class Bodies {
     this.hulls = new Map(); // hard bodies by shape, where they are known
     for (const { body } of scene.craft) {
       if (body < 0 || this.hulls.has(body)) continue;
-      const zone = scene.zones[body];
-      const shape = zone.mesh ? polyhedron(zone.mesh) : SHAPES[zone.shape]();
-      this.hulls.set(body, new Solids([shape[0], null], many, { matte: true, side: "front", order: 0 }));
+      const [faces] = shapeOf(scene.zones[body]);
+      this.hulls.set(body, new Solids([faces, null], many, { matte: true, side: "front", order: 0 }));
     }
     this.shades = new Solids(SHAPES.disc(), many, { matte: true, side: "both", order: 0 });
     this.cones = new Solids(SHAPES.cone(), many, { side: "both", order: 1.2, edge: 1.6 });
@@ -54,7 +53,7 @@ export class Bodies {
       const label = moment.label(k);
       const colour = label === null ? palette.craft(craft.colour) : palette.set(label);
       dots.put(moment.positions[k], colour);
-      hulls.get(craft.body)?.put(scene.zones[craft.body].axes, moment.positions[k], colour);
+      hulls.get(craft.body)?.put(axesOf(scene.zones[craft.body]), moment.positions[k], colour);
       const turned = moment.axes(k);
       if (!turned || !(moment.few || k === chosen)) return;
       shades.put(columns(turned, [this.shade, this.shade, this.shade]), moment.positions[k], palette.shade);

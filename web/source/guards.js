@@ -1,9 +1,7 @@
 // Guards: keep-out zones as glass around those whom others keep away from, and ellipsoids of errors.
 
-import { polyhedron, SHAPES, Solids } from "./solids.js";
+import { AS_IT_IS, axesOf, shapeOf, SHAPES, Solids } from "./solids.js";
 import { root, Tube } from "./tube.js";
-
-const UNIT = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 
 export class Guards {
   constructor(scene, moment) {
@@ -13,7 +11,7 @@ export class Guards {
     this.zones = new Map();
     scene.zones.forEach((zone, k) => {
       const key = this.shapes[k];
-      if (!this.zones.has(key)) this.zones.set(key, new Solids(zone.mesh ? polyhedron(zone.mesh) : SHAPES[zone.shape](), room));
+      if (!this.zones.has(key)) this.zones.set(key, new Solids(shapeOf(zone), room));
     });
     this.tubes = scene.tubes.map((entry) => {
       const stage = scene.stages.find(({ number }) => number === entry.stage);
@@ -44,7 +42,7 @@ export class Guards {
     const { scene, moment } = this;
     for (const solids of this.zones.values()) solids.clear();
     const put = (zone, middle, colour, alpha) =>
-      this.zones.get(this.shapes[zone]).put(scene.zones[zone].axes, middle, colour, alpha);
+      this.zones.get(this.shapes[zone]).put(axesOf(scene.zones[zone]), middle, colour, alpha);
     const struck = new Map(); // craft in conflict now; of those before avoidance the worst of who is followed
     const before = moment.conflicts.filter(({ first, second, when }) => when === "before" && (first === chosen || second === chosen));
     const worst = ghosts ? before.sort((a, b) => a.ratio - b.ratio).slice(0, 1) : [];
@@ -65,7 +63,7 @@ export class Guards {
     this.spreads.clear();
     for (const outline of this.outlines) {
       outline.clear();
-      outline.put(UNIT, [0, 0, 0], palette.tube, 0.22);
+      outline.put(AS_IT_IS, [0, 0, 0], palette.tube, 0.22);
       outline.finish();
     }
     for (const tube of this.tubes) {

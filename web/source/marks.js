@@ -40,8 +40,14 @@ export class Marks {
     this.approaches(pen, view, palette, chosen, spots, labels);
     if (view.follows && layers.cones) this.attitude(pen, view, palette, chosen, labels);
     const spot = spots[chosen];
-    if (spot) pen.ring(spot[0], spot[1], view.follows ? 14 : 9, palette.ink, { width: 1.4, dash: [3, 2] });
+    if (spot) pen.ring(spot[0], spot[1], Math.max(view.follows ? 14 : 9, 4 + this.hull(chosen) / view.scale), palette.ink, { width: 1.4, dash: [3, 2] });
     if (layers.names) this.names(pen, view, palette, chosen, spots, seen, labels);
+  }
+
+  /** How far a craft's hard body reaches [m]. */
+  hull(craft) {
+    const { body } = this.scene.craft[craft];
+    return body >= 0 ? this.scene.zones[body].radius : 0;
   }
 
   names(pen, view, palette, chosen, spots, seen, labels) {

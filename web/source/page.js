@@ -8,7 +8,7 @@ const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "
 
 export class Page {
   constructor(root, scene, does) {
-    this.root = root;
+    Object.assign(this, { root, scene });
     const craft = scene.craft.map(({ name }, k) => element("option", { value: k }, name));
     this.follow = element("select", { class: "follow", "aria-label": "Craft to follow", onchange: () => does.follow(Number(this.follow.value)) }, ...craft);
     this.clock = element("strong", { class: "clock" });
@@ -20,7 +20,7 @@ export class Page {
     const head = element("header", {},
       element("div", { class: "titles" },
         element("h1", { title: scene.title }, scene.title),
-        element("p", { class: `verdict ${scene.ok ? "good" : "bad"}`, title: [scene.verdict, ...scene.warnings].join("\n") }, scene.verdict)),
+        element("p", { class: `verdict ${scene.ok ? "good" : "bad"}`, title: scene.verdict }, scene.verdict)),
       element("div", { class: "now", "aria-live": "off" }, this.phase, this.clock, this.fine),
       element("div", { class: "tools" }, ...report, this.theme, this.help));
 
@@ -76,8 +76,13 @@ export class Page {
 
   /** Fills the column beside the views with sections that can be folded. */
   fill(events, legend) {
+    const { warnings, pictures } = this.scene;
+    const told = warnings.map((line) => element("p", { class: "warning" }, line));
+    const links = pictures.map(({ name, title }) => element("li", {}, element("a", { href: encodeURIComponent(name) }, title)));
     this.side.append(
+      ...told,
       element("details", { open: true, class: "key" }, element("summary", {}, "Legend"), legend),
-      element("details", { open: true, class: "list" }, element("summary", {}, "Events"), events));
+      element("details", { open: true, class: "list" }, element("summary", {}, "Events"), events),
+      ...(links.length ? [element("details", { class: "key" }, element("summary", {}, "Pictures"), element("ul", { class: "pictures" }, ...links))] : []));
   }
 }

@@ -52,8 +52,21 @@ export const SHAPES = {
   disc: () => [new CylinderGeometry(1, 1, 0.04, 28).rotateZ(Math.PI / 2), null],
 };
 
+/** Rows of the matrix that leaves a shape as it is. */
+export const AS_IT_IS = [1, 0, 0, 0, 1, 0, 0, 0, 1];
+
+/** The shape of a zone of the scene: [faces, edges]. */
+export function shapeOf(zone) {
+  return zone.mesh ? polyhedron(zone.mesh) : SHAPES[zone.shape]();
+}
+
+/** The matrix that makes the zone of its shape. */
+export function axesOf(zone) {
+  return zone.mesh ? AS_IT_IS : zone.axes;
+}
+
 /** Faces and edges of a convex body by its corners. */
-export function polyhedron({ corners, triangles, edges }) {
+function polyhedron({ corners, triangles, edges }) {
   const pick = (rows) => new BufferAttribute(new Float32Array(rows.flat().flatMap((k) => corners[k])), 3);
   const faces = new BufferGeometry().setAttribute("position", pick(triangles));
   faces.computeVertexNormals();

@@ -53,7 +53,7 @@ export class Strip {
     const share = this.log
       ? Math.log(value / this.low) / Math.log(this.high / this.low)
       : (value - this.low) / (this.high - this.low);
-    return this.height - BELOW - Math.min(1.02, Math.max(-0.02, share)) * (this.height - ABOVE - BELOW);
+    return this.height - BELOW - share * (this.height - ABOVE - BELOW);
   }
 
   /** Draws what does not move: scales and curves, those of the craft that is followed stronger. */
@@ -154,7 +154,8 @@ export class Strip {
     dot.hidden = !best;
     said.hidden = !best;
     if (!best) return;
-    dot.style.transform = `translate(${this.x(time)}px, ${this.y(best.value)}px)`;
+    const y = Math.min(this.height - BELOW, Math.max(ABOVE, this.y(best.value))); // at the edge where it is beyond
+    dot.style.transform = `translate(${this.x(time)}px, ${y}px)`;
     dot.style.background = this.colour(best.curve);
     const value = this.kind === "ratio" ? best.value.toFixed(best.value < 100 ? 3 : 0) : measured(best.value, this.unit);
     say(this.name, best.curve.name);

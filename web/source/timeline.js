@@ -42,6 +42,14 @@ export class Timeline {
     return near.sort((a, b) => off(a) - off(b) || RANK.indexOf(a.kind) - RANK.indexOf(b.kind))[0] ?? null;
   }
 
+  /** What is said of a place: of the mark there, or of the stage or phase. */
+  story(x, y) {
+    const mark = this.at(x, y);
+    if (mark) return `${clock(mark.time, 1)}  ${mark.text}`;
+    const time = this.time(x);
+    return (y < BANDS && this.bands.find(({ start, end }) => start <= time && time <= end)?.text) || "";
+  }
+
   /** Draws what does not move. */
   lay(width, palette) {
     Object.assign(this, { width, palette });
@@ -53,6 +61,7 @@ export class Timeline {
       const at = bands.findIndex(({ number }) => number === stage);
       bands.splice(at, 1, ...phases.filter(({ start }) => start < scene.end).map((phase) => ({ ...phase, text: `${phase.name} ${phase.round}`, failure: null })));
     }
+    this.bands = bands;
     bands.forEach(({ start, end, text, failure }, k) => {
       const [left, right] = [this.x(start), this.x(Math.min(end, scene.end))];
       pen.page.fillStyle = k % 2 ? palette.grid : palette.line;
@@ -109,9 +118,8 @@ export class Timeline {
     box.addEventListener("pointermove", (event) => {
       if (pressed && Math.abs(event.offsetX - pressed.x) > 4) pressed.mark = null;
       if (pressed && !pressed.mark) player.go(this.time(event.offsetX));
-      const over = this.at(event.offsetX, event.offsetY);
-      box.style.cursor = over ? "pointer" : "ew-resize";
-      hint(over ? `${clock(over.time, 1)}  ${over.text}` : "", event.clientX, event.clientY);
+      box.style.cursor = this.at(event.offsetX, event.offsetY) ? "pointer" : "ew-resize";
+      hint(this.story(event.offsetX, event.offsetY), event.clientX, event.clientY);
     });
     box.addEventListener("pointerup", () => {
       if (pressed?.mark) chosen(pressed.mark);
