@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         subject = item.path.stem.removeprefix("test_")
         if subject in FAULTS:
             item.add_marker("fault")
-        elif subject == "viewer" and item.path.parent.name == "browser":
+        elif item.path.parent.name == "browser":
             continue
         elif subject == "site":
             item.add_marker("site")
