@@ -37,7 +37,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """The browser's tests need an extra of their own: they are looked at by `-m browser` or by name only."""
-    asked = "browser" in config.option.markexpr or config.args_source is config.ArgsSource.ARGS
+    asked = "browser" in config.option.markexpr or any("browser" in argument for argument in config.args)
     return True if collection_path.name == "browser" and not asked else None
 
 

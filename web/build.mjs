@@ -5,6 +5,7 @@ import { build } from "esbuild";
 
 const here = new URL(".", import.meta.url);
 const data = new URL("../src/closeform/viewer/", here);
+const licence = await readFile(new URL("node_modules/three/LICENSE", here), "utf8"); // which asks to stand in every copy
 const bundle = await build({
   absWorkingDir: fileURLToPath(here),
   entryPoints: { viewer: "source/main.js" },
@@ -18,7 +19,7 @@ const bundle = await build({
   legalComments: "none",
   // Read as text into one file: nothing in the bundle may end its script element early.
   supported: { "inline-script": false, "inline-style": false },
-  banner: { js: "/* three.js, copyright 2010-2026 three.js authors, MIT licence */" },
+  banner: { js: `/* With three.js:\n${licence.trim()}\n*/` },
 });
 
 let stale = false;
