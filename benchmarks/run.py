@@ -35,6 +35,7 @@ SECTIONS = {
     "probability": None,
     "start": None,
     "viewer": None,
+    "exchange": 1,
 }  # cores; None: all
 LIMIT = 600  # seconds a section may take
 TESTS = Path(__file__).parents[1] / "tests"  # formations fixed before the planner was tuned

@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from closeform.console import complain, kept, say, stderr, stdout, tell_screen
 from closeform.given import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
-from closeform.result_folder import FolderError
 
 if TYPE_CHECKING:
     from closeform.conflicts.flight import Flight
@@ -268,6 +267,7 @@ def export(
     from closeform.exports import export as write
     from closeform.exports import told
     from closeform.reopened import LoadedRun, load
+    from closeform.result_folder import FolderError
 
     place = out if out is not None else Path(f"{directory.resolve().name}-{to}")
     run = load(directory)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,10 +28,14 @@ class FileFrame:
     epoch: Epoch
     chief: Chief | None
     about: tuple[str, ...] = ()
+    _told: dict[bytes, list[str]] = field(default_factory=dict, repr=False)
 
     def stamps(self, times: Floats) -> list[str]:
-        """Times (T,) [s] as epochs with nine decimals."""
-        return self.epoch.stamps(times)
+        """Times (T,) [s] as epochs with nine decimals; those that many craft share are written once."""
+        key = times.tobytes()
+        if key not in self._told:
+            self._told[key] = self.epoch.stamps(times)
+        return self._told[key]
 
     def states(self, times: Floats, relative: Floats) -> Floats:
         """States (T, 6) along the file's axes, of those of the paths."""
