@@ -304,15 +304,13 @@ def test_check(tmp_path, capsys) -> None:
 
 
 def test_what_is_not_built_says_so(tmp_path, capsys) -> None:
-    out, file = tmp_path / "results", tmp_path / "oem.toml"
-    text = CLUSTER.with_name("f6_scatter.toml").read_text()
-    start = 'projected_circular = { radius = "150 m", first_phase = "0 deg" }'
-    assert start in text
-    file.write_text(text.replace(start, 'oem = "F1.oem"'))
+    out, file = tmp_path / "results", CLUSTER.with_name("robustness.toml")
     assert main(["run", str(file), "--out", str(out)]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
-    assert all("is not built yet; " in line for line in printed.err.splitlines())
+    lines = printed.err.splitlines()
+    assert len(lines) == 5
+    assert all("is not built yet; " in line for line in lines)
     assert not out.exists()
 
 
