@@ -249,6 +249,28 @@ def test_a_result_folder_keeps_the_files_that_it_was_flown_with(tmp_path, monkey
         cf.load("results")
 
 
+def test_the_next_mission_starts_from_what_one_exports(tmp_path):
+    """From an OEM of several segments: after the burn at an epoch, and in the midst of the flight then."""
+    orbit = CIRCLE + ', latitude = "10 deg"'
+    (tmp_path / "two.toml").write_text(scenario(chief(orbit)))
+    mission = cf.run(tmp_path / "two.toml")
+    cf.export(mission, tmp_path / "oem", to="oem")
+    path, at = mission.results[1].after.path("B"), np.radians(10.0)
+    for time, clock in ((40.0, "12:00:40"), (90.0, "12:01:30")):
+        turned = float(np.degrees(at + mission.orbit.mean_motion * time))
+        later = chief(CIRCLE + f', latitude = "{turned!r} deg"', f"2026-11-22T{clock}Z")
+        start = 'start = [{ palmer = "0 900 0 0 0 0 m" }, { oem = "oem/B.oem" }]'
+        found = parse(scenario(later, start), str(tmp_path / "next.toml"))
+        # two writings of one orbit, a state in an OEM to a micrometre: what that comes to
+        np.testing.assert_allclose(found.states(found.orbit.build())[1, :3], path.state(time)[:3], 0.0, 1e-5)
+        np.testing.assert_allclose(found.states(found.orbit.build())[1, 3:], path.state(time)[3:], 0.0, 1e-7)
+    gone = chief(orbit, "2026-11-22T13:00:00Z")
+    with pytest.raises(
+        ScenarioError, match=r"start\[2\]: oem/B.oem: none of its \d segments has states at 2026-11-22T13"
+    ):
+        parse(scenario(gone, start), str(tmp_path / "next.toml"))
+
+
 def test_a_drawn_case_is_no_longer_where_its_file_says(tmp_path):
     """A study that draws positions begins at the nominal ones, also of craft that start inertially."""
     found = parse(scenario(chief(CIRCLE + ', latitude = "10 deg"')))
@@ -311,6 +333,7 @@ def test_times_of_a_search_count_from_its_stage(tmp_path, capsys):
 
 
 def test_scenarios_without_a_chief_load_nothing_for_it():
-    code = "import sys, closeform.scenario; print(sorted(m for m in sys.modules if 'exchange.' in m or m == 'erfa'))"
+    names = "sorted(name for name in sys.modules if 'exchange.' in name or name == 'erfa')"
+    code = f"import sys, closeform.scenario; print({names})"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "['closeform.exchange.epochs']\n"

@@ -4,6 +4,8 @@ import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from closeform.exchange.epochs import Epoch
+
 if TYPE_CHECKING:
     from closeform.exchange.ephemeris import Ephemeris
     from closeform.exchange.states_csv import StateRows
@@ -22,7 +24,7 @@ class Inputs:
         self.folder = folder
         self.contents: dict[str, bytes] = {}
         self.notes: list[str] = []
-        self._ephemerides: dict[str, Ephemeris] = {}
+        self._segments: dict[str, tuple[Ephemeris, ...]] = {}
         self._states: dict[str, StateRows] = {}
 
     def read(self, name: str) -> Path:
@@ -49,13 +51,27 @@ class Inputs:
         """What a result folder keeps of them, by its place there."""
         return {copy_of(name): held for name, held in self.contents.items()}
 
-    def ephemeris(self, name: str) -> "Ephemeris":
-        """What an OEM holds.  Raises ValueError, with file and line, for what is none."""
-        from closeform.exchange.oem import read_oem  # which most scenarios can spare
+    def ephemeris(self, name: str, epoch: Epoch) -> "Ephemeris":
+        """What an OEM holds: of several segments the one at an epoch, of two that a burn parts the second.
 
-        if name not in self._ephemerides:
-            self._ephemerides[name] = read_oem(self.read(name))
-        return self._ephemerides[name]
+        Raises ValueError, with file and line, for what is none, and where none of its segments reaches.
+        """
+        from closeform.exchange.ephemeris import SAME_EPOCH
+        from closeform.exchange.oem import read_oem_segments  # which most scenarios can spare
+
+        if name not in self._segments:
+            self._segments[name] = read_oem_segments(self.read(name))
+        segments = self._segments[name]
+        since = [Epoch(one.epoch, one.time_system).until(epoch) for one in segments]
+        there = [
+            one
+            for one, time in zip(segments, since, strict=True)
+            if -SAME_EPOCH <= time <= one.times[-1] + SAME_EPOCH
+        ]
+        if not there and len(segments) > 1:
+            what = f"none of its {len(segments)} segments has states at {epoch}"
+            raise ValueError(f"{name}: {what}; give an epoch within one")
+        return there[-1] if there else segments[0]
 
     def states(self, name: str) -> "StateRows":
         """What a file of states holds.  Raises ValueError, with file and line, for what is none."""

@@ -92,7 +92,7 @@ class ChiefTable(Table):
         from closeform.exchange.chief import Chief  # which most scenarios can spare
 
         if self.oem is not None:
-            chief = Chief.from_ephemeris(inputs.ephemeris(self.oem), epoch.stamp, epoch.system, mu)
+            chief = Chief.from_ephemeris(inputs.ephemeris(self.oem, epoch), epoch.stamp, epoch.system, mu)
             inputs.interpolated(self.oem, float(chief.interpolation_errors(0.0)))
         else:
             state = self.elements.state(mu, radius) if self.elements is not None else self.state

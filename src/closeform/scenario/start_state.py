@@ -30,7 +30,7 @@ def at_start(craft: Craft, chief: Chief | None, epoch: Epoch | None, inputs: Inp
     chief = known(chief)
     if start.oem is None:
         return beside(chief, np.array(start.inertial))
-    ephemeris = inputs.ephemeris(start.oem)
+    ephemeris = inputs.ephemeris(start.oem, chief.instant)
     if canonical(ephemeris.center) != canonical(chief.center):
         what = f"CENTER_NAME {ephemeris.center} differs from {chief.center} of the chief"
         raise ValueError(f"{start.oem}: {what}; give another file")
