@@ -2041,6 +2041,16 @@ CALLS = (
         "ballistic: of 2 craft, where there are 3; give one for each",
     ),
     Call(
+        "a horizon shorter than the time between measurements",
+        "cf.Feedback(every=60.0, horizon=30.0)",
+        "horizon: 30 s is shorter than the 60 s between measurements; give a longer one",
+    ),
+    Call(
+        "a flight of impulses",
+        "cf.fly(orbit.two_impulse(start, end, 3000.0), cf.Field(chief))",
+        "plan: has impulses; plan burns, by max_acceleration, which can be flown with feedback",
+    ),
+    Call(
         "errors of more craft than there are",
         "cf.clearance_in_sigmas(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), [cf.Errors()] * 2)",
         "errors: 2 for 1 craft; give one, or one for each",

@@ -268,3 +268,91 @@ def test_impulses_stay_and_coasts_are_thrust():
     assert not table.planned.any()
     assert table.delta_v > table.planned_delta_v
     assert table.delta_v == pytest.approx(table.planned_delta_v, rel=0.1)
+
+
+# --- feedback ---------------------------------------------------------------------------------
+
+
+def formation(turns: float = 1.0):
+    orbit = chief().orbit
+    start, final, duration = task(orbit, 7, count=4, turns=turns)
+    return orbit.transfer(start, final, duration)
+
+
+def test_open_loop_as_flown_by_another_integrator():
+    path = formation(1.2)
+    other = flown(
+        path, path.state(0.0), float(path.end[0]), lambda t: path.thrust(min(t, float(path.end[0])))
+    )
+    one = cf.fly(path, cf.Field(chief()), "open", cancel=False)
+    assert one.states[0, :, -1, :3] == pytest.approx(other, abs=1e-4)  # m; of 20 m off the plan
+    assert one.delta_v[0] == pytest.approx(path.delta_v, rel=1e-4)
+    kept = cf.fly(path, cf.Field(chief()), "open")
+    assert kept.greatest_end < 1e-3
+
+
+def test_deviations_spread_as_the_tube_says():
+    """Of 200 flights: the standard deviation of the worst axis, and no craft beyond 6 of them."""
+    path, seen = formation(), cf.Navigation(0.1, 3e-4)
+    flights = cf.fly(path, cf.Field(chief()), navigation=seen, seeds=200)
+    off = (flights.states - path.state(flights.times))[..., 60:, :3]
+    room = cf.tube(path.orbit, cf.Feedback(), seen)
+    assert off.std(axis=(0, 1, 2)).max() == pytest.approx(room.noise, rel=0.1)
+    assert np.linalg.norm(off, axis=-1).max() < 6.0 * room.noise
+    assert room.noise == pytest.approx(np.sqrt(60.0 * (0.75 * 0.01 / 600.0 + 9e-8 * 600.0 / 3.0)), rel=0.25)
+
+
+def test_pushes_stay_in_the_tube():
+    """What Hill's equations leave out, uncorrected, is an acceleration that is bounded."""
+    path, field = formation(), cf.Field(chief())
+    left = cf.fly(path, field, cancel=False)
+    room = cf.tube(path.orbit, cf.Feedback(), cf.Navigation(), cf.validity(path, field).residual)
+    off = np.linalg.norm((left.states - path.state(left.times))[..., :3], axis=-1).max(axis=(0, 2))
+    assert (off <= room.radius).all()
+    assert (off > 0.3 * room.radius).all()  # and it is no wide one
+    assert room.model == pytest.approx(cf.validity(path, field).residual * 600.0**2 / 6.0, rel=0.2)
+
+
+def test_biases_stay_in_the_tube():
+    path, seen = formation(), cf.Navigation(position_bias=0.1, velocity_bias=1e-3)
+    flights = cf.fly(path, cf.Field(chief()), navigation=seen, seeds=60)
+    off = np.linalg.norm((flights.states - path.state(flights.times))[..., :3], axis=-1).max()
+    bias = cf.tube(path.orbit, cf.Feedback(), seen).bias
+    assert 0.8 * bias < off <= 1.02 * bias  # begun at 0, not in the steady state
+
+
+def test_another_field_than_known():
+    """Higher degrees that nobody commands against: feedback holds what open loop loses."""
+    path, whole, known = formation(1.5), cf.Field(chief(), 6), cf.Field(chief(), 2)
+    blind = cf.fly(path, whole, "open", known=known)
+    tracked = cf.fly(path, whole, known=known)
+    assert tracked.greatest_end < 0.1 * blind.greatest_end
+    assert blind.greatest_end > 1e-3
+
+
+def test_a_flight_is_the_same_alone_and_among_others():
+    path, seen = formation(0.3), cf.Navigation(0.1, 3e-4)
+    few, many = (
+        cf.fly(path, cf.Field(chief()), navigation=seen, seeds=n, thrust_error=(0.01, 0.01)) for n in (2, 5)
+    )
+    assert (many.states[:2] == few.states).all()
+    assert (many.states[1] != many.states[0]).any()
+
+
+def test_limits_hold_in_flight():
+    path, field = formation(0.5), cf.Field(chief())
+    limit = 0.7 * float(path.peak_thrust.max())
+    short = cf.fly(path, field, max_acceleration=limit)
+    assert (short.delta_v <= limit * float(path.end[0])).all()
+    assert short.greatest_end > cf.fly(path, field).greatest_end
+
+
+def test_ratios_of_flights_are_those_of_the_march():
+    orbit, zone = chief().orbit, cf.Sphere(30.0)
+    start = np.array([[0, 0, 120.0, 0, 0, 0], [0, 0, -120.0, 0, 0, 0]])
+    plan = cf.reconfigure(orbit, start, start[::-1], 0.4 * orbit.period, zone)
+    flights = cf.fly(plan, cf.Field(chief()), navigation=cf.Navigation(0.1, 3e-4), zones=zone, seeds=5)
+    path = flights.path(flights.worst)
+    nearest = cf.closest_approach(path[0], path[1], zone)
+    assert nearest.ratio == pytest.approx(flights.least_ratio, abs=1e-4)
+    assert flights.violated == (flights.ratios < 1.0).any(axis=1).mean()

@@ -29,7 +29,10 @@ from closeform.mission import run as run
 from closeform.exchange.chief import Chief as Chief
 from closeform.field.commanded import CommandedThrust as CommandedThrust, thrust as thrust
 from closeform.field.drag import Drag as Drag
+from closeform.field.feedback import Feedback as Feedback, Navigation as Navigation
 from closeform.field.field import Field as Field
+from closeform.field.flight import Flight as Flight, fly as fly
+from closeform.field.tube import Tube as Tube, tube as tube
 from closeform.field.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
 from closeform.exchange.conjunction import (

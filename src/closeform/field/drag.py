@@ -75,7 +75,7 @@ def ballistics_of(drag: Drag | None, count: int) -> Floats:
     own = np.zeros(count) if drag is None else drag.ballistic
     if own.ndim and len(own) != count:
         raise ValueError(f"ballistic: of {len(own)} craft, where there are {count}; give one for each")
-    return np.ascontiguousarray(np.broadcast_to(own, count))
+    return np.broadcast_to(own, count).copy()
 
 
 def air_of(drag: Drag | None) -> list[float]:

@@ -102,7 +102,7 @@ class Field:
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since the chief's epoch;.
+            Since the chief's epoch; broadcasts with the states.
         states : array_like of shape (..., 6) [m, m/s]
             Inertial, in the chief's frame.
         ballistics : array_like of shape (...) [m^2/kg], default 0

@@ -11,6 +11,7 @@ from closeform.arrays import Floats, instance
 from closeform.field.drag import air_of, ballistics_of
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
+from closeform.field.least_ratios import least_ratios
 from closeform.field.residual import residuals
 from closeform.motion.path import Path
 from closeform.result import Result
@@ -135,7 +136,9 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     states = paths.state(times)
     left_out = residuals(field, times, states, orbit.mean_motion)
     deviations = deviations_of(paths, times, left_out)
-    pairs, planned, flown = _ratios(states[:, ::2, :3], deviations[..., :3], zones)
+    places = states[:, ::2, :3]
+    pairs, planned = least_ratios(places, zones)
+    _, flown = least_ratios(places + deviations[..., :3], zones)
     distance = np.linalg.norm(states[..., :3], axis=2).max(axis=1)
     half, most = (
         _by_rule(field, distance, (end - start) / orbit.period, orbit.period, rule) for rule in (HALF, MOST)
@@ -154,31 +157,6 @@ def deviations_of(paths: Path, times: Floats, left_out: Floats) -> Floats:
     thirds = (back[:, :-2:2] + 4.0 * back[:, 1::2] + back[:, 2::2]) * (since[1] / 3.0)
     summed = np.concatenate([np.zeros_like(thirds[:, :1]), np.cumsum(thirds, axis=1)], axis=1)
     return np.asarray(np.einsum("tij,ntj->nti", paths.orbit.transition(since[::2]), summed))
-
-
-def _ratios(places: Floats, off: Floats, zones: Zone | PairZones | None) -> tuple[Any, Floats, Floats]:
-    """Pairs with a zone, and their least ratios as planned and with deviations."""
-    each = [(i, j) for i in range(len(places)) for j in range(i + 1, len(places))]
-    held = [(pair, zones.between(*pair) if isinstance(zones, PairZones) else zones) for pair in each]
-    kept = [(pair, zone) for pair, zone in held if zone is not None]
-    planned = [least_between(zone.norm(places[i] - places[j])) for (i, j), zone in kept]
-    flown = [least_between(zone.norm(places[i] - places[j] + off[i] - off[j])) for (i, j), zone in kept]
-    pairs = np.array([pair for pair, _ in kept], dtype=int).reshape(-1, 2)
-    return pairs, np.array(planned), np.array(flown)
-
-
-def least_between(norms: Floats) -> float:
-    """The least of a smooth norm (T,) at equal steps, between them by the parabola of its square."""
-    k = int(np.argmin(norms))
-    if not 0 < k < len(norms) - 1:
-        return float(norms[k])
-    before, here, after = norms[k - 1 : k + 2] ** 2
-    bend = before - 2.0 * here + after
-    return (
-        float(np.sqrt(max(here - (after - before) ** 2 / (8.0 * bend), 0.0)))
-        if bend > 0.0
-        else float(norms[k])
-    )
 
 
 def _by_rule(field: Field, distance: Floats, turns: float, period: float, rule: tuple[float, ...]) -> Floats:

@@ -1,0 +1,96 @@
+"""Feedback: how a craft is brought back to its planned path, and how well it is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from closeform.arrays import Floats, number
+from closeform.motion.arc import THRUST
+from closeform.motion.mean_motion import checked
+from closeform.motion.orbit import Orbit
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """The optimal way back to the planned path within a constant horizon, begun anew at each measurement.
+
+    Parameters
+    ----------
+    every : float [s], default 60
+        From one measurement to the next.
+    horizon : float [s], default 600
+        In which a deviation would be brought to zero, also at the plan's end.
+
+    Raises
+    ------
+    ValueError
+        If a number is not positive, or the horizon is shorter than the interval.
+
+    References
+    ----------
+    docs/theory.md (85).
+    """
+
+    every: float = 60.0
+    horizon: float = 600.0
+
+    def __post_init__(self) -> None:
+        for name in ("every", "horizon"):
+            object.__setattr__(self, name, checked(name, number(name, getattr(self, name)), positive=True))
+        if self.horizon < self.every:
+            raise ValueError(
+                f"horizon: {self.horizon:g} s is shorter than the {self.every:g} s between measurements; "
+                "give a longer one"
+            )
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """How well states are measured: white errors of each axis, new at each measurement, and constant ones.
+
+    Parameters
+    ----------
+    position : float [m], default 0
+        Standard deviation of each axis.
+    velocity : float [m/s], default 0
+        Standard deviation of each axis.
+    position_bias : float [m], default 0
+        Length of an error that stays through a flight, in any direction.
+    velocity_bias : float [m/s], default 0
+        The same of velocity.
+
+    Raises
+    ------
+    ValueError
+        If a number is negative or not finite.
+
+    References
+    ----------
+    docs/theory.md (86).
+    """
+
+    position: float = 0.0
+    velocity: float = 0.0
+    position_bias: float = 0.0
+    velocity_bias: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity", "position_bias", "velocity_bias"):
+            value = checked(name, number(name, getattr(self, name)))
+            if not value >= 0.0:
+                raise ValueError(f"{name}: must be 0 or more, got {value:g}")
+            object.__setattr__(self, name, value)
+
+
+def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Floats, Floats]:
+    """M, Phi (T, 6, 6) and the thrust law (T, 3, 6) of the optimum that brings a state to zero in a horizon.
+
+    At times (T,) of it: the state that is left of one, that of a coast, and the thrust.     # theory (85)
+    """
+    paths = orbit.transfer(np.eye(6), np.zeros(6), horizon)
+    left = np.moveaxis(paths.state(times), 0, -1)
+    primers = paths.arcs[:, THRUST : THRUST + 6].T
+    moved = orbit.transition(times)
+    return left, moved, moved[:, :3] @ primers

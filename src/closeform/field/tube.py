@@ -1,0 +1,163 @@
+"""Tube: how far a craft under feedback is off its planned path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import solve_discrete_lyapunov
+
+from closeform.arrays import Floats, instance, number
+from closeform.field.feedback import Feedback, Navigation, way_back
+from closeform.motion.mean_motion import checked
+from closeform.motion.orbit import Orbit
+from closeform.result import Result
+
+BETWEEN = 8  # instants between two measurements at which a tube is looked at
+PARTS = 24  # of such an interval, in which a push counts as one
+COARSE = 1.01  # of the sum over parts, in place of an integral
+FADED = 1e-9  # of all pushes: those before count no more
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Tube(Result):
+    """How far craft under feedback are off their paths at any time, and from what; made by `tube`.
+
+    Attributes
+    ----------
+    model : float or array of shape (N,) [m]
+        From accelerations that nobody knows, at most.
+    thrust : float or array of shape (N,) [m]
+        From thrust that is not as commanded, at most.
+    bias : float [m]
+        From measurements that are off by something constant, at most.
+    noise : float [m]
+        The standard deviation, in the worst direction, from measurements that are off at random.
+    sigmas : float, no unit
+        As many of which count.
+    """
+
+    _told: ClassVar = ("radius", "model", "thrust", "bias", "noise", "sigmas")
+
+    model: Any
+    thrust: Any
+    bias: float
+    noise: float
+    sigmas: float
+
+    @property
+    def radius(self) -> Any:
+        """How far off a craft is (N,) or () [m]."""
+        return self.model + self.thrust + self.bias + self.sigmas * self.noise
+
+    @property
+    def of_a_pair(self) -> float:
+        """How far off the distance of any two of them is [m]: by this much zones have to grow."""
+        worst = np.sort(np.atleast_1d(self.model + self.thrust))[-2:]
+        both = float(worst.sum()) if np.ndim(self.model + self.thrust) else 2.0 * float(worst[0])
+        return both + 2.0 * self.bias + float(self.sigmas * np.sqrt(2.0) * self.noise)
+
+
+def tube(
+    orbit: Orbit,
+    feedback: Feedback,
+    navigation: Navigation,
+    residual: ArrayLike = 0.0,
+    thrust_error: ArrayLike = 0.0,
+    sigmas: float = 4.0,
+) -> Tube:
+    """How far craft are off their planned paths at any time, under feedback.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        In which they fly.
+    feedback : Feedback
+        How often they are measured, and within which horizon brought back.
+    navigation : Navigation
+        How well.
+    residual : array_like of shape (N,) or () [m/s^2], default 0
+        Accelerations that are not commanded against, at most: `Validity.residual`, or where `thrust` flies
+        the plan what is not known of the field.
+    thrust_error : array_like of shape (N,) or () [m/s^2], default 0
+        By how much thrust is off what is commanded, at most: the greatest thrust times the error of its size
+        and direction, 0.0175 for each degree.
+    sigmas : float, no unit, default 4
+        Of the noise, which count.
+
+    Returns
+    -------
+    Tube
+        By cause.
+
+    Raises
+    ------
+    ValueError
+        If a number is negative or not finite, or an argument is of another kind.
+
+    Notes
+    -----
+    Exact for the linear equations, in steady state: noise by Lyapunov's equation, what is bounded by the sum
+    of all that it can do.  Times are those of measurements and seven between; at `sigmas` = 4 one touch of a
+    zone in thirty thousand ends inside, of errors that are white.
+
+    References
+    ----------
+    docs/theory.md (86) and (87).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> found = cf.tube(cf.Orbit.circular(500e3), cf.Feedback(60.0, 600.0), cf.Navigation(0.1, 3e-4))
+    >>> round(found.of_a_pair, 2)
+    0.28
+    """
+    instance("orbit", orbit, Orbit)
+    instance("feedback", feedback, Feedback)
+    instance("navigation", navigation, Navigation)
+    k = checked("sigmas", number("sigmas", sigmas))
+    pushes = [
+        np.asarray(checked(name, v)) for name, v in (("residual", residual), ("thrust_error", thrust_error))
+    ]
+    for name, value in (("residual", pushes[0]), ("thrust_error", pushes[1]), ("sigmas", np.asarray(k))):
+        if not (value >= 0.0).all():
+            raise ValueError(f"{name}: must be 0 or more, got {value.min():g}")
+    since = np.linspace(0.0, feedback.every, BETWEEN + 1)
+    left, moved, _ = way_back(orbit, feedback.horizon, since)
+    taken = left - moved  # what a wrong measurement adds
+    noise = _deviation(left, taken, navigation)
+    steady = np.linalg.solve(np.eye(6) - left[-1], taken[-1])
+    off = [(m @ steady + t)[:3] for m, t in zip(left, taken, strict=True)]
+    bias = max(
+        np.linalg.norm(one[:, :3], 2) * navigation.position_bias
+        + np.linalg.norm(one[:, 3:], 2) * navigation.velocity_bias
+        for one in off
+    )
+    gain = _most(orbit, feedback, left[-1])
+    return Tube(gain * pushes[0][()], gain * pushes[1][()], float(bias), noise, float(k))
+
+
+def _deviation(left: Floats, taken: Floats, navigation: Navigation) -> float:
+    """The greatest standard deviation [m] of positions in steady state."""
+    white = np.diag(np.repeat([navigation.position, navigation.velocity], 3) ** 2)
+    held = solve_discrete_lyapunov(left[-1], taken[-1] @ white @ taken[-1].T)
+    spread = [m @ held @ m.T + t @ white @ t.T for m, t in zip(left, taken, strict=True)]
+    return float(np.sqrt(max(np.linalg.eigvalsh(one[:3, :3])[-1] for one in spread)))
+
+
+def _most(orbit: Orbit, feedback: Feedback, step: Floats) -> float:
+    """How far off [s^2] an acceleration of size 1 can bring a craft, whatever its course."""
+    most, part = 0.0, feedback.every / PARTS
+    pushed = orbit.transition(feedback.every - (np.arange(PARTS) + 0.5) * part)[:, :, 3:]
+    for since in np.linspace(0.0, feedback.every, BETWEEN + 1)[1:]:
+        left, _, _ = way_back(orbit, feedback.horizon, np.array([since]))
+        own = orbit.transition((np.arange(PARTS) + 0.5) * since / PARTS)[:, :3, 3:]
+        total, before = np.linalg.norm(own, 2, axis=(1, 2)).sum() * since / PARTS, left[0][:3]
+        added = total
+        while added > FADED * total:
+            added = np.linalg.norm(before @ pushed, 2, axis=(1, 2)).sum() * part
+            total, before = total + added, before @ step
+        most = max(most, float(total))
+    return COARSE * most
