@@ -281,6 +281,7 @@ CALLS = {
         density=5e-13, altitude=5e5, scale_height=6e4, ballistic=np.array([0.01, 0.02]), chief=0.01, spin=7e-5
     ),
     "Field": turned(chief=LOW, zonals=np.array([1e-3, -2e-6]), drag=AIR, radius=6.4e6),
+    "Field, of a function": turned(chief=LOW, acceleration=lambda times, states: -9e-7 * states[:, :3]),
     "Field.accelerations": turned(
         self=cf.Field(LOW), times=np.array([0.0, 1.0]), states=np.array([CHIEF, DEPUTY]),
         ballistics=np.array([0.01, 0.02]),
