@@ -335,10 +335,10 @@ def test_conjunction_messages_have_covariances_and_probabilities(tmp_path) -> No
         )
 
 
-def test_a_loaded_folder_exports_what_the_mission_does(flown, given, tmp_path) -> None:
+def test_a_loaded_folder_exports_what_the_mission_does(flown, given, tmp_path, monkeypatch) -> None:
     (tmp_path / "case.toml").write_text(FLYING)
     main(["run", str(tmp_path / "case.toml"), "--no-viewer", "--out", str(tmp_path / "results")])
-    os.chdir(tmp_path)
+    monkeypatch.chdir(tmp_path)
     for to in ("oem", "opm", "ocm", "csv"):
         assert main(["export", "results", "--to", to]) == 0
         for file in given(to).iterdir():
@@ -376,3 +376,27 @@ def test_names_that_are_no_names_of_files(tmp_path) -> None:
     files = sorted(file.name for file in place.iterdir())
     assert files == ["A_B-3.oem", "A_B.oem", "a_b-2.oem", "summary.json", "x.oem"]
     assert cf.read_oem(place / "A_B.oem").name == "A/B"
+
+
+def test_formats_in_utc_are_so_from_every_time_system(tmp_path) -> None:
+    """37 s behind TAI: STK, CZML and conjunctions count in UTC; messages in the chief's own system say so."""
+    orbit = cf.Orbit.circular(500e3)
+    elements = [cf.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
+    chief = cf.Chief.from_elements("2026-11-22T12:00:37", elements, frame="TEME", time_system="TAI")
+    path = orbit.coast([0, 100.0, 0, 0, 0, 0], 600.0)
+    (file,) = cf.export(path, tmp_path / "stk", "stk", chief=chief, names=["A"]).glob("*.e")
+    assert "ScenarioEpoch 22 Nov 2026 12:00:00.000000000\n" in file.read_text()
+    assert "CoordinateSystem TEMEOfDate\n" in file.read_text()
+    (file,) = cf.export(path, tmp_path / "oem", "oem", chief=chief, names=["A"]).glob("*.oem")
+    assert "TIME_SYSTEM = TAI\nSTART_TIME = 2026-11-22T12:00:37.000000000\n" in file.read_text()
+    with pytest.raises(
+        ValueError, match="czml: has no word for the frame TEME; give a chief in EME2000, J2000,"
+    ):
+        cf.export(path, tmp_path / "czml", "czml", chief=chief)
+    fixed = cf.Chief(chief.epoch, chief.state, time_system="TAI")
+    place = cf.export(path, tmp_path / "czml", "czml", chief=fixed)
+    clock = json.loads((place / "formation.czml").read_text())[0]["clock"]
+    assert clock["interval"] == "2026-11-22T12:00:00.000000000Z/2026-11-22T12:10:00.000000000Z"
+    moon = cf.Chief(chief.epoch, chief.state, center="VENUS")
+    with pytest.raises(ValueError, match="spk: has no word for VENUS; known are EARTH, MOON, SUN, MARS"):
+        cf.export(path, tmp_path / "spk", "spk", chief=moon)

@@ -25,6 +25,7 @@ from closeform.result_folder import Folder, summary_of
 SPOKEN = {"inertial": None, "hill": ROTATING, ROTATING.lower(): ROTATING}  # of a frame
 ORIGIN = "FORMATION"  # the centre of what is told from the formation's origin
 OTHER_AXES = ("LVLH", "LVLH_ROTATING", "VVLH", "RTN", "RSW", "RIC", "QSW")
+FIXED = ("EME2000", "J2000", "ICRF", "GCRF")  # axes that do not follow the Earth's
 INERTIAL_ONLY = ("cdm", "stk", "czml", "spk")
 
 
@@ -169,11 +170,24 @@ def file_frame(source: Source, to: str, asked: str | None) -> FileFrame:
         raise ValueError(f"{to}: inertial states need the chief's orbit{more}; {source.remedy}")
     if wanted is not None and wanted.upper() != chief.frame.upper():
         raise ValueError(f"frame: {asked} is not that of the chief; use {chief.frame} or {ROTATING}")
+    refuse_unknown(to, chief)
     mapped = (
         "a plan by Hill's equations about the chief's orbit, mapped exactly to inertial states;",
         "forces that the plan leaves out (flattening, drag) are in the chief's orbit alone, if at all",
     )
     return FileFrame(chief.frame, chief.center, epoch, chief, mapped)
+
+
+def refuse_unknown(to: str, chief: Chief) -> None:
+    """Raise ValueError for a frame or body that a format has no word for."""
+    from closeform.exchange import spk, stk
+
+    known = {"stk": tuple(stk.SYSTEMS), "spk": FIXED, "czml": FIXED}.get(to)
+    if known is not None and chief.frame.upper() not in known:
+        raise ValueError(f"{to}: has no word for the frame {chief.frame}; give a chief in {', '.join(known)}")
+    bodies = {"spk": tuple(spk.CODES), "czml": ("EARTH",)}.get(to)
+    if bodies is not None and chief.center.upper() not in bodies:
+        raise ValueError(f"{to}: has no word for {chief.center}; known are {', '.join(bodies)}")
 
 
 def in_deep_space(to: str, name: str | None, epoch: Epoch) -> FileFrame:

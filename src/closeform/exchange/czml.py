@@ -30,7 +30,7 @@ PIXELS, WIDTH = 8, 1.5  # of a craft's dot and its way
 def czml(tracks: Sequence[Track], frame: FileFrame, title: str) -> str:
     """Positions in inertial axes, which the globe turns; it interpolates from node to node."""
     first, last = (edge(min(t.span[0] for t in tracks)), edge(max(t.span[1] for t in tracks)))
-    begin, end = f"{frame.stamps(first)[0]}Z", f"{frame.stamps(last)[0]}Z"
+    begin, end = frame.utc(first)[0], frame.utc(last)[0]
     clock = {"interval": f"{begin}/{end}", "currentTime": begin, "multiplier": SPEED, "range": "LOOP_STOP"}
     packets: list[dict[str, Any]] = [{"id": "document", "name": title, "version": "1.0", "clock": clock}]
     packets += [
@@ -61,11 +61,11 @@ def packet(track: Track, frame: FileFrame, colour: tuple[int, int, int], whole: 
 
 def interval(times: Floats, states: Floats, frame: FileFrame) -> dict[str, Any]:
     """Samples of position and velocity of one smooth piece, in which alone they are interpolated."""
-    first, last = frame.stamps(times[[0, -1]])
+    first, last = frame.utc(times[[0, -1]])
     samples = np.column_stack([times - times[0], states])
     return {
-        "interval": f"{first}Z/{last}Z",
-        "epoch": f"{first}Z",
+        "interval": f"{first}/{last}",
+        "epoch": first,
         "referenceFrame": "INERTIAL",
         "interpolationAlgorithm": "HERMITE",
         "interpolationDegree": DEGREE,

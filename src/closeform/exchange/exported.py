@@ -37,6 +37,10 @@ class FileFrame:
             self._told[key] = self.epoch.stamps(times)
         return self._told[key]
 
+    def utc(self, times: Floats) -> list[str]:
+        """The same in UTC, with a Z at the end, whatever the time system of the epoch."""
+        return self.epoch.utc(times)
+
     def states(self, times: Floats, relative: Floats) -> Floats:
         """States (T, 6) along the file's axes, of those of the paths."""
         return relative if self.chief is None else self.chief.inertial_from_relative(times, relative)

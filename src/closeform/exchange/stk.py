@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from datetime import datetime
 
+import numpy as np
+
 from closeform.exchange.exported import FileFrame, Track, text_rows
 from closeform.exchange.nodes import COUNT
 
-SYSTEMS = {"EME2000": "J2000", "J2000": "J2000", "ICRF": "ICRF", "GCRF": "ICRF"}
+SYSTEMS = {
+    "EME2000": "J2000",
+    "J2000": "J2000",
+    "ICRF": "ICRF",
+    "GCRF": "ICRF",
+    "MOD": "MeanOfDate",
+    "TOD": "TrueOfDate",
+    "TEME": "TEMEOfDate",
+}
 FORM = " ".join(["%.9f"] * 3 + ["%.12f"] * 3)  # m, m/s
 
 
 def stk(track: Track, frame: FileFrame) -> str:
     """States in metres at seconds after ScenarioEpoch (UTC), segments from boundary to boundary."""
-    system = SYSTEMS[frame.name]
-    stamp = frame.stamps(track.pieces[0].times[:1] * 0.0)[0]
-    day, _, fraction = stamp.partition(".")
+    system = SYSTEMS[frame.name.upper()]
+    day, _, fraction = frame.utc(np.zeros(1))[0].removesuffix("Z").partition(".")
     epoch = f"{datetime.fromisoformat(day):%d %b %Y %H:%M:%S}.{fraction}"
     lines = [
         "stk.v.11.0",
