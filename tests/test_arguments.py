@@ -277,6 +277,26 @@ CALLS = {
         exclusion_radii=np.array([1.0, 2.0]),
     ),
     "Conjunction.encounter": turned(self=MEETING, half_window=60.0, mu=4e14),
+    "Chief": turned(
+        epoch="2020-01-01T00:00:00", state=CHIEF, frame="GCRF", time_system="TAI", center="EARTH", mu=4e14,
+    ),
+    "Chief, along an ephemeris": turned(epoch="2020-01-01T00:00:00", state=CHIEF, ephemeris=TABLE),
+    "Chief.from_elements": turned(
+        epoch="2020-01-01T00:00:00", elements=ELEMENTS, frame="GCRF", time_system="TAI", center="EARTH",
+        mu=4e14,
+    ),
+    "Chief.from_ephemeris": turned(
+        ephemeris=TABLE, epoch="2020-01-01T00:00:30", time_system="UTC", mu=4e14
+    ),
+    "Chief.states": turned(self=LOW, times=np.array([[0.0, 60.0]])),
+    "Chief.interpolation_errors": turned(self=LOW, times=np.array([0.0, 60.0])),
+    "Chief.inertial_from_relative": turned(
+        self=LOW, times=np.array([0.0, 60.0, 90.0]), relative=START, along_track="arc"
+    ),
+    "Chief.relative_from_inertial": turned(
+        self=LOW, times=np.array([0.0, 60.0]), inertial=np.array([CHIEF, DEPUTY]), along_track="straight"
+    ),
+    "Chief.utc": turned(self=LOW, times=np.array([0.0, 60.0])),
     "Drag": turned(
         density=5e-13, altitude=5e5, scale_height=6e4, ballistic=np.array([0.01, 0.02]), chief=0.01, spin=7e-5
     ),
@@ -508,6 +528,7 @@ def test_float32_is_its_value():
 def test_all_public_functions_are_called():
     """But those that make results, pictures or files (see their own tests)."""
     others = {"read_oem", "read_oem_segments", "write_oem", "read_cdm", "write_cdm", "run", "study"}
+    others |= {"load", "export", "read_csv"}
     others |= {"Status", "Search", "Screening", "CommonFrame"}
     others |= {name for name in CALLABLES if name.startswith("plots.")} | {"plot", "animate"}
     others |= {name for name in CALLABLES if name.endswith(".columns")}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers, shown
+from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform.exchange.common_frame import INERTIAL
 from closeform.exchange.ephemeris import Ephemeris
 from closeform.exchange.epochs import Epoch
@@ -99,14 +99,10 @@ class Chief:
             The instant from which times count: ISO.
         elements : array_like of shape (6,) [m, rad, no unit, no unit, rad, rad]
             Elements [a, u, ex, ey, i, O] at `epoch`, as in `inertial_from_elements`.
-        frame : str, default "EME2000"
-            An inertial frame.
-        time_system : str, default "UTC"
-            Of `epoch`.
-        center : str, default "EARTH"
-            The body in the frame's origin.
+        frame, time_system, center : str, default "EME2000", "UTC" and "EARTH"
+            As of a `Chief`.
         mu : float [m^3/s^2], default that of the Earth
-            Its gravitational parameter.
+            Gravitational parameter of the body.
 
         Returns
         -------
@@ -138,10 +134,8 @@ class Chief:
         ----------
         ephemeris : Ephemeris
             In an inertial frame.
-        epoch : str, optional
+        epoch, time_system : str, optional
             The instant from which times count, within its span; its own first one unless given.
-        time_system : str, optional
-            Of `epoch`; that of the ephemeris unless given.
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body in its centre.
 
@@ -160,6 +154,8 @@ class Chief:
         docs/epochs.md.
         """
         instance("ephemeris", ephemeris, Ephemeris)
+        instance("epoch", epoch, str, type(None))
+        instance("time_system", time_system, str, type(None))
         own = Epoch(ephemeris.epoch, ephemeris.time_system)
         start = own if epoch is None else Epoch(epoch, time_system or ephemeris.time_system)
         (state,), _ = states_of(ephemeris, start, [0.0])
@@ -197,9 +193,9 @@ class Chief:
     def warnings(self) -> tuple[str, ...]:
         """What its orbit has that Hill's equations leave out."""
         e = self.eccentricity
-        what = f"the chief's eccentricity is {e:.4f}, and Hill's equations are of a circle"
         off = f"off by up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
-        return (f"{what}: {off}",) if e > ALMOST_CIRCULAR else ()
+        words = f"the chief's eccentricity is {e:.4f}, and Hill's equations are of a circle: {off}"
+        return (words,) if e > ALMOST_CIRCULAR else ()
 
     def states(self, times: ArrayLike) -> Floats:
         """Its inertial states: Kepler's motion, or those of the ephemeris.
@@ -259,7 +255,7 @@ class Chief:
         times : array_like of shape (...) [s]
             Since `epoch`; broadcasts with the states.
         relative : array_like of shape (..., 6) [m, m/s]
-            In the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
+            In the chief's Hill frame: radial, along-track, cross-track.
         along_track : "arc" or "straight", default "arc"
             What y and z are: arcs on the circle of the chief's semi-major axis, as `common_frame` and a
             screening measure them, or Cartesian components.
@@ -272,14 +268,13 @@ class Chief:
         Raises
         ------
         ValueError
-            If shapes do not fit, a value is not finite, a word is unknown, or a time is outside of the
-            ephemeris.
+            If shapes do not fit, a value is not finite, a word is unknown, or a time is off the ephemeris.
 
         References
         ----------
         docs/validity.md and docs/epochs.md.
         """
-        return inertial_from_relative(self.states(times), relative, along_track, self._circle(along_track))
+        return inertial_from_relative(*self._beside(times, "relative", relative, along_track))
 
     def relative_from_inertial(
         self, times: ArrayLike, inertial: ArrayLike, along_track: AlongTrack = "arc"
@@ -303,14 +298,13 @@ class Chief:
         Raises
         ------
         ValueError
-            If shapes do not fit, a value is not finite, a word is unknown, or a time is outside of the
-            ephemeris.
+            If shapes do not fit, a value is not finite, a word is unknown, or a time is off the ephemeris.
 
         References
         ----------
         docs/validity.md and docs/epochs.md.
         """
-        return relative_from_inertial(self.states(times), inertial, along_track, self._circle(along_track))
+        return relative_from_inertial(*self._beside(times, "inertial", inertial, along_track))
 
     def utc(self, times: ArrayLike) -> list[str]:
         """Times in UTC, leap seconds counted.
@@ -344,6 +338,9 @@ class Chief:
         states, errors = states_of(self.ephemeris, self.instant, given.ravel())
         return states.reshape((*given.shape, 6)), errors.reshape(given.shape)
 
-    def _circle(self, along_track: str) -> float | None:
-        """The radius [m] on which arcs are measured."""
-        return self.semi_major_axis if along_track == "arc" else None
+    def _beside(self, times: ArrayLike, name: str, states: ArrayLike, along_track: AlongTrack) -> Any:
+        """The chief's states at times, states of craft that fit them, and on what circle arcs are."""
+        given = checked(name, states, last=6)
+        broadcast(**{"times": np.shape(checked("times", times)), name: given.shape[:-1]})
+        arcs = isinstance(along_track, str) and along_track == "arc"
+        return self.states(times), given, along_track, self.semi_major_axis if arcs else None
