@@ -285,6 +285,17 @@ def test_chief_and_craft_that_are_wrong_are_said_at_once():
     assert keys == ["craft.keep_out.sphere", "orbit.chief"]
 
 
+def test_a_drift_for_ever_ends_at_no_instant(tmp_path, capsys):
+    text = scenario('altitude = "550 km"\nepoch = "2026-11-22T12:00:00Z"').partition(
+        '\n\n[[stage]]\ndo = "tr'
+    )[0]
+    text = text.replace('"0 25 0 m"', '"0 900 0 m"').replace("-1 0 m/s", "0 0 m/s")
+    _, figures, tables = left(tmp_path, text + '\ndrift = "forever"\n', capsys)
+    found = figures["stages"][0]["passive_safety"]
+    assert found["until_utc"] is None
+    assert all(stamp is None or stamp.endswith("Z") for stamp in tables["drifts"]["time_utc"])
+
+
 LOST = """\
 closeform = 1
 title = "Lost, at an epoch"

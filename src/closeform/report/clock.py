@@ -2,9 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import isnan
+from math import isfinite
 from typing import Any
 
+import numpy as np
+
+from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
@@ -25,6 +28,10 @@ class Clock:
         begin = self.start if since == "stage" else 0.0
         return self.epoch.utc([begin + time for time in times], decimals)
 
+    def column(self, times: Floats, count: int) -> Any:
+        """Instants of a mission in UTC, for each of so many craft; objects, of which each is there once."""
+        return np.tile(np.array(self.epoch.utc(times), dtype=object), count)
+
     def dated(self, table: Table) -> Table:
         """A table with UTC beside its instants: stored of all, shown of the first."""
         columns: list[Column] = []
@@ -35,7 +42,7 @@ class Clock:
             cells.append([row[k] for row in table.rows])
             if column.since is None:
                 continue
-            known = [j for j, time in enumerate(cells[-1]) if time is not None and not isnan(time)]
+            known = [j for j, time in enumerate(cells[-1]) if time is not None and isfinite(time)]
             times = [cells[-1][j] for j in known]
             if column.key is not None:
                 columns.append(Column(None, column.key.removesuffix("_s") + "_utc"))
@@ -80,7 +87,7 @@ def instants(figures: Any, since: str = "mission") -> Iterator[tuple[str, float]
     elif isinstance(figures, dict):
         for key, value in figures.items():
             yield from instants(value, "stage" if key == "search" else since)
-            if key in INSTANTS and value is not None and not isnan(value):
+            if key in INSTANTS and value is not None and isfinite(value):
                 yield since, value
 
 

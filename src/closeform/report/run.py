@@ -247,7 +247,7 @@ def states(mission: Mission) -> dict[str, Any]:
                 "stage": np.full(len(names) * SAMPLES, result.number),
                 "craft": np.repeat(names, SAMPLES),
                 "time_s": np.tile(times, len(names)),
-                **({} if epoch is None else {"time_utc": np.tile(epoch.utc(times), len(names))}),
+                **({} if epoch is None else {"time_utc": Clock(epoch).column(times, len(names))}),
                 **dict(zip(STATE_COLUMNS, paths.state(times).reshape(-1, 6).T, strict=True)),
                 **dict(zip(THRUST_COLUMNS, paths.thrust(times).reshape(-1, 3).T, strict=True)),
             }

@@ -253,10 +253,10 @@ class ScreenReport:
 
 def states(frame: CommonFrame) -> dict[str, Any]:
     """All states of all craft in the common frame, as columns."""
-    count = len(frame.times)
+    count, clock = len(frame.times), Clock(Epoch(frame.epoch, frame.time_system))
     return {
         "craft": np.repeat(frame.names, count),
         "time_s": np.tile(frame.times, len(frame.names)),
-        "time_utc": np.tile(Epoch(frame.epoch, frame.time_system).utc(frame.times), len(frame.names)),
+        "time_utc": clock.column(frame.times, len(frame.names)),
         **dict(zip(STATE_COLUMNS, frame.states.reshape(-1, 6).T, strict=True)),
     }
