@@ -1433,6 +1433,16 @@ MISUSES = (
         "completion tcsh",
         'closeform: Invalid value "tcsh" for SHELL. Choose from: "bash", "zsh", "fish"; see closeform --help',
     ),
+    Misuse(
+        "a screening over finished results",
+        'screen a.oem b.oem --sphere "20 m" --out done',
+        "done: holds finished results; add --overwrite or choose another --out",
+    ),
+    Misuse(
+        "an encounter in a folder of something else",
+        "encounter a.oem --out folder",
+        "folder: is not a result folder and not empty; choose another --out",
+    ),
     Misuse("no such results", "view nowhere", "nowhere: no such folder; give the folder that a run left"),
     Misuse("unfinished results", "view folder", "folder: holds no finished results; run the scenario first"),
     Misuse(

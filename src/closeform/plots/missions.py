@@ -181,19 +181,19 @@ def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Fl
     handles: list[Any] = []
     if strongest > 0.0:
         for leg, thrust in zip(legs, thrusts, strict=True):
+            if not thrust.any():
+                continue
             along = ticks(leg.times)
-            some = np.flatnonzero(thrust.any(axis=1))
+            feet = np.r_[along[0], along, along[-1]]
             shapes = [
-                np.column_stack(
-                    [
-                        np.r_[along[0], along, along[-1]],
-                        levels[k] + TALL * np.r_[0.0, thrust[k], 0.0] / strongest,
-                    ]
-                )
-                for k in some
+                np.column_stack([feet, level + TALL * np.r_[0.0, one, 0.0] / strongest])
+                for level, one in zip(levels, thrust, strict=True)
+                if one.any()
             ]
             axes.add_collection(
-                PolyCollection(shapes, facecolors=tints[some], linewidths=0, alpha=0.85, zorder=2)
+                PolyCollection(
+                    shapes, facecolors=tints[thrust.any(axis=1)], linewidths=0, alpha=0.85, zorder=2
+                )
             )
         unit = thrust_unit(strongest)
         words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"

@@ -1,6 +1,7 @@
 """The section of one craft's move: conflicts before, the way around, conflicts after."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -133,10 +134,7 @@ def extra(mission: Mission, result: Move) -> str:
 def figures(mission: Mission, result: Move, choices: Choices, fired: burns.StageBurns) -> dict[str, Any]:
     """What a move changed."""
     moved, avoidance = result.result, result.result.avoidance
-
-    def cost(name: str, path: Path | None) -> dict[str, Any] | None:
-        return effort.figures(mission, result, name, path)
-
+    cost = partial(effort.figures, mission, result)
     return {
         "craft": moved.craft,
         "method": result.stage.method,

@@ -3,7 +3,7 @@
 import base64
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from itertools import islice
 from typing import Any
@@ -151,7 +151,7 @@ def section(told: Section, pictures: Iterable[Shot]) -> Iterator[str]:
     yield from map(embedded, pictures)
     for one in told.tables:
         if one.folded:
-            yield f"<details><summary>{escape(one.title)}</summary>{table(one)}</details>"
+            yield f"<details><summary>{escape(one.title)}</summary>{table(replace(one, title=''))}</details>"
 
 
 def links(title: str, some: Iterable[tuple[str, str, str]]) -> Iterator[str]:

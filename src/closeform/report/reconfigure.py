@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -179,10 +180,7 @@ def figures(
 ) -> dict[str, Any]:
     """How a formation moved together."""
     moved, plan = result.result, result.result.plan
-
-    def cost(name: str, path: Path | None) -> dict[str, Any] | None:
-        return effort.figures(mission, result, name, path)
-
+    cost = partial(effort.figures, mission, result)
     efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
     return {
         **optimum.figures(plan, moved.names, result.after.names),

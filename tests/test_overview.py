@@ -1,0 +1,146 @@
+"""The picture of a whole mission: thrust, impulses, conflicts, locks and nearness stand where they are."""
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
+
+import closeform as cf
+from closeform import plots
+from closeform.plots.look import CONFLICT
+
+mpl.use("agg")
+ORBIT = cf.Orbit.circular(500e3)
+BALL, NAMES = cf.Sphere(60.0), ["Target", "Chaser", "Third"]
+START = np.array([[0, 0, 0, 0, 0, 0], [0, 200, 0, 0, 0, 0], [0, 400, 0, 0, 0, 0]], dtype=float)
+
+
+@pytest.fixture(scope="module")
+def stages():
+    """Everybody waits; the chaser thrusts past the target; it comes back by impulses."""
+    first = ORBIT.coast(START, 600.0)
+    second = [ORBIT.coast(START[k], 900.0, 600.0) for k in (0, 2)]
+    second.insert(1, ORBIT.transfer(START[1], [0, -200, 0, 0, 0, 0], 900.0, 600.0))
+    third = [ORBIT.coast(START[k], 2000.0, 1500.0) for k in (0, 2)]
+    third.insert(1, ORBIT.impulsive([0, -200, 0, 0, 0, 0], [0, 150, 0, 0, 0, 0], 2000.0, 1500.0))
+    return [first, cf.stack(second), cf.stack(third)]
+
+
+@pytest.fixture(scope="module")
+def picture(stages):
+    figure = plots.overview(stages, NAMES, BALL, ["1 wait", "2 pass", "3 return"], [(300.0, 0, 1)])
+    figure.canvas.draw()
+    return figure
+
+
+def panels(figure):
+    """The strip of stages, the rows of craft, and the ratio."""
+    _, strip, rows, ratio = figure.axes[:4]
+    return strip, rows, ratio
+
+
+def test_stages_and_craft_are_named(picture):
+    strip, rows, ratio = panels(picture)
+    assert [text.get_text() for text in strip.texts] == ["1 wait", "2 pass", "3 return"]
+    assert [label.get_text() for label in rows.get_yticklabels()] == NAMES
+    assert ratio.get_xlim() == rows.get_xlim() == strip.get_xlim()
+    assert ratio.get_xlabel() == "time [min]"
+
+
+def test_thrust_is_as_high_as_it_is_strong(picture, stages):
+    """The area above the chaser's row, against the path's own thrust; nobody else has one."""
+    _, rows, _ = panels(picture)
+    (area,) = [one for one in rows.collections if isinstance(one, PolyCollection)]
+    (shape,) = (path.vertices for path in area.get_paths())
+    inside = shape[(shape[:, 0] > 10.0) & (shape[:, 0] < 25.0)]  # minutes
+    path = stages[1][1]
+    there = np.linalg.norm(path.thrust(60.0 * inside[:, 0]), axis=-1) / path.peak_thrust
+    assert inside[:, 1] - 1.0 == pytest.approx(0.8 * there, abs=2e-3)
+    assert there.max() > 0.99
+
+
+def test_impulses_stand_when_they_are_fired(picture, stages):
+    _, rows, _ = panels(picture)
+    lines = [one for one in rows.collections if isinstance(one, LineCollection)]
+    upright = [
+        piece
+        for one in lines
+        for piece in one.get_segments()
+        if np.ptp(piece[:, 0]) == 0.0 and 0.0 < np.ptp(piece[:, 1]) <= 0.8
+    ]
+    fired = stages[2][1].impulses
+    sizes = np.array([np.linalg.norm(jump) for _, jump in fired])
+    assert sorted(60.0 * piece[0, 0] for piece in upright) == pytest.approx([time for time, _ in fired])
+    heights = [np.ptp(piece[:, 1]) for piece in sorted(upright, key=lambda piece: piece[0, 0])]
+    assert heights == pytest.approx(0.8 * sizes / sizes.max())
+
+
+def test_conflicts_and_locks_join_the_rows_of_two(picture, stages):
+    """Every stay of any pair in both rows, against the search for conflicts; a lock at its time."""
+    _, rows, _ = panels(picture)
+    bars = {}
+    for one in rows.collections:
+        if isinstance(one, LineCollection) and one.get_linewidth()[0] == 5.0:
+            assert tuple(one.get_color()[0]) == to_rgba(CONFLICT)
+            for piece in one.get_segments():
+                bars.setdefault(round(piece[0, 1]), []).append(60.0 * piece[:, 0])
+    expected = {}
+    for paths in stages:
+        for i, j in ((0, 1), (0, 2), (1, 2)):
+            for stay in cf.find_conflicts(paths[i], paths[j], BALL):
+                for k in (i, j):
+                    expected.setdefault(2 - k, []).append([stay.start, stay.end])
+    assert expected
+    assert bars.keys() == expected.keys()
+    for row, spans in expected.items():
+        assert np.array(bars[row]) == pytest.approx(np.array(spans), abs=1e-6)
+    links = [
+        piece
+        for one in rows.collections
+        if isinstance(one, LineCollection) and one.get_linewidth()[0] == 1.1
+        for piece in one.get_segments()
+    ]
+    assert len(links) == 1
+    assert links[0] == pytest.approx(np.array([[5.0, 2.0], [5.0, 1.0]]))
+
+
+def test_nearness_is_that_of_the_nearest_pair(picture, stages):
+    """Against the norms of all pairs at other times; dots at certified closest approaches."""
+    *_, ratio = panels(picture)
+    solid = [line for line in ratio.lines if line.get_marker() == "None" and line.get_linewidth() == 1.8]
+    assert len(solid) == len(stages)
+    for line, paths in zip(solid, stages, strict=True):
+        times, drawn = 60.0 * line.get_xdata(), line.get_ydata()
+        asked = np.linspace(times[0], times[-1], 77)[1:-1]
+        places = paths.position(asked)
+        gaps = [places[i] - places[j] for i, j in ((0, 1), (0, 2), (1, 2))]
+        apart = np.linalg.norm(gaps, axis=-1).min(axis=0)
+        assert np.interp(asked, times, drawn) == pytest.approx(apart / 60.0, abs=0.02)
+    dots = [line for line in ratio.lines if line.get_marker() == "o"]
+    for dot, paths in zip(dots, stages, strict=True):
+        near = [cf.closest_approach(paths[i], paths[j], BALL).ratio for i, j in ((0, 1), (0, 2), (1, 2))]
+        assert dot.get_ydata()[0] == pytest.approx(min(near), rel=1e-9)
+
+
+def test_the_headline_says_whether_paths_are_clear(picture, stages):
+    assert picture.get_suptitle().startswith("3 craft, 3 stages: ")
+    assert "of 3 pairs in conflict; closest " in picture.get_suptitle()
+    assert "paths clear; " in plots.overview(stages, NAMES, cf.Sphere(0.1)).get_suptitle()
+    assert plots.overview(stages[:1]).get_suptitle() == "3 craft, 1 stage"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"stages": []}, "stages: give at least one path"),
+        ({"stages": [1, 0]}, "stages: 2 begins at 0 s, before 1 has ended"),
+        ({"locks": [(1.0, 0, 3)]}, "locks: there is no craft 3, of 3"),
+        ({"locks": [(1.0, 0)]}, r"locks: expected \(time, craft, craft\)"),
+        ({"titles": ["one"]}, "titles: 1 titles for 3 stages"),
+    ],
+)
+def test_what_does_not_fit_is_refused(change, message, stages):
+    chosen = [stages[k] for k in change.pop("stages", range(3))]
+    with pytest.raises(ValueError, match=message):
+        plots.overview(chosen, NAMES, BALL, **change)
