@@ -33,6 +33,7 @@ SECTIONS = {
     "drift": 1,
     "sigmas": 1,
     "probability": None,
+    "planning": 1,
     "start": None,
     "viewer": None,
     "exchange": 1,
