@@ -352,7 +352,7 @@ def test_screen(tmp_path, monkeypatch, capsys, undrawn) -> None:
     assert "Conflicts: none; closest are A and B, 1.4000 x zone (700.000 m)" in capsys.readouterr().out
     assert main(["screen", *files, "--ellipsoid", "20 800 20 m"]) == 1
     printed = capsys.readouterr().out
-    assert re.search(r"A - B +0\.000 +600\.000 +600\.000 ", printed)
+    assert re.search(r"A - B +0\.000 +00:00:00\.000 +600\.000 +600\.000 ", printed)
     assert "0.8750 x zone" in printed
     assert max(map(len, printed.splitlines())) <= WIDTH
     # three sigmas of one reach 600 m along the track, of both 849 m; two bodies of 400 m reach 800 m
