@@ -9,8 +9,9 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.mission import fly
+from closeform.report import arrival
 from closeform.report.run import RunReport
-from closeform.scenario import ScenarioError, parse
+from closeform.scenario import Destination, ScenarioError, parse
 from test_least_delta_v_plans import rates
 
 FILE = """\
@@ -87,6 +88,18 @@ def test_a_phase_that_is_given(do):
     np.testing.assert_allclose(
         first.results[0].after.path("Inspector").state(DURATION), state_at(0.0), atol=1e-6
     )
+
+
+def test_who_asks_for_safe_drifts_is_told_that_the_cheapest_takes_no_account_of_them():
+    orbit = {"safety_ellipse": {"radial": "50 m", "cross_track": "80 m", "phase": "cheapest"}}
+    open_, given = (Destination.model_validate(one) for one in (orbit, {
+        "safety_ellipse": orbit["safety_ellipse"] | {"phase": "20 deg"}
+    }))  # fmt: skip
+    end = ", whatever drifts from there lead to"
+    for asked, how in ((open_, "the cheapest"), (given, 'as given; phase = "cheapest" takes the cheapest')):
+        for drifts in (False, True):
+            (line,) = arrival.lines("F1", asked, given, drifts)
+            assert line == f"F1 arrives on the safety ellipse at 20.00 deg, {how}{end * drifts}"
 
 
 @pytest.mark.parametrize("do", ["avoid", "transfer"])

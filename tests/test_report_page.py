@@ -14,13 +14,15 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from bad_input import GOOD
 from closeform.cli import main
+from closeform.conflicts.flight import watch
 from closeform.exchange.oem import read_oem
 from closeform.mission import fly
-from closeform.report import asked, budget, found, model
+from closeform.report import asked, budget, conflicts, found, model
 from closeform.report.run import RunReport, leave
 from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
 from closeform.scenario import parse
+from closeform.zones.pair_zones import PairZones
 from pages import assert_linked
 from test_errors import oem
 
@@ -277,6 +279,23 @@ def test_the_farthest_craft_is_found():
     )
     assert reach.distance == pytest.approx(far, rel=1e-3)
     assert (reach.craft, reach.smallest) == ("F3", 20.0)
+
+
+@pytest.mark.parametrize("order", [("Client", "Inspector"), ("Inspector", "Client")])
+def test_pictures_show_who_moves_relative_to_who_stays(order):
+    """Whoever stands first in the file: who burns less stays, of two that coast whose track is shorter."""
+    orbit = cf.Orbit.circular(500e3)
+    rest = orbit.coast([0, 0, 0, 0, 0, 0], 600.0)
+    zones = PairZones.of([cf.Sphere(20.0)] * 2, order)
+    past = orbit.transfer([0, 90, 0, 0, 0, 0], [0, -90, 0, 0, 0, 0], 600.0)
+    for other in (past, orbit.coast([9, 0, 0, 0, 0, 0], 600.0)):
+        ways = {"Client": rest, "Inspector": other}
+        flight = watch(cf.stack([ways[name] for name in order]), order, zones)
+        assert flight.facing(*order) == flight.facing(*order[::-1]) == ("Inspector", "Client")
+    (picture,) = conflicts.deepest(flight)
+    assert picture.caption.startswith("Inspector relative to Client")
+    assert picture.arguments[0].delta_v == other.delta_v
+    assert picture.options["names"] == ("Inspector", "Client")
 
 
 @pytest.fixture

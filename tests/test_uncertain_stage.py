@@ -124,6 +124,19 @@ def test_the_verdict_names_the_least_sigmas(tmp_path, monkeypatch, capsys) -> No
     assert f"not clear at {1.01 * k:g} sigma" in Path("a-results/report.html").read_text()
 
 
+def test_a_verdict_names_a_probability_without_a_limit() -> None:
+    """Beside "clear" a reader is told of it; with a limit as the limit has it, without errors not at all."""
+    mission = fly(parse(NEAR + PASS))
+    odds = mission.results[0].uncertain.likeliest.probability
+    told = f"probability of collision of F1 - F2 up to {odds.high:.3g}"
+    assert odds.high > 1e-6
+    assert mission.verdict.ok
+    assert str(mission.verdict) == f"clear: no conflict remains, {told}, without a limit"
+    limited = fly(parse(NEAR + PASS + "max_probability = 1.0\n"))
+    assert str(limited.verdict) == f"clear: no conflict remains, {told}, 1 at most"
+    assert "probability" not in str(fly(parse(HEAD + PASS)).verdict)
+
+
 def test_the_probability_is_that_of_draws_flown_apart() -> None:
     """40 000 pairs of states, carried by the transition matrix to 800 times: the share ever within 10 m.
 
