@@ -58,6 +58,8 @@ def test_plays_every_example(reader: Reader, pages: dict[str, Path], name: str) 
         assert len(shown) == 3
         assert shown[0]  # somebody is named
         assert [overlaps(boxes) for boxes in shown] == [0, 0, 0]
+    box, current = (reader.page.locator(f".events{one}").bounding_box() for one in ("", " [aria-current]"))
+    assert box["y"] - 1 <= current["y"] <= box["y"] + box["height"] - current["height"] + 1  # in sight
     assert all(colours(seen(reader, view)) > 5 for view in ("oblique", "top", "close"))
     reader.go(0.2)
     began = reader.ask("app.player.time")

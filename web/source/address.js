@@ -29,7 +29,11 @@ export class Address {
     this.waiting = setTimeout(() => {
       const pairs = this.said().map(([key, value]) => `${key}=${encodeURIComponent(value).replace(/%2C/g, ",")}`);
       this.written = `#${pairs.join("&")}`;
-      history.replaceState(null, "", this.written);
+      try {
+        history.replaceState(null, "", this.written);
+      } catch {
+        this.write = () => {}; // a page inside another one has no address of its own
+      }
     }, LATE);
   }
 }

@@ -62,7 +62,7 @@ export class Marks {
       const place = labels.place(k, spots[k][0], spots[k][1], pen.width(name), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
       if (!place) continue;
       if (place.led) pen.line([spots[k], [Math.max(place.left, Math.min(spots[k][0], place.left + pen.width(name))), place.top + 7]], palette.quiet, { alpha: 0.8 });
-      pen.text(name, place.left, place.top + 7.5, palette.craft(craft[k].colour), { halo: palette.panel });
+      pen.text(name, place.left, place.top + 7.5, palette.name(craft[k].colour), { halo: palette.panel });
     }
   }
 

@@ -4,6 +4,7 @@ const NAMES = ["paper", "panel", "ink", "quiet", "line", "grid", "conflict", "zo
   "shade", "tube", "lock", "cone-a", "cone-b", "radial", "along", "cross"];
 // Sets: formation, then knowledge sets in turn. As in the other pictures.
 const SETS = { light: ["#202124", "#009e73", "#c0609a", "#b59b00", "#3a9bd6"], dark: ["#ffffff", "#2cc79b", "#e08cbc", "#f0e442", "#6cc3f5"] };
+const [BRIGHT, FAINTEST, LEGIBLE] = [0.26, 0.42, 0.19]; // luminance: on dark 5 to 1; on white lines, and words 4.4 to 1
 const LOST = { light: "#9aa0a6", dark: "#7f8790" };
 
 export class Palette {
@@ -15,14 +16,12 @@ export class Palette {
 
   /** Of a craft, lightened on a dark ground, darkened a little on a light one where it would be too faint. */
   craft(colour) {
-    let [now, wanted] = [rgb(colour), this.dark ? 0.26 : 0];
-    const goal = this.dark ? 1 : 0;
-    for (let k = 0; k < 20; k++) {
-      const light = luminance(now);
-      if (this.dark ? light >= wanted : light <= 0.42) break;
-      now = now.map((part) => part + 0.08 * (goal - part));
-    }
-    return hex(now);
+    return this.dark ? shaded(colour, 1, (light) => light >= BRIGHT) : shaded(colour, 0, (light) => light <= FAINTEST);
+  }
+
+  /** Of a craft's name, which is to be read. */
+  name(colour) {
+    return this.dark ? this.craft(colour) : shaded(colour, 0, (light) => light <= LEGIBLE);
   }
 
   /** Of a set by its label: -1 lost, 0 the formation, k >= 1 a knowledge set. */
@@ -31,6 +30,13 @@ export class Palette {
     if (label < 0) return LOST[theme];
     return SETS[theme][label === 0 ? 0 : 1 + ((label - 1) % 4)];
   }
+}
+
+/** A colour taken towards black (0) or white (1) until its luminance will do. */
+function shaded(colour, goal, enough) {
+  let now = rgb(colour);
+  for (let k = 0; k < 30 && !enough(luminance(now)); k++) now = now.map((part) => part + 0.08 * (goal - part));
+  return hex(now);
 }
 
 /** Red, green and blue from 0 to 1 of "#rrggbb". */
