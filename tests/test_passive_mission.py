@@ -254,6 +254,30 @@ def test_a_curve_is_the_least_of_each_drift():
         assert near - 1e-3 <= curve.get_ydata()[k] <= near + ROUNDING  # samples are 2 s apart
 
 
+def test_a_curve_goes_down_amid_an_impulse():
+    """Half-way between a drift that passes above and one below: the worst is a share of an impulse."""
+    rise = 0.02
+    path = cf.join(
+        [
+            ORBIT.coast([0, -300, 0, 0, rise, 0], 1000.0),
+            ORBIT.coast(
+                ORBIT.coast([0, -300, 0, 0, rise, 0], 1000.0).state(1000.0) - [0, 0, 0, 0, 3 * rise, 0],
+                1000.0,
+                start=1000.0,
+            ),
+        ]
+    )
+    worst = cf.drift_approach(path, CLIENT, ZONE, CLIENT.end)
+    (axes, *_) = plots.drift_ratios(path, CLIENT, ZONE, CLIENT.end).axes
+    curve = max(axes.get_lines(), key=lambda line: len(line.get_xdata()))
+    assert worst.failed_at == pytest.approx(1000.0)
+    assert np.all(np.diff(curve.get_xdata()) >= 0.0)
+    amid = np.isclose(curve.get_xdata(), 1000.0 / 60.0)
+    ends = curve.get_ydata()[amid][[0, -1]]
+    assert worst.ratio < 0.8 * ends.min()  # without it the dip is not there
+    assert worst.ratio <= curve.get_ydata().min() < worst.ratio + 0.1  # of 64 shares
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

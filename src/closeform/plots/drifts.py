@@ -42,7 +42,7 @@ from closeform.zones.zone import Zone
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE, "#882255", "#7a6a00")
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED, "-", ALONG.dashes)
-INSTANTS = 480  # of failure, on a curve
+INSTANTS, SHARES = 480, 64  # of failure, on a curve, and those of an impulse amid which thrust is lost
 RING: dict[str, Any] = {"markersize": 10, "markerfacecolor": "none", "markeredgewidth": 2.2}
 
 
@@ -71,7 +71,7 @@ class Failed:
         times = np.union1d(np.linspace(first, last, INSTANTS), joints)
         after = times < until
         times = times[after] if after.any() else times[:1]
-        states = path.state(times)
+        times, states = failing(path, times)
         if np.isfinite(until):
             drifts = path.orbit.coast(states, until - times, times)
             near: Any = closest_approach(drifts, other, zone)
@@ -85,6 +85,21 @@ class Failed:
         return bool(np.ptp(self.ratios) > 0.0)
 
 
+def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
+    """Instants (K,) at which thrust is lost, and states (K, 6) then; of an impulse some of shares of it."""
+    found, states = [times], [path.state(times)]
+    for at, jump in path.impulses:
+        if times[0] <= at <= times[-1]:
+            amid = np.repeat(path.state(at)[None], SHARES, axis=0)
+            amid[:, 3:] -= np.linspace(1.0, 0.0, SHARES, endpoint=False)[:, None] * jump
+            found.append(np.full(SHARES, at))
+            states.append(amid)
+    every = np.concatenate(found)
+    order = np.argsort(np.concatenate([*found[1:], times]), kind="stable")  # before the whole of it
+    order = (order + len(times)) % len(every)
+    return every[order], np.concatenate(states)[order]
+
+
 def drift_ratios(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
@@ -94,8 +109,8 @@ def drift_ratios(
 ) -> Figure:
     """How near craft come when thrust is lost, against the instant at which it is: below 1 is in the zone.
 
-    A curve for each pair, the least norm over all of the drift.  A ring marks the certified worst of each,
-    which may be between the instants of a curve, as in the midst of an impulse.
+    A curve for each pair, the least norm over all of the drift; at an impulse it goes through all shares that
+    may have been given.  A ring marks the certified worst of each, which may be between a curve's instants.
 
     Parameters
     ----------
