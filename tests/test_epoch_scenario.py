@@ -277,6 +277,16 @@ def test_a_drawn_case_is_no_longer_where_its_file_says(tmp_path):
     assert found.craft[1].known_at(np.ones(6)).state(found.orbit.build()).tolist()[1] == 25.0
 
 
+@pytest.mark.parametrize("name", ["no.oem", "a" * 5000 + ".oem", "\\u0000", "/", "..", "a\\nb"])
+def test_a_name_that_is_no_file(name, tmp_path):
+    text = scenario(f'epoch = "2026-11-22T12:00:00Z"\nchief = {{ oem = "{name}" }}')
+    with pytest.raises(ScenarioError) as refused:
+        parse(text, str(tmp_path / "two.toml"))
+    (line,) = refused.value.lines
+    assert line.isprintable()
+    assert line.endswith("; check the path")
+
+
 def test_chief_and_craft_that_are_wrong_are_said_at_once():
     text = scenario('epoch = "2026-11-22T12:00:00Z"\nchief = { oem = "no.oem" }').replace('"20 m"', '"-20 m"')
     with pytest.raises(ScenarioError) as refused:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from closeform.exchange.epochs import Epoch
+from closeform.scenario.quantity import shown
 
 if TYPE_CHECKING:
     from closeform.exchange.ephemeris import Ephemeris
@@ -29,16 +30,17 @@ class Inputs:
 
     def read(self, name: str) -> Path:
         """Where a file is, whose contents are noted.  Raises ValueError if it cannot be read."""
-        place = self.folder / copy_of(name)
-        if not place.exists():
-            place = self.folder / name
-        if name not in self.contents:
-            try:
+        try:
+            place = self.folder / copy_of(name)
+            if not place.exists():
+                place = self.folder / name
+            if name not in self.contents:
                 self.contents[name] = place.read_bytes()
-            except OSError as error:
-                raise ValueError(
-                    f"{place}: {(error.strerror or 'cannot be read').lower()}; check the path"
-                ) from None
+        except OSError as error:
+            reason = (error.strerror or "cannot be read").lower()
+            raise ValueError(f"{self.folder / name}: {reason}; check the path") from None
+        except ValueError:  # a zero byte
+            raise ValueError(f"{shown(name)}: no name of a file; check the path") from None
         return place
 
     @property
