@@ -104,8 +104,9 @@ class Shown:
         errors: "tuple[Errors | None, ...]",
         sigmas: float | None,
     ) -> Self:
+        """One stage, whose craft have `errors` at its start, or none."""
         count, kind = len(flight.names), Screening if isinstance(report, ScreenReport) else Encounter
-        stage = kind(name=None, sigmas=sigmas, max_probability=None)
+        stage = kind.model_construct(name=None, sigmas=sigmas, max_probability=None)  # checked by the command
         start, uncertain = float(np.min(flight.paths.start)), None
         if errors:
             from closeform.uncertain_stage import UncertainStage  # whose kernels others can spare
@@ -117,7 +118,7 @@ class Shown:
             report.opening[0],
             str(report.verdict),
             report.verdict.status == MET,
-            (),
+            report.encounter.warnings if isinstance(report, EncounterReport) else (),
             flight.paths.orbit,
             epoch,
             flight.names,
