@@ -400,3 +400,26 @@ def test_formats_in_utc_are_so_from_every_time_system(tmp_path) -> None:
     moon = cf.Chief(chief.epoch, chief.state, center="VENUS")
     with pytest.raises(ValueError, match="spk: has no word for VENUS; known are EARTH, MOON, SUN, MARS"):
         cf.export(path, tmp_path / "spk", "spk", chief=moon)
+
+
+def test_pulses_of_two_craft_close_to_each_other_leave_nodes_sound(tmp_path) -> None:
+    """Edges of others a millisecond away make polynomials of rounding: steps would shrink to nothing."""
+    orbit = cf.Orbit.circular(500e3)
+    elements = [cf.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
+    chief = cf.Chief.from_elements(EPOCH, elements)
+    paths = []
+    for late in (0.0, 2e-3):
+        parts = [orbit.coast([0, 100.0 + late, 0, 0, 0, 0], 100.0 + late)]
+        for _ in range(10):
+            end = parts[-1].end
+            parts.append(orbit.burn(parts[-1].state(end), [0, 1e-3, 0], 0.5, end))
+            end = parts[-1].end
+            parts.append(orbit.coast(parts[-1].state(end), 30.0, end))
+        paths.append(cf.join(parts))
+    end = min(path.end for path in paths)
+    place = cf.export(cf.stack(paths), tmp_path / "oem", "oem", chief=chief, names=["A", "B"])
+    told = json.loads((place / "summary.json").read_text())
+    assert end > 400.0
+    assert told["interpolation_error_m"] < 1e-6
+    assert {one["segments"] for one in told["craft"].values()} == {21}
+    assert max(one["states"] for one in told["craft"].values()) < 200

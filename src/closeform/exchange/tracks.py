@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.exported import FileFrame, Piece, Shots, Track
 from closeform.exchange.interpolation import hermite
-from closeform.exchange.nodes import COUNT, common_nodes, edges_of, nodes_of, smooth_pieces
+from closeform.exchange.nodes import COUNT, common_nodes, edges_of, kicks_of, nodes_of, smooth_pieces
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 
@@ -38,14 +39,19 @@ def tracks(craft: Sequence[Flown], frame: FileFrame, step: float | None = None) 
     Raises ValueError for a step that leaves more between nodes.
     """
     pieces = [smooth_pieces(one.path) for one in craft]
-    edges = [edges_of(parts) for parts in pieces]
+    edges, kicks = [edges_of(parts) for parts in pieces], [kicks_of(one.path) for one in craft]
+    nodes: list[list[Floats]] = []
+    errors = [inf]
     for wanted in STEPS if step is None else (step,):
-        common = common_nodes(edges, wanted)
-        nodes = [[nodes_of(part, common) for part in parts] for parts in pieces]
-        errors = [
+        common, fired = common_nodes(edges, kicks, wanted)
+        denser = [[nodes_of(part, common, fired, wanted) for part in parts] for parts in pieces]
+        found = [
             max(error(part, times, frame) for part, times in zip(parts, own, strict=True))
-            for parts, own in zip(pieces, nodes, strict=True)
+            for parts, own in zip(pieces, denser, strict=True)
         ]
+        if max(found) >= max(errors):
+            break  # by rounding
+        nodes, errors = denser, found
         if max(errors) <= GOAL:
             break
     if step is not None and max(errors) > COARSE:
