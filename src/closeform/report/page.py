@@ -42,7 +42,7 @@ nav li {{ break-inside: avoid; }}
 nav li::marker {{ color: var(--faint); font-variant-numeric: tabular-nums; }}
 .wide {{ overflow-x: auto; }}
 table {{ border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .95rem; }}
-th, td {{ text-align: right; vertical-align: top; padding: .2rem .9rem; border-bottom: 1px solid var(--line);
+th, td {{ text-align: right; vertical-align: top; padding: .2rem .55rem; border-bottom: 1px solid var(--line);
   white-space: nowrap; }}
 th {{ font-weight: 600; color: var(--faint); white-space: normal; vertical-align: bottom; }}
 .words {{ text-align: left; }} td.long {{ white-space: normal; min-width: 16rem; }}
