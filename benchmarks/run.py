@@ -34,6 +34,7 @@ SECTIONS = {
     "sigmas": 1,
     "probability": None,
     "planning": 1,
+    "field": None,
     "start": None,
     "viewer": None,
     "exchange": 1,

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats, number
+from closeform.field.chief_frame import ChiefFrame
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
@@ -129,7 +130,7 @@ def thrust(
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
-    left_out = residuals(field, times, paths.state(times), paths.orbit.mean_motion)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     commanded = planned - left_out
     spent = np.asarray(paths.delta_v) + _integral(np.linalg.norm(commanded, axis=2), times)
     spent = spent - _integral(np.linalg.norm(planned, axis=2), times)

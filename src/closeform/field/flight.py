@@ -24,7 +24,7 @@ from closeform.result import Rows
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-LONGEST = 10.0  # s: a step; relative motion in low orbit is then off by micrometres
+LONGEST = 5.0  # s: a step, in which thrust may begin to turn
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,8 +161,8 @@ def fly(
     known : Field, optional
         The field that this is taken from; the one that is flown in unless given.
     thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
-        Standard deviations of the size of each craft's thrust, as a share, and of its direction about each
-        axis; they stay through a flight.
+        By how much each craft's thrust is off at most, as a share of its size, and in direction; drawn evenly
+        for each flight, through which it stays.
     max_acceleration : float [m/s^2], optional
         That thrust never exceeds.
     seeds : int, default 1
@@ -224,7 +224,7 @@ def fly(
     h = float(times[2] - times[0])
     fly_all(field._constants, course, h, measured if track else 0, wrong, errors, states, spent)
     ends = np.linalg.norm(states[:, :, -1, :3] - course.planned[:, -1, :3], axis=2)
-    found = [least_ratios(one[..., :3], zones) for one in states]
+    found = [least_ratios(one, h, zones) for one in states]
     ratios = np.array([ratio for _, ratio in found])
     return Flight(times[::2], states, ends, spent, np.array(paths.delta_v), found[0][0], ratios, paths.orbit)
 
@@ -253,7 +253,8 @@ def _course(
     frame, states = ChiefFrame.of(field, times), paths.state(times)
     commanded = paths.thrust(times)
     if known is not None:
-        commanded = commanded - residuals(known, times, states, paths.orbit.mean_motion)
+        believed = frame if known is field else ChiefFrame.of(known, times)
+        commanded = commanded - residuals(known, believed, states, paths.orbit.mean_motion)
     since = times[: 2 * measured + 1] - times[0]
     back = np.zeros((len(since), 3, 6)) if law is None else way_back(paths.orbit, law.horizon, since)[2]
     count = len(states)
@@ -278,10 +279,11 @@ def _drawn(
 ) -> tuple[Floats, Floats]:
     """Errors of measurements (N, M, 6) and of thrust (N, 4) of one flight: its own stream of Philox."""
     draws = np.random.Generator(np.random.Philox(key=seed))
-    errors = draws.normal(size=(count, 4)) * np.repeat(sizes, [1, 3])
-    ways = draws.normal(size=(count, 2, 3))
+    ways = draws.normal(size=(count, 3, 3))
     ways /= np.linalg.norm(ways, axis=2, keepdims=True)
-    stays = ways * np.array([sight.position_bias, sight.velocity_bias])[:, None]
+    shares = draws.uniform([-1.0, 0.0], 1.0, (count, 2)) * sizes
+    errors = np.hstack([shares[:, :1], shares[:, 1:] * ways[:, 2]])
+    stays = ways[:, :2] * np.array([sight.position_bias, sight.velocity_bias])[:, None]
     white = draws.normal(size=(measurements, count, 6)).swapaxes(0, 1)
     white = white * np.repeat([sight.position, sight.velocity], 3)
     return np.ascontiguousarray(white + stays.reshape(count, 1, 6)), errors

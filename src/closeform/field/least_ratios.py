@@ -8,25 +8,43 @@ from closeform.arrays import Floats
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-
-def least_ratios(places: Floats, zones: Zone | PairZones | None) -> tuple[Any, Floats]:
-    """Pairs i < j (P, 2) of craft at `places` (N, T, 3) that have a zone, and the least norm of each (P,)."""
-    each = [(i, j) for i in range(len(places)) for j in range(i + 1, len(places))]
-    held = [(pair, zones.between(*pair) if isinstance(zones, PairZones) else zones) for pair in each]
-    kept = [(pair, zone) for pair, zone in held if zone is not None]
-    pairs = np.array([pair for pair, _ in kept], dtype=int).reshape(-1, 2)
-    return pairs, np.array([least_between(zone.norm(places[i] - places[j])) for (i, j), zone in kept])
+FINER = 8  # instants of each step about the nearest, on the cubics through states
 
 
-def least_between(norms: Floats) -> float:
-    """The least of a smooth norm (T,), between its steps by the parabola of its square."""
-    k = int(np.argmin(norms))
-    if not 0 < k < len(norms) - 1:
-        return float(norms[k])
-    before, here, after = norms[k - 1 : k + 2] ** 2
-    bend = before - 2.0 * here + after
-    return (
-        float(np.sqrt(max(here - (after - before) ** 2 / (8.0 * bend), 0.0)))
-        if bend > 0.0
-        else float(norms[k])
-    )
+def least_ratios(states: Floats, step: float, zones: Zone | PairZones | None) -> tuple[Any, Floats]:
+    """Pairs i < j (P, 2) with a zone, and their least norms (P,), of `states` (N, T, 6) at equal steps."""
+    kinds: Any
+    first, second = np.triu_indices(len(states), 1)
+    if isinstance(zones, PairZones):
+        which, kinds = np.asarray(zones.which(first, second)), tuple(zones.zones)
+    else:
+        which, kinds = np.full(len(first), -1 if zones is None else 0), (zones,)
+    least = np.full(len(first), np.inf)
+    for k in np.unique(which[which >= 0]):
+        some = np.flatnonzero(which == k)
+        least[some] = nearest(states[first[some]] - states[second[some]], step, kinds[k])
+    return np.stack([first, second], axis=1)[which >= 0], least[which >= 0]
+
+
+def nearest(motions: Floats, step: float, zone: Any) -> Floats:
+    """The least norm of each of some relative motions (P, T, 6), by the cubics beside the nearest state."""
+    norms = zone.norm(motions[..., :3])
+    k = np.clip(norms.argmin(axis=1), 1, norms.shape[1] - 2)
+    rows = np.arange(len(motions))
+    fine = [cubic(motions[rows, k + side], motions[rows, k + side + 1], step) for side in (-1, 0)]
+    found = zone.norm(np.concatenate(fine, axis=1))
+    m = np.clip(found.argmin(axis=1), 1, found.shape[1] - 2)
+    before, here, after = (found[rows, m + side] ** 2 for side in (-1, 0, 1))
+    inside = (here <= before) & (here <= after) & (before + after > 2.0 * here)
+    bend = np.where(inside, before - 2.0 * here + after, np.inf)
+    lower = (after - before) ** 2 / (8.0 * bend)  # by a parabola of squares
+    least = np.sqrt(np.maximum(here - lower, 0.0))
+    return np.asarray(np.minimum(np.minimum(least, found.min(axis=1)), norms.min(axis=1)))
+
+
+def cubic(one: Floats, two: Floats, step: float) -> Floats:
+    """Positions (P, M, 3) on the cubics between states (P, 6), from the first until before the second."""
+    s = np.linspace(0.0, 1.0, FINER, endpoint=False)[:, None]
+    a, b, va, vb = (part[:, None] for part in (one[:, :3], two[:, :3], step * one[:, 3:], step * two[:, 3:]))
+    ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * a + s * s * (3.0 - 2.0 * s) * b
+    return np.asarray(ends + s * (1.0 - s) ** 2 * va - s * s * (1.0 - s) * vb)

@@ -10,13 +10,11 @@ from closeform.field.drag import ballistics_of
 from closeform.field.field import Field
 
 
-def residuals(field: Field, times: Floats, states: Floats, n: float) -> Floats:
-    """What Hill's equations of mean motion `n` leave out (N, T, 3) [m/s^2] at states (N, T, 6) [m, m/s]
-    at times (T,) [s].
+def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floats:
+    """What Hill's equations of mean motion `n` leave out (N, T, 3) [m/s^2] at states (N, T, 6) [m, m/s].
 
     In the chief's axes; craft in the order of the field's ballistic coefficients.            # theory (82)
     """
-    frame = ChiefFrame.of(field, times)
     place, speed = states[..., :3], states[..., 3:]
     turn, swing = frame.turn, np.cross(frame.turn, place)
     there = np.empty_like(states)

@@ -1,0 +1,84 @@
+"""Plans in the real field: what is left out, thrust that flies them all the same, flights under feedback."""
+
+import numpy as np
+
+import closeform as cf
+from tables import Figure, Report, Table, seconds
+from timing import say, timed
+
+EPOCH = "2026-11-22T12:00:00"
+CHIEF = cf.Chief.from_elements(EPOCH, [6.878e6, 0.7, 1e-3, 0.0, np.radians(51.6), 0.3])
+FIELD, ORBIT = cf.Field(CHIEF), CHIEF.orbit
+SIGHT = cf.Navigation(0.1, 3e-4)
+
+
+def formation(seed: int, count: int, turns: float) -> tuple[cf.Plan, cf.Sphere]:
+    """A plan of craft that change relative orbits, and its zone."""
+    draws = np.random.default_rng(seed)
+    size = 10 ** draws.uniform(2.0, 3.0)
+    states = draws.normal(size=(2, count, 6)) * size * np.repeat([0.5, 0.5 * ORBIT.mean_motion], 3)
+    states[..., 4] = -2.0 * ORBIT.mean_motion * states[..., 0]
+    zone = cf.Sphere(0.12 * size)
+    return cf.reconfigure(ORBIT, *states, turns * ORBIT.period, zone), zone
+
+
+def measure(quick: bool) -> Report:
+    repeats, flights, count = (1, 10, 4) if quick else (9, 100, 60)
+    plan, zone = formation(3, 8, 1.0)
+    checked, _ = timed(lambda: cf.validity(plan, FIELD, zone), repeats)
+    commanded, _ = timed(lambda: cf.thrust(plan, FIELD), repeats)
+    flown, many = timed(lambda: cf.fly(plan, FIELD, navigation=SIGHT, zones=zone, seeds=flights), repeats)
+    rows = [
+        ["validity", seconds(checked), ""],
+        ["thrust, every 10 s", seconds(commanded), ""],
+        [
+            f"fly, {flights} times, measured each minute",
+            seconds(flown),
+            f"{many.greatest_end:.3f} m off at most",
+        ],
+    ]
+    kept, lost, predicted, nearest = [], [], [], []
+    for seed in range(count):
+        if seed % 20 == 0:
+            say(f"  plan {seed} of {count}")
+        one, zone = formation(seed, 4, 0.25 + 1.75 * (seed % 8) / 7.0)
+        if not one.ok:
+            continue
+        before = cf.validity(one, FIELD, zone)
+        kept.append(cf.fly(one, FIELD, "open").ends.max())
+        alone = cf.fly(one, FIELD, "open", cancel=False, zones=zone)
+        lost.append(alone.ends.max())
+        predicted.append(np.abs(before.ends / alone.ends[0] - 1.0).max())
+        nearest.append(np.abs(before.flown - alone.ratios[0]).max() * zone.radius)
+    rows += [
+        [
+            f"open loop, {len(kept)} plans, thrust as planned",
+            "",
+            f"{np.median(lost):.3g} m off, worst {max(lost):.3g}",
+        ],
+        [
+            "open loop, thrust less the residual",
+            "",
+            f"{1e3 * np.median(kept):.3g} mm off, worst {1e3 * max(kept):.3g}",
+        ],
+        [
+            "deviation as predicted",
+            "",
+            f"to {100 * np.median(predicted):.2g} %, worst {100 * max(predicted):.2g} %",
+        ],
+        ["least distance as predicted", "", f"95 % within {np.percentile(nearest, 95):.2g} m"],
+    ]
+    note = "500 km, 51.6 degrees, e = 0.001, J2; 4 or 8 craft some 100 m to 1 km apart, one core."
+    middle, worst = float(np.median(kept)), float(max(kept))
+    likely, off = float(np.percentile(nearest, 95)), float(np.median(predicted))
+    return Report(
+        [Table("Plans in the real field", ["", "time", ""], rows, [note])],
+        [
+            Figure("validity, 8 craft", "<= 5 ms", seconds(checked), checked <= 5e-3),
+            Figure("100 flights of 8 craft, one orbit", "<= 0.5 s", seconds(flown), flown <= 0.5),
+            Figure("field known: end error, median", "<= 1 mm", f"{1e3 * middle:.2g} mm", middle <= 1e-3),
+            Figure("field known: end error, worst", "<= 3 cm", f"{1e3 * worst:.2g} mm", worst <= 0.03),
+            Figure("deviation predicted, median", "to 1 %", f"{100 * off:.2g} %", off <= 0.01),
+            Figure("least distance predicted, 95 %", "to 10 cm", f"{100 * likely:.2g} cm", likely <= 0.1),
+        ],
+    )
