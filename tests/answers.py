@@ -170,6 +170,14 @@ def answers() -> dict[str, Any]:
         "Covariances": cf.Covariances([0.0], message[None], ["RTN"]),
         "CommonFrame": cf.common_frame([table, replace(table, name="B", states=table.states + 10.0)]),
     }
+    low = cf.Chief("2020-01-01T00:00:00", chief)
+    field, steered = cf.Field(low), low.orbit.transfer(craft, craft[[1, 0, 2]], 200.0)
+    found |= {
+        "Validity": cf.validity(steered, field, ball),
+        "CommandedThrust": cf.thrust(steered, field, every=20.0),
+        "flown in a field Flight": cf.fly(steered, field),
+        "Tube": cf.tube(low.orbit, cf.Feedback(), cf.Navigation(0.1, 1e-3), [1e-6, 2e-6]),
+    }
     mission = fly(parse(STUDY, "study.toml", "run"))
     errors, locked = flown(parse(STUDY, "study.toml", "study")), flown(parse(LOCKS, "locks.toml", "study"))
     return found | {

@@ -19,7 +19,7 @@ from closeform.result import Result
 ANSWERS = {name: one for name, one in answers().items() if not isinstance(one, tuple | list)}
 SPOKEN = {name: one for name, one in ANSWERS.items() if isinstance(one, Result)}
 TABLES = {name: one for name, one in ANSWERS.items() if hasattr(one, "columns")}
-UNITS = re.compile(r"_(s|m|m_s|m2_s3|kg|1_s)$")
+UNITS = re.compile(r"_(s|m|m_s|m_s2|m2_s3|kg|1_s)$")
 
 
 class Cells(HTMLParser):

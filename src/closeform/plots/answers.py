@@ -209,6 +209,36 @@ def _gathering(result: Any, names: Any = None) -> Figure:
     return plots.three_views(result, result.duration, names=names)
 
 
+def _validity(result: Any, names: Any = None) -> Figure:
+    from closeform.plots.curves import curves
+
+    off = np.linalg.norm(result.deviations[..., :3], axis=-1)
+    said = f"In {result.field} craft end up to {off[:, -1].max():.3g} m off, played as planned"
+    return curves(result.times, off, "off the plan [m]", said, names)
+
+
+def _commanded(result: Any, names: Any = None) -> Figure:
+    from closeform.plots.curves import curves
+    from closeform.plots.look import speed, thrust_unit
+
+    unit = thrust_unit(float(result.peak_thrust.max()))
+    commanded, planned = (np.linalg.norm(u, axis=-1) / unit.size for u in (result.commanded, result.planned))
+    spent, asked = (speed(float(one.sum())) for one in (result.delta_v, result.planned_delta_v))
+    said = f"{spent} commanded for {asked} planned (dashed), in {result.field}"
+    return curves(result.times, commanded, f"thrust [{unit.name}]", said, names, planned)
+
+
+def _tube(result: Any) -> Figure:
+    from closeform.plots.intervals import intervals
+
+    parts = {"in all": result.radius, "model": result.model, "thrust": result.thrust}
+    worst = {name: float(np.max(part)) for name, part in parts.items()}
+    worst |= {"bias": result.bias, f"noise, {result.sigmas:g} sigmas": result.sigmas * result.noise}
+    values = list(worst.values())
+    said = f"Craft stay within {worst['in all']:.3g} m of their paths"
+    return intervals(list(worst), values, [0.0] * len(values), values, "off the path at most [m]", said)
+
+
 def _by(picture: str) -> Drawer:
     """The public picture that takes the answer alone."""
 
@@ -242,5 +272,8 @@ PICTURES: dict[str, Drawer] = {
     "LockCampaign": _lock_campaign,
     "GatherCampaign": _gather_campaign,
     "ErrorCampaign": _errors,
+    "Validity": _validity,
+    "CommandedThrust": _commanded,
+    "Tube": _tube,
     "LoadedStudy": _loaded_study,
 }

@@ -78,6 +78,12 @@ def _formation(result: Any) -> Flown:
     return Flown(result.paths, result.paths, result.names)
 
 
+def _worst(result: Any) -> Flown:
+    """Of many flights in a field the one in which craft come nearest."""
+    paths = result.path(result.worst)
+    return Flown(paths, paths)
+
+
 FLYING: dict[str, Callable[[Any], Flown]] = {
     "Path": _path,
     "Avoidance": _avoidance,
@@ -92,4 +98,5 @@ FLYING: dict[str, Callable[[Any], Flown]] = {
     "StageResult": _stage,
     "LoadedStage": _stage,
     "Flight": _formation,
+    "field.flight.Flight": _worst,
 }

@@ -144,10 +144,15 @@ def _kind(result: Any) -> str:
     if isinstance(result, list | tuple):
         kinds = {_kind(one) for one in result} or {"Conflict"}
         return kinds.pop() if kinds in ({"Conflict"}, {"Path"}) else ""
-    ours = [base.__name__ for base in type(result).__mro__ if base.__module__.startswith("closeform.")]
-    return next((name for name in ours if name in FLYING or name in PICTURES), "")
+    ours = [base for base in type(result).__mro__ if base.__module__.startswith("closeform.")]
+    names = [
+        name
+        for base in ours  # two of one name are told apart by their modules
+        for name in (f"{base.__module__.removeprefix('closeform.')}.{base.__name__}", base.__name__)
+    ]
+    return next((name for name in names if name in FLYING or name in PICTURES), "")
 
 
 def _listed(kinds: Mapping[str, Any]) -> str:
     """Names in a message."""
-    return ", ".join(sorted(kinds))
+    return ", ".join(sorted({kind.rpartition(".")[2] for kind in kinds}))

@@ -1,0 +1,53 @@
+"""A curve for each craft against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
+from closeform.arrays import Floats
+from closeform.plots.letters import plain, short_names
+from closeform.plots.look import (
+    DASHED,
+    INK,
+    SMALL,
+    TEXT,
+    Clock,
+    column,
+    dress,
+    headline,
+    plain_unit,
+    sheet,
+    time_axes,
+)
+from closeform.plots.tracks import colours
+
+NAMED = 12  # craft up to which each curve has a name, at its end
+
+
+def curves(
+    times: Floats,
+    values: Floats,
+    what: str,
+    said: str,
+    names: Sequence[str] | None = None,
+    planned: Floats | None = None,
+) -> Figure:
+    """Values (N, T) at times (T,) [s], none below 0, of N craft; those `planned` (N, T) are dashed."""
+    called, ticks = short_names(names, len(values)), Clock(plain_unit(float(times[-1] - times[0])), None)
+    figure = sheet(5.2)
+    (axes,) = column(figure, [1.0], beside=1.1)
+    dress(axes)
+    for k, tint in enumerate(colours(len(values))):
+        axes.plot(ticks(times), values[k], color=tint, linewidth=1.8)
+        if planned is not None:
+            axes.plot(ticks(times), planned[k], color=tint, linewidth=1.2, linestyle=DASHED)
+        if len(values) <= NAMED:
+            place = (float(ticks(times[-1])), float(values[k, -1]))
+            plain(axes.annotate(called[k], place, (5, -4), textcoords="offset points", fontsize=SMALL))
+    axes.set_ylim(0.0, None)
+    axes.set_ylabel(what, fontsize=TEXT, color=INK)
+    time_axes([axes], ticks, float(times[0]), float(times[-1]))
+    plain(headline(figure, said))
+    return figure
