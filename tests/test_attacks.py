@@ -19,10 +19,11 @@ COMMANDS = {
     "run": "run good.toml --out out",
     "check": "check good.toml",
     "study": "study lost.toml --out out",
-    "screen": "screen A.oem B.oem --sphere '500 m'",
+    "screen": "screen A.oem B.oem --sphere '500 m' --out out",
     "view": "view done",
     "help": "--help",
 }
+LEAVE = "run", "study", "screen"  # results
 CLOSEFORM = [sys.executable, "-m", "closeform"]
 
 
@@ -38,7 +39,7 @@ def original(tmp_path_factory) -> Path:
     )
     for name in ("study", "screen"):  # kernels are compiled before anybody counts lines
         subprocess.run([*CLOSEFORM, *shlex.split(COMMANDS[name])], cwd=place, check=True, capture_output=True)
-    shutil.rmtree(place / "out")
+        shutil.rmtree(place / "out")
     return place
 
 
@@ -78,7 +79,7 @@ def test_nobody_reads(command, desk) -> None:
     done = told(desk, shlex.split(COMMANDS[command]), stdout=writer)
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, b"")
-    assert (desk / "out" / "summary.json").exists() == (command in ("run", "study"))
+    assert (desk / "out" / "summary.json").exists() == (command in LEAVE)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
@@ -87,7 +88,7 @@ def test_output_on_a_full_disk(command, desk) -> None:
     with Path("/dev/full").open("w") as full:
         done = told(desk, shlex.split(COMMANDS[command]), stdout=full)
     assert (done.returncode, done.stderr) == (74, b"closeform: standard output: no space left on device\n")
-    assert (desk / "out" / "summary.json").exists() == (command in ("run", "study"))
+    assert (desk / "out" / "summary.json").exists() == (command in LEAVE)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -245,7 +246,7 @@ def test_ctrl_c_at_any_moment(command, desk) -> None:
             assert errors.startswith(b"closeform: stopped by the keyboard; ")
             assert errors.count(b"\n") == 1
         done = process.returncode == 0 or b"results in out" in errors
-        assert left == ({"out"} if done and command in ("run", "study") else set())
+        assert left == ({"out"} if done and command != "check" else set())
         if left:
             assert (desk / "out" / "summary.json").is_file()
             shutil.rmtree(desk / "out")
