@@ -31,7 +31,7 @@ EXAMPLES = {
     "One craft passes others": {
         "cluster": "before-after",
         "inspector": "stage-2-paths",
-        "polar_inspection": "stage-3-before-after",
+        "polar_inspection": "overview",
         "three_sigmas": "tube",
         "slow_encounter": "collision",
     },
