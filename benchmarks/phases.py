@@ -41,12 +41,13 @@ def main() -> None:
         make_haste(tokens)
         import closeform.compiled
         import closeform.mission
+        import closeform.report.results
         import closeform.report.run
         import closeform.report.section
 
         timed(closeform.compiled, "prepare", "kernels")
         timed(closeform.mission, "fly", "flying")
-        timed(closeform.report.run, "drawn", "pictures")
+        timed(closeform.report.results, "drawn", "pictures")
         timed(closeform.report.section.Film, "leave", "animation")
         timed(closeform.report.run, "leave", "tables, page")
 

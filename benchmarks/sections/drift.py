@@ -59,14 +59,14 @@ def measure(quick: bool) -> Report:
             for name, method in PEERS.items():
                 took, margin = timed(lambda m=method, d=drifts: np.min(m(*d)), repeats, process_time)
                 theirs.setdefault(name, []).append(took)
-                below += margin < (near.ratio - 1.0) * RADIUS - 1e-6
+                below += int(margin < (near.ratio - 1.0) * RADIUS - 1e-6)
         ours = least["least ratio", "2 orbits"][0]
         for name, found in theirs.items():
             ratio = float(np.median(found)) / ours
             rows.append([name, seconds(np.median(found)), seconds(max(found)), times(ratio), ""])
         rows[-1][-1] = str(below)
         figures.append(
-            Figure("least drift, against V-BAR's refined margins", ">= 300x", times(ratio), ratio >= 300)
+            Figure("least drift, against V-BAR's refined margins", ">= 300x", times(ratio), bool(ratio >= 300))
         )
         figures.append(Figure("V-BAR's margin below ours", "never", str(below), below == 0))
     for what, name, asked in (
