@@ -1654,7 +1654,7 @@ fired = cf.fire(plan, thrusters, mass=12.0, specific_impulse=60.0)
 primary = [6.9e6, 0, 0, 0, 7600.0, 0]  # inertial
 other = orbit.coast([0, 60, 0, 0, 0, 0], 3000.0)
 errors = cf.Errors([[4.0 * (i == j) * (1e-6 if i > 2 else 1) for j in range(6)] for i in range(6)])
-chief = cf.Chief.from_elements('2026-11-22T12:00:00', [6878137.0, 0, 0.001, 0, 1, 0])
+chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6878137.0, 0, 0.001, 0, 1, 0])
 known = [[100.0 * (i == j) * (0.001 if i > 2 else 1) for j in range(6)] for i in range(6)]
 chief = cf.Chief.from_elements("2026-11-22T12:00:00", [cf.EARTH_RADIUS + 500e3, 0, 0, 0, 1.7, 0])
 """

@@ -66,7 +66,9 @@ def measure(quick: bool) -> Report:
             rows.append([name, seconds(np.median(found)), seconds(max(found)), times(ratio), ""])
         rows[-1][-1] = str(below)
         figures.append(
-            Figure("least drift, against V-BAR's refined margins", ">= 300x", times(ratio), bool(ratio >= 300))
+            Figure(
+                "least drift, against V-BAR's refined margins", ">= 300x", times(ratio), bool(ratio >= 300)
+            )
         )
         figures.append(Figure("V-BAR's margin below ours", "never", str(below), below == 0))
     for what, name, asked in (
