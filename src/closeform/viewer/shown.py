@@ -11,7 +11,6 @@ from closeform.exchange.epochs import Epoch
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
-from closeform.report.encounter import EncounterReport
 from closeform.report.run import RunReport
 from closeform.report.screening import ScreenReport
 from closeform.scenario.stage_table import StageTable
@@ -21,7 +20,8 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # of encounters: with the kernels of probabilities, which runs can spare
+    from closeform.report.encounter import EncounterReport
     from closeform.uncertainty.errors import Errors
 
 COARSE = 33  # instants of each stage at which a first look tells how large the scene is
@@ -82,7 +82,7 @@ class Shown:
         )
 
     @classmethod
-    def of_report(cls, report: ScreenReport | EncounterReport) -> Self:
+    def of_report(cls, report: "ScreenReport | EncounterReport") -> Self:
         """Ephemerides in the frame of the first, or the two of a conjunction message, as one stage."""
         if isinstance(report, ScreenReport):
             frame, found = report.frame, report.uncertain
@@ -97,7 +97,7 @@ class Shown:
     @classmethod
     def _of_flight(
         cls,
-        report: ScreenReport | EncounterReport,
+        report: "ScreenReport | EncounterReport",
         epoch: Epoch,
         flight: Flight,
         zones: PairZones,
@@ -118,7 +118,7 @@ class Shown:
             report.opening[0],
             str(report.verdict),
             report.verdict.status == MET,
-            report.encounter.warnings if isinstance(report, EncounterReport) else (),
+            () if isinstance(report, ScreenReport) else report.encounter.warnings,
             flight.paths.orbit,
             epoch,
             flight.names,
