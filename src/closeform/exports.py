@@ -11,9 +11,16 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from closeform.arrays import instance, number, sequence, shown
+from closeform.exchange import spk
+from closeform.exchange.aem import aem
 from closeform.exchange.chief import Chief
+from closeform.exchange.czml import czml
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.exported import ROTATING, FileFrame, Track
+from closeform.exchange.ocm import ocm
+from closeform.exchange.oem_text import oem, oem_xml, opm
+from closeform.exchange.states_csv import csv_text
+from closeform.exchange.stk import SYSTEMS, stk
 from closeform.exchange.tracks import tracks
 from closeform.export_source import Source, source_of
 from closeform.mission_result import Mission
@@ -42,10 +49,8 @@ class Export:
         """All craft."""
         return tracks(self.source.craft, self.frame, self.step)
 
-    def each(self, suffix: str) -> Iterator[tuple[str, Track]]:
-        """The file of each craft."""
-        names = file_names([track.name for track in self.tracks])
-        yield from ((f"{name}.{suffix}", track) for name, track in zip(names, self.tracks, strict=True))
+
+Writer = Callable[[Export, Folder], None]
 
 
 def export(
@@ -180,9 +185,7 @@ def file_frame(source: Source, to: str, asked: str | None) -> FileFrame:
 
 def refuse_unknown(to: str, chief: Chief) -> None:
     """Raise ValueError for a frame or body that a format has no word for."""
-    from closeform.exchange import spk, stk
-
-    known = {"stk": tuple(stk.SYSTEMS), "spk": FIXED, "czml": FIXED}.get(to)
+    known = {"stk": tuple(SYSTEMS), "spk": FIXED, "czml": FIXED}.get(to)
     if known is not None and chief.frame.upper() not in known:
         raise ValueError(f"{to}: has no word for the frame {chief.frame}; give a chief in {', '.join(known)}")
     bodies = {"spk": tuple(spk.CODES), "czml": ("EARTH",)}.get(to)
@@ -215,42 +218,18 @@ def file_names(names: Sequence[str]) -> list[str]:
     return found
 
 
-def write_oem(made: Export, place: Folder) -> None:
-    """An OEM of each craft."""
-    from closeform.exchange.oem_text import oem
+def of_each(suffix: str, text: Callable[[Track, FileFrame], str]) -> Writer:
+    """A file of each craft with such a text."""
 
-    for name, track in made.each("oem"):
-        place.text(name, oem(track, made.frame))
+    def write(made: Export, place: Folder) -> None:
+        for name, track in zip(file_names([one.name for one in made.tracks]), made.tracks, strict=True):
+            place.text(f"{name}.{suffix}", text(track, made.frame))
 
-
-def write_oem_xml(made: Export, place: Folder) -> None:
-    """The same in XML."""
-    from closeform.exchange.oem_text import oem_xml
-
-    for name, track in made.each("xml"):
-        place.text(name, oem_xml(track, made.frame))
-
-
-def write_opm(made: Export, place: Folder) -> None:
-    """An OPM of each craft."""
-    from closeform.exchange.oem_text import opm
-
-    for name, track in made.each("opm"):
-        place.text(name, opm(track, made.frame))
-
-
-def write_ocm(made: Export, place: Folder) -> None:
-    """An OCM of each craft."""
-    from closeform.exchange.ocm import ocm
-
-    for name, track in made.each("ocm"):
-        place.text(name, ocm(track, made.frame))
+    return write
 
 
 def write_aem(made: Export, place: Folder) -> None:
     """An AEM of each craft that searched."""
-    from closeform.exchange.aem import aem
-
     found = made.source.attitudes
     if not found:
         raise ValueError("aem: nobody searches, and only searches have attitudes; export an oem")
@@ -260,7 +239,7 @@ def write_aem(made: Export, place: Folder) -> None:
 
 def write_cdm(made: Export, place: Folder) -> None:
     """A CDM of each conflict."""
-    from closeform.conflict_messages import messages
+    from closeform.conflict_messages import messages  # with kernels, which no other format needs
     from closeform.exchange.cdm import write_cdm
 
     for name, conjunction, comments in messages(made.source):
@@ -269,43 +248,29 @@ def write_cdm(made: Export, place: Folder) -> None:
 
 def write_csv(made: Export, place: Folder) -> None:
     """One table of all craft."""
-    from closeform.exchange.states_csv import csv_text
-
     place.text("states.csv", csv_text(made.tracks, made.frame))
-
-
-def write_stk(made: Export, place: Folder) -> None:
-    """An STK ephemeris of each craft."""
-    from closeform.exchange.stk import stk
-
-    for name, track in made.each("e"):
-        place.text(name, stk(track, made.frame))
 
 
 def write_czml(made: Export, place: Folder) -> None:
     """One CZML of all craft."""
-    from closeform.exchange.czml import czml
-
     place.text("formation.czml", czml(made.tracks, made.frame, made.source.title))
 
 
 def write_spk(made: Export, place: Folder) -> None:
     """One kernel of all craft, and their names."""
-    from closeform.exchange.spk import names, write_spk
-
-    write_spk(place.path / "formation.bsp", made.tracks, made.frame)
-    place.text("formation.tf", names(made.tracks))
+    spk.write_spk(place.path / "formation.bsp", made.tracks, made.frame)
+    place.text("formation.tf", spk.names(made.tracks))
 
 
-WRITERS: dict[str, Callable[[Export, Folder], None]] = {
-    "oem": write_oem,
-    "oem-xml": write_oem_xml,
-    "opm": write_opm,
-    "ocm": write_ocm,
+WRITERS: dict[str, Writer] = {
+    "oem": of_each("oem", oem),
+    "oem-xml": of_each("xml", oem_xml),
+    "opm": of_each("opm", opm),
+    "ocm": of_each("ocm", ocm),
     "aem": write_aem,
     "cdm": write_cdm,
     "csv": write_csv,
-    "stk": write_stk,
+    "stk": of_each("e", stk),
     "czml": write_czml,
     "spk": write_spk,
 }
