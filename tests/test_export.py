@@ -376,6 +376,9 @@ def test_names_that_are_no_names_of_files(tmp_path) -> None:
     files = sorted(file.name for file in place.iterdir())
     assert files == ["A_B-3.oem", "A_B.oem", "a_b-2.oem", "summary.json", "x.oem"]
     assert cf.read_oem(place / "A_B.oem").name == "A/B"
+    names = ["A, B", "A,B", 'say "C"', "D E"]
+    table = cf.export(paths, tmp_path / "csv", "csv", chief=chief, names=names) / "states.csv"
+    assert [one.name for one in cf.read_csv(table)] == names
 
 
 def test_formats_in_utc_are_so_from_every_time_system(tmp_path) -> None:

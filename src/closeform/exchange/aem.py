@@ -58,6 +58,6 @@ def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, F
             "INTERPOLATION_DEGREE": "1",
         }
         parts.append("\n".join(["", "META_START", *keyed(told), "META_STOP", "", "DATA_START", ""]))
-        parts.append(text_rows(stamps, " ".join(["%.16f"] * 4), values))
+        parts.append(text_rows(stamps, " ".join(["%s"] + ["%.16f"] * 4), values))
         parts.append("DATA_STOP\n")
     return "".join(parts)

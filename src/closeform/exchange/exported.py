@@ -120,10 +120,10 @@ class Track:
 
 
 def text_rows(stamps: list[str], form: str, values: Floats) -> str:
-    """A line for each stamp and its row of numbers, in one go: `form` is that of all numbers of a row."""
+    """A line for each stamp and its row of numbers, in one go: `form` is that of a line, its stamp first."""
     width = values.shape[1] + 1
     cells: list[object] = [None] * (len(stamps) * width)
     cells[::width] = stamps
     for k, column in enumerate(np.asarray(values, dtype=float).T):
         cells[k + 1 :: width] = column.tolist()
-    return (f"%s {form}\n" * len(stamps)) % tuple(cells)
+    return (f"{form}\n" * len(stamps)) % tuple(cells)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.exported import FileFrame, Track, text_rows
 from closeform.exchange.nodes import DEGREE
-from closeform.exchange.oem_text import ORIGINATOR, STATE, block, comments, created, keyed
+from closeform.exchange.oem_text import ORIGINATOR, STATE, comments, created, keyed
 
 ACCELERATION = ("TIME_RELATIVE", "MAN_DURA", "ACC_X", "ACC_Y", "ACC_Z", "ACC_INTERP")
 IMPULSE = ("TIME_RELATIVE", "MAN_DURA", "DV_X", "DV_Y", "DV_Z")
@@ -50,6 +52,11 @@ def ocm(track: Track, frame: FileFrame) -> str:
     return "".join([*parts, *impulses(track, frame), *thrusts(track, frame)])
 
 
+def block(name: str, entries: Mapping[str, str], about: Sequence[str] = ()) -> str:
+    """The beginning of a block."""
+    return "\n".join([f"\n{name}_START", *(f"COMMENT {line}" for line in about), *keyed(entries), ""])
+
+
 def seconds(times: Floats) -> list[str]:
     """Times since EPOCH_TZERO, to a nanosecond."""
     return [f"{time:.9f}" for time in times.tolist()]
@@ -82,7 +89,7 @@ def impulses(track: Track, frame: FileFrame) -> list[str]:
     head = manoeuvre(track, frame, "impulses", composition, "impulses: the velocity jumps at the time tag")
     mass = [-burns.propellant[kicks]] if known else []
     columns = [burns.duration[kicks], *mass, *(burns.push[kicks] / 1e3).T]
-    form = " ".join(["%.9f", *["%.12g"] * bool(mass), *["%.15g"] * 3])
+    form = " ".join(["%s", "%.9f", *["%.12g"] * bool(mass), *["%.15g"] * 3])
     return [head, text_rows(seconds(burns.start[kicks]), form, np.stack(columns, axis=1)), "MAN_STOP\n"]
 
 
@@ -99,6 +106,6 @@ def thrusts(track: Track, frame: FileFrame) -> list[str]:
     about = "thrust acceleration between time tags: interpolated to the next, off after the last of a burn"
     parts = [manoeuvre(track, frame, "thrust", ACCELERATION, about)]
     for switch, values in rows:
-        form = f"%.9f %.15g %.15g %.15g {switch}"
+        form = f"%s %.9f %.15g %.15g %.15g {switch}"
         parts.append(text_rows(seconds(values[:, 0]), form, values[:, 1:]))
     return [*parts, "MAN_STOP\n"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from xml.sax.saxutils import escape
 
@@ -11,7 +11,9 @@ import numpy as np
 from closeform.exchange.exported import FileFrame, Piece, Track, text_rows
 from closeform.exchange.nodes import DEGREE
 
-STATE = " ".join(["%.12f"] * 3 + ["%.15f"] * 3)  # km, km/s: to a nanometre, and a picometre per second
+STATE = " ".join(
+    ["%s"] + ["%.12f"] * 3 + ["%.15f"] * 3
+)  # km, km/s: to a nanometre, and a picometre per second
 NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")
 ORIGINATOR = "CLOSEFORM"
@@ -23,15 +25,21 @@ def created() -> str:
     return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}"
 
 
-def metadata(track: Track, frame: FileFrame, piece: Piece) -> dict[str, str]:
-    """Of one segment; all of it is useable, as polynomials at its ends take nodes from inside."""
-    first, last = frame.stamps(piece.times[[0, -1]])
+def whose(track: Track, frame: FileFrame) -> dict[str, str]:
+    """Whose states they are, and in which frame."""
     return {
         "OBJECT_NAME": track.name,
         "OBJECT_ID": track.object_id,
         "CENTER_NAME": frame.center,
         "REF_FRAME": frame.name,
         "TIME_SYSTEM": frame.epoch.system,
+    }
+
+
+def metadata(track: Track, frame: FileFrame, piece: Piece) -> dict[str, str]:
+    """Of one segment; all of it is useable, as polynomials at its ends take nodes from inside."""
+    first, last = frame.stamps(piece.times[[0, -1]])
+    return whose(track, frame) | {
         "START_TIME": first,
         "USEABLE_START_TIME": first,
         "USEABLE_STOP_TIME": last,
@@ -71,18 +79,17 @@ def oem_xml(track: Track, frame: FileFrame) -> str:
         f"<header>\n{about}<CREATION_DATE>{created()}</CREATION_DATE>\n"
         f"<ORIGINATOR>{ORIGINATOR}</ORIGINATOR>\n</header>\n<body>\n"
     ]
-    row = "".join(
+    numbers = "".join(
         f'<{name} units="{unit}">%.{12 if unit == "km" else 15}f</{name}>'
         for name, unit in zip(NAMES, UNITS, strict=True)
     )
+    row = f"<stateVector><EPOCH>%s</EPOCH>{numbers}</stateVector>"
     for piece in track.pieces:
         entries = metadata(track, frame, piece).items()
         parts.append("<segment>\n<metadata>\n")
         parts += [f"<{keyword}>{escape(value)}</{keyword}>\n" for keyword, value in entries]
         parts.append("</metadata>\n<data>\n")
-        lines = text_rows(frame.stamps(piece.times), f"|{row}", piece.states / 1e3)
-        lines = lines.replace(" |", "</EPOCH>").replace("\n", "</stateVector>\n<stateVector><EPOCH>")
-        parts.append("<stateVector><EPOCH>" + lines.removesuffix("<stateVector><EPOCH>"))
+        parts.append(text_rows(frame.stamps(piece.times), row, piece.states / 1e3))
         parts.append("</data>\n</segment>\n")
     return "".join([*parts, "</body>\n</oem>\n"])
 
@@ -92,7 +99,7 @@ def opm(track: Track, frame: FileFrame) -> str:
     piece = track.pieces[0]
     lines = ["CCSDS_OPM_VERS = 3.0", *(f"COMMENT {line}" for line in frame.about)]
     lines += [f"CREATION_DATE = {created()}", f"ORIGINATOR = {ORIGINATOR}"]
-    lines += list(keyed(metadata(track, frame, piece)))[:5]
+    lines += keyed(whose(track, frame))
     lines.append(f"EPOCH = {frame.stamps(piece.times[:1])[0]}")
     for name, unit, value in zip(NAMES, UNITS, piece.states[0] / 1e3, strict=True):
         lines.append(f"{name} = {value:.15f} [{unit}]")
@@ -116,8 +123,3 @@ def manoeuvres(track: Track, frame: FileFrame) -> Iterator[str]:
         yield f"MAN_REF_FRAME = {frame.name}"
         for axis, push in enumerate(burns.push[k] / 1e3, 1):
             yield f"MAN_DV_{axis} = {push:.15f} [km/s]"
-
-
-def block(name: str, entries: Mapping[str, str], about: Sequence[str] = ()) -> str:
-    """The beginning of a block of an OCM."""
-    return "\n".join([f"\n{name}_START", *(f"COMMENT {line}" for line in about), *keyed(entries), ""])

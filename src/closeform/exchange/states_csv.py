@@ -17,7 +17,7 @@ from closeform.exchange.exported import FileFrame, Track, text_rows
 from closeform.exchange.message import within
 
 HEAD = ("craft", "epoch", "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
-FORM = ",".join(["%.9f"] * 4 + ["%.12f"] * 3)
+FORM = ",".join(["%s"] + ["%.9f"] * 4 + ["%.12f"] * 3)
 LENGTHS = {"m": 1.0, "km": 1e3, "cm": 1e-2, "mm": 1e-3}
 SPEEDS = {"m_s": 1.0, "km_s": 1e3, "cm_s": 1e-2, "mm_s": 1e-3}
 TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0}
@@ -32,11 +32,12 @@ def csv_text(tracks: Iterable[Track], frame: FileFrame) -> str:
     told["epoch"] = frame.stamps(np.zeros(1))[0]
     parts = ["\n".join([*(f"# {key} = {value}" for key, value in told.items()), ",".join(HEAD), ""])]
     for track in tracks:
-        name = f'"{track.name}"' if re.search(r'[",\s]', track.name) else track.name
+        plain = re.search(r'[",\s]', track.name) is None
+        name = track.name if plain else '"' + track.name.replace('"', '""') + '"'
         for piece in track.pieces:
-            stamps = [f"{name},{stamp}," for stamp in frame.stamps(piece.times)]
+            stamps = [f"{name},{stamp}" for stamp in frame.stamps(piece.times)]
             values = np.column_stack([piece.times, piece.states])
-            parts.append(text_rows(stamps, FORM, values).replace(", ", ","))
+            parts.append(text_rows(stamps, FORM, values))
     return "".join(parts)
 
 

@@ -18,7 +18,7 @@ SYSTEMS = {
     "TOD": "TrueOfDate",
     "TEME": "TEMEOfDate",
 }
-FORM = " ".join(["%.9f"] * 3 + ["%.12f"] * 3)  # m, m/s
+FORM = " ".join(["%s"] + ["%.9f"] * 3 + ["%.12f"] * 3)  # m, m/s
 
 
 def stk(track: Track, frame: FileFrame) -> str:
