@@ -348,6 +348,16 @@ def test_a_loaded_folder_exports_what_the_mission_does(flown, given, tmp_path, m
                 assert own == theirs
 
 
+def test_a_loaded_folder_without_burns_is_exported(tmp_path) -> None:
+    (tmp_path / "case.toml").write_text(SEARCHING.replace('do = "gather"\nrounds = 2', 'do = "lock"'))
+    main(["run", str(tmp_path / "case.toml"), "--no-viewer", "--out", str(tmp_path / "results")])
+    loaded = cf.load(tmp_path / "results")
+    assert {len(column) for column in loaded.burns.values()} == {0}
+    assert set(loaded.burns) == set(cf.run(tmp_path / "case.toml").burns)
+    place = cf.export(loaded, tmp_path / "opm", "opm", frame="ICRF")
+    assert "COMMENT 0 manoeuvres" in (place / "L1.opm").read_text()
+
+
 def test_nothing_is_overwritten(flown, tmp_path) -> None:
     place = cf.export(flown, tmp_path / "out", "csv")
     before = (place / "states.csv").read_bytes()

@@ -19,7 +19,6 @@ from closeform.fuel.burns import burns_of
 from closeform.mission_result import Mission
 from closeform.motion.path import Path
 from closeform.reopened import LoadedRun
-from closeform.report.burns import StageBurns
 from closeform.scenario import Scenario
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
@@ -91,13 +90,12 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
         return checked(of_paths(result, chief, names))
     if names is not None:
         raise ValueError("names: those of a run are its scenario's; leave them out")
-    scenario, flown = result.scenario, [one for one in result.results if one.flown]
-    if not flown:
+    scenario = result.scenario
+    if not result.flown:
         raise ValueError(f"result: nothing was flown, {result.stopped}; mend the scenario first")
-    paths = [through(result.orbit, flown, k) for k in range(len(scenario.names))]
-    burns = [burns_table(result, one) for one in flown]
+    paths = [through(result.orbit, result.flown, k) for k in range(len(scenario.names))]
     craft = tuple(
-        Flown(one.name, UNKNOWN, path, shots(burns, one.name), one.mass)
+        Flown(one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass)
         for one, path in zip(scenario.craft, paths, strict=True)
     )
     found = chief or scenario.chief
@@ -149,25 +147,11 @@ def through(orbit: Any, stages: Sequence[Any], k: int) -> Path:
     return Path(orbit, arcs, np.array([0, len(arcs)]), ())
 
 
-def burns_table(result: Mission | LoadedRun, stage: Any) -> Mapping[str, Any]:
-    """The columns of all burns of a stage."""
-    if isinstance(result, LoadedRun):
-        return stage.burns  # type: ignore[no-any-return]
-    return StageBurns(result, stage).files["burns"].stored
-
-
-def shots(tables: Sequence[Mapping[str, Any]], name: str) -> Shots:
-    """The burns of one craft in all stages."""
-    columns: dict[str, Any] = {}
-    for key in ("craft", "start_s", "duration_s", *PUSH, "propellant_kg", "thruster"):
-        parts = [np.asarray(table[key], dtype=object) for table in tables if len(table["craft"])]
-        columns[key] = np.concatenate(parts) if parts else np.empty(0, dtype=object)
-    own = columns["craft"] == name
-    numbers = {
-        key: np.array([np.nan if value is None else value for value in cells[own]], dtype=float)
-        for key, cells in columns.items()
-        if key != "craft"
-    }
+def shots(burns: Mapping[str, Any], name: str) -> Shots:
+    """Of the columns of all burns those of one craft."""
+    own = np.asarray(burns["craft"], dtype=object) == name
+    keys = ("start_s", "duration_s", *PUSH, "propellant_kg", "thruster")
+    numbers = {key: np.asarray(burns[key], dtype=object)[own].astype(float) for key in keys}
     thruster = np.nan_to_num(numbers["thruster"]).astype(int)
     push = np.stack([numbers[key] for key in PUSH], axis=1)
     return Shots(numbers["start_s"], numbers["duration_s"], push, numbers["propellant_kg"], thruster)

@@ -23,9 +23,11 @@ from closeform.result_folder import AGAIN, INPUTS, FolderError, content, intact,
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
 from closeform.search.schedule import Search
+from closeform.stage_burns import COLUMNS
 
 Columns = Mapping[str, Any]
 SCENARIO = "scenario.toml"
+NO_BURNS = {key: np.empty(0) for key in ("stage", *COLUMNS)}  # of a run in which nobody moves
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,7 +119,7 @@ class LoadedRun(Stages):
     @cached_property
     def burns(self) -> Columns:
         """Every burn in columns, as in `burns.parquet`, with its stage."""
-        return arc_tables.together([one.burns for one in self.flown if one.burns])
+        return arc_tables.together([one.burns for one in self.flown])
 
     @property
     def clear(self) -> bool:
@@ -243,7 +245,7 @@ class Folder:
                 before,
                 after,
                 self.found(stage.verb, figures, after),
-                self.rows("burns", stage=number),
+                self.rows("burns", stage=number) or NO_BURNS,
                 figures,
             )
 
