@@ -1,5 +1,7 @@
 // Address: time, craft and views behind the "#" of the page's address, so that a moment can be sent.
 
+import { VIEWS } from "./viewpoints.js";
+
 const LATE = 250; // milliseconds after the last change
 
 /** What an address says: { t, craft, oblique, top, close, layers } as far as it says anything. */
@@ -8,7 +10,7 @@ export function readAddress(hash) {
   for (const [key, value] of new URLSearchParams(hash.replace(/^#/, ""))) {
     if (key === "t" && value !== "" && Number.isFinite(Number(value))) found.t = Number(value);
     else if (key === "craft" || key === "hide" || key === "one") found[key] = value;
-    else if (["oblique", "top", "close"].includes(key)) {
+    else if (VIEWS.includes(key)) {
       const numbers = value.split(",").map(Number);
       if (numbers.length === 6 && numbers.every(Number.isFinite) && numbers[2] > 0) found[key] = numbers;
     }

@@ -45,7 +45,8 @@ export class App {
     this.page.fill(this.events.element, this.legend.element);
     this.timeline = new Timeline(this.page.line, scene, this.player);
     this.strips = Object.entries(this.page.strips).map(([kind, box]) => new Strip(box, kind, scene, this.player));
-    this.reach = reaches(scene, this.moment, { tubes: this.world.guards.tubes, cone: this.world.bodies.cone });
+    const { guards: { tubes }, bodies: { cone, least } } = this.world;
+    this.reach = reaches(scene, this.moment, { tubes, cone, least });
     this.address = new Address(() => this.said());
     this.choose(readAddress(location.hash));
     this.connect();

@@ -36,6 +36,6 @@ export class Labels {
   }
 }
 
-export function overlap(a, b) {
+function overlap(a, b) {
   return a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
 }

@@ -3,6 +3,7 @@
 import { Labels } from "./labels.js";
 import { clock, length, measured } from "./units.js";
 import { dot } from "./view.js";
+import { VIEWS } from "./viewpoints.js";
 
 const NAMED = 40; // craft that are named at once
 const ARROW = 46; // pixels of the greatest thrust
@@ -13,11 +14,10 @@ export class Marks {
   constructor(scene, moment) {
     Object.assign(this, { scene, moment });
     this.window = MOMENT * (scene.end - scene.start);
-    this.labels = new Map(["oblique", "top", "close"].map((key) => [key, new Labels()]));
-    this.burns = scene.burns.filter(({ kind }) => kind === "impulse").flatMap(({ craft, rows }) => {
-      const table = scene.numbers(rows);
-      return Array.from({ length: rows.rows }, (_, k) => ({ craft, time: table[5 * k], place: moment.ways[craft].position(table[5 * k]) }));
-    }).slice(0, MARKED);
+    this.labels = new Map(VIEWS.map((key) => [key, new Labels()]));
+    this.burns = moment.burns.filter(({ kind }) => kind === "impulse").flatMap(({ craft, rows, table }) =>
+      Array.from({ length: rows.rows }, (_, k) => ({ craft, time: table[5 * k], place: moment.ways[craft].position(table[5 * k]) })),
+    ).slice(0, MARKED);
     this.slips = scene.failures.filter(({ track, failed_at: at }) => track >= 0 && at !== null).map((failure) => {
       const way = moment.tracks[failure.track];
       return { failure, from: way.position(failure.failed_at), near: way.position(failure.time ?? failure.failed_at) };
@@ -55,14 +55,9 @@ export class Marks {
     const urgent = new Set(this.moment.conflicts.filter(({ when }) => when === "after").flatMap(({ first, second }) => [first, second]));
     const rank = (k) => (k === chosen ? 0 : urgent.has(k) ? 1 : 2);
     const shown = craft.map((_, k) => k).filter((k) => seen[k] || (k === chosen && spots[k])).sort((a, b) => rank(a) - rank(b) || a - b).slice(0, NAMED);
-    const { left, top, width, height } = view.place;
     for (const k of shown) {
       pen.font(12, k === chosen ? 700 : 500);
-      const name = pen.fitted(craft[k].name, 130);
-      const place = labels.place(k, spots[k][0], spots[k][1], pen.width(name), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
-      if (!place) continue;
-      if (place.led) pen.line([spots[k], [Math.max(place.left, Math.min(spots[k][0], place.left + pen.width(name))), place.top + 7]], palette.quiet, { alpha: 0.8 });
-      pen.text(name, place.left, place.top + 7.5, palette.name(craft[k].colour), { halo: palette.panel });
+      word(pen, view, palette, labels, k, spots[k], pen.fitted(craft[k].name, 130), palette.name(craft[k].colour), true);
     }
   }
 
@@ -92,7 +87,7 @@ export class Marks {
   thrust(pen, view, palette, spots) {
     for (const { craft, vector, share, size } of this.moment.pushes(this.window)) {
       if (!spots[craft]) continue;
-      const [u, v] = [0, 1].map((row) => vector.reduce((sum, one, i) => sum + one * (row ? -view.up[i] : view.right[i]), 0) / size);
+      const [u, v] = [dot(vector, view.right) / size, -dot(vector, view.up) / size];
       const long = (view.follows ? 1.4 : 1) * ARROW * (0.25 + 0.75 * share);
       const [x, y] = spots[craft];
       if (Math.hypot(u, v) * long > 3) pen.arrow([x + 5 * u, y + 5 * v], [x + (5 + long) * u, y + (5 + long) * v], palette.thrust, { width: 2.4, head: 8 });
@@ -109,7 +104,6 @@ export class Marks {
   /** Where thrust is lost, and where the drift comes nearest; in words for the craft that is followed. */
   failed(pen, view, palette, chosen, labels) {
     this.ghosts(pen, view, palette, "drift");
-    const { left, top, width, height } = view.place;
     for (const { failure, from, near } of this.slips) {
       const [[x, y], [u, v]] = [view.project(...from), view.project(...near)];
       if (view.holds(x, y)) pen.cross(x, y, 4, palette.drift);
@@ -117,8 +111,7 @@ export class Marks {
       if (failure.fails !== chosen || view.key !== "oblique" || !view.holds(u, v)) continue;
       pen.font(11.5);
       const text = `nearest after thrust lost at ${clock(failure.failed_at)}: ${measured(failure.ratio, "x zone")}`;
-      const place = labels.place(`drift ${failure.meets}`, u, v, pen.width(text), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
-      if (place) pen.text(text, place.left, place.top + 7.5, palette.ink, { halo: palette.panel });
+      word(pen, view, palette, labels, `drift ${failure.meets}`, [u, v], text, palette.ink);
     }
   }
 
@@ -128,15 +121,14 @@ export class Marks {
     const { sun } = this.scene;
     if (!axes || !sun) return;
     const long = Math.min(view.place.width, view.place.height) / 4;
-    const { left, top, width, height } = view.place;
+    const { left, top } = view.place;
     const group = this.moment.search.groups[chosen] === "A" ? palette.cone_a : palette.cone_b;
     pen.font(11.5);
     for (const [axis, name, colour] of [[axes[0], "body x", palette.ink], [axes[2], "boresight", group]]) {
       const [x, y] = view.project(...this.moment.positions[chosen]);
       const [u, v] = [x + long * dot(axis, view.right), y - long * dot(axis, view.up)];
       pen.arrow([x, y], [u, v], colour, { width: 1.8 });
-      const spot = labels.place(name, u, v, pen.width(name), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
-      if (spot) pen.text(name, spot.left, spot.top + 7.5, colour, { halo: palette.panel });
+      word(pen, view, palette, labels, name, [u, v], name, colour);
     }
     const angle = (Math.acos(Math.max(-1, Math.min(1, dot(axes[0], sun)))) * 180) / Math.PI;
     pen.text(`shade ${angle.toFixed(1)}° off the sun`, left + 10, top + 34, palette.quiet, { halo: palette.panel });
@@ -144,7 +136,6 @@ export class Marks {
 
   /** How far apart a pair is at its closest approach: of several the one that is followed, then the closest. */
   approaches(pen, view, palette, chosen, spots, labels) {
-    const { left, top, width, height } = view.place;
     const near = this.scene.approaches.filter(({ time }) => Math.abs(time - this.moment.time) <= this.window)
       .sort((a, b) => Number(b.first === chosen || b.second === chosen) - Number(a.first === chosen || a.second === chosen)).slice(0, 1);
     for (const { first, second, distance, ratio } of near) {
@@ -155,8 +146,17 @@ export class Marks {
       if (!view.holds(x, y)) continue;
       pen.font(11.5);
       const text = `${length(distance)}, ${measured(ratio, "x zone")}`;
-      const place = labels.place(`approach ${first} ${second}`, x, y, pen.width(text), 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
-      if (place) pen.text(text, place.left, place.top + 7.5, colour, { halo: palette.panel });
+      word(pen, view, palette, labels, `approach ${first} ${second}`, [x, y], text, colour);
     }
   }
+}
+
+/** Writes text in the pen's font beside a point, where there is room; `led`: by a line if it stands far off. */
+function word(pen, view, palette, labels, key, [x, y], text, colour, led = false) {
+  const { left, top, width, height } = view.place;
+  const wide = pen.width(text);
+  const spot = labels.place(key, x, y, wide, 14, [left + 3, top + 3, left + width - 3, top + height - 3]);
+  if (!spot) return;
+  if (led && spot.led) pen.line([[x, y], [Math.max(spot.left, Math.min(x, spot.left + wide)), spot.top + 7]], palette.quiet, { alpha: 0.8 });
+  pen.text(text, spot.left, spot.top + 7.5, colour, { halo: palette.panel });
 }

@@ -77,23 +77,23 @@ export class Moment {
     return dot(way, mine) >= far * (Math.cos(half) - SEEN) && far <= (range ?? Infinity) * (1 + SEEN);
   }
 
-  /** Thrust of each craft that burns now: its share of the greatest, and acceleration [m/s^2] or delta-v [m/s]. */
+  /** Thrust of each craft that burns now: its share of the greatest, and acceleration [m/s^2] or delta-v [m/s] with its size. */
   pushes(window) {
     const found = [];
     for (const { craft, start, peak, table } of this.thrusts) {
       if (this.time < start || this.time > start + table[table.length - 4] || !peak) continue;
       const vector = between(table, this.time - start, 3);
       const size = Math.hypot(...vector);
-      if (size > 1e-3 * peak) found.push({ craft, vector, share: size / peak, size, unit: "m/s²" });
+      if (size > 1e-3 * peak) found.push({ craft, vector, share: size / peak, size });
     }
-    for (const { craft, kind, peak, table } of this.burns) {
+    for (const { craft, peak, table } of this.burns) {
       const last = rowAt(table, this.time + window, 5);
       for (let k = last; k >= 0 && k > last - 3; k--) {
         const [at, lasts] = [table[5 * k], table[5 * k + 1]];
         if (at - window > this.time || at + lasts + window < this.time) continue;
         const vector = [...table.subarray(5 * k + 2, 5 * k + 5)];
         const size = Math.hypot(...vector);
-        found.push({ craft, vector, share: size / (peak || 1), size, unit: "m/s", kind });
+        found.push({ craft, vector, share: size / (peak || 1), size });
         break;
       }
     }

@@ -3,6 +3,7 @@
 import { button, element } from "./element.js";
 import { icon } from "./icon.js";
 import { TITLES } from "./strip.js";
+import { VIEWS } from "./viewpoints.js";
 
 const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow craft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help"]];
 
@@ -26,7 +27,7 @@ export class Page {
 
     this.space = element("canvas", { class: "space", "aria-hidden": "true" });
     this.over = element("canvas", { class: "over", "aria-hidden": "true" });
-    this.panes = Object.fromEntries(["oblique", "top", "close"].map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "group" })]));
+    this.panes = Object.fromEntries(VIEWS.map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "group" })]));
     this.tools = {};
     for (const [key, pane] of Object.entries(this.panes)) {
       const buttons = [button(icon("home"), "As at first", () => does.home(key), { class: "home" }), button(icon("alone"), "This view alone", () => does.alone(key))];

@@ -1,7 +1,7 @@
 // Pen: text, lines and arrows on a canvas of two dimensions, sharp on every screen. The processor draws it:
 // without a graphics card that is several times quicker, and with one quick enough.
 
-export const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
+const FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
 
 export class Pen {
   constructor(canvas) {

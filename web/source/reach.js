@@ -8,7 +8,7 @@ const CONED = 0.9; // of a sensor's cone, for which there is room beside the way
 const ALONE = 0.04; // of the scene, where a craft has neither
 
 /** A function of (view, craft) that gives the function from a direction to [least, most] for `View.fit`. */
-export function reaches(scene, moment, { tubes, cone }) {
+export function reaches(scene, moment, { tubes, cone, least }) {
   const ways = moment.tracks.filter(({ kind }) => kind !== "drift").map((track) => ({ track, points: track.chords(Infinity) }));
   const ellipsoids = tubes.flatMap((tube) => Array.from({ length: 13 }, (_, k) => {
     const time = tube.start + (k / 12) * (tube.end - tube.start);
@@ -37,8 +37,7 @@ export function reaches(scene, moment, { tubes, cone }) {
   const size = Math.max(...scene.low.map((low, i) => scene.high[i] - low), 1);
   const near = (craft) => {
     const { zone } = scene.craft[craft];
-    const offset = moment.searches[0]?.sensor.offset ?? 0;
-    if (moment.searches.length) return SHADES * Math.max(offset, 0.017 * size);
+    if (moment.searches.length) return SHADES * Math.max(moment.searches[0].sensor.offset, least);
     return zone >= 0 ? CLOSE * scene.zones[zone].radius : ALONE * size;
   };
   return (view, craft) => {

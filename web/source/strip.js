@@ -3,6 +3,7 @@
 import { element, say } from "./element.js";
 import { Pen } from "./pen.js";
 import { rowAt } from "./scene.js";
+import { TimeScale } from "./timescale.js";
 import { clock, measured, niceStep, plain, timeStep } from "./units.js";
 
 export const TITLES = { ratio: "Pair ratio", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
@@ -10,10 +11,11 @@ const [LEFT, RIGHT, ABOVE, BELOW] = [44, 10, 22, 15];
 const NEARBY = 6; // zones up to which ratios are of interest
 const DECADES = 30; // greatest over least from which on the scale is logarithmic
 
-export class Strip {
+export class Strip extends TimeScale {
   /** In a box of the page; what moves over the curves are elements, so that the curves are drawn once. */
   constructor(box, kind, scene, player) {
-    Object.assign(this, { box, kind, scene, player });
+    super(scene, LEFT, RIGHT);
+    Object.assign(this, { box, kind, player });
     const canvas = element("canvas", { "aria-hidden": "true" });
     this.pen = new Pen(canvas);
     this.now = element("i", { class: "cursor" });
@@ -37,16 +39,6 @@ export class Strip {
     if (kind === "ratio" && !this.log) this.high = Math.min(this.high, Math.max(NEARBY, 2 * least));
     if (this.log) [this.low, this.high] = [this.low / 1.2, this.high * 1.2];
     else this.high += 0.06 * (this.high - this.low);
-  }
-
-  x(time) {
-    const { start, end } = this.scene;
-    return LEFT + ((time - start) / (end - start || 1)) * (this.width - LEFT - RIGHT);
-  }
-
-  time(x) {
-    const { start, end } = this.scene;
-    return start + Math.min(1, Math.max(0, (x - LEFT) / (this.width - LEFT - RIGHT))) * (end - start);
   }
 
   y(value) {

@@ -2,36 +2,27 @@
 
 import { element } from "./element.js";
 import { Pen } from "./pen.js";
+import { TimeScale } from "./timescale.js";
 import { clock, timeStep } from "./units.js";
 
 const SIDE = 14; // pixels left and right of it
 const [BANDS, MARKS, TICKS] = [17, 19, 15]; // heights of its rows
-export const HEIGHT = 2 + BANDS + MARKS + TICKS;
+const HEIGHT = 2 + BANDS + MARKS + TICKS;
 const FEW = 40; // marks up to which locks go through the bands above
 const NEAR = 7; // pixels by which a click may miss a mark
 const RANK = ["conflict", "failure", "lock", "approach", "burn", "end", "phase", "stage"];
 
-export class Timeline {
+export class Timeline extends TimeScale {
   /** In a box of the page; the cursor is an element, so that all else is drawn once. */
   constructor(box, scene, player) {
-    Object.assign(this, { scene, player, box });
+    super(scene, SIDE, SIDE);
+    Object.assign(this, { player, box });
     const canvas = element("canvas", { "aria-hidden": "true" });
     this.pen = new Pen(canvas);
     this.now = element("i", { class: "cursor" });
     box.append(canvas, this.now);
     this.marks = scene.events.filter(({ kind }) => kind !== "stage" && kind !== "phase");
     this.crowded = this.marks.length > FEW;
-    this.width = 0;
-  }
-
-  x(time) {
-    const { start, end } = this.scene;
-    return SIDE + ((time - start) / (end - start || 1)) * (this.width - 2 * SIDE);
-  }
-
-  time(x) {
-    const { start, end } = this.scene;
-    return start + Math.min(1, Math.max(0, (x - SIDE) / (this.width - 2 * SIDE))) * (end - start);
   }
 
   /** The event whose mark is at a place of the canvas, the most important of those near; else null. */

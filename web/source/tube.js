@@ -9,7 +9,7 @@ const MOST_RINGS = 240;
 
 export class Tube {
   constructor(entry, stage, way, scene) {
-    Object.assign(this, { craft: entry.craft, sigmas: entry.sigmas, start: stage.start, end: stage.end, way });
+    Object.assign(this, { craft: entry.craft, start: stage.start, end: stage.end, way });
     this.rows = scene.numbers(entry.rows);
   }
 
@@ -37,15 +37,16 @@ export class Tube {
       const middle = this.way.position(time);
       const way = difference(this.way.position(time + 0.01 * step), this.way.position(time - 0.01 * step));
       aside = across(way, aside);
-      const up = cross(unit(way) ?? cross(aside, [1, 0, 0]), aside);
+      const ahead = unit(way);
+      const up = cross(ahead ?? cross(aside, [1, 0, 0]), aside);
       const spread = this.spread(time);
       for (let j = 0; j < AROUND; j++) {
         const angle = (2 * Math.PI * j) / AROUND;
         const out = aside.map((one, i) => Math.cos(angle) * one + Math.sin(angle) * up[i]);
         const pulled = times(spread, out); // the ellipsoid's point farthest that way
         const size = Math.sqrt(Math.max(dot(out, pulled), 1e-18));
-        const along = unit(way) ? dot(pulled, unit(way)) : 0;
-        const flat = pulled.map((one, i) => (one - (unit(way) ? along * unit(way)[i] : 0)) / size);
+        const along = ahead ? dot(pulled, ahead) : 0;
+        const flat = pulled.map((one, i) => (one - (ahead ? along * ahead[i] : 0)) / size);
         points.push(...middle.map((one, i) => one + flat[i]));
         normals.push(...out);
         if (k) {

@@ -2,6 +2,7 @@
 
 import { dot, View } from "./view.js";
 
+export const VIEWS = ["oblique", "top", "close"]; // their keys, in their order
 const FLATTER = 4; // times as broad ways must look from the other side before it is taken
 
 /** Obliquely; from the sun, or along the orbit normal; and from near by, following a craft. */
@@ -40,7 +41,7 @@ function breadth(moment, frame, azimuth, elevation) {
 /** The sun above. */
 function sunlit(sun) {
   const front = Math.abs(sun[1]) < 0.9 ? [0, 1, 0] : [1, 0, 0];
-  const off = sun.reduce((sum, one, i) => sum + one * front[i], 0);
+  const off = dot(sun, front);
   const level = front.map((one, i) => one - off * sun[i]);
   const size = Math.hypot(...level);
   const frame = { pole: sun, front: level.map((one) => one / size) };

@@ -21,7 +21,7 @@ export class World {
     const sides = scene.low.map((low, i) => scene.high[i] - low);
     this.radius = Math.hypot(...sides, ...scene.low.map(Math.abs), ...scene.high) || 1;
     const span = Math.max(...sides, 1e-3);
-    this.paths = new Paths(scene, moment, Math.max(...sides, 1e-3) / 2);
+    this.paths = new Paths(scene, moment, span / 2);
     this.guards = new Guards(scene, moment);
     this.bodies = new Bodies(scene, moment, span);
     this.grid = new Ribbons(GRID, { order: 0.2 });
