@@ -5,13 +5,13 @@ Run from the repository: python tools/gallery.py [--pictures [NAME ...]]
 
 import sys
 import tempfile
-import tomllib
 from contextlib import suppress
 from pathlib import Path
 
 from PIL import Image
 
 from closeform.cli import main as closeform
+from closeform.example_files import studied, text, title
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
@@ -54,8 +54,9 @@ EXAMPLES = {
 
 HEAD = """# Gallery
 
-Every example in `examples/`, what it shows, and the command that flies it. Each leaves a folder with its
+Every example in `examples/` that flies, what it shows, and the command for it. Each leaves a folder with its
 report, pictures and tables; files are short, a good place to begin one of your own ([scenario](scenario.md)).
+Only `robustness.toml` is not here: it asks for what is [not built yet](certified.md).
 """
 TAIL = """
 ## Real orbits
@@ -75,30 +76,22 @@ Jupyter by jupytext, and `python tools/notebooks.py` leaves them as notebooks wi
 """
 
 
-def text_of(name: str) -> str:
-    return (ROOT / "examples" / f"{name}.toml").read_text(encoding="utf-8")
-
-
-def title_of(name: str) -> str:
-    return str(tomllib.loads(text_of(name))["title"])
-
-
 def command_of(name: str) -> list[str]:
-    return ["study" if "study" in tomllib.loads(text_of(name)) else "run", f"examples/{name}.toml"]
+    return ["study" if studied(name) else "run", f"examples/{name}.toml"]
 
 
 def entry(name: str) -> str:
     """One example: its title, its picture, what its first comment says, and the command."""
     said = []
-    for line in text_of(name).splitlines():
+    for line in text(name).splitlines():
         if not line.startswith("# "):
             break
         said.append(line.removeprefix("# "))
     command = " ".join(["closeform", *command_of(name)])
     return "\n\n".join(
         [
-            f"### {title_of(name)}",
-            f"![{title_of(name)}](images/gallery/{name}.png)",
+            f"### {title(name)}",
+            f"![{title(name)}](images/gallery/{name}.png)",
             "\n".join(said),
             f"```sh\n{command}\n```",
         ]
