@@ -46,8 +46,21 @@ def table(folder: Path, name: str) -> dict[str, list]:
     return pyarrow.parquet.read_table(folder / f"{name}.parquet").to_pydict()
 
 
+def test_runs_load_what_makes_the_page_in_motion_only_where_they_leave_it(tmp_path: Path) -> None:
+    code = (
+        f"import sys; from closeform.cli import main; main(['run', {str(CLUSTER)!r}, *sys.argv[1:]]);"
+        "print([name for name in ('closeform.viewer', 'closeform.report.screening') if name in sys.modules])"
+    )
+    for option, loaded in (("--no-viewer", []), ("--overwrite", ["closeform.viewer"])):
+        done = subprocess.run(
+            [sys.executable, "-c", code, option], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        assert done.stdout.splitlines()[-1] == str(loaded)
+
+
 def test_help_is_quick_and_imports_nothing_heavy() -> None:
     heavy = ("numpy", "numba", "matplotlib", "pydantic", "astropy", "pandas")
+    heavy += ("hashlib", "importlib.metadata")
     code = (
         "import sys; from closeform.cli import main; main(['--help']);"
         f"print([name for name in {heavy} if name in sys.modules])"

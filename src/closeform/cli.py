@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -30,7 +29,9 @@ from closeform.screens import encounter, export, screen
 
 if TYPE_CHECKING:
     from closeform.report.error_study import ErrorStudyReport
+    from closeform.report.picture import Shot
     from closeform.report.study import StudyReport
+    from closeform.result_folder import Folder
     from closeform.scenario import Scenario
 
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
@@ -135,8 +136,12 @@ def run(
     from closeform.mission import fly
     from closeform.report.run import RunReport, leave
     from closeform.scenario import ScenarioError
-    from closeform.viewer import page
-    from closeform.viewer.shown import Shown
+
+    def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
+        from closeform.viewer import page  # with matplotlib, which loads while the other process draws
+        from closeform.viewer.shown import Shown
+
+        page.leave(Shown.of_mission(mission), under_way, pictures)
 
     notes = stderr()
     try:
@@ -144,8 +149,7 @@ def run(
             mission = fly(loaded, lambda text: status.update(text))
             report = RunReport(mission)
             with written(place):
-                viewer = None if no_viewer else partial(page.leave, Shown.of_mission(mission))
-                leave(report, under_way, lambda text: status.update(text), viewer)
+                leave(report, under_way, lambda text: status.update(text), None if no_viewer else viewer)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

@@ -6,7 +6,6 @@ when it holds one, and what it does not list belongs to somebody else.
 """
 
 import csv
-import hashlib
 import io
 import json
 import os
@@ -14,7 +13,6 @@ import platform
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from math import isfinite
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -106,12 +104,16 @@ def digested(name: str) -> bool:
 
 def digest(file: Path) -> str:
     """SHA-256 of a file."""
+    import hashlib
+
     with file.open("rb") as content:
         return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def versions() -> dict[str, str]:
     """The versions that the figures depend on."""
+    from importlib.metadata import version
+
     return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
 
 
@@ -276,6 +278,8 @@ def intact(path: Path, name: str) -> Iterator[None]:
 
 def content(path: Path, summary: Mapping[str, Any], name: str) -> bytes:
     """What stands in a file of a folder, to the last bit that was left there. Raises FolderError for else."""
+    import hashlib
+
     with intact(path, name):
         data = (path / name).read_bytes()
         if hashlib.sha256(data).hexdigest() != summary["digests"][name]:

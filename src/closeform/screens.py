@@ -1,8 +1,7 @@
 """What the command line does with files of orbits: `screen`, `encounter` and `export`."""
 
 import os
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,8 +15,10 @@ if TYPE_CHECKING:
     from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
     from closeform.report.encounter import EncounterReport
+    from closeform.report.picture import Shot
     from closeform.report.repeat import Command
     from closeform.report.screening import ScreenReport
+    from closeform.result_folder import Folder
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 
@@ -133,14 +134,17 @@ def left(made: "Callable[[], ScreenReport | EncounterReport]", place: Path, over
     """Make a report, leave its results and print it; the exit status."""
     from closeform.publishing import folder
     from closeform.result_folder import written
-    from closeform.viewer import page
-    from closeform.viewer.shown import Shown
+
+    def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
+        from closeform.viewer import page  # with matplotlib, which loads while the other process draws
+        from closeform.viewer.shown import Shown
+
+        page.leave(Shown.of_report(report), under_way, pictures)
 
     notes = stderr()
     with notes.status("looking") as status, folder(place, overwrite) as under_way:
         report = made()
         with written(place):
-            viewer = partial(page.leave, Shown.of_report(report))
             report.leave(under_way, lambda text: status.update(text), viewer)
     with kept(place):
         tell_screen(report, place)

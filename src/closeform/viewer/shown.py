@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import Flight, watch
+from closeform.conflicts.flight import watch
 from closeform.exchange.epochs import Epoch
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.report.run import RunReport
-from closeform.report.screening import ScreenReport
 from closeform.scenario.stage_table import StageTable
 from closeform.verdict import MET
 from closeform.zones.made_table import MadeTable, set_of
@@ -20,9 +19,9 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
-if TYPE_CHECKING:  # of encounters: with the kernels of probabilities, which runs can spare
+if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, which runs can spare
     from closeform.report.encounter import EncounterReport
-    from closeform.uncertainty.errors import Errors
+    from closeform.report.screening import ScreenReport
 
 COARSE = 33  # instants of each stage at which a first look tells how large the scene is
 
@@ -84,41 +83,33 @@ class Shown:
     @classmethod
     def of_report(cls, report: "ScreenReport | EncounterReport") -> Self:
         """Ephemerides in the frame of the first, or the two of a conjunction message, as one stage."""
-        if isinstance(report, ScreenReport):
-            frame, found = report.frame, report.uncertain
-            sigmas, errors = (None, ()) if found is None else (found.sigmas, frame.errors)
-            epoch = Epoch(frame.epoch, frame.time_system)
-            return cls._of_flight(report, epoch, report.flight, report.zones, errors, sigmas)
-        met, zones = report.encounter, PairZones.of([Sphere(report.radius), None])
-        flight = watch(stack([met.other, met.path]), report.names, zones)
-        epoch = Epoch(report.message.tca, "UTC")
-        return cls._of_flight(report, epoch, flight, zones, (met.other_errors, met.errors), None)
+        from closeform.report.screening import ScreenReport
 
-    @classmethod
-    def _of_flight(
-        cls,
-        report: "ScreenReport | EncounterReport",
-        epoch: Epoch,
-        flight: Flight,
-        zones: PairZones,
-        errors: "tuple[Errors | None, ...]",
-        sigmas: float | None,
-    ) -> Self:
-        """One stage, whose craft have `errors` at its start, or none."""
-        count, kind = len(flight.names), Screening if isinstance(report, ScreenReport) else Encounter
+        kind: type[StageTable]
+        warnings: tuple[str, ...] = ()
+        if isinstance(report, ScreenReport):
+            kind, frame, found = Screening, report.frame, report.uncertain
+            epoch, flight, zones = Epoch(frame.epoch, frame.time_system), report.flight, report.zones
+            sigmas, errors = (None, ()) if found is None else (found.sigmas, frame.errors)
+        else:
+            kind, met, found = Encounter, report.encounter, None
+            epoch, warnings = Epoch(report.message.tca, "UTC"), met.warnings
+            zones = PairZones.of([Sphere(report.radius), None])
+            flight = watch(stack([met.other, met.path]), report.names, zones)
+            sigmas, errors = None, (met.other_errors, met.errors)
         stage = kind.model_construct(name=None, sigmas=sigmas, max_probability=None)  # checked by the command
         start, uncertain = float(np.min(flight.paths.start)), None
         if errors:
             from closeform.uncertain_stage import UncertainStage  # whose kernels others can spare
 
-            found = report.uncertain if isinstance(report, ScreenReport) else None
             uncertain = UncertainStage(1, stage, errors, found, None)
+        count = len(flight.names)
         return cls(
             report.title,
             report.opening[0],
             str(report.verdict),
             report.verdict.status == MET,
-            () if isinstance(report, ScreenReport) else report.encounter.warnings,
+            warnings,
             flight.paths.orbit,
             epoch,
             flight.names,
