@@ -45,7 +45,7 @@ class Result:
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         """What it tells: names and texts, without what it does not have, or has by default."""
-        usual = {one.name: one.default for one in fields(self) if one.repr}  # type: ignore[arg-type]
+        usual = {one.name: one.default for one in fields(self) if one.repr}  # type: ignore[arg-type]  # subclasses are data
         for name in self._told or usual:
             value = getattr(self, name)
             absent = value is None or (isinstance(value, str | tuple) and not value)
