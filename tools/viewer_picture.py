@@ -18,9 +18,12 @@ from closeform.viewer.scene import scene_of
 from closeform.viewer.shown import Shown
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "browser"))
+
+from pagereader import SOFTWARE, Reader  # noqa: E402
+
 SIZE = {"width": 1280, "height": 720}
 COLOURS = 128  # which keep the file small
-SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
 
 def main() -> None:
@@ -33,11 +36,11 @@ def main() -> None:
     with TemporaryDirectory() as folder, sync_playwright() as playwright:
         page = Path(folder) / "viewer.html"
         page.write_text(document(scene), encoding="utf-8")
-        browser = playwright.chromium.launch(executable_path=chromium, args=list(SOFTWARE))
+        browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
         tab = browser.new_page(viewport=SIZE, color_scheme="light")
-        tab.goto(f"{page.as_uri()}#t={near['time']:.1f}&craft={mover}")
-        tab.wait_for_function("window.closeform")
-        tab.wait_for_timeout(1000)  # ms, in which software has drawn it
+        reader = Reader(tab)
+        reader.open(page, f"#t={near['time']:.1f}&craft={mover}")
+        reader.settle()
         shot = Image.open(BytesIO(tab.screenshot())).convert("RGB")
         browser.close()
     shot.quantize(COLOURS).save(ROOT / "docs" / "images" / "viewer.png", optimize=True)

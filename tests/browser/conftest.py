@@ -9,16 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from pagereader import EXAMPLES, Reader, fly
+from pagereader import EXAMPLES, SOFTWARE, Reader, fly
 from playwright.sync_api import Browser, sync_playwright
 
 ROOT = Path(__file__).parents[2]
-SOFTWARE = (
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-)
 
 
 def chromium_path() -> str:
@@ -45,7 +39,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium_path(), args=list(SOFTWARE))
+        browser = playwright.chromium.launch(executable_path=chromium_path(), args=SOFTWARE)
         yield browser
         browser.close()
 

@@ -11,6 +11,12 @@ from typing import Any
 from playwright.sync_api import Page
 
 EXAMPLES = ("swap", "three_sigmas", "passive_inspector", "tpf", "station_ellipsoid")
+SOFTWARE = [  # what lets Chromium draw without a graphics card
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+]
 PATIENCE = 60.0  # seconds, on a busy machine
 
 
