@@ -41,7 +41,7 @@ def quantity(option: str, kind: "Kind", text: str | None) -> float | None:
     if text is None:
         return None
     try:
-        return Reader(kind, least="positive")(text)  # type: ignore[return-value]  # one number
+        return Reader(kind, least="positive").numbers(text)[0]
     except ValueError as error:
         raise UsageError(f"--{option}: {error}") from None
 

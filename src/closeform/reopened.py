@@ -77,7 +77,8 @@ class LoadedStage(Result):
     @property
     def failure(self) -> str | None:
         """Why the mission cannot go on after it; None where it can."""
-        return self.figures["failure"]  # type: ignore[no-any-return]
+        found: str | None = self.figures["failure"]
+        return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,7 +110,8 @@ class LoadedRun(Stages):
     @property
     def stopped(self) -> str | None:
         """Why there are fewer stages than in the file; None if there are not."""
-        return self.summary["stopped"]  # type: ignore[no-any-return]
+        found: str | None = self.summary["stopped"]
+        return found
 
     @property
     def verdict(self) -> str:
@@ -255,8 +257,9 @@ class Folder:
         wanted = {"stage": number, "when": when}
         arcs, met, near = (self.rows(name, **wanted) for name in ("arcs", "conflicts", "approaches"))
         where = {name: k for k, name in enumerate(names)}
+        between: Any = zones.between  # never None of two that came near each other
         approaches = [
-            PairApproach(one, other, time, ratio, distance, zones.between(where[one], where[other]), rule)  # type: ignore[arg-type]
+            PairApproach(one, other, time, ratio, distance, between(where[one], where[other]), rule)
             for one, other, time, ratio, distance, rule in _tuples(
                 near, "first", "second", "time_s", "ratio", "distance_m", "zone"
             )

@@ -251,7 +251,7 @@ def summary_of(path: Path) -> dict[str, Any]:
         what = "is a file" if os.path.exists(path) else "no such folder"
         raise FolderError(f"{path}: {what}; give the folder that a run left")
     try:
-        content = json.loads((path / SUMMARY).read_bytes())
+        content: dict[str, Any] = json.loads((path / SUMMARY).read_bytes())
     except FileNotFoundError:
         raise FolderError(f"{path}: holds no finished results; run the scenario first") from None
     except (OSError, ValueError, RecursionError):
@@ -261,7 +261,7 @@ def summary_of(path: Path) -> dict[str, Any]:
         raise FolderError(f"{path}: has format {form}, this version reads {FORMAT}; {AGAIN}")
     if not finished(path):
         raise FolderError(f"{path}: {SUMMARY} is none of closeform's; give the folder that a run left")
-    return content  # type: ignore[no-any-return]
+    return content
 
 
 @contextmanager

@@ -97,13 +97,22 @@ class Reader:
     least: str = "any"
 
     def __call__(self, value: Any) -> float | tuple[float, ...] | Duration:
-        numbers, unit = self.split(value)
-        if self.kind is DURATION and unit in ORBITS:
-            return Duration(orbits=self.checked(value, numbers)[0])
-        scaled = self.checked(value, [number * self.scale(value, unit) for number in numbers])
         if self.kind is DURATION:
-            return Duration(seconds=scaled[0])
-        return scaled[0] if self.size == 1 else tuple(scaled)
+            return self.duration(value)
+        found = self.numbers(value)
+        return found[0] if self.size == 1 else found
+
+    def numbers(self, value: Any) -> tuple[float, ...]:
+        """All numbers in SI, also where it is one."""
+        numbers, unit = self.split(value)
+        return tuple(self.checked(value, [number * self.scale(value, unit) for number in numbers]))
+
+    def duration(self, value: Any) -> Duration:
+        """A time, by the clock or in orbits."""
+        numbers, unit = self.split(value)
+        if unit in ORBITS:
+            return Duration(orbits=self.checked(value, numbers)[0])
+        return Duration(seconds=self.numbers(value)[0])
 
     @property
     def example(self) -> str:

@@ -109,10 +109,7 @@ def as_inertial(value: Any) -> tuple[float, ...]:
         raise ValueError(
             f"{shown(value)} is not a position, a comma and a velocity; write for example {example}"
         )
-    place, speed = Reader(LENGTH, 3)(parts[0]), Reader(SPEED, 3)(parts[1])
-    assert isinstance(place, tuple)
-    assert isinstance(speed, tuple)
-    return place + speed
+    return Reader(LENGTH, 3).numbers(parts[0]) + Reader(SPEED, 3).numbers(parts[1])
 
 
 Name = Annotated[str, BeforeValidator(as_name)]

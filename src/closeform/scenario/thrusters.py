@@ -51,8 +51,8 @@ class Bit:
 def as_bit(value: Any) -> Bit:
     """A speed, or an impulse."""
     if isinstance(value, str) and unit_of(" ".join(value.split()[1:]))[1] == IMPULSE.dimension:
-        return Bit(impulse=float(Reader(IMPULSE, least="positive")(value)))  # type: ignore[arg-type]  # one number
-    return Bit(velocity=float(Reader(SPEED, least="positive")(value)))  # type: ignore[arg-type]  # one number
+        return Bit(impulse=Reader(IMPULSE, least="positive").numbers(value)[0])
+    return Bit(velocity=Reader(SPEED, least="positive").numbers(value)[0])
 
 
 MinimumBit = Annotated[Bit, BeforeValidator(as_bit)]
