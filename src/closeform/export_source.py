@@ -14,7 +14,7 @@ from closeform.exchange.aem import quaternions
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.exported import Shots
-from closeform.exchange.tracks import Flown
+from closeform.exchange.tracks import FlownCraft
 from closeform.fuel.burns import burns_of
 from closeform.mission_result import Mission
 from closeform.motion.path import Path
@@ -39,7 +39,7 @@ class Source:
     """
 
     title: str
-    craft: tuple[Flown, ...]
+    craft: tuple[FlownCraft, ...]
     mean_motion: float
     chief: Chief | None
     epoch: Epoch | None
@@ -95,7 +95,7 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
         raise ValueError(f"result: nothing was flown, {result.stopped}; mend the scenario first")
     paths = [through(result.orbit, result.flown, k) for k in range(len(scenario.names))]
     craft = tuple(
-        Flown(one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass)
+        FlownCraft(one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass)
         for one, path in zip(scenario.craft, paths, strict=True)
     )
     found = chief or scenario.chief
@@ -136,7 +136,7 @@ def of_paths(path: Path, chief: Chief | None, names: Sequence[str] | None) -> So
         found = burns_of(one)
         unknown = np.full(len(found.start), np.nan)
         burns = Shots(found.start, found.duration, found.push, unknown, np.zeros(len(found.start), dtype=int))
-        craft.append(Flown(name, UNKNOWN, one, burns))
+        craft.append(FlownCraft(name, UNKNOWN, one, burns))
     epoch = None if chief is None else chief.instant
     return Source("Paths", tuple(craft), path.orbit.mean_motion, chief, epoch, PATH_REMEDY)
 

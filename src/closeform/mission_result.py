@@ -1,5 +1,6 @@
 """What a mission came to: every stage as flown, what was done in it, and how much the craft used up."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -164,7 +165,7 @@ class FirstLocks:
         return self.pairs[self.locks.leg < 0]
 
 
-class Stages(Result):
+class Stages(Result, ABC):
     """What a mission has, flown just now or opened again: `results` by stage, and all of them together."""
 
     scenario: Scenario
@@ -177,9 +178,9 @@ class Stages(Result):
         yield "verdict", str(self.verdict)
 
     @property
+    @abstractmethod
     def verdict(self) -> object:
         """What the last line of the run says."""
-        raise NotImplementedError
 
     @property
     def flown(self) -> tuple[Any, ...]:

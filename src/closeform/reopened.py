@@ -19,14 +19,13 @@ from closeform.mission_result import FirstLocks, Stages
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
-from closeform.result_folder import AGAIN, INPUTS, FolderError, content, intact, summary_of, table
+from closeform.result_folder import AGAIN, INPUTS, SCENARIO, FolderError, content, intact, summary_of, table
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
 from closeform.search.schedule import Search
 from closeform.stage_burns import COLUMNS
 
 Columns = Mapping[str, Any]
-SCENARIO = "scenario.toml"
 NO_BURNS = {key: np.empty(0) for key in ("stage", *COLUMNS)}  # of a run in which nobody moves
 
 
@@ -187,7 +186,7 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
         return LoadedStudy(scenario, cases, summary)
     orbit = Orbit(summary["mean_motion_rad_s"])
     with intact(place, "its tables"):
-        return LoadedRun(scenario, orbit, tuple(Folder(place, scenario, orbit, summary).stages), summary)
+        return LoadedRun(scenario, orbit, tuple(RunTables(place, scenario, orbit, summary).stages), summary)
 
 
 def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
@@ -208,7 +207,7 @@ def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
 
 
 @dataclass(frozen=True)
-class Folder:
+class RunTables:
     """The tables of a run."""
 
     place: FilePath

@@ -22,7 +22,7 @@ from closeform.lock_file import is_held
 if TYPE_CHECKING:
     from closeform.scenario import Scenario
 
-SUMMARY = "summary.json"
+SUMMARY, SCENARIO = "summary.json", "scenario.toml"
 REPORT, VIEWER = "report.html", "viewer.html"
 FORMAT = 1  # of summary.json
 DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells, and
@@ -87,7 +87,7 @@ class Folder:
 
     def scenario(self, scenario: "Scenario") -> None:
         """Write `scenario.toml`, and copies of the files that it names."""
-        self.text("scenario.toml", scenario.text)
+        self.text(SCENARIO, scenario.text)
         for name, held in (scenario.inputs.copies if scenario.inputs is not None else {}).items():
             (self.path / name).parent.mkdir(exist_ok=True)
             (self.path / name).write_bytes(held)

@@ -13,9 +13,8 @@ COLUMNS = (
     *("craft", "start_s", "duration_s", "radial_m_s", "along_track_m_s", "cross_track_m_s", "size_m_s"),
     *("thruster", "propellant_kg"),
 )
-Burnt = Callable[
-    [int, float], float
-]  # what the craft of an index burns for a delta-v [m/s] in the stage [kg]
+# What the craft of an index burns for a delta-v [m/s] in the stage [kg].
+Burnt = Callable[[int, float], float]
 
 
 def burns_in(result: "StageResult[Any, Any]", burnt: Burnt) -> list[tuple[Any, ...]]:

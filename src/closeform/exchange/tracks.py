@@ -23,7 +23,7 @@ TURN = 0.5  # rad of the frame's turn, within which 16 points of Gauss integrate
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class FlownCraft:
     """One craft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known."""
 
     name: str
@@ -33,7 +33,7 @@ class Flown:
     mass: float | None = None
 
 
-def tracks(craft: Sequence[Flown], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
+def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
     """All craft at common nodes, a `step` [s] apart or the longest that is accurate, and at all their edges.
 
     Raises ValueError for a step that leaves more between nodes.
@@ -91,7 +91,7 @@ def rows(piece: Path, times: Floats, columns: int = 6) -> Floats:
     return found
 
 
-def turned(craft: Flown, frame: FileFrame) -> Shots:
+def turned(craft: FlownCraft, frame: FileFrame) -> Shots:
     """The burns of a craft along the axes of the file: of a long one its integral along them."""
     burns, path = craft.burns, craft.path
     if frame.chief is None or not len(burns):
