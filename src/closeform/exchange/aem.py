@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.epochs import now
 from closeform.exchange.exported import FileFrame, text_rows
-from closeform.exchange.oem_text import ORIGINATOR, created, keyed
+from closeform.exchange.oem_text import ORIGINATOR, keyed
 
 BODY = "SC_BODY_1"
 CONVENTION = (
@@ -38,7 +39,7 @@ def quaternions(attitudes: Any) -> Floats:
 def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, Floats]]) -> str:
     """In key-value form: of each turn the times (T,) [s] and quaternions (T, 4)."""
     lines = ["CCSDS_AEM_VERS = 1.0", *(f"COMMENT {line}" for line in (*frame.about, *CONVENTION))]
-    parts = ["\n".join([*lines, f"CREATION_DATE = {created()}", f"ORIGINATOR = {ORIGINATOR}", ""])]
+    parts = ["\n".join([*lines, f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", ""])]
     for times, values in turns:
         stamps = frame.stamps(times)
         told = {

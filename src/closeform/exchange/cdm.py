@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path as FilePath
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 from closeform.arrays import instance, sequence
 from closeform.exchange.conjunction import Conjunction, ConjunctionObject
 from closeform.exchange.covariance import LOWER, from_lower
-from closeform.exchange.epochs import clock
+from closeform.exchange.epochs import clock, now
 from closeform.exchange.message import (
     CORRECT,
     Entry,
@@ -137,7 +136,7 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction, *, comments: 
     lines: list[tuple[str, Any, str]] = [
         ("CCSDS_CDM_VERS", "1.0", ""),
         *(("COMMENT", comment, "") for comment in comments),
-        ("CREATION_DATE", told.creation_date or f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}", ""),
+        ("CREATION_DATE", told.creation_date or now(), ""),
         ("ORIGINATOR", told.originator, ""),
         *([("MESSAGE_FOR", told.message_for, "")] if told.message_for else []),
         ("MESSAGE_ID", told.message_id, ""),

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import UTC, date, datetime, timedelta
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -84,6 +84,11 @@ class Epoch:
         day, part = self._date
         whole, rest = np.divmod(np.ravel(numbers("times", times)), DAY)
         return day + whole, part + rest / DAY
+
+
+def now() -> str:
+    """This second in UTC, as CREATION_DATE has it."""
+    return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}"
 
 
 def seconds_of(stamps: Sequence[str], system: str) -> Floats:

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.epochs import now
 from closeform.exchange.exported import FileFrame, Track, text_rows
 from closeform.exchange.nodes import DEGREE
-from closeform.exchange.oem_text import ORIGINATOR, STATE, comments, created, keyed
+from closeform.exchange.oem_text import ORIGINATOR, STATE, comments, keyed
 
 ACCELERATION = ("TIME_RELATIVE", "MAN_DURA", "ACC_X", "ACC_Y", "ACC_Z", "ACC_INTERP")
 IMPULSE = ("TIME_RELATIVE", "MAN_DURA", "DV_X", "DV_Y", "DV_Z")
@@ -20,7 +21,7 @@ UNITS = {"MAN_DURA": "s", MASS: "kg", "ACC_INTERP": "n/a"}
 def ocm(track: Track, frame: FileFrame) -> str:
     """In key-value form; times count in seconds from EPOCH_TZERO."""
     head = ["CCSDS_OCM_VERS = 3.0", *(f"COMMENT {line}" for line in comments(track, frame))]
-    head += [f"CREATION_DATE = {created()}", f"ORIGINATOR = {ORIGINATOR}", "", "META_START"]
+    head += [f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", "", "META_START"]
     first, last = frame.stamps(np.array(track.span))
     head += keyed(
         {

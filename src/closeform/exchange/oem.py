@@ -9,14 +9,13 @@ import itertools
 import re
 from collections.abc import Sequence
 from contextlib import nullcontext
-from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path as FilePath
 
 from closeform.arrays import Floats, instance, sequence
 from closeform.exchange.covariance import Covariances
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
-from closeform.exchange.epochs import Epoch, seconds_of
+from closeform.exchange.epochs import Epoch, now, seconds_of
 from closeform.exchange.message import message, within
 from closeform.exchange.segments import ephemeris_of, segments_of
 
@@ -141,7 +140,7 @@ def write_oem(
     lines = [
         "CCSDS_OEM_VERS = 2.0",
         *(f"COMMENT {comment}" for comment in comments),
-        f"CREATION_DATE = {datetime.now(UTC):%Y-%m-%dT%H:%M:%S}",
+        f"CREATION_DATE = {now()}",
         f"ORIGINATOR = {originator}",
         "",
         "META_START",

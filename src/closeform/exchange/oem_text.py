@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from datetime import UTC, datetime
 from xml.sax.saxutils import escape
 
 import numpy as np
 
+from closeform.exchange.epochs import now
 from closeform.exchange.exported import FileFrame, Piece, Track, text_rows
 from closeform.exchange.nodes import DEGREE
 
@@ -18,11 +18,6 @@ NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")
 ORIGINATOR = "CLOSEFORM"
 SCHEMA = "https://sanaregistry.org/r/ndmxml_unqualified/ndmxml-3.0.0-master-3.0.xsd"
-
-
-def created() -> str:
-    """Now, as CREATION_DATE has it."""
-    return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}"
 
 
 def whose(track: Track, frame: FileFrame) -> dict[str, str]:
@@ -62,7 +57,7 @@ def comments(track: Track, frame: FileFrame) -> list[str]:
 def oem(track: Track, frame: FileFrame) -> str:
     """In key-value form, a segment for each smooth piece."""
     parts = ["\n".join(["CCSDS_OEM_VERS = 2.0", *(f"COMMENT {line}" for line in comments(track, frame))])]
-    parts.append(f"\nCREATION_DATE = {created()}\nORIGINATOR = {ORIGINATOR}\n")
+    parts.append(f"\nCREATION_DATE = {now()}\nORIGINATOR = {ORIGINATOR}\n")
     for piece in track.pieces:
         parts.append("\n".join(["\nMETA_START", *keyed(metadata(track, frame, piece)), "META_STOP\n\n"]))
         parts.append(text_rows(frame.stamps(piece.times), STATE, piece.states / 1e3))
@@ -76,7 +71,7 @@ def oem_xml(track: Track, frame: FileFrame) -> str:
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<oem xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
         f'xsi:noNamespaceSchemaLocation="{SCHEMA}" id="CCSDS_OEM_VERS" version="2.0">\n'
-        f"<header>\n{about}<CREATION_DATE>{created()}</CREATION_DATE>\n"
+        f"<header>\n{about}<CREATION_DATE>{now()}</CREATION_DATE>\n"
         f"<ORIGINATOR>{ORIGINATOR}</ORIGINATOR>\n</header>\n<body>\n"
     ]
     numbers = "".join(
@@ -98,7 +93,7 @@ def opm(track: Track, frame: FileFrame) -> str:
     """The state at the start, with every burn as a manoeuvre; the mass changes only where it is known."""
     piece = track.pieces[0]
     lines = ["CCSDS_OPM_VERS = 3.0", *(f"COMMENT {line}" for line in frame.about)]
-    lines += [f"CREATION_DATE = {created()}", f"ORIGINATOR = {ORIGINATOR}"]
+    lines += [f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}"]
     lines += keyed(whose(track, frame))
     lines.append(f"EPOCH = {frame.stamps(piece.times[:1])[0]}")
     for name, unit, value in zip(NAMES, UNITS, piece.states[0] / 1e3, strict=True):
