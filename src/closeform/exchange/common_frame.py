@@ -12,6 +12,7 @@ from closeform.arrays import Floats, number, sequence
 from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
+from closeform.exchange.interpolation import nearest
 from closeform.exchange.spans import Spans
 from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
@@ -215,9 +216,7 @@ def _shared(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
     shared = np.ones(len(chief.times), dtype=bool)
     for each, offset in zip(spans, offsets, strict=True):
         times = each.times + offset
-        after = np.clip(np.searchsorted(times, chief.times), 1, len(times) - 1)
-        index = after - (chief.times - times[after - 1] < times[after] - chief.times)
-        shared &= np.abs(times[index] - chief.times) <= SAME_EPOCH
+        shared &= np.abs(times[nearest(times, chief.times)] - chief.times) <= SAME_EPOCH
     if shared.sum() < 2:
         start, stop = _common_span(spans, offsets)
         names = ", ".join(each.name for each in spans)

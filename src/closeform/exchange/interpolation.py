@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -28,6 +30,12 @@ def states_of(ephemeris: Ephemeris, epoch: Epoch, times: ArrayLike) -> tuple[Flo
             "give an epoch within them, or a longer file"
         )
     return interpolated(ephemeris, wanted.clip(begin, end))
+
+
+def nearest(epochs: Floats, times: Floats) -> Any:
+    """Which (K,) of some epochs (T,), which rise, is nearest to each time (K,); of two the later."""
+    after = np.clip(np.searchsorted(epochs, times), 1, len(epochs) - 1)
+    return after - (times - epochs[after - 1] < epochs[after] - times)
 
 
 def interpolated(ephemeris: Ephemeris, times: Floats) -> tuple[Floats, Floats]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.interpolation import nearest
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path, path_of
 
@@ -73,10 +74,8 @@ def spaced(times: Floats, gap: float) -> Floats:
 
 def distance(times: Floats, others: Floats) -> Floats:
     """How far each time is from the nearest of some others, which rise."""
-    after = np.clip(np.searchsorted(others, times), 1, max(len(others) - 1, 1))
-    left, right = (np.abs(times - others[np.minimum(after - k, len(others) - 1)]) for k in (1, 0))
-    nearest: Floats = np.minimum(left, right)
-    return nearest
+    apart: Floats = np.abs(times - others[nearest(others, times)])
+    return apart
 
 
 def nodes_of(piece: Path, common: Floats, fired: Floats, step: float) -> Floats:

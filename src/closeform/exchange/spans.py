@@ -12,7 +12,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
-from closeform.exchange.interpolation import interpolated
+from closeform.exchange.interpolation import interpolated, nearest
 
 JUMP = 1.0  # m: what a position jumps by is an error in a file, not a manoeuvre
 LEAST = 1e-9  # m/s: a jump of the velocity that is rounding
@@ -88,10 +88,9 @@ class Spans:
         for k in np.unique(which):
             one, some = self.segments[k], which == k
             wanted = (times[some] - self.starts[k]).clip(one.times[0], one.times[-1])
-            nearest = np.clip(np.searchsorted(one.times, wanted), 1, len(one.times) - 1)
-            nearest -= wanted - one.times[nearest - 1] < one.times[nearest] - wanted
-            told = np.abs(one.times[nearest] - wanted) <= SAME_EPOCH
-            found, off = one.states[nearest], np.zeros(len(wanted))
+            closest = nearest(one.times, wanted)
+            told = np.abs(one.times[closest] - wanted) <= SAME_EPOCH
+            found, off = one.states[closest], np.zeros(len(wanted))
             if not told.all():
                 found[~told], off[~told] = interpolated(one, wanted[~told])
             states[some], errors[some] = found, off
