@@ -145,7 +145,7 @@ class ImpulseSolver:
         best, self.aim, tolerance, last, idle = None, AIM, WIDEST, inf, 0
         moments = self.grid
         for _ in range(ROUNDS):
-            turning = tolerance > TURNING or self.limits.any() or self.failures is not None
+            turning = tolerance > TURNING or self.failures is not None
             allowed = 1.0 + tolerance if turning else 1.0 - WORTH
             found = self.priced(moments, contacts, tolerance, allowed * bar)
             if found is None:
