@@ -2051,6 +2051,11 @@ CALLS = (
         "ballistic: of 2 craft, where there are 3; give one for each",
     ),
     Call(
+        "zones of pairs of fewer craft than fly",
+        "cf.validity(cf.stack([plan, plan, plan]), cf.Field(chief), cf.PairZones.of([cf.Sphere(9.0)] * 2))",
+        "zones: zones of 2 craft for 3 paths",
+    ),
+    Call(
         "a horizon shorter than the time between measurements",
         "cf.Feedback(every=60.0, horizon=30.0)",
         "horizon: 30 s is shorter than the 60 s between measurements; give a longer one",

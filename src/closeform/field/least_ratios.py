@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.zones.pair_zones import PairZones
+from closeform.zones.made_table import NONE
+from closeform.zones.pair_zones import PairZones, by_zone, pair_zones
 from closeform.zones.zone import Zone
 
 FINER = 8  # instants of each step about the nearest, on the cubics through states
@@ -13,20 +14,20 @@ FINER = 8  # instants of each step about the nearest, on the cubics through stat
 
 def least_ratios(states: Floats, step: float, zones: Zone | PairZones | None) -> tuple[Any, Floats]:
     """Pairs i < j (P, 2) with a zone, and their least norms (P,), of `states` (N, T, 6) at equal steps."""
-    kinds: Any
+    if zones is None:
+        return np.empty((0, 2), dtype=np.int64), np.empty(0)
     first, second = np.triu_indices(len(states), 1)
-    if isinstance(zones, PairZones):
-        which, kinds = np.asarray(zones.which(first, second)), tuple(zones.zones)
-    else:
-        which, kinds = np.full(len(first), -1 if zones is None else 0), (zones,)
-    least = np.full(len(first), np.inf)
-    for k in np.unique(which[which >= 0]):
-        some = np.flatnonzero(which == k)
-        least[some] = nearest(states[first[some]] - states[second[some]], step, kinds[k])
-    return np.stack([first, second], axis=1)[which >= 0], least[which >= 0]
+    pairs = np.stack([first, second], axis=1)
+    if isinstance(zones, Zone):
+        return pairs, least_norms(states[first] - states[second], step, zones)
+    which = pair_zones("zones", zones, len(states)).which(first, second)
+    least = np.full(len(pairs), np.inf)
+    for k, some in by_zone(which):
+        least[some] = least_norms(states[first[some]] - states[second[some]], step, zones.zones[k])
+    return pairs[which != NONE], least[which != NONE]
 
 
-def nearest(motions: Floats, step: float, zone: Any) -> Floats:
+def least_norms(motions: Floats, step: float, zone: Zone) -> Floats:
     """The least norm of each of some relative motions (P, T, 6), by the cubics beside the nearest state."""
     norms = zone.norm(motions[..., :3])
     k = np.clip(norms.argmin(axis=1), 1, norms.shape[1] - 2)
