@@ -8,6 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.field import Field
+from closeform.motion.frames import turning_axes
 
 BESIDE = 1.0  # s, before and after a time: the force across the orbit is followed so far to see its rate
 
@@ -29,29 +30,20 @@ class ChiefFrame(NamedTuple):
     @classmethod
     def of(cls, field: Field, times: Floats) -> ChiefFrame:
         """That of the chief in a field, at some times (T,) [s]."""
-        ballistic = 0.0 if field.drag is None else field.drag.chief
-        states = field.chief_states(times)
+        ballistic, states = field._chief_ballistic, field.chief_states(times)
         place, speed = states[:, :3], states[:, 3:]
         felt = field.accelerations(times, states, ballistic)
-        axes, r, h = _axes(place, speed)
+        axes, r, climb, spin = turning_axes(states)
+        h = spin * r**2
         push = np.einsum("tij,tj->ti", axes, felt)
-        climb = (axes[:, 0] * speed).sum(axis=1)
         turn, rate = np.zeros((2, len(times), 3))
-        turn[:, 2], turn[:, 0] = h / r**2, r * push[:, 2] / h
-        rate[:, 2] = push[:, 1] / r - 2.0 * turn[:, 2] * climb / r  # h' = r f_y
+        turn[:, 2], turn[:, 0] = spin, r * push[:, 2] / h
+        rate[:, 2] = push[:, 1] / r - 2.0 * spin * climb / r  # h' = r f_y
         across = []
         for dt in (-BESIDE, BESIDE):
             there = np.hstack([place + dt * speed + 0.5 * dt * dt * felt, speed + dt * felt])
-            normal = _axes(there[:, :3], there[:, 3:])[0][:, 2]
+            normal = turning_axes(there)[0][:, 2]
             across.append((normal * field.accelerations(times + dt, there, ballistic)).sum(axis=1))
         push_rate = (across[1] - across[0]) / (2.0 * BESIDE)
         rate[:, 0] = (climb * push[:, 2] + r * push_rate) / h - turn[:, 0] * r * push[:, 1] / h
         return cls(times, states, felt, axes, turn, rate)
-
-
-def _axes(place: Floats, speed: Floats) -> tuple[Floats, Floats, Floats]:
-    """Axes (T, 3, 3), distances (T,) [m] and angular momenta (T,) [m^2/s]."""
-    momentum = np.cross(place, speed)
-    r, h = np.linalg.norm(place, axis=1), np.linalg.norm(momentum, axis=1)
-    radial, normal = place / r[:, None], momentum / h[:, None]
-    return np.stack([radial, np.cross(normal, radial), normal], axis=1), r, h

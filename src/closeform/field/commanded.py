@@ -122,24 +122,16 @@ def thrust(
     """
     paths = paths_to_fly(plan, field)
     step = checked("every", number("every", every), positive=True)
-    limit = (
-        None
-        if max_acceleration is None
-        else checked("max_acceleration", number("max_acceleration", max_acceleration), positive=True)
-    )
+    limit = np.inf
+    if max_acceleration is not None:
+        limit = checked("max_acceleration", number("max_acceleration", max_acceleration), positive=True)
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     commanded = planned - left_out
-    spent = np.asarray(paths.delta_v) + _integral(np.linalg.norm(commanded, axis=2), times)
-    spent = spent - _integral(np.linalg.norm(planned, axis=2), times)
-    most = np.linalg.norm(commanded, axis=2).max(axis=1)
-    exceeded = most > limit if limit is not None else np.zeros(len(most), dtype=bool)
+    size = np.linalg.norm(commanded, axis=2)
+    more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
+    before = np.array(paths.delta_v)
     told = described(field), times, commanded, planned, left_out
-    return CommandedThrust(*told, spent, np.array(paths.delta_v), exceeded)
-
-
-def _integral(values: Floats, times: Floats) -> Floats:
-    """Of values (N, T) over times: by trapezoids, whose error cancels in a difference."""
-    return np.asarray(np.trapezoid(values, times, axis=1))
+    return CommandedThrust(*told, before + more, before, size.max(axis=1) > limit)

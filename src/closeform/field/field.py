@@ -96,6 +96,10 @@ class Field:
         assert len(row) == WIDTH
         return row
 
+    @property
+    def _chief_ballistic(self) -> float:
+        return 0.0 if self.drag is None else self.drag.chief
+
     def accelerations(self, times: ArrayLike, states: ArrayLike, ballistics: ArrayLike = 0.0) -> Floats:
         """What craft feel.
 
@@ -176,8 +180,7 @@ class Field:
         if not len(times):
             return out
         if self.acceleration is None:
-            ballistic = 0.0 if self.drag is None else self.drag.chief
-            fly(self._constants, ballistic, start, times, LONGEST, TABLEAU, out)
+            fly(self._constants, self._chief_ballistic, start, times, LONGEST, TABLEAU, out)
             return out
 
         def rates(t: float, s: Floats) -> Floats:

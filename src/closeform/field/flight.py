@@ -258,20 +258,9 @@ def _course(
     since = times[: 2 * measured + 1] - times[0]
     back = np.zeros((len(since), 3, 6)) if law is None else way_back(paths.orbit, law.horizon, since)[2]
     count = len(states)
-    parts = (
-        *(
-            frame.states[:, :3],
-            frame.states[:, 3:],
-            frame.felt,
-            frame.axes,
-            frame.turn,
-            commanded,
-            states[:, ::2],
-            back,
-        ),
-        *(ballistics_of(field.drag, count), np.full(count, limit)),
-    )
-    return Course(*(np.ascontiguousarray(one, dtype=float) for one in parts))
+    chief = frame.states[:, :3], frame.states[:, 3:], frame.felt, frame.axes, frame.turn
+    craft = commanded, states[:, ::2], back, ballistics_of(field.drag, count), np.full(count, limit)
+    return Course(*(np.ascontiguousarray(one, dtype=float) for one in (*chief, *craft)))
 
 
 def _drawn(

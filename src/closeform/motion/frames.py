@@ -69,7 +69,7 @@ def relative_from_inertial(
     ----------
     docs/validity.md and docs/ephemerides.md.
     """
-    axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
+    axes, distance, climb, turn = turning_axes(checked("chief", chief, last=6))
     roll = _roll(axes, distance, turn, acceleration)
     inertial = checked("deputy", deputy, last=6)
     circle, growth = _circle(along_track, radius, distance, climb)
@@ -133,7 +133,7 @@ def inertial_from_relative(
     ----------
     docs/validity.md.
     """
-    axes, distance, climb, turn = _frame(checked("chief", chief, last=6))
+    axes, distance, climb, turn = turning_axes(checked("chief", chief, last=6))
     roll = _roll(axes, distance, turn, acceleration)
     circle, growth = _circle(along_track, radius, distance, climb)
     states = checked("relative", relative, last=6)
@@ -171,7 +171,7 @@ def relative_jacobian(
     return np.swapaxes(ahead - behind, -1, -2) / (2.0 * STEPS)
 
 
-def _frame(chief: Floats) -> tuple[Floats, Any, Any, Any]:
+def turning_axes(chief: Floats) -> tuple[Floats, Any, Any, Any]:
     """Axes (..., 3, 3) as rows, distance [m], its rate [m/s] and the turn rate h / r^2 [rad/s]."""
     position, velocity = chief[..., :3], chief[..., 3:]
     momentum = np.cross(position, velocity)
