@@ -21,16 +21,19 @@ J is the force's jump of thrust rate, carried back to s by natural motion, as al
 thrust itself jumps too.  A' is then its rate in t alone, and B' has no meaning.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import int64, void
 
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, primer_at, state_at
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, WIDTH, primer_at, state_at
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
 from closeform.planning.relative_motion import motion_after
-from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE
+from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
 PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T
 
@@ -253,6 +256,12 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
             coast_arc(n, end, scene.span[1], state_at(arcs[row - 1], end), arcs[row])
             row += 1
     offsets[len(scene.base)] = row
+
+
+def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
+    """Room for the craft's arcs under contacts."""
+    craft = len(scene.base)
+    return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
 
 
 @kernel(int64(SCENE, CONTACTS, ROWS, INDICES))

@@ -1,16 +1,18 @@
 """The program of planes that failed craft are to keep: the least energy, and the paths that it shapes."""
 
 from math import inf
+from typing import Any
 
 import numpy as np
 from numba import float64
 
+from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, lent, stack_matrix
-from closeform.planning.deflection import deflect, fill_factors, fill_gram
+from closeform.planning.deflection import deflect, fill_factors, fill_gram, room_for
 from closeform.planning.qp import solve_qp
 from closeform.planning.relative_motion import motion_after
-from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
+from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
 ALONE, TOGETHER = 1e5, 30.0  # zones that one plane, and all of them, may push a craft: no plan comes of more
 
@@ -53,3 +55,11 @@ def press(scene, contacts, lift, give, stride, arcs, offsets):
             contacts.multipliers[k] *= stride / farthest
     deflect(scene, contacts, count, factors, arcs, offsets)
     return energy
+
+
+def press_in(
+    scene: Scene, planes: Contacts, lift: float, give: float, stride: float
+) -> tuple[float, Floats, Any]:
+    """`press` with room for the craft's arcs: the energy and these."""
+    arcs, offsets = room_for(scene, planes)
+    return press(scene, planes, lift, give, stride, arcs, offsets), arcs, offsets

@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, START, WIDTH
-from closeform.planning.deflection import fly
+from closeform.motion.arc import END, START
+from closeform.planning.deflection import fly, room_for
 from closeform.planning.failures import find_failures, slide_failures
-from closeform.planning.passive_planes import press
+from closeform.planning.passive_planes import press_in
 from closeform.planning.problem import MARGIN, Problem
-from closeform.planning.scene import Contacts, Scene
+from closeform.planning.scene import Contacts
 from closeform.zones.shapes import BALL
 
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # rounds at most, to a first plan, and to a better one
@@ -159,20 +159,6 @@ class Rounds:
         given = self.scene, arcs, offsets, self.moments, shifts, REACH, self.room, self.norms
         count = find_failures(*given)
         return self.room.first(count), self.norms[:count].copy()
-
-
-def press_in(
-    scene: Scene, planes: Contacts, lift: float, give: float, stride: float
-) -> tuple[float, Floats, Any]:
-    """`press` with room for the craft's arcs: the energy and these."""
-    arcs, offsets = room_for(scene, planes)
-    return press(scene, planes, lift, give, stride, arcs, offsets), arcs, offsets
-
-
-def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
-    """Room for the craft's arcs under contacts."""
-    craft = len(scene.base)
-    return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
 
 
 def pressing(planes: Contacts) -> Contacts:

@@ -17,7 +17,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of, path_of
 from closeform.planning.approaches import sample_bodies
 from closeform.planning.contacts import turn_normals
-from closeform.planning.deflection import fly, invert_responses, look_at
+from closeform.planning.deflection import fly, invert_responses, look_at, room_for
 from closeform.planning.plan import Contact
 from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
@@ -197,8 +197,7 @@ class Problem:
 
     def fly(self, scene: Scene, contacts: Contacts) -> Flown:
         """The paths of all bodies in a scene."""
-        arcs = np.zeros((3 * self.count + 2 * contacts.number, WIDTH))
-        offsets = np.zeros(self.count + 1, dtype=np.int64)
+        arcs, offsets = room_for(scene, contacts)
         number = fly(scene, contacts, arcs, offsets)
         return self.with_obstacles(arcs[:number], offsets)
 

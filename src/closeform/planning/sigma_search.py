@@ -12,9 +12,8 @@ from math import inf
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.arc import WIDTH
 from closeform.planning.certify import AHEAD, Solution
-from closeform.planning.passive_planes import press
+from closeform.planning.passive_planes import press_in
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW, Found, Search
@@ -135,9 +134,7 @@ class SigmaSearch:
 
     def pressed(self, planes: Contacts, lift: float) -> tuple[float, Flown]:
         """The energy with which planes are kept, which fills their multipliers, and all paths then."""
-        craft = self.problem.count
-        arcs, offsets = np.zeros((3 * craft + 2 * planes.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
-        energy = press(self.scene, planes, lift, HARD, inf, arcs, offsets)
+        energy, arcs, offsets = press_in(self.scene, planes, lift, HARD, inf)
         if energy == inf:
             return energy, (arcs, offsets)
         return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
