@@ -32,13 +32,8 @@ RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cel
 NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
 # Cells after which a verdict is that nothing is certain, and a least norm is looked for less closely.
 MANY, LESS = 5_000, 10.0
-TIME, RATIO, LOWER, PLACE, FAILURE = (
-    0,
-    1,
-    2,
-    3,
-    6,
-)  # columns of what is told of a pair: in zone coordinates; a cell
+# Columns of what is told of a pair; the place in zone coordinates, the failure a cell.
+TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
 
 
 @kernel()
