@@ -169,6 +169,10 @@ class Sizes:
         """By how much zones so many times as large are larger in every direction."""
         return np.asarray((np.asarray(factor) - 1.0) * self.smallest)
 
+    def told(self, factor: float) -> tuple[float, float, float]:
+        """Factor, metres and sigmas of an answer; nan sigmas without errors."""
+        return factor, float(self.metres(factor)), nan
+
     def plan(self, factor: float) -> Avoidance | Plan:
         """The plan for zones so many times as large."""
         return self.planned(resized(self.zone, factor))

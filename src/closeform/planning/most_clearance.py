@@ -146,7 +146,7 @@ def most_clearance(
         raise ValueError(f"budget: must be positive and finite, got {shown(budget)}")
     sizes = Sizes.of(path, obstacles, zone, cost, thrusters, names)
     if errors is not None or other_errors is not None:
-        sizes = Deviations(**vars(sizes), errors=errors, other_errors=other_errors)
+        sizes = SigmaCounts(**vars(sizes), errors=errors, other_errors=other_errors)
         if path.shape and other_errors is not None:
             raise ValueError("other_errors: of a formation; give them in errors, behind those of its craft")
     low, high, factor, tried = 0.0, inf, sizes.first, 0
@@ -169,13 +169,12 @@ def most_clearance(
     status, reason = in_words(sizes, best, beyond, limit)
     if best is None:
         return MostClearance(nan, nan, None, status, reason, limit, tried)
-    if isinstance(sizes, Deviations):
-        return MostClearance(1.0, 0.0, best, status, reason, limit, tried, low)
-    return MostClearance(low, float(sizes.metres(low)), best, status, reason, limit, tried)
+    factor, metres, sigmas = sizes.told(low)
+    return MostClearance(factor, metres, best, status, reason, limit, tried, sigmas)
 
 
 @dataclass(frozen=True, eq=False)
-class Deviations(Sizes):
+class SigmaCounts(Sizes):
     """The same with errors, of which more and more standard deviations are kept: the factor is how many."""
 
     first: ClassVar[float] = 0.0
@@ -185,6 +184,10 @@ class Deviations(Sizes):
 
     errors: Any
     other_errors: Any
+
+    def told(self, factor: float) -> tuple[float, float, float]:
+        """Zones stay as they are."""
+        return 1.0, 0.0, factor
 
     def plan(self, factor: float) -> Avoidance | Plan:
         """The plan that keeps so many sigmas."""
