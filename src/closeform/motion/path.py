@@ -10,7 +10,7 @@ import numpy as np
 from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers, shown
+from closeform.arrays import Floats, instance, numbers, shown
 from closeform.compiled import kernel
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
 from closeform.motion.certified_march import locate
@@ -301,6 +301,13 @@ class Path(Result):
         out = np.empty((len(self.offsets) - 1, times.shape[1], columns))
         evaluate(self.arcs, self.offsets, self.orbit.mean_motion, np.ascontiguousarray(times), out)
         return out
+
+
+def of_one_craft(path: Path) -> Path:
+    """An argument `path` as it is; ValueError unless it is that of one craft."""
+    if instance("path", path, Path).shape:
+        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+    return path
 
 
 def ends_of(path: Path) -> tuple[Floats, Floats]:

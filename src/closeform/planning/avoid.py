@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import instance
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.path import Path
+from closeform.motion.path import Path, of_one_craft
 from closeform.planning.around import Around
 from closeform.planning.plan import Avoidance, Cost
 from closeform.planning.planner import (
@@ -128,8 +128,7 @@ def avoid(
     >>> shaped.ok, cf.find_conflicts(shaped.path, client, cf.Ellipsoid([20.0, 40.0, 20.0]))
     (True, ())
     """
-    if instance("path", path, Path).shape:
-        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+    of_one_craft(path)
 
     def way(factor: float) -> Path:
         return path if factor == 1.0 else transfer_of(path, factor)

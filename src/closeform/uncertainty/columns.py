@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.arrays import Floats, instance
+from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
-from closeform.motion.path import Path, path_of
+from closeform.motion.path import Path, of_one_craft, path_of
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
@@ -23,9 +23,7 @@ def columns_of(path: Path, errors: Errors) -> Path:
 
     Errors that are nil have none, nor has white noise.                                       # theory (50)
     """
-    instance("path", path, Path)
-    if path.shape:
-        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+    of_one_craft(path)
     errors._check_for(path)
     found = [*_of_state(path, errors), *_of_impulses(path, errors), *_of_burns(path, errors)]
     offsets = np.cumsum([0, *map(len, found)])

@@ -11,10 +11,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, numbers
+from closeform.arrays import Floats, number, numbers
 from closeform.conflicts.two_paths import Conflict
 from closeform.motion.ends import checked_below
-from closeform.motion.path import Path
+from closeform.motion.path import Path, of_one_craft
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
 from closeform.uncertainty.search import checked_sigmas, one_for_each, search_of, stays_of_two
 from closeform.uncertainty.spread import covariances, spread_of
@@ -183,7 +183,7 @@ class Errors:
         when = number("time", time)
         if not np.isfinite(when):
             raise ValueError(f"time: must be finite, got {when:g} s")
-        back = _one_craft(path).orbit.transition(path.start - when)
+        back = of_one_craft(path).orbit.transition(path.start - when)
         root: Any = back @ into_frame(chief) @ turned @ root_of("covariance", covariance)
         return cls(None, **execution)._with_root(root)
 
@@ -220,7 +220,7 @@ class Errors:
         docs/theory.md section 3, errors.
         """
         times = numbers("time", time)
-        _one_craft(path).state(times)  # which says what is wrong with them
+        of_one_craft(path).state(times)  # which says what is wrong with them
         spread = spread_of(path, [self])
         out = np.empty((times.size, 6, 6))
         flat = np.ascontiguousarray(times.reshape(-1))
@@ -271,12 +271,6 @@ def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Float
     if not (given >= 0.0).all():
         raise ValueError(f"{name}: standard deviations and densities are at least 0, got {given.tolist()}")
     return given
-
-
-def _one_craft(path: Path) -> Path:
-    if instance("path", path, Path).shape:
-        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
-    return path
 
 
 def one_state(name: str, value: ArrayLike) -> Floats:
