@@ -175,7 +175,7 @@ def answers() -> dict[str, Any]:
     found |= {
         "Validity": cf.validity(steered, field, ball),
         "CommandedThrust": cf.thrust(steered, field, every=20.0),
-        "flown in a field Flight": cf.fly(steered, field),
+        "Flight": cf.fly(steered, field),
         "Tube": cf.tube(low.orbit, cf.Feedback(), cf.Navigation(0.1, 1e-3), [1e-6, 2e-6]),
     }
     mission = fly(parse(STUDY, "study.toml", "run"))
@@ -184,7 +184,7 @@ def answers() -> dict[str, Any]:
         "Mission": mission,
         "StageResult": mission.results[0],
         **loaded(),
-        "Flight": mission.results[0].after,
+        "WatchedFlight": mission.results[0].after,
         "ErrorCampaign": errors,
         "LockCampaign": locked,
         "GatherCampaign": flown(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),

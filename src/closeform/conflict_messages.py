@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import PairConflict
 from closeform.exchange.chief import Chief
 from closeform.exchange.conjunction import Conjunction, ConjunctionObject
@@ -56,7 +56,7 @@ def messages(source: Source) -> Iterator[tuple[str, Conjunction, tuple[str, ...]
         yield message(source, known, stage, when, flight, met)
 
 
-def flights(stage: Any) -> Iterator[tuple[str, Flight]]:
+def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
     """What is flown in a stage, and what would have been."""
     if stage.before is not stage.after:
         yield "before", stage.before
@@ -65,7 +65,7 @@ def flights(stage: Any) -> Iterator[tuple[str, Flight]]:
 
 
 def message(
-    source: Source, known: Any, stage: Any, when: str, flight: Flight, met: PairConflict
+    source: Source, known: Any, stage: Any, when: str, flight: WatchedFlight, met: PairConflict
 ) -> tuple[str, Conjunction, tuple[str, ...]]:
     """One conflict."""
     chief, scenario = source.chief, source.scenario

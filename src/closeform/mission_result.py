@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -46,8 +46,8 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     number: int
     stage: AnyStage
     start: float
-    before: Flight
-    after: Flight
+    before: WatchedFlight
+    after: WatchedFlight
     result: AnyResult
     failure: str | None = None
     flown: bool = True
@@ -64,7 +64,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
             yield "failed", self.failure
 
     @property
-    def planned(self) -> Flight:
+    def planned(self) -> WatchedFlight:
         """The plan: what is flown, but for thrusters."""
         return self.after if self.pulsed is None else self.pulsed.planned
 

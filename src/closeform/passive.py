@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.drift.drift_approach import drift_approach
 from closeform.drift.drift_screen import drift_screen
 from closeform.drift.failures import Failure
@@ -112,7 +112,7 @@ def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety |
 
 
 def nearest(
-    flight: Flight, zones: PairZones, until: float, failure: Failure
+    flight: WatchedFlight, zones: PairZones, until: float, failure: Failure
 ) -> tuple[tuple[PairDrift, ...], int]:
     """How near each two craft come when one of them fails, the nearest first, and how many were asked for."""
     paths = flight.paths

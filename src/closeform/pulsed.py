@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import StageResult
 from closeform.stage_start import Room, StageStart
 
@@ -31,7 +31,7 @@ class Pulsed:
 
     names: tuple[str, ...]
     firing: "Firing"
-    planned: Flight
+    planned: WatchedFlight
     room: Room
 
 
@@ -84,13 +84,13 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     return kept
 
 
-def shooters(start: StageStart, flight: Flight) -> list[int]:
+def shooters(start: StageStart, flight: WatchedFlight) -> list[int]:
     """Who has thrusters and needs them on a flight."""
     craft = enumerate(start.scenario.craft)
     return [k for k, one in craft if one.thrusters is not None and flight.paths[k].delta_v > 0.0]
 
 
-def fired(start: StageStart, flight: Flight, shooting: list[int]) -> "tuple[tuple[str, ...], Firing]":
+def fired(start: StageStart, flight: WatchedFlight, shooting: list[int]) -> "tuple[tuple[str, ...], Firing]":
     """What some craft fire on a flight, with their names.
 
     Raises ValueError that counts craft by their names and thrusters from 1.
@@ -119,7 +119,7 @@ def fired(start: StageStart, flight: Flight, shooting: list[int]) -> "tuple[tupl
         raise type(error)(f"{what}: {names[int(k)]}: {why}") from None
 
 
-def nearest(flight: Flight, planned: Flight) -> float:
+def nearest(flight: WatchedFlight, planned: WatchedFlight) -> float:
     """The least norm in conflicts of a flight, of pairs that are planned to have none; inf without."""
     asked = {(conflict.first, conflict.second) for conflict in planned.conflicts}
     norms = [one.ratio for one in flight.conflicts if (one.first, one.second) not in asked]

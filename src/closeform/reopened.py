@@ -13,7 +13,7 @@ import numpy as np
 
 from closeform import arc_tables
 from closeform.arrays import instance
-from closeform.conflicts.flight import Flight, PairApproach
+from closeform.conflicts.flight import PairApproach, WatchedFlight
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import FirstLocks, Stages
 from closeform.motion.arc import END, START
@@ -41,7 +41,7 @@ class LoadedStage(Result):
         What the scenario says of it; `stage.verb` is its `do`, `stage.name` its name or None.
     start : float [s]
         When it begins.
-    before, after : Flight
+    before, after : WatchedFlight
         The paths of all craft before avoidance and as flown, `paths` (N,) by `names`, with `conflicts` and
         closest `approaches` by name.
     result : Gathering, FirstLocks or None
@@ -56,8 +56,8 @@ class LoadedStage(Result):
     number: int
     stage: StageTable
     start: float
-    before: Flight
-    after: Flight
+    before: WatchedFlight
+    after: WatchedFlight
     result: Gathering | FirstLocks | None
     burns: Columns
     figures: Mapping[str, Any]
@@ -250,7 +250,7 @@ class RunTables:
                 figures,
             )
 
-    def flight(self, number: int, when: str) -> Flight:
+    def flight(self, number: int, when: str) -> WatchedFlight:
         """The paths of a stage with what was found of them."""
         names, zones = self.scenario.names, self.scenario.zones
         wanted = {"stage": number, "when": when}
@@ -268,9 +268,11 @@ class RunTables:
             for row in _tuples(met, "start_s", "end_s", "time_s", "ratio", "first", "second")
         ]
         path = arc_tables.path_in(arcs, self.orbit, names)
-        return Flight(path, names, tuple(conflicts), tuple(approaches), zones.pairs)
+        return WatchedFlight(path, names, tuple(conflicts), tuple(approaches), zones.pairs)
 
-    def found(self, verb: str, figures: Mapping[str, Any], after: Flight) -> Gathering | FirstLocks | None:
+    def found(
+        self, verb: str, figures: Mapping[str, Any], after: WatchedFlight
+    ) -> Gathering | FirstLocks | None:
         """What a search came to."""
         if verb == "gather":
             return self.gathering(figures, after)
@@ -297,7 +299,7 @@ class RunTables:
                 )
         return FirstLocks(search, self.scenario.opposite, Locks(rows["time_s"].astype(float), legs))
 
-    def gathering(self, figures: Mapping[str, Any], after: Flight) -> Gathering:
+    def gathering(self, figures: Mapping[str, Any], after: WatchedFlight) -> Gathering:
         """What became of lost craft; its times count from the start of the stage."""
         told, where = figures["gathering"], {name: k for k, name in enumerate(after.names)}
         arcs = after.paths.arcs.copy()

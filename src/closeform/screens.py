@@ -11,7 +11,7 @@ from closeform.console import complain, kept, say, stderr, stdout, tell_screen
 from closeform.given import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
 
 if TYPE_CHECKING:
-    from closeform.conflicts.flight import Flight
+    from closeform.conflicts.flight import WatchedFlight
     from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
     from closeform.report.encounter import EncounterReport
@@ -151,7 +151,9 @@ def left(made: "Callable[[], ScreenReport | EncounterReport]", place: Path, over
     return report.verdict.status
 
 
-def uncertain(frame: "CommonFrame", flight: "Flight", sigmas: float | None) -> "UncertainFlight | None":
+def uncertain(
+    frame: "CommonFrame", flight: "WatchedFlight", sigmas: float | None
+) -> "UncertainFlight | None":
     """How many sigmas pairs are clear by, and how probable it is that they meet; None if nobody asked."""
     if sigmas is None:
         return None

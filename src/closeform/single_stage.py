@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import AvoidResult, StageResult, TransferResult
 from closeform.motion.duration import far_beyond
@@ -61,7 +61,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 
     to = None if stage.to is None else start.settled(stage.to, mover, asked, stage.cost, clear)
 
-    def flight(path: Path) -> Flight:
+    def flight(path: Path) -> WatchedFlight:
         around = [other(name, path.end - start.time) for name in rest]
         return start.flight([*around[:mover], path, *around[mover:]])
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import Flight, watch
+from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
@@ -120,7 +120,7 @@ class StageStart:
             return self.scenario.zones
         return PairZones.of(self.keep_out, self.scenario.names)
 
-    def flight(self, paths: list[Path]) -> Flight:
+    def flight(self, paths: list[Path]) -> WatchedFlight:
         """The paths, watched over their common time."""
         return watch(stack(paths), self.scenario.names, self.scenario.zones)
 
@@ -128,7 +128,7 @@ class StageStart:
         """Craft k does not burn for a `duration` [s]."""
         return self.orbit.coast(self.states[k], duration, self.time)
 
-    def coasts(self, duration: float) -> Flight:
+    def coasts(self, duration: float) -> WatchedFlight:
         """Nobody burns for a `duration` [s]."""
         return self.flight([self.coast(k, duration) for k in range(len(self.states))])
 
@@ -205,7 +205,7 @@ class StageStart:
             error.args = (f"{what}: {self.scenario.names[k]}: {words}",)
             raise
 
-    def mixed(self, who: list[int], paths: Path) -> Flight:
+    def mixed(self, who: list[int], paths: Path) -> WatchedFlight:
         """The `paths` of the craft `who`; the others coast meanwhile."""
         duration = float(np.max(paths.end)) - self.time
         flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
@@ -219,7 +219,7 @@ def is_exact(stage: Avoid | Joint) -> bool:
 
 
 def too_late(
-    start: StageStart, stage: Avoid | Joint, after: Flight, punctual: dict[str, float | None]
+    start: StageStart, stage: Avoid | Joint, after: WatchedFlight, punctual: dict[str, float | None]
 ) -> Late | None:
     """That a stage takes longer than it was asked to, where it does.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Self
 
-from closeform.conflicts.flight import Flight, watch
+from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.scenario import Scenario, StageTable
 from closeform.uncertainty.carried import carried
 from closeform.uncertainty.errors import Errors
@@ -38,7 +38,7 @@ class UncertainStage:
         scenario: Scenario,
         number: int,
         stage: StageTable,
-        flight: Flight,
+        flight: WatchedFlight,
         errors: Sequence[Errors | None],
     ) -> Self:
         """From a stage as flown, and the errors of all craft when it begins."""
@@ -51,7 +51,7 @@ class UncertainStage:
             bodies = UncertainFlight.of(touching, errors, sigmas, limit=limit)
         return cls(number, stage, tuple(errors), zones, bodies)
 
-    def after(self, flight: Flight) -> tuple[Errors | None, ...]:
+    def after(self, flight: WatchedFlight) -> tuple[Errors | None, ...]:
         """The errors of all craft when it is over."""
         return tuple(
             None if one is None else carried(one, flight.path(name))

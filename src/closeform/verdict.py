@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from closeform.scenario import Craft
 
 if TYPE_CHECKING:  # whose kernels a verdict can spare
-    from closeform.conflicts.flight import Flight
+    from closeform.conflicts.flight import WatchedFlight
 
 ROUNDING = 1e-9  # of a limit that a plan was to keep to
 MET, NOT_MET = 0, 1  # exit status: of what was asked for
@@ -226,7 +226,7 @@ def beyond(uses: Iterable[Use]) -> str:
     return ", ".join(parts)
 
 
-def conflicts_in(flights: Iterable["Flight"]) -> tuple[int, int]:
+def conflicts_in(flights: Iterable["WatchedFlight"]) -> tuple[int, int]:
     """How many conflicts there are in flights that follow one another, and of how many pairs.
 
     One that lasts from one flight into the next is one.

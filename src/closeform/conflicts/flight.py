@@ -39,7 +39,7 @@ class PairApproach:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Flight(Result):
+class WatchedFlight(Result):
     """The formation's paths, shape (N,), with every conflict and each pair's closest approach.
 
     Of more than `ALL_PAIRS` there are the approaches of the closest only; `pairs` is how many have
@@ -88,7 +88,7 @@ def stays_rather(path: Path, other: Path) -> bool:
     return mine < theirs
 
 
-def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:
+def watch(paths: Path, names: Sequence[str], zones: PairZones) -> WatchedFlight:
     """Every conflict and the closest approaches among paths of shape (N,)."""
     approaches: list[PairApproach] = []
     for zone, first, second in portions(zones) if zones.pairs <= ALL_PAIRS else nearest(paths, zones):
@@ -101,7 +101,7 @@ def watch(paths: Path, names: Sequence[str], zones: PairZones) -> Flight:
             )
         ]
     conflicts = list(screen(paths, zones).conflicts)
-    return Flight(paths, tuple(names), named(conflicts, names), named(approaches, names), zones.pairs)
+    return WatchedFlight(paths, tuple(names), named(conflicts, names), named(approaches, names), zones.pairs)
 
 
 def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:

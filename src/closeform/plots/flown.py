@@ -97,6 +97,6 @@ FLYING: dict[str, Callable[[Any], Flown]] = {
     "LoadedRun": _mission,
     "StageResult": _stage,
     "LoadedStage": _stage,
-    "Flight": _formation,
-    "field.flight.Flight": _worst,
+    "WatchedFlight": _formation,
+    "Flight": _worst,
 }

@@ -145,14 +145,10 @@ def _kind(result: Any) -> str:
         kinds = {_kind(one) for one in result} or {"Conflict"}
         return kinds.pop() if kinds in ({"Conflict"}, {"Path"}) else ""
     ours = [base for base in type(result).__mro__ if base.__module__.startswith("closeform.")]
-    names = [
-        name
-        for base in ours  # two of one name are told apart by their modules
-        for name in (f"{base.__module__.removeprefix('closeform.')}.{base.__name__}", base.__name__)
-    ]
+    names = [base.__name__ for base in ours]
     return next((name for name in names if name in FLYING or name in PICTURES), "")
 
 
 def _listed(kinds: Mapping[str, Any]) -> str:
     """Names in a message."""
-    return ", ".join(sorted({kind.rpartition(".")[2] for kind in kinds}))
+    return ", ".join(sorted(kinds))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.conflicts.flight import ALL_PAIRS, Flight, PairApproach
+from closeform.conflicts.flight import ALL_PAIRS, PairApproach, WatchedFlight
 from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import StageResult
 from closeform.motion.arc import END, START
@@ -61,7 +61,7 @@ def approach_row(near: PairApproach) -> tuple[Any, ...]:
     return (near.first, near.second), near.ratio, near.distance, near.time, near.rule
 
 
-def stays(flight: Flight) -> list[tuple[Any, ...]]:
+def stays(flight: WatchedFlight) -> list[tuple[Any, ...]]:
     """Rows of STAYS: each pair in conflict with all its stays, the deepest first."""
     pairs: dict[tuple[Any, Any], list[PairConflict]] = {}
     for met in flight.conflicts:
@@ -79,7 +79,7 @@ def deepest_of(found: Sequence[PairConflict]) -> PairConflict:
     return min(found, key=lambda met: (round(met.ratio, 6), met.time))
 
 
-def zones(flight: Flight) -> tuple[str, ...]:
+def zones(flight: WatchedFlight) -> tuple[str, ...]:
     """How the zones of pairs were made, of how many each, where two craft's own had to be put together."""
     counts = Counter(near.rule for near in flight.approaches)
     if not counts.keys() - {REGION}:
@@ -88,7 +88,7 @@ def zones(flight: Flight) -> tuple[str, ...]:
     return (f"Zones of pairs: {'; '.join(told) if len(told) > 1 else next(iter(counts))}",)
 
 
-def listed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+def listed(title: str, flight: WatchedFlight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """A table of conflicts, or a line that there are none, and how close the closest pair comes."""
     if flight.conflicts:
         return (), (Table(title, CONFLICT, [conflict_row(met) for met in flight.conflicts]),)
@@ -101,7 +101,9 @@ def listed(title: str, flight: Flight) -> tuple[tuple[str, ...], tuple[Table, ..
     ), ()
 
 
-def summed(title: str, flight: Flight, avoided: bool = False) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+def summed(
+    title: str, flight: WatchedFlight, avoided: bool = False
+) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Conflicts; where they are many, a line and a row for each pair, and all of them for the page.
 
     Of those that are `avoided` the terminal has the line alone.
@@ -121,7 +123,7 @@ def summed(title: str, flight: Flight, avoided: bool = False) -> tuple[tuple[str
     return (line,), (by_pair, *(replace(table, folded=True) for table in tables))
 
 
-def approaches(title: str, flight: Flight) -> tuple[Table, ...]:
+def approaches(title: str, flight: WatchedFlight) -> tuple[Table, ...]:
     """Every pair's closest approach; of very many pairs the closest."""
     pairs = flight.approaches
     if len(pairs) > MOST_PAIRS:
@@ -130,7 +132,7 @@ def approaches(title: str, flight: Flight) -> tuple[Table, ...]:
     return (Table(title, APPROACH, [approach_row(near) for near in pairs], folded=True),) if pairs else ()
 
 
-def figures(flight: Flight) -> dict[str, Any]:
+def figures(flight: WatchedFlight) -> dict[str, Any]:
     """Conflicts, of how many pairs, and the closest pair."""
     close = flight.closest
     return {
@@ -141,7 +143,7 @@ def figures(flight: Flight) -> dict[str, Any]:
     }
 
 
-def between_samples(flight: Flight) -> tuple[str, ...]:
+def between_samples(flight: WatchedFlight) -> tuple[str, ...]:
     """How paths through samples were interpolated, how far off craft may be, and whether that matters."""
     paths = flight.paths[1:]  # seen from the first craft, which is exactly where it is
     count = len(paths.arcs)
@@ -176,7 +178,7 @@ def files(result: StageResult[Any, Any]) -> dict[str, Table]:
     return {"conflicts": Table("", (WHEN, *CONFLICT), met), "approaches": Table("", (WHEN, *APPROACH), near)}
 
 
-def coasting(flight: Flight, zones: PairZones) -> tuple[Picture, ...]:
+def coasting(flight: WatchedFlight, zones: PairZones) -> tuple[Picture, ...]:
     """Craft that coast: all their ways, the pairs that come closest, and where there are conflicts which."""
     if flight.pairs > ALL_PAIRS:  # a picture of thousands shows nothing, and takes minutes
         return deepest(flight)
@@ -194,7 +196,7 @@ def coasting(flight: Flight, zones: PairZones) -> tuple[Picture, ...]:
     return (*found, *deepest(flight))
 
 
-def nearest(flight: Flight, zones: PairZones, count: int = FEWEST) -> Picture:
+def nearest(flight: WatchedFlight, zones: PairZones, count: int = FEWEST) -> Picture:
     """How near the pairs come that come closest, so many at most."""
     some = f"The {count} of {flight.pairs} pairs" if flight.pairs > count else "The pairs"
     caption = f"{some} that come closest, against time"
@@ -210,7 +212,7 @@ def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
     return (Film("flight", "The flight of all craft", "formation_animation", (result.after.paths,), options),)
 
 
-def deepest(flight: Flight) -> tuple[Picture, ...]:
+def deepest(flight: WatchedFlight) -> tuple[Picture, ...]:
     """The two craft that come closest, where anybody is in conflict."""
     close = flight.closest
     if close is None or not flight.conflicts:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.mean_motion import EARTH_MU, semi_major_axis_from_mean_motion
 from closeform.report.section import Section
@@ -55,7 +55,7 @@ class Reach:
     smallest: float | None
 
     @classmethod
-    def of(cls, flights: list[Flight]) -> "Reach":
+    def of(cls, flights: list[WatchedFlight]) -> "Reach":
         """Of flights one after another, at some instants of each."""
         found: list[tuple[float, float, str]] = []
         for flight in flights:

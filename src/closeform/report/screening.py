@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.common_frame import CommonFrame
 from closeform.exchange.epochs import Epoch
 from closeform.report import conflicts, model, results, uncertain
@@ -44,7 +44,7 @@ class ScreenReport:
     """What there is to say of a flight along ephemerides in a frame, and of the command that asked for it."""
 
     frame: CommonFrame
-    flight: Flight
+    flight: WatchedFlight
     zones: PairZones
     command: Command
     uncertain: "UncertainFlight | None" = None

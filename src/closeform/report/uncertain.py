@@ -10,7 +10,7 @@ from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 
 if TYPE_CHECKING:  # whose kernels a stage without errors can spare
-    from closeform.conflicts.flight import Flight
+    from closeform.conflicts.flight import WatchedFlight
     from closeform.mission_result import StageResult
     from closeform.uncertain_stage import UncertainStage
     from closeform.uncertainty.errors import Errors
@@ -148,7 +148,7 @@ def pictures(found: "UncertainStage", result: "StageResult[Any, Any]") -> tuple[
 
 
 def clearances(
-    flight: "Flight",
+    flight: "WatchedFlight",
     errors: "Mapping[str, Errors | None]",
     pairs: "Sequence[UncertainPair]",
     asked: float | None,
@@ -178,7 +178,7 @@ def clearances(
 
 
 def collisions(
-    flight: "Flight", likeliest: "UncertainPair | None", limit: float | None
+    flight: "WatchedFlight", likeliest: "UncertainPair | None", limit: float | None
 ) -> tuple[Picture, ...]:
     """When the likeliest pair is expected to meet, where that is likely at all."""
     odds = None if likeliest is None else likeliest.probability

@@ -7,7 +7,7 @@ from typing import Self
 
 from scipy.special import gammaincc
 
-from closeform.conflicts.flight import Flight, PairApproach
+from closeform.conflicts.flight import PairApproach, WatchedFlight
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.columns import burning
 from closeform.uncertainty.errors import Errors
@@ -52,7 +52,7 @@ class UncertainFlight:
     @classmethod
     def of(
         cls,
-        flight: Flight,
+        flight: WatchedFlight,
         errors: Sequence[Errors | None],
         sigmas: float,
         probable: int = MOST_PROBABLE,
@@ -83,12 +83,12 @@ class UncertainFlight:
         return tuple(pair for pair in self.pairs if pair.sigmas < self.sigmas)
 
 
-def few_burns(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> bool:
+def few_burns(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]) -> bool:
     """Whether two craft have few enough burns and impulses with errors that histories can be drawn."""
     return sum(fired(flight, near, known)) <= MOST_BURNS
 
 
-def fired(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> tuple[int, int]:
+def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]) -> tuple[int, int]:
     """How many burns and impulses with errors two craft have."""
     burns = impulses = 0
     for name in (near.first, near.second):
@@ -98,7 +98,7 @@ def fired(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> tu
     return burns, impulses
 
 
-def probability_of(flight: Flight, near: PairApproach, known: Mapping[str, Errors]) -> Probability:
+def probability_of(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]) -> Probability:
     """That two craft ever come within their zone: as exactly as their errors allow."""
     first, second = near.first, near.second
     asked = flight.path(first), flight.path(second), near.zone, known[first], known[second]
@@ -110,7 +110,7 @@ def probability_of(flight: Flight, near: PairApproach, known: Mapping[str, Error
         return collision_probability(*asked, method="monte-carlo", samples=HISTORIES)
 
 
-def at_most(flight: Flight, near: PairApproach, known: Mapping[str, Errors], sigmas: float) -> float:
+def at_most(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors], sigmas: float) -> float:
     """What the probability of two craft is not above, clear by some sigmas: errors beyond these."""
     if known[near.first].noise or known[near.second].noise:
         return 1.0
@@ -120,7 +120,7 @@ def at_most(flight: Flight, near: PairApproach, known: Mapping[str, Errors], sig
 
 
 def _clearances(
-    flight: Flight, pairs: Sequence[PairApproach], known: Mapping[str, Errors]
+    flight: WatchedFlight, pairs: Sequence[PairApproach], known: Mapping[str, Errors]
 ) -> Iterator[tuple[float, float, PairApproach]]:
     """Sigmas and when they are fewest [s], of pairs of one zone after another."""
     place = {name: k for k, name in enumerate(flight.names)}

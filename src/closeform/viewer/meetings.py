@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.conflicts.flight import Flight
+from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import StageResult
 from closeform.viewer.shown import Shown
 
@@ -36,7 +36,7 @@ def conflicts(shown: Shown) -> list[Record]:
     return sorted(found, key=lambda met: (met["start"], met["first"], met["second"], met["when"]))
 
 
-def flights(result: StageResult[Any, Any]) -> list[tuple[str, Flight]]:
+def flights(result: StageResult[Any, Any]) -> list[tuple[str, WatchedFlight]]:
     """A stage "before" avoidance, where that is another flight, and "after" it, where that is flown."""
     last = [("after" if result.flown else "before", result.after)]
     return last if result.before is result.after else [("before", result.before), *last]
