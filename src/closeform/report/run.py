@@ -30,12 +30,12 @@ from closeform.report import (
     transfer,
     uncertain,
 )
-from closeform.report.clock import Clock
 from closeform.report.page import Head
 from closeform.report.picture import Film, Progress
 from closeform.report.results import Viewer
 from closeform.report.results import leave as leave_all
 from closeform.report.section import Section, fate, not_filmed
+from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Table, counted
 from closeform.result_folder import Folder
 from closeform.scenario import (
@@ -114,7 +114,7 @@ class RunReport:
         mission, epoch = self.mission, self.mission.scenario.epoch
         whole = found.section(mission)
         if epoch is not None:
-            whole = replace(whole, tables=tuple(map(Clock(epoch).dated, whole.tables)))
+            whole = replace(whole, tables=tuple(map(Stamps(epoch).dated, whole.tables)))
         before = asked.section(mission.scenario), whole
         return (*before, budget.section(mission, self.thrusting), *self.sections, model.section(mission))
 
@@ -232,7 +232,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         },
     )
     epoch = mission.scenario.epoch
-    return whole if epoch is None else Clock(epoch, result.start).told(whole, result.end)
+    return whole if epoch is None else Stamps(epoch, result.start).told(whole, result.end)
 
 
 def states(mission: Mission) -> dict[str, Any]:
@@ -247,7 +247,7 @@ def states(mission: Mission) -> dict[str, Any]:
                 "stage": np.full(len(names) * SAMPLES, result.number),
                 "craft": np.repeat(names, SAMPLES),
                 "time_s": np.tile(times, len(names)),
-                **({} if epoch is None else {"time_utc": Clock(epoch).column(times, len(names))}),
+                **({} if epoch is None else {"time_utc": Stamps(epoch).column(times, len(names))}),
                 **dict(zip(STATE_COLUMNS, paths.state(times).reshape(-1, 6).T, strict=True)),
                 **dict(zip(THRUST_COLUMNS, paths.thrust(times).reshape(-1, 3).T, strict=True)),
             }

@@ -11,12 +11,12 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.common_frame import CommonFrame
 from closeform.exchange.epochs import Epoch
 from closeform.report import conflicts, model, results, uncertain
-from closeform.report.clock import Clock
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
 from closeform.report.page import Head
 from closeform.report.picture import Picture, Progress
 from closeform.report.repeat import Command
 from closeform.report.section import Section
+from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Column, Table, counted
 from closeform.report.uncertain import SIGMAS, row
 from closeform.result_folder import Folder
@@ -131,15 +131,15 @@ class ScreenReport:
         return (*conflicts.between_samples(self.flight), *conflicts.zones(self.flight), *self.found[0])
 
     @property
-    def clock(self) -> Clock:
+    def stamps(self) -> Stamps:
         """What its times are in UTC."""
-        return Clock(Epoch(self.frame.epoch, self.frame.time_system))
+        return Stamps(Epoch(self.frame.epoch, self.frame.time_system))
 
     @property
     def tables(self) -> tuple[Table, ...]:
         """Conflicts and closest approaches."""
         near = conflicts.approaches("Closest approaches", self.flight)
-        return tuple(map(self.clock.dated, (*self.found[1], *near, *self.sigmas)))
+        return tuple(map(self.stamps.dated, (*self.found[1], *near, *self.sigmas)))
 
     @property
     def verdict(self) -> Verdict:
@@ -228,7 +228,7 @@ class ScreenReport:
             },
             "mean_motion_rad_s": frame.mean_motion,
             "craft": list(frame.names),
-            **self.clock.record({"flight": conflicts.figures(self.flight), **found}),
+            **self.stamps.record({"flight": conflicts.figures(self.flight), **found}),
         }
 
     def leave(
@@ -245,7 +245,7 @@ class ScreenReport:
             tables["sigmas"] = Table("", SIGMAS, [row(pair) for pair in self.uncertain.pairs])
         progress("writing tables")
         for name, table in tables.items():
-            folder.table(name, self.clock.dated(table).stored)
+            folder.table(name, self.stamps.dated(table).stored)
         folder.table("states", states(frame))
         head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
         results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)
@@ -253,10 +253,10 @@ class ScreenReport:
 
 def states(frame: CommonFrame) -> dict[str, Any]:
     """All states of all craft in the common frame, as columns."""
-    count, clock = len(frame.times), Clock(Epoch(frame.epoch, frame.time_system))
+    count, stamps = len(frame.times), Stamps(Epoch(frame.epoch, frame.time_system))
     return {
         "craft": np.repeat(frame.names, count),
         "time_s": np.tile(frame.times, len(frame.names)),
-        "time_utc": clock.column(frame.times, len(frame.names)),
+        "time_utc": stamps.column(frame.times, len(frame.names)),
         **dict(zip(STATE_COLUMNS, frame.states.reshape(-1, 6).T, strict=True)),
     }

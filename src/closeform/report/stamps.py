@@ -1,4 +1,4 @@
-"""Clock: UTC beside the times of a mission, in tables, in files and in figures, where its epoch is known."""
+"""Stamps: UTC beside the times of a mission, in tables, in files and in figures, where its epoch is known."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ INSTANTS = {f"{what}_s": f"{what}_utc" for what in ("time", "start", "end", "fai
 
 
 @dataclass(frozen=True)
-class Clock:
+class Stamps:
     """What instants are in UTC: a mission's count from its `epoch`, a stage's from its `start` [s]."""
 
     epoch: Epoch
