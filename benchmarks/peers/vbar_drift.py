@@ -5,6 +5,8 @@ what its bounds leave open until the least margin is settled. Between the instan
 functions of arcs are not public names; called here as `passive_metrics` calls them.
 """
 
+from typing import Any
+
 import numpy as np
 
 from peers.motion import Array
@@ -28,7 +30,7 @@ def refined_margins(states: Array, n: float, radius: float, horizon: float) -> A
     return np.array([arcs.refine(k) for k in range(len(states))])
 
 
-def _drifts(states: Array, n: float, radius: float, horizon: float):  # type: ignore[no-untyped-def]
+def _drifts(states: Array, n: float, radius: float, horizon: float) -> Any:
     from vbar.metrics import passive
 
     none = np.zeros((len(states), 3))
