@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from astropy.time import Time, TimeDelta
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from closeform.exchange.epochs import SYSTEMS, Epoch, EpochError, seconds_of
@@ -77,6 +77,7 @@ def test_nine_decimals_come_back(moment, nanoseconds, system):
 
 
 @given(st.floats(0.0, 1e6), st.sampled_from(SYSTEMS))
+@example(997777.2600231465, "GPS")  # between two nanoseconds
 @settings(max_examples=100, deadline=None)
 def test_times_become_epochs_and_seconds_again(time, system):
     epoch = Epoch("2016-12-28T17:00:00.000000001", system)

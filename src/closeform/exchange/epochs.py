@@ -64,8 +64,8 @@ class Epoch:
         """Seconds until another epoch, also of another time system; negative if that was before."""
         if self.system.upper() == other.system.upper():
             return float(seconds_of([self.stamp, other.stamp], self.system)[1])
-        (day, part), (other_day, other_part) = (tai(each._date, each.system) for each in (self, other))
-        return float(((other_day - day) + (other_part - part))[0] * DAY)
+        one, two = (tai(each._date, each.system) for each in (self, other))
+        return float(between(one, two)[0])
 
     def stamps(self, times: ArrayLike) -> list[str]:
         """The epochs that are so many seconds (T,) later, in the same time system, to a nanosecond."""
@@ -93,9 +93,13 @@ def now() -> str:
 
 def seconds_of(stamps: Sequence[str], system: str) -> Floats:
     """Seconds of ISO epochs after the first of them; leap seconds are counted."""
-    day, part = dates(stamps, system)
-    seconds: Floats = ((day - day[0]) + (part - part[0])) * DAY
-    return seconds.round(10)  # as written: 20.0
+    found = dates(stamps, system)
+    return between((found[0][:1], found[1][:1]), found).round(10)  # as written: 20.0
+
+
+def between(one: Dates, other: Dates) -> Floats:
+    """Seconds from one date to another; whole days by themselves: weeks hide a tenth of a nanosecond."""
+    return (other[0] - one[0]) * DAY + (other[1] - one[1]) * DAY
 
 
 def dates(stamps: Sequence[str], system: str) -> Dates:
