@@ -197,7 +197,8 @@ def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Fl
             )
         unit = thrust_unit(strongest)
         words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"
-        handles.append(Patch(facecolor=AFTER, alpha=0.85, label=words))
+        who = int(np.argmax([one.max(axis=1) for one in thrusts]) % count)
+        handles.append(Patch(facecolor=tints[who], alpha=0.85, label=words))  # as the strongest is drawn
     if largest > 0.0:
         for time, who, size in kicks:
             feet = np.column_stack([ticks(time), levels[who]])
@@ -207,7 +208,9 @@ def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Fl
                     list(np.stack([feet, tops], axis=1)), colors=tints[who], linewidths=2.2, zorder=2.5
                 )
             )
-        handles.append(Line2D([], [], color=AFTER, linewidth=2.2, label=f"impulse, up to {speed(largest)}"))
+        who, size = (np.concatenate([kick[k] for kick in kicks]) for k in (1, 2))
+        words = f"impulse, up to {speed(largest)}"
+        handles.append(Line2D([], [], color=tints[who[np.argmax(size)]], linewidth=2.2, label=words))
     axes.set_ylim(-0.35, count - 1 + 1.0)
     axes.grid(axis="y", visible=False)
     few = count <= NAMED
