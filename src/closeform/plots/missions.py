@@ -197,8 +197,8 @@ def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Fl
             )
         unit = thrust_unit(strongest)
         words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"
-        who = int(np.argmax([one.max(axis=1) for one in thrusts]) % count)
-        handles.append(Patch(facecolor=tints[who], alpha=0.85, label=words))  # as the strongest is drawn
+        first = int(np.argmax([one.max(axis=1) for one in thrusts]) % count)
+        handles.append(Patch(facecolor=tints[first], alpha=0.85, label=words))  # as the strongest is drawn
     if largest > 0.0:
         for time, who, size in kicks:
             feet = np.column_stack([ticks(time), levels[who]])
@@ -208,9 +208,10 @@ def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Fl
                     list(np.stack([feet, tops], axis=1)), colors=tints[who], linewidths=2.2, zorder=2.5
                 )
             )
-        who, size = (np.concatenate([kick[k] for kick in kicks]) for k in (1, 2))
+        whose, sizes = (np.concatenate([kick[k] for kick in kicks]) for k in (1, 2))
         words = f"impulse, up to {speed(largest)}"
-        handles.append(Line2D([], [], color=tints[who[np.argmax(size)]], linewidth=2.2, label=words))
+        tint = tuple(tints[whose[np.argmax(sizes)]])
+        handles.append(Line2D([], [], color=tint, linewidth=2.2, label=words))
     axes.set_ylim(-0.35, count - 1 + 1.0)
     axes.grid(axis="y", visible=False)
     few = count <= NAMED
