@@ -1,16 +1,21 @@
-"""Writes examples/swarm.toml: a hundred lost craft at random, by a seed.
+"""Writes examples/swarm.toml: a hundred lost craft at random, by a seed.  Or a crowd, of any number.
 
 python tools/swarm.py
+python tools/swarm.py --crowd 10000 crowd.toml   # on closed relative orbits, as dense whatever their number
 """
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 FILE = Path(__file__).parents[1] / "examples" / "swarm.toml"
 CRAFT, SEED = 100, 100
 WIDE, FAST = 1000, 50  # m and mm/s: each component within plus and minus this
+CROWD, EDGE = 10_000, 50e3  # so many in a cube of this edge [m] at the start
+MEAN_MOTION = 0.001106784447  # rad/s: 500 km above the Earth
 
 FRAME = """\
 # A hundred lost craft with narrow sensors of short range: pairs become knowledge sets, sets grow and
@@ -53,6 +58,31 @@ do = "gather"
 rounds = 4
 """
 
+CROWD_FRAME = """\
+# Written by tools/swarm.py --crowd {count}: closed relative orbits by NumPy's Philox generator, seed {seed}.
+closeform = 1
+title = "A crowd of {count}"
+
+[orbit]
+mean_motion = "{mean_motion} rad/s"
+
+[craft]
+name = [
+{names}
+]
+position = [
+{positions}
+]
+velocity = [
+{velocities}
+]
+keep_out = {{ sphere = "20 m" }}
+
+[[stage]]
+do = "coast"
+for = "5677 s"
+"""
+
 
 def text() -> str:
     """The file."""
@@ -69,11 +99,47 @@ def text() -> str:
     )
 
 
+def crowd(count: int, mean_motion: float = MEAN_MOTION, seed: int = SEED) -> Any:
+    """States (count, 6) [m, m/s] on closed relative orbits, as dense whatever their number.
+
+    Each is somewhere in a cube at the start, and moves radially and cross-track at the speed of an
+    orbit of the cube's size at most.
+    """
+    random = np.random.Generator(np.random.Philox(seed))
+    half = EDGE / 2 * np.cbrt(count / CROWD)
+    states = random.uniform(-half, half, (count, 6)) * np.repeat([1.0, mean_motion], 3)
+    states[:, 4] = -2.0 * mean_motion * states[:, 0]
+    return states
+
+
+def crowd_text(count: int) -> str:
+    """The scenario of a crowd that coasts for an orbit."""
+    states = crowd(count)
+    return CROWD_FRAME.format(
+        count=count,
+        seed=SEED,
+        mean_motion=MEAN_MOTION,
+        names=lines([f"C{k}" for k in range(count)], 10),
+        positions=lines(["{:.3f} {:.3f} {:.3f} m".format(*state[:3]) for state in states], 5),
+        velocities=lines(["{:.6f} {:.6f} {:.6f} m/s".format(*state[3:]) for state in states], 5),
+    )
+
+
 def lines(words: Sequence[str], each: int) -> str:
     """Texts as rows of a TOML list, some on each line."""
     rows = [words[k : k + each] for k in range(0, len(words), each)]
     return "\n".join("  " + " ".join(f'"{word}",' for word in row) for row in rows)
 
 
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Scenarios of many craft, by a seed.")
+    parser.add_argument("--crowd", type=int, metavar="CRAFT", help="how many craft of a crowd")
+    parser.add_argument("file", type=Path, nargs="?", default=FILE)
+    asked = parser.parse_args()
+    if asked.crowd is not None and (asked.crowd < 1 or asked.file == FILE):
+        parser.error("--crowd: needs at least one craft, and a file to write")
+    asked.file.write_text(text() if asked.crowd is None else crowd_text(asked.crowd), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    FILE.write_text(text(), encoding="utf-8")
+    main()
