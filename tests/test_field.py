@@ -356,3 +356,21 @@ def test_ratios_of_flights_are_those_of_the_march():
     nearest = cf.closest_approach(path[0], path[1], zone)
     assert nearest.ratio == pytest.approx(flights.least_ratio, abs=1e-4)
     assert flights.violated == (flights.ratios < 1.0).any(axis=1).mean()
+
+
+def test_delta_v_is_that_of_plan_field_and_errors():
+    """Known and not measured, all beyond the plan is the field's; of burns too, whose thrust jumps."""
+    orbit, field = chief().orbit, cf.Field(chief())
+    start, final, duration = task(orbit, 7, count=3)
+    path = orbit.transfer(start, final, duration, max_acceleration=3e-3, cost="delta-v")
+    blind = cf.fly(path, field, "open")
+    assert blind.feedback_delta_v[0] == pytest.approx(np.zeros(3), abs=1e-9)
+    table = cf.thrust(path, field, every=1.0)
+    assert blind.field_delta_v == pytest.approx(table.delta_v - table.planned_delta_v, rel=1e-2)
+    noisy = cf.fly(path, field, navigation=cf.Navigation(1.0, 1e-3), seeds=4)
+    assert noisy.field_delta_v == pytest.approx(blind.field_delta_v, rel=1e-2)  # of other steps
+    assert (noisy.feedback_delta_v > 0.0).all()
+    plain = cf.fly(path, field, cancel=False)
+    assert not plain.field_delta_v.any()
+    whole = noisy.planned_delta_v + noisy.field_delta_v + noisy.feedback_delta_v
+    assert whole == pytest.approx(noisy.delta_v, rel=1e-12)

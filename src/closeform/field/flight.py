@@ -40,9 +40,12 @@ class Flight(Rows):
     ends : array of shape (S, N) [m]
         How far off the plan each craft ends.
     delta_v : array of shape (S, N) [m/s]
-        Spent.
+        Spent: the sum of the three that follow.
     planned_delta_v : array of shape (N,) [m/s]
         Of the plan.
+    field_delta_v : array of shape (N,) [m/s]
+        What it takes beyond that to command against what Hill's equations leave out; negative where that
+        helps, 0 without `cancel`.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     ratios : array of shape (S, P), no unit
@@ -51,7 +54,13 @@ class Flight(Rows):
         In which the plan was made.
     """
 
-    _columns: ClassVar = {"seed": "seed", "craft": "craft", "ends": "end_m", "delta_v": "delta_v_m_s"}
+    _columns: ClassVar = {
+        "seed": "seed",
+        "craft": "craft",
+        "ends": "end_m",
+        "delta_v": "delta_v_m_s",
+        "feedback_delta_v": "feedback_delta_v_m_s",
+    }
     _told: ClassVar = ("greatest_end", "greatest_delta_v", "least_ratio", "violated", "worst")
 
     times: Floats
@@ -59,6 +68,7 @@ class Flight(Rows):
     ends: Floats
     delta_v: Floats
     planned_delta_v: Floats
+    field_delta_v: Floats
     pairs: Any
     ratios: Floats
     orbit: Orbit
@@ -72,6 +82,13 @@ class Flight(Rows):
     def craft(self) -> Any:
         """Which craft each row of `columns` is of (S, N), no unit."""
         return np.broadcast_to(np.arange(self.ends.shape[1]), self.ends.shape)
+
+    @property
+    def feedback_delta_v(self) -> Any:
+        """What each craft spends beyond what is commanded (S, N) [m/s]: on errors of all kinds, less what
+        errors and limits of thrust keep back.
+        """
+        return self.delta_v - self.planned_delta_v - self.field_delta_v
 
     @property
     def greatest_end(self) -> float:
@@ -224,9 +241,19 @@ def fly(
     h = float(times[2] - times[0])
     fly_all(field._constants, course, h, measured if track else 0, wrong, errors, states, spent)
     ends = np.linalg.norm(states[:, :, -1, :3] - course.planned[:, -1, :3], axis=2)
+    planned = np.array(paths.delta_v)
+    coarse, asked = (_spent(one, h) for one in (paths.thrust(times), course.commanded))
+    spent += planned - coarse  # what Simpson's rule leaves out at kinks of the plan
     found = [least_ratios(one, h, zones) for one in states]
     ratios = np.array([ratio for _, ratio in found])
-    return Flight(times[::2], states, ends, spent, np.array(paths.delta_v), found[0][0], ratios, paths.orbit)
+    told = times[::2], states, ends, spent, planned, asked - coarse
+    return Flight(*told, found[0][0], ratios, paths.orbit)
+
+
+def _spent(thrust: Floats, h: float) -> Floats:
+    """The delta-v (N,) [m/s] of thrust (N, 2 K + 1, 3) at half steps, by Simpson's rule as in flights."""
+    size = np.linalg.norm(thrust, axis=2)
+    return np.asarray(h / 6.0 * (size[:, :-1:2] + 4.0 * size[:, 1::2] + size[:, 2::2]).sum(axis=1))
 
 
 def _steps(paths: Path, every: float | None) -> tuple[Floats, int]:
