@@ -26,13 +26,14 @@ LONG = (
     "reference_methods",
     "shaping",
 )
+APART = ("site", "basilisk")  # each has a marker of its own
 FAULTS = ("attacks", "kernel_cache", "many_craft", "result_folder")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without files or a selection: all but commands under attack (`-m fault`) and the site (`-m site`)."""
+    """Without files or a selection: all but `-m fault`, commands under attack, and what is APART."""
     if not config.option.markexpr and config.args_source is not config.ArgsSource.ARGS:
-        config.option.markexpr = "not fault and not site"
+        config.option.markexpr = " and ".join(f"not {one}" for one in ("fault", *APART))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -49,8 +50,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("fault")
         elif item.path.parent.name == "browser":
             continue
-        elif subject == "site":
-            item.add_marker("site")
+        elif subject in APART:
+            item.add_marker(subject)
         elif subject not in LONG:
             item.add_marker("quick")
 

@@ -1,0 +1,211 @@
+"""Craft and their chief, flown by Basilisk; nothing of closeform is in here.
+
+Steps of some seconds by Runge and Kutta's method of fourth order, each with the force that its start asked
+for, fixed in inertial axes.  What is asked is an acceleration in the chief's own axes: radial outward, along
+the motion, orbit normal, as the simulated chief has them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+from Basilisk.architecture import messaging, sysModel
+from Basilisk.simulation import (
+    dragDynamicEffector,
+    exponentialAtmosphere,
+    extForceTorque,
+    gravityEffector,
+    spacecraft,
+    sphericalHarmonicsGravityModel,
+)
+from Basilisk.utilities import SimulationBaseClass, macros
+
+MASS = 100.0  # kg; forces are accelerations times it
+SPIN = 7.292115e-5  # rad/s, of the Earth
+# Modules of a task run from the highest priority down.  What commands stands before the craft, or its force
+# would act a step late.
+EARTH, COMMANDS, AIR, FORCES, CRAFT = 400, 300, 250, 200, 100
+
+Law = Callable[[float, np.ndarray], np.ndarray]  # of time [s] and inertial states: accelerations [m/s^2]
+
+
+@dataclass(frozen=True)
+class World:
+    """A body: its pull, its coefficients (D + 1, D + 1) of full normalization, its air at rest."""
+
+    mu: float  # m^3/s^2
+    radius: float  # m, that the coefficients are about
+    cosines: Any
+    sines: Any
+    turns: bool = False  # as the Earth does, its zero meridian on the x axis at first
+    density: float = 0.0  # kg/m^3, at `air_radius`
+    air_radius: float = 0.0  # m
+    scale_height: float = 1.0  # m
+    ballistic: tuple[float, ...] = ()  # m^2/kg, of the chief and all craft
+
+
+class Flown(NamedTuple):
+    """What came of a flight."""
+
+    times: np.ndarray  # (T,) [s]
+    states: np.ndarray  # (T, N + 1, 6) [m, m/s], inertial, the chief's first
+    seconds: float  # of the processor, without what sets it up
+
+
+def coefficients(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine coefficients (D + 1, D + 1) of a table: degree, order, C, S."""
+    degree, order, c, s = np.loadtxt(file, delimiter=",", skiprows=1, unpack=True)
+    size = int(degree.max()) + 1
+    cosines, sines = np.zeros((2, size, size))
+    cosines[0, 0] = 1.0
+    cosines[degree.astype(int), order.astype(int)] = c
+    sines[degree.astype(int), order.astype(int)] = s
+    return cosines, sines
+
+
+class Commander(sysModel.SysModel):
+    """Reads where everybody is at the start of a step, and writes the forces that act through it."""
+
+    def __init__(self, craft: list[Any], law: Law, step: float, earth: Any) -> None:
+        super().__init__()
+        self.ModelTag = "commander"
+        self.readers = [messaging.SCStatesMsgReader() for _ in craft]
+        for reader, one in zip(self.readers, craft, strict=True):
+            reader.subscribeTo(one.scStateOutMsg)
+        self.forces = [messaging.CmdForceInertialMsg() for _ in craft[1:]]
+        self.law, self.step, self.earth = law, step, earth
+        self.states: list[np.ndarray] = []
+
+    def Reset(self, now: int) -> None:
+        for message in self.forces:
+            message.write(messaging.CmdForceInertialMsgPayload(), now, self.moduleID)
+
+    def UpdateState(self, now: int) -> None:
+        if now == 0:  # no step ends here
+            return
+        states = np.array([[*said.r_BN_N, *said.v_BN_N] for said in (reader() for reader in self.readers)])
+        begin = now * macros.NANO2SEC - self.step
+        self.states.append(states)
+        pushes = MASS * self.law(begin, states) @ self.axes(begin, states[0])
+        for message, push in zip(self.forces, pushes, strict=True):
+            said = messaging.CmdForceInertialMsgPayload()
+            said.forceRequestInertial = push.tolist()
+            message.write(said, now, self.moduleID)
+
+    def axes(self, begin: float, chief: np.ndarray) -> np.ndarray:
+        """The chief's axes (3, 3), rows, half a step on: those in which the step's mean thrust points."""
+        half, place, speed = 0.5 * self.step, chief[:3], chief[3:]
+        felt = np.ravel(self.earth.computeGravityInertial(place[:, None].tolist(), macros.sec2nano(begin)))
+        return axes_of(place + half * speed + 0.5 * half**2 * felt, speed + half * felt)
+
+
+def axes_of(place: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Radial outward, along the motion and orbit normal (3, 3), rows."""
+    radial, normal = place / np.linalg.norm(place), np.cross(place, speed)
+    normal /= np.linalg.norm(normal)
+    return np.array([radial, np.cross(normal, radial), normal])
+
+
+class TurningEarth(sysModel.SysModel):
+    """Says at each step how far the Earth has turned, and how fast it does."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ModelTag = "earth"
+        self.said = messaging.SpicePlanetStateMsg()
+
+    def Reset(self, now: int) -> None:
+        self.UpdateState(now)
+
+    def UpdateState(self, now: int) -> None:
+        angle = SPIN * now * macros.NANO2SEC
+        c, s = np.cos(angle), np.sin(angle)
+        told = messaging.SpicePlanetStateMsgPayload()
+        told.PlanetName = "earth"
+        told.J20002Pfix = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
+        told.J20002Pfix_dot = [[-s * SPIN, c * SPIN, 0.0], [-c * SPIN, -s * SPIN, 0.0], [0.0, 0.0, 0.0]]
+        told.computeOrient = 1
+        self.said.write(told, now, self.moduleID)
+
+
+def fly(start: np.ndarray, law: Law, duration: float, world: World, step: float = 10.0) -> Flown:
+    """Fly a chief and N craft from inertial states (N + 1, 6) through a multiple of the step [s].
+
+    `law` is asked at the start of each step for what the craft (N, 3) are to thrust in the middle of it.
+    """
+    steps = round(duration / step)
+    if abs(duration - steps * step) > 1e-6:  # Basilisk would stop early, without a word
+        raise ValueError(f"duration: {duration:g} s is no multiple of steps of {step:g} s")
+    run = SimulationBaseClass.SimBaseClass()
+    run.CreateNewProcess("all").addTask(run.CreateNewTask("flight", macros.sec2nano(step)))
+    earth = gravityEffector.GravBodyData()
+    kept: list[Any] = [earth]  # what only Basilisk knows is gone when Python forgets it
+    earth.planetName, earth.mu, earth.radEquator, earth.isCentralBody = "earth", world.mu, world.radius, True
+    earth.gravityModel = pulling(world, kept)
+    if world.turns:
+        turning = TurningEarth()
+        kept.append(turning)
+        earth.planetBodyInMsg.subscribeTo(turning.said)
+        run.AddModelToTask("flight", turning, EARTH)
+    craft = [of_state(state, f"craft {k}", earth) for k, state in enumerate(start)]
+    commander = Commander(craft, law, step, earth)
+    run.AddModelToTask("flight", commander, COMMANDS)
+    if world.density > 0.0:
+        breathe(run, craft, world, kept)
+    for one, force in zip(craft[1:], commander.forces, strict=True):
+        pusher = extForceTorque.ExtForceTorque()
+        pusher.cmdForceInertialInMsg.subscribeTo(force)
+        one.addDynamicEffector(pusher)
+        kept.append(pusher)
+        run.AddModelToTask("flight", pusher, FORCES)
+    for one in craft:
+        run.AddModelToTask("flight", one, CRAFT)
+    run.InitializeSimulation()
+    run.ConfigureStopTime(macros.sec2nano(steps * step))
+    begin = process_time()
+    run.ExecuteSimulation()
+    seconds = process_time() - begin
+    last = [one.scStateOutMsg.read() for one in craft]
+    commander.states.append(np.array([[*said.r_BN_N, *said.v_BN_N] for said in last]))
+    return Flown(step * np.arange(steps + 1), np.array(commander.states), seconds)
+
+
+def pulling(world: World, kept: list[Any]) -> Any:
+    """The body's gravity."""
+    model = sphericalHarmonicsGravityModel.SphericalHarmonicsGravityModel()
+    model.muBody, model.radEquator, model.maxDeg = world.mu, world.radius, len(world.cosines) - 1
+    model.cBar = [list(map(float, row[: k + 1])) for k, row in enumerate(world.cosines)]
+    model.sBar = [list(map(float, row[: k + 1])) for k, row in enumerate(world.sines)]
+    kept.append(model)
+    return model
+
+
+def of_state(state: np.ndarray, name: str, earth: Any) -> Any:
+    """A craft that is a point of some mass."""
+    one = spacecraft.Spacecraft()
+    one.ModelTag, one.pointMassTranslationalOnly = name, True
+    one.hub.mHub = MASS
+    one.hub.r_CN_NInit, one.hub.v_CN_NInit = state[:3].tolist(), state[3:].tolist()
+    one.gravField.gravBodies = gravityEffector.GravBodyVector([earth])
+    return one
+
+
+def breathe(run: Any, craft: list[Any], world: World, kept: list[Any]) -> None:
+    """Air at rest that thins exponentially; a step feels the density of its start."""
+    air = exponentialAtmosphere.ExponentialAtmosphere()
+    air.planetRadius, air.baseDensity, air.scaleHeight = world.air_radius, world.density, world.scale_height
+    kept.append(air)
+    for one in craft:
+        air.addSpacecraftToModel(one.scStateOutMsg)
+    run.AddModelToTask("flight", air, AIR)
+    for one, ballistic, density in zip(craft, world.ballistic, air.envOutMsgs, strict=True):
+        drag = dragDynamicEffector.DragDynamicEffector()
+        drag.coreParams.projectedArea, drag.coreParams.dragCoeff = 1.0, ballistic * MASS
+        drag.coreParams.comOffset = [0.0, 0.0, 0.0]
+        drag.atmoDensInMsg.subscribeTo(density)
+        one.addDynamicEffector(drag)
+        kept.append(drag)
+        run.AddModelToTask("flight", drag, AIR - 1)

@@ -1,0 +1,60 @@
+"""Plans flown by Basilisk, a simulator that others wrote: `-m basilisk`, with the extra of that name."""
+
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+pytest.importorskip("Basilisk", reason="no Basilisk: pip install '.[basilisk]'")
+
+EXAMPLE = Path(__file__).parents[1] / "examples" / "basilisk"
+
+
+@pytest.fixture(scope="module")
+def example():
+    sys.path.insert(0, str(EXAMPLE))
+    try:
+        import fly as program
+    finally:
+        sys.path.remove(str(EXAMPLE))
+    return program
+
+
+def test_the_same_field_and_thrust(example: ModuleType, tmp_path: Path) -> None:
+    """J2 and drag: to 1 mm where both hold thrust alike, and as Basilisk holds it ever more shortly."""
+    alike, apart = example.same_field(tmp_path)
+    assert alike < 1e-3  # m, asked; reached: 1e-6
+    steps, off = np.array(apart).T
+    assert off[-1] < 1e-3
+    # what is left is the holding: of second order in its time
+    assert np.diff(np.log(off)) / np.diff(np.log(steps)) == pytest.approx(2.0, abs=0.1)
+
+
+def test_thrust_as_planned_is_told_from_thrust_less_the_residual(example: ModuleType, tmp_path: Path) -> None:
+    """Else the comparison could not fail: the planned thrust itself ends metres off."""
+    one = example.task(1)
+    start, commanded = example.exported(one, one.field, tmp_path, 10.0)
+    middle = 10.0 * (np.arange(commanded.shape[1]) + 0.5)
+    planned = one.plan.paths.thrust(middle)
+    flown = example.fly(
+        start, lambda t, _: planned[:, round(t / 10.0)], example.end_of(one), example.world(one.field), 10.0
+    )
+    assert example.off_plan(one, flown.times, example.relative(one, flown)).max() > 1.0
+
+
+def test_a_field_of_higher_degree(example: ModuleType, tmp_path: Path) -> None:
+    """EGM96 to degree and order 4 on an Earth that turns: what nobody told closeform."""
+    ends = dict(example.higher_field(tmp_path))
+    assert 1e-3 < ends["J2 to J4"] < ends["J2"] < 0.1  # m
+
+
+def test_twelve_flights_under_feedback(example: ModuleType, tmp_path: Path) -> None:
+    """No pair uses up the room that `tube` gave it; a craft leaves four sigmas in one flight of twelve."""
+    flights = example.twelve_flights(tmp_path)
+    radius, off, _, slack = np.array(flights).T
+    assert len(flights) == 12
+    assert slack.min() > 0.0
+    assert (off <= radius).sum() >= 11
+    assert (off > 0.5 * radius).all()  # the tube is no wide one
