@@ -199,15 +199,14 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
         failing, (False, False)
     )
     for name, one, fail, fly in zip(("path", "other"), (path, other), fails, flies, strict=True):
-        ends, slack = np.asarray(one.end), FORGIVEN * np.asarray(one.end - np.asarray(one.start))
         if fail:
             checked_end(name, one, end, failure)
         if fly and end == np.inf:
             if one.arcs[:, THRUST:].any() or one.arcs[:, IMPULSE : IMPULSE + 3].any():
                 raise ValueError(f"until: inf needs {name} to coast, which flies on while the other fails")
-        elif fly and not (ends >= end - slack).all():
+        elif fly and not (np.asarray(one.end) >= end - forgiven(one)).all():
             raise ValueError(
-                f"{name}: ends at {ends.min():g} s, and flies on while the other fails; "
+                f"{name}: ends at {np.min(one.end):g} s, and flies on while the other fails; "
                 f"carry it on to {end:g} s, such as by a coast"
             )
     return end
@@ -223,13 +222,17 @@ def drift_end(until: float, orbit: Orbit) -> float:
     return end
 
 
+def forgiven(path: Path) -> Any:
+    """How far from its end a drift may begin or end, of the path's shape [s]."""
+    return FORGIVEN * np.asarray(path.end - path.start)
+
+
 def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
     """The end of the drift of a path that can fail like that, and ends before it."""
     end = drift_end(until, path.orbit)
-    ends, slack = np.asarray(path.end), FORGIVEN * np.asarray(path.end - np.asarray(path.start))
-    if not (ends <= end + slack).all():
+    if not (np.asarray(path.end) <= end + forgiven(path)).all():
         raise ValueError(
-            f"until: {end:g} s is before the end of {name}, {ends.max():g} s; give that or later"
+            f"until: {end:g} s is before the end of {name}, {np.max(path.end):g} s; give that or later"
         )
     known = (
         not isinstance(instance("failure", failure, *FAILURES), StuckThrust)
@@ -271,10 +274,9 @@ def search_pairs(
     """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
     room = room_for(one, two)
     rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
-    scale = float(np.linalg.norm(zone.matrix, 2))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
     tube = tube_form(zone) if for_ever else zone.form
-    rest = orbit.mean_motion, zone.form, scale, certain, far * for_ever, tube, room
+    rest = orbit.mean_motion, zone.form, zone.stretch, certain, far * for_ever, tube, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):

@@ -158,7 +158,7 @@ def between_samples(flight: WatchedFlight) -> tuple[str, ...]:
     close = flight.closest
     if close is None:
         return (line,)
-    doubt = float(np.sort(errors)[-2:].sum() * np.linalg.norm(close.zone.matrix, 2))  # of a pair's norm
+    doubt = float(np.sort(errors)[-2:].sum() * close.zone.stretch)  # of a pair's norm
     if doubt < DOUBTFUL or close.ratio > 1.0 + doubt:
         return (line,)
     apart = float(np.diff(paths[worst].arcs[:, [START, END]]).max())

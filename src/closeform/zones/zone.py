@@ -77,6 +77,11 @@ class Zone:
         """The zone as kernels take it, numba's `shapes.FORM`: shape, matrix (3, 3) [1/m], faces (F, 3)."""
         return self.shape, self.matrix, self.faces
 
+    @cached_property
+    def stretch(self) -> float:
+        """How long a metre can become in zone coordinates [1/m]: the spectral norm of M."""
+        return float(np.linalg.norm(self.matrix, 2))
+
     @property
     def symmetric(self) -> bool:
         """Whether r is in the zone where -r is."""
