@@ -16,7 +16,6 @@ from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.closest import guarded, ratio_axis
 from closeform.plots.fleet import NAMED, NEAREST, in_space
-from closeform.plots.legs import Leg, Lock, asked, impulses, pairs_found
 from closeform.plots.letters import inches, plain, short_names
 from closeform.plots.look import (
     AFTER,
@@ -41,6 +40,7 @@ from closeform.plots.look import (
 )
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
+from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
 from closeform.plots.tracks import Formation, closest, colours, together
 from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
@@ -92,49 +92,52 @@ def overview(
         If there is no stage, shapes or orbits differ, a stage begins before the last has ended, names are not
         as many as the craft or titles as the stages, a lock is of nobody, or an argument is of another kind.
     """
-    legs = asked(stages, zone, titles)
-    first = legs[0].paths
+    flights = asked(stages, zone, titles)
+    first = flights[0].paths
     called = short_names(names, len(first))
     found = pairs_found(locks, len(first))
     figure = sheet(HIGH)
     in_orbit, tints = bool(first.orbit.mean_motion), colours(len(first))
-    flown = whole(legs, called)
+    flown = whole(flights, called)
     space = area(figure, 0.1, BELOW - 0.5, SPACE, SPACE)
     camera = ORBITAL if in_orbit else OBLIQUE
     window(space, camera(flown.points), camera, AXES if in_orbit else "xyz", 0.35)
     framed(space, "")
     in_space(space, camera, flown, Names(figure, called if len(called) <= NAMED else ()))
-    start, end = legs[0].start, legs[-1].end
+    start, end = flights[0].start, flights[-1].end
     ticks = clock(first, start, end)
-    panels = against_time(figure, bool(len(legs[0].pairs)))
-    shown = [*stage_strip(panels[0], legs, ticks, end - start), *rows(panels[1], legs, ticks, called, tints)]
-    shown += meetings(panels[1], legs, ticks, len(called), found)
+    panels = against_time(figure, bool(len(flights[0].pairs)))
+    shown = [
+        *stage_strip(panels[0], flights, ticks, end - start),
+        *rows(panels[1], flights, ticks, called, tints),
+    ]
+    shown += meetings(panels[1], flights, ticks, len(called), found)
     if len(panels) > 2:
-        nearness(panels[2], legs, ticks)
+        nearness(panels[2], flights, ticks)
     for axes in panels[1:]:
-        for leg in legs[1:]:
-            axes.axvline(float(ticks(leg.start)), color=OTHER, linewidth=0.8, zorder=1)
+        for flight in flights[1:]:
+            axes.axvline(float(ticks(flight.start)), color=OTHER, linewidth=0.8, zorder=1)
     time_axes(panels, ticks, start, end)
     marks(figure, flown, shown)
-    headline(figure, said(legs, flown, len(called)))
+    headline(figure, said(flights, flown, len(called)))
     return figure
 
 
-def whole(legs: list[Leg], called: list[str]) -> Formation:
+def whole(flights: list[StageFlight], called: list[str]) -> Formation:
     """All stages as one, as it is drawn in space."""
     count = len(called)
-    pieces = [leg.paths.position(leg.times) for leg in legs]
+    pieces = [flight.paths.position(flight.times) for flight in flights]
     tracks = [np.concatenate([piece[k] for piece in pieces]) for k in range(count)]
     stays = [
-        leg.paths[k].position(np.linspace(start, end, 60))
-        for leg in legs
-        for k, spans in enumerate(together(leg.pairs, count))
+        flight.paths[k].position(np.linspace(start, end, 60))
+        for flight in flights
+        for k, spans in enumerate(together(flight.pairs, count))
         for start, end in spans
     ]
-    nearest = min(legs, key=lambda leg: round(leg.least, 6))
+    nearest = min(flights, key=lambda flight: round(flight.least, 6))
     near = closest(nearest.pairs, count, called)
-    hit = {tuple(pair) for leg in legs for pair in leg.pairs.craft[leg.pairs.hit].tolist()}
-    return Formation("", tracks, stays, [], near, len(hit), len(legs[0].pairs), "")
+    hit = {tuple(pair) for flight in flights for pair in flight.pairs.craft[flight.pairs.hit].tolist()}
+    return Formation("", tracks, stays, [], near, len(hit), len(flights[0].pairs), "")
 
 
 def against_time(figure: Figure, zones: bool) -> list[Axes]:
@@ -151,39 +154,41 @@ def against_time(figure: Figure, zones: bool) -> list[Axes]:
     return made
 
 
-def stage_strip(axes: Axes, legs: list[Leg], ticks: Clock, duration: float) -> list[Any]:
+def stage_strip(axes: Axes, flights: list[StageFlight], ticks: Clock, duration: float) -> list[Any]:
     """What the stages are called, as far as there is room."""
     axes.set(ylim=(0.0, 1.0), yticks=[])
     axes.tick_params(bottom=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
     per_inch = duration / (WIDTH - LEFT - RIGHT)
-    for k, leg in enumerate(legs):
-        begin, over = float(ticks(leg.start)), float(ticks(leg.end))
+    for k, flight in enumerate(flights):
+        begin, over = float(ticks(flight.start)), float(ticks(flight.end))
         axes.axvspan(begin, over, color=FAINT if k % 2 else SHADE, linewidth=0)
-        room = (leg.end - leg.start) / per_inch
-        word = leg.title if inches(leg.title, SMALL) < room else leg.title.split()[0]
+        room = (flight.end - flight.start) / per_inch
+        word = flight.title if inches(flight.title, SMALL) < room else flight.title.split()[0]
         if inches(word, SMALL) < room:
             look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "color": INK}
             plain(axes.text(0.5 * (begin + over), 0.46, word, **look))
     return []
 
 
-def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Floats) -> list[Any]:
+def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str], tints: Floats) -> list[Any]:
     """Thrust of each craft as areas, and impulses as lines; what these mean."""
     count = len(called)
     levels = np.arange(count)[::-1]
-    thrusts = [np.linalg.norm(leg.paths.thrust(leg.times), axis=-1) for leg in legs]
+    thrusts = [np.linalg.norm(flight.paths.thrust(flight.times), axis=-1) for flight in flights]
     strongest = max(float(one.max(initial=0.0)) for one in thrusts)
-    axes.hlines(levels, float(ticks(legs[0].start)), float(ticks(legs[-1].end)), color=FAINT, linewidth=1.0)
-    kicks = [impulses(leg.paths) for leg in legs]
+    axes.hlines(
+        levels, float(ticks(flights[0].start)), float(ticks(flights[-1].end)), color=FAINT, linewidth=1.0
+    )
+    kicks = [impulses(flight.paths) for flight in flights]
     largest = max(float(sizes.max(initial=0.0)) for _, _, sizes in kicks)
     handles: list[Any] = []
     if strongest > 0.0:
-        for leg, thrust in zip(legs, thrusts, strict=True):
+        for flight, thrust in zip(flights, thrusts, strict=True):
             if not thrust.any():
                 continue
-            along = ticks(leg.times)
+            along = ticks(flight.times)
             feet = np.r_[along[0], along, along[-1]]
             shapes = [
                 np.column_stack([feet, level + TALL * np.r_[0.0, one, 0.0] / strongest])
@@ -224,14 +229,16 @@ def rows(axes: Axes, legs: list[Leg], ticks: Clock, called: list[str], tints: Fl
     return handles
 
 
-def meetings(axes: Axes, legs: list[Leg], ticks: Clock, count: int, locks: Sequence[Lock]) -> list[Any]:
+def meetings(
+    axes: Axes, flights: list[StageFlight], ticks: Clock, count: int, locks: Sequence[Lock]
+) -> list[Any]:
     """Conflicts and locks between the rows of craft; what these mean."""
     handles: list[Any] = []
     top = count - 1
     met = [
         (stay, *pair)
-        for leg in legs
-        for pair, stays in zip(leg.pairs.craft.tolist(), leg.pairs.stays, strict=True)
+        for flight in flights
+        for pair, stays in zip(flight.pairs.craft.tolist(), flight.pairs.stays, strict=True)
         for stay in stays
     ]
     if met:
@@ -254,18 +261,18 @@ def meetings(axes: Axes, legs: list[Leg], ticks: Clock, count: int, locks: Seque
     return handles
 
 
-def nearness(axes: Axes, legs: list[Leg], ticks: Clock) -> None:
+def nearness(axes: Axes, flights: list[StageFlight], ticks: Clock) -> None:
     """The least ratio of any pair against time, with a dot where it is least in each stage."""
     guarded(axes)
-    curves = [leg.nearness() for leg in legs]
-    for leg, (times, least) in zip(legs, curves, strict=True):
+    curves = [flight.nearness() for flight in flights]
+    for flight, (times, least) in zip(flights, curves, strict=True):
         axes.plot(ticks(times), least, color=AFTER, linewidth=1.8, zorder=3)
         inside = np.where(least <= 1.0, least, np.nan)
         axes.plot(ticks(times), inside, color=CONFLICT, linewidth=4.0, alpha=0.6, zorder=2.9)
-        near = leg.pairs.order[0]
+        near = flight.pairs.order[0]
         dot: dict[str, Any] = {"color": AFTER, "markeredgecolor": "white", "markersize": 7, "zorder": 5}
-        axes.plot(ticks(leg.pairs.time[near]), leg.pairs.ratio[near], "o", clip_on=False, **dot)
-    ratio_axis(axes, min(leg.least for leg in legs), max(float(least.max()) for _, least in curves))
+        axes.plot(ticks(flight.pairs.time[near]), flight.pairs.ratio[near], "o", clip_on=False, **dot)
+    ratio_axis(axes, min(flight.least for flight in flights), max(float(least.max()) for _, least in curves))
     axes.set_ylabel("closest [× zone]", fontsize=TEXT, color=INK)
 
 
@@ -285,9 +292,9 @@ def marks(figure: Figure, flown: Formation, shown: list[Any]) -> None:
     legend(figure, handles, words, ncols=int(-(-len(words) // lines)), columnspacing=1.3)
 
 
-def said(legs: list[Leg], flown: Formation, count: int) -> str:
+def said(flights: list[StageFlight], flown: Formation, count: int) -> str:
     """How many craft fly how many stages, and whether they stay clear."""
-    number = f"{len(legs)} stage{'s' * (len(legs) > 1)}"
+    number = f"{len(flights)} stage{'s' * (len(flights) > 1)}"
     words = f"{count} craft, {number}"
     if not flown.pairs:
         return words

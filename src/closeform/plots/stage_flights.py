@@ -21,7 +21,7 @@ Lock = tuple[float, int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class StageFlight:
     """One stage: its paths, the `times` (T,) [s] at which curves look smooth, and its pairs."""
 
     title: str
@@ -57,7 +57,7 @@ class Leg:
         return times, least
 
 
-def asked(stages: Any, zone: Any, titles: Any) -> list[Leg]:
+def asked(stages: Any, zone: Any, titles: Any) -> list[StageFlight]:
     """The stages, checked, each with its pairs."""
     paths = sequence("stages", stages, Path)
     if not paths:
@@ -72,13 +72,15 @@ def asked(stages: Any, zone: Any, titles: Any) -> list[Leg]:
         )
     numbers = [str(number) for number in range(1, len(paths) + 1)]
     words = numbers if titles is None else texts("titles", titles, len(paths), "stages")
-    legs: list[Leg] = []
+    flights: list[StageFlight] = []
     for title, path in zip(words, paths, strict=True):
         times = instants(float(np.max(path.start)), float(np.min(path.end)), path)
-        if legs and times[0] < legs[-1].end - SAME * (times[-1] - legs[0].start):
-            raise ValueError(f"stages: {title} begins at {times[0]:g} s, before {legs[-1].title} has ended")
-        legs.append(Leg(title, path, times, Pairs.of(path, zone, name="zone")))
-    return legs
+        if flights and times[0] < flights[-1].end - SAME * (times[-1] - flights[0].start):
+            raise ValueError(
+                f"stages: {title} begins at {times[0]:g} s, before {flights[-1].title} has ended"
+            )
+        flights.append(StageFlight(title, path, times, Pairs.of(path, zone, name="zone")))
+    return flights
 
 
 def pairs_found(locks: Any, count: int) -> list[Lock]:
