@@ -2061,6 +2061,21 @@ CALLS = (
         "horizon: 30 s is shorter than the 60 s between measurements; give a longer one",
     ),
     Call(
+        "a margin below zero",
+        "cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(9.0), margin=-0.1)",
+        "margin: metres, 0 or more, finite and symmetric, got -0.1",
+    ),
+    Call(
+        "margins of fewer craft than fly",
+        "cf.reconfigure(orbit, [start, end], [end, start], 3000.0, cf.Sphere(9.0), margin=[0.1, 0.2])",
+        "margin: one number [m], a Tube, or shape (2, 2) of all pairs, got [0.1, 0.2]",
+    ),
+    Call(
+        "a tube of other craft than are planned",
+        "cf.reconfigure(orbit, [start, end], [end, start], 3000.0, cf.Sphere(9.0), margin=cf.tube(orbit, cf.Feedback(), cf.Navigation(), [1e-6] * 3))",
+        "margin: a tube of 3 craft for 2; make it of as many",
+    ),
+    Call(
         "a flight of impulses",
         "cf.fly(orbit.two_impulse(start, end, 3000.0), cf.Field(chief))",
         "plan: has impulses; plan burns, by max_acceleration, which can be flown with feedback",

@@ -108,6 +108,7 @@ CALLS = {
     "Body": turned(zone=BALL),
     "Zone.norm": turned(self=BALL, position=START[:, :3]),
     "Zone.enlarged": turned(self=BALL, factor=2.0),
+    "Zone.padded": turned(self=BALL, margin=2.0),
     "Zone.support": turned(self=BALL, direction=START[:, :3]),
     "PairZones.of": turned(zones=[BALL, None, BALL], names=["a", "b", "c"], moves=[True, True, False]),
     "find_conflicts": turned(path=MOVE, other=REST, zone=BALL),
@@ -116,11 +117,12 @@ CALLS = {
     "screen": turned(paths=COAST, zone=BALL),
     "avoid": turned(
         path=MOVE, obstacles=[REST], zone=BALL, budget=3, prove=0.0,
-        max_acceleration=1.0, longer=True,
+        max_acceleration=1.0, longer=True, margin=0.5,
     ),
     "reconfigure": turned(
         orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=BALL, assign=True, start=0.0,
         obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
+        margin=np.zeros((3, 3)),
     ),
     "find_conflicts, errors": turned(
         path=NEAR, other=REST, zone=BALL, errors=KNOWN, other_errors=KNOWN, sigmas=5.0
@@ -312,6 +314,9 @@ CALLS = {
     "tube": turned(
         orbit=ORBIT, feedback=cf.Feedback(), navigation=cf.Navigation(), residual=np.array([1e-6, 2e-6]),
         thrust_error=np.array([1e-6, 2e-6]), sigmas=3.0,
+    ),
+    "Tube.of_pairs": turned(
+        self=cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4)), craft=2, fixed=1
     ),
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_discrete_lyapunov
 
-from closeform.arrays import Floats, instance, number
+from closeform.arrays import Floats, instance, number, whole
 from closeform.field.feedback import Feedback, Navigation, way_back
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
@@ -55,9 +55,42 @@ class Tube(Result):
     @property
     def of_a_pair(self) -> float:
         """How far off the distance of any two of them is [m]: by this much zones have to grow."""
-        worst = np.sort(np.atleast_1d(self.model + self.thrust))[-2:]
-        both = float(worst.sum()) if np.ndim(self.model + self.thrust) else 2.0 * float(worst[0])
-        return both + 2.0 * self.bias + float(self.sigmas * np.sqrt(2.0) * self.noise)
+        count = np.size(self.radius) if np.ndim(self.radius) else 2
+        return float(self.of_pairs(count)[np.triu_indices(count, 1)].max(initial=0.0))
+
+    def of_pairs(self, craft: int, fixed: int = 0) -> Floats:
+        """How far off the distance of each pair is: the `margin` of a plan.
+
+        Parameters
+        ----------
+        craft : int
+            How many there are.
+        fixed : int, default 0
+            How many bodies after them, such as obstacles.  A tube of one is everybody's; one of N craft
+            leaves them where they are.
+
+        Returns
+        -------
+        array of shape (B, B) [m]
+            What both are off at most, and as many sigmas of both.
+
+        Raises
+        ------
+        ValueError
+            If the tube is of another number of craft, or these are no whole numbers.
+
+        References
+        ----------
+        docs/theory.md section 10.
+        """
+        craft, fixed = whole("craft", craft, 1), whole("fixed", fixed)
+        most = np.asarray(self.model + self.thrust) + self.bias
+        if most.shape not in ((), (craft,), (craft + fixed,)):
+            raise ValueError(f"margin: a tube of {most.size} craft for {craft}; make it of as many")
+        bodies = craft + fixed if most.shape == () else most.size
+        off, variance = np.zeros(craft + fixed), np.zeros(craft + fixed)
+        off[:bodies], variance[:bodies] = most, np.square(self.noise)
+        return off[:, None] + off + self.sigmas * np.sqrt(variance[:, None] + variance)
 
 
 def tube(

@@ -18,7 +18,14 @@ from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
 from closeform.planning.least_energy import refused, shaped
 from closeform.planning.limits import FULL, longest, stretched
-from closeform.planning.obstacles import Zones, end_inside, obstacle_batch, obstacle_names, zones_around
+from closeform.planning.obstacles import (
+    Zones,
+    end_inside,
+    obstacle_batch,
+    obstacle_names,
+    short_of,
+    zones_around,
+)
 from closeform.planning.passive_ends import unsafe_end, unseparated
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
 from closeform.planning.planner import is_passive
@@ -27,6 +34,7 @@ from closeform.planning.prove import closeness, is_proven
 from closeform.planning.sauter_palmer import deviated
 from closeform.planning.side_search import MARGINS
 from closeform.zones.combined_zones import OwnZone
+from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
@@ -51,6 +59,7 @@ class Around:
     limit: float | None = None  # [m/s^2], with cost "delta-v": within it every plan is
     drift: float | None = None
     kept: Margin | None = None
+    padding: Padding | None = None
 
     @classmethod
     def of(
@@ -77,16 +86,23 @@ class Around:
 
         return replace(self, kept=Margin.around(path, errors, self.obstacles, other_errors, sigmas))
 
+    def padded(self, margin: Any) -> Self:
+        """The same with zones that are padded; raises ValueError for a margin that does not fit."""
+        return replace(self, padding=Padding.of(margin, 1, len(self.obstacles)))
+
     def problem(self, direct: Path) -> Problem:
         """What is to be planned."""
-        plain = Problem.of(direct, self.obstacles, self.zones, self.drift)
+        zones = self.zones if self.padding is None else self.padding.groups(self.zones)
+        plain = Problem.of(direct, self.obstacles, zones, self.drift)
         return plain if self.kept is None else self.kept.problem(plain)
 
     def hopeless(self, problem: Problem) -> tuple[Status, str] | None:
         """Why no plan between these states is clear, in words; None where one may be."""
         if inside := end_inside(problem):
             end, ratio, which = inside
-            depth, other = problem.depth(ratio), self.names[which]
+            time = problem.first if end == "start" else problem.arrival
+            deep = short_of(problem, self.padding, self.zones, (0, 1 + which), time)
+            depth, other = deep or problem.depth(ratio), self.names[which]
             return Status.END_INSIDE, f"the path's {end} is {depth} from {other}; move it or the time"
         if self.drift is not None and (unsafe := unsafe_end(problem)):
             return Status.END_UNSAFE, unsafe.reason(problem, ("path", *self.names))
@@ -97,6 +113,10 @@ class Around:
 
         `fixed`: no cheaper path is taken while proving.
         """
+        found = self._way(path, prove, fixed)
+        return found if self.padding is None else replace(found, padding=self.padding.told)
+
+    def _way(self, path: Path, prove: float, fixed: bool) -> Avoidance:
         optimum = transfer_of(path)
         problem = self.problem(stack([optimum]))
         by_delta_v = self.cost == "delta-v"

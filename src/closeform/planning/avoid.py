@@ -48,6 +48,7 @@ def avoid(
     errors: Errors | None = None,
     other_errors: Any = None,
     sigmas: float = 3.0,
+    margin: Any = 0.0,
 ) -> Avoidance:
     """The cheapest path found between the same states and times that stays out of every zone.
 
@@ -101,6 +102,10 @@ def avoid(
         Of the obstacles, independent: one for all, or one for each.
     sigmas : float, no unit, default 3
         How many standard deviations are kept clear.
+    margin : float, Tube or array_like of shape (1 + M, 1 + M) [m], default 0
+        By how much every zone is padded (`Zone.padded`): how far path and obstacle may be off together.  Of a
+        tube the sum of two, as if obstacles flew under feedback too; `Tube.radius` where they are known.
+        The array is of the path and, after it, obstacles.
 
     Returns
     -------
@@ -112,8 +117,8 @@ def avoid(
     ValueError
         If `path` is a batch, an obstacle is in another orbit, zones or names are not as many as obstacles,
         a limit is not positive, a budget below 1, a time negative, a drift not finite or beyond the end of an
-        obstacle, sigmas negative, a word unknown, an argument of another kind, or the thrusters cannot make
-        the transfer, whatever is in the way.
+        obstacle, sigmas or a margin negative, a word unknown, an argument of another kind, or the thrusters
+        cannot make the transfer, whatever is in the way.
 
     References
     ----------
@@ -145,6 +150,7 @@ def avoid(
     if (after := check_drift(drift, prove, method, "exact")) is not None:
         check_obstacles(task.obstacles, path.end + after, task.names)
         task = replace(task, drift=after)
+    task = task.padded(margin)
     if check_errors((errors, other_errors), zone, prove, method != "exact", drift):
         task = task.keeping(path, errors, other_errors, sigmas)
     return (

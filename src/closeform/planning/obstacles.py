@@ -11,6 +11,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.problem import Problem
 from closeform.zones.combined_zones import OwnZone, pair_zone
+from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
 
@@ -61,6 +62,16 @@ def end_inside(problem: Problem) -> tuple[str, float, int] | None:
         return None
     k = inside[0]
     return ("start", "end")[end_of[k]], float(ratios[k]), int(problem.pairs[which[k], 1]) - 1
+
+
+def short_of(
+    problem: Problem, padding: Padding | None, zones: Zones, pair: tuple[int, int], time: float
+) -> str | None:
+    """What a pair lacks of its margin at a time before anybody gives way, in words; None without one."""
+    if padding is None:
+        return None
+    one, other = problem.bodies(problem.direct)._at(np.array(pair), np.full(2, time))[:, :3]
+    return padding.shortage(zones, pair, one - other)
 
 
 def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:

@@ -215,6 +215,9 @@ class Avoidance(Costed):
         asked for.
     sigmas : float, no unit
         How many standard deviations of all errors are kept clear, certified; 0: of nobody errors were given.
+    padding : float or array of shape (1 + M, 1 + M) [m]
+        What was asked for as `margin`: certified clear are zones that are padded by so much, and with them
+        the zones themselves.  Contacts are with those.
     """
 
     path: Path | None
@@ -235,6 +238,7 @@ class Avoidance(Costed):
     priced: bool = True
     drift: float | None = None
     sigmas: float = 0.0
+    padding: Any = 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -291,6 +295,8 @@ class Plan(Costed):
         plan's end, certified; None: not asked for.
     sigmas : float, no unit
         As of an `Avoidance`.
+    padding : float or array of shape (N + M, N + M) [m]
+        As of an `Avoidance`.
     """
 
     paths: Path | None
@@ -315,6 +321,7 @@ class Plan(Costed):
     priced: bool = True
     drift: float | None = None
     sigmas: float = 0.0
+    padding: Any = 0.0
 
     @property
     def extra_energy(self) -> float:

@@ -12,14 +12,14 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, sequence
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
+from closeform.planning.held_pairs import hopeless
 from closeform.planning.impulse_local import Spent
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
-from closeform.planning.passive_ends import unsafe_end, unseparated
+from closeform.planning.passive_ends import unseparated
 from closeform.planning.plan import Cost, Plan, Status, weakness
 from closeform.planning.planner import (
     Outcome,
@@ -41,6 +41,7 @@ from closeform.planning.sequential import one_by_one
 from closeform.planning.side_search import MARGINS, Found
 from closeform.planning.slots import revised
 from closeform.zones.combined_zones import OwnZone
+from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import PairZones
 
 
@@ -66,6 +67,7 @@ def reconfigure(
     drift: float | None = None,
     errors: Any = None,
     sigmas: float = 3.0,
+    margin: Any = 0.0,
 ) -> Plan:
     """Paths of N craft from initial to final states, every pair certified clear of its zone.
 
@@ -126,6 +128,10 @@ def reconfigure(
         Not with `drift`, `prove` or "sequential".
     sigmas : float, no unit, default 3
         How many standard deviations are kept clear.
+    margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0
+        By how much zones are padded (`Zone.padded`): how far the two of a pair may be off their paths
+        together.  A tube is of all craft and obstacles, or of each; of N craft it leaves obstacles on
+        their paths.  The array is of all pairs of craft and, after them, obstacles.
 
     Returns
     -------
@@ -137,9 +143,9 @@ def reconfigure(
     ValueError
         If shapes do not fit, a number is not finite, slots are fewer than craft, a duration or limit is not
         positive, an obstacle is in another orbit, zones make none for a pair, names are not as many as craft,
-        `order` is no order or given with "joint", a budget is below 1, a time negative, a drift not finite or
-        beyond the end of an obstacle, a word unknown, an argument of another kind, or a craft's thrusters
-        cannot make its transfer, whoever is in the way.
+        `order` is no order or given with "joint", a budget is below 1, a time or margin negative, a drift not
+        finite or beyond the end of an obstacle, a word unknown, an argument of another kind, or a craft's
+        thrusters cannot make its transfer, whoever is in the way.
 
     References
     ----------
@@ -166,14 +172,15 @@ def reconfigure(
         drift,
     )
     count = len(request.initial)
+    obstructed = len(request.others) if request.others is not None else 0
+    request = replace(request, padding=Padding.of(margin, count, obstructed))
     if drift is not None:
         until = float((request.starts + request.durations).max()) + drift
         check_obstacles(request.others, until, request.names[count:])
     if check_errors((errors,), zone, prove, method != "joint", drift):
         from closeform.planning.sigma_problem import Margin
 
-        around = len(request.others) if request.others is not None else 0
-        request = replace(request, kept=Margin.among(count, around, errors, sigmas))
+        request = replace(request, kept=Margin.among(count, obstructed, errors, sigmas))
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
         raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
     if order is not None:
@@ -209,8 +216,10 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         times = request.starts, request.durations
         plan = Plan(None, direct, request.slots, *times, nan, nan, bound, (), Status.NOT_FOUND, "")
         plan = replace(plan, drift=request.drift, sigmas=problem.sigmas)
-        if hopeless := _hopeless(problem, request.names):
-            status, pair, reason = hopeless
+        if request.padding is not None:
+            plan = replace(plan, padding=request.padding.told)
+        if none := hopeless(problem, request):
+            status, pair, reason = none
             if request.cost == "delta-v":
                 plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
             return replace(plan, status=status, reason=reason, blocked=pair)
@@ -316,31 +325,3 @@ def _blocked(names: Sequence[str], pair: tuple[int, int] | None, tried: int) -> 
     """Why no plan was found."""
     who = f"{names[pair[0]]} and {names[pair[1]]}" if pair else "craft"
     return f"{who} are in each other's way in all of {tried} ways tried"
-
-
-def _hopeless(problem: Problem, names: Sequence[str]) -> tuple[Status, tuple[int, int], str] | None:
-    """Why no plan between these states is clear, which pair is not, and in words; None where one may be."""
-    if held := _held(problem.without_drift):
-        pair, words = held
-        return Status.END_INSIDE, pair, f"{names[pair[0]]} and {names[pair[1]]} {words}"
-    if problem.drift is not None and (unsafe := unsafe_end(problem)):
-        return Status.END_UNSAFE, unsafe.pair, unsafe.reason(problem, names)
-    return None
-
-
-def _held(problem: Problem) -> tuple[tuple[int, int], str] | None:
-    """The two bodies deepest in conflict while neither can give way, and in words when and how deep."""
-    found, flown = [], problem.direct
-    for pair, (begin, end, time, ratio) in problem.conflicts(flown, MARGINS[0]):
-        spans = sorted(tuple(problem.base[c, [START, END]]) for c in pair if c < problem.count)
-        first, last = spans[0][0], max(span[1] for span in spans)
-        if begin <= first:
-            found.append((ratio if time <= first else problem.ratio(flown, pair, first), pair, "their start"))
-        elif end >= last:
-            found.append((ratio if time >= last else problem.ratio(flown, pair, last), pair, "their end"))
-        elif spans[0][1] <= spans[-1][0] and begin <= spans[-1][0] and end >= spans[0][1]:
-            found.append((ratio, pair, "a time when both coast"))
-    if not found:
-        return None
-    ratio, pair, when = min(found)
-    return pair, f"come to {problem.depth(ratio)} at {when}; move one of them"

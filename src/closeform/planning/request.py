@@ -19,6 +19,7 @@ from closeform.planning.obstacles import obstacle_batch, obstacle_names
 from closeform.planning.plan import Cost
 from closeform.planning.problem import Problem
 from closeform.zones.combined_zones import OwnZone
+from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
 
@@ -51,6 +52,7 @@ class Request:
     thrusters: tuple[Thrusters | None, ...]
     drift: float | None = None
     kept: Margin | None = None
+    padding: Padding | None = None
 
     @classmethod
     def of(
@@ -151,7 +153,8 @@ class Request:
 
     def problem(self) -> Problem:
         """What is to be planned."""
-        plain = Problem.of(self.direct, self.others, self.zones, self.drift)
+        zones = self.zones if self.padding is None else self.padding.groups(self.zones)
+        plain = Problem.of(self.direct, self.others, zones, self.drift)
         return plain if self.kept is None else self.kept.problem(plain)
 
     def least_slots(self) -> tuple[Any, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.zones.containment import greatest_length
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.solids import HalfSpaces
+from closeform.zones.solids import HalfSpaces, Sphere
 from closeform.zones.zone import LEADING, Zone, enclosing
 
 VOLUMES = {BALL: 4.0 * pi / 3.0, CUBE: 8.0, CYLINDER: 2.0 * pi}  # of unit shapes
@@ -27,6 +27,12 @@ def outer_sum(one: Zone, other: Zone) -> Zone:
     if FACES in (one.shape, other.shape):
         return _between_planes(one, other)
     return min(_grown(one, other), _grown(other, one), key=_volume)
+
+
+def padded(zone: Zone, metres: float) -> Zone:
+    """A zone of the same shape that holds the sum with a ball of so many metres."""
+    ball = Sphere(metres)
+    return _between_planes(zone, ball) if zone.shape == FACES else _grown(zone, ball)
 
 
 def _volume(zone: Zone) -> float:

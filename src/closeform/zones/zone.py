@@ -137,6 +137,38 @@ class Zone:
         """
         return Zone(self.shape, self.matrix / float(positive("factor", factor, ())), self.faces)
 
+    def padded(self, margin: float) -> Zone:
+        """A zone of the same shape that holds all within some metres of this one: its sum with a ball.
+
+        Exact for spheres.  Faces of boxes, cylinders and half-spaces move out by just as much: their corners
+        are sharp, where the sum's are round.  Of ellipsoids that hold the sum it is that of least volume.
+
+        Parameters
+        ----------
+        margin : float [m]
+            The radius of the ball; 0 is the zone itself.
+
+        Returns
+        -------
+        Zone
+            Of the same shape.
+
+        Raises
+        ------
+        ValueError
+            If `margin` is negative or not finite.
+
+        References
+        ----------
+        docs/theory.md section 3, (24) and (25).
+        """
+        from closeform.zones.sums import padded
+
+        metres = numbers("margin", margin)
+        if metres.shape or not 0.0 <= metres < np.inf:
+            raise ValueError(f"margin: metres, 0 or more and finite, got {metres.tolist()}")
+        return padded(self, float(metres)) if metres > 0.0 else self
+
     @cached_property
     def radius(self) -> float:
         """Radius [m] of a ball about the origin that holds the zone; inf for a zone without end."""
@@ -257,6 +289,26 @@ def scaled_norm(zone: Zone, q: Floats) -> Any:
     if not rounded:
         return flat
     return np.maximum(np.sqrt((q[..., :rounded] ** 2).sum(axis=-1)), flat)
+
+
+def gradient(zone: Zone, position: Floats) -> Floats:
+    """How the norm rises (..., 3) [1/m] at positions (..., 3) [m]; on edges one of many.
+
+    The zone lies below the plane along which it is constant: at a norm s that is (s - 1)/|gradient| off.
+    """
+    q = position @ zone.matrix.T
+    rounded = LEADING.get(zone.shape, 0)
+    faces = zone.faces if zone.shape == FACES else np.eye(3)[rounded:]
+    parts, rows = q @ faces.T, np.broadcast_to(faces, (*q.shape[:-1], *faces.shape))
+    if zone.shape != FACES:
+        parts, rows = np.abs(parts), rows * np.sign(parts)[..., None]
+    if rounded:
+        length = np.sqrt((q[..., :rounded] ** 2).sum(axis=-1, keepdims=True))
+        side = np.where(np.arange(3) < rounded, q, 0.0) / np.maximum(length, np.finfo(float).tiny)
+        parts = np.concatenate([length, parts], axis=-1)
+        rows = np.concatenate([side[..., None, :], rows], axis=-2)
+    most = parts.argmax(axis=-1)[..., None, None]
+    return np.asarray(np.take_along_axis(rows, most, axis=-2)[..., 0, :] @ zone.matrix)
 
 
 def enclosing(zone: Zone) -> Floats:

@@ -1,0 +1,73 @@
+"""Padding: how far off their paths two craft may be together, by which the zone of the pair grows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+
+from closeform.arrays import Floats, numbers, shown
+from closeform.zones.zone import Zone, gradient
+
+Groups = tuple[tuple[Zone, Any], ...]  # each zone with the pairs (M, 2) that keep it
+
+
+@runtime_checkable
+class OffPaths(Protocol):
+    """What knows how far bodies are off their paths: a `Tube`, or `Room` along a plan."""
+
+    def of_pairs(self, craft: int, fixed: int = 0) -> Floats:
+        """How far the distance of each pair of bodies may be off (B, B) [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Padding:
+    """Metres (B, B) by which the zone of each pair of bodies grows."""
+
+    metres: Floats
+
+    @classmethod
+    def of(cls, margin: Any, craft: int, fixed: int = 0) -> Self | None:
+        """From a `margin` of some craft and bodies that are fixed; None where it is 0.
+
+        Raises ValueError for what is no margin of so many.
+        """
+        count = craft + fixed
+        metres = numbers("margin", margin.of_pairs(craft, fixed) if isinstance(margin, OffPaths) else margin)
+        if metres.shape not in ((), (count, count)):
+            raise ValueError(
+                f"margin: one number [m], a Tube, or shape ({count}, {count}) of all pairs, got "
+                f"{shown(margin)}"
+            )
+        metres = np.broadcast_to(metres, (count, count))
+        if not ((metres >= 0.0) & (metres < np.inf)).all() or (metres != metres.T).any():
+            raise ValueError(f"margin: metres, 0 or more, finite and symmetric, got {shown(margin)}")
+        return cls(metres) if metres[np.triu_indices(count, 1)].any() else None
+
+    def groups(self, groups: Groups) -> Groups:
+        """The same pairs with zones that are padded, each by its own."""
+        found: list[tuple[Zone, Any]] = []
+        for zone, pairs in groups:
+            each = self.metres[pairs[:, 0], pairs[:, 1]]
+            found += [(zone.padded(m), pairs[each == m]) for m in np.unique(each)]
+        return tuple(found)
+
+    @property
+    def told(self) -> Any:
+        """The same as one number [m], where it is one."""
+        each = self.metres[np.triu_indices(len(self.metres), 1)]
+        return float(each[0]) if (each == each[0]).all() else self.metres
+
+    def shortage(self, groups: Groups, pair: tuple[int, int], place: Floats) -> str | None:
+        """What a pair lacks where it is `place` (3,) [m] apart, in words; None in the zone itself."""
+        zone = next(zone for zone, pairs in groups if (pairs == pair).all(axis=1).any())
+        off = gap(zone, place)
+        asked = self.metres[pair]
+        return None if off <= 0.0 else f"{off:.3g} m from their zone, less than the margin of {asked:.3g} m"
+
+
+def gap(zone: Zone, place: Floats) -> Any:
+    """How far (...) [m] places (..., 3) are off the zone, at least; negative inside."""
+    steep = np.linalg.norm(gradient(zone, place), axis=-1)
+    return (zone.norm(place) - 1.0) / np.maximum(steep, np.finfo(float).tiny)

@@ -1,0 +1,165 @@
+"""Margins in metres: padded zones against sums by sampling, plans against dense sampling of their gaps."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import closeform as cf
+
+ORBIT = cf.Orbit.circular(500e3)
+TURNED = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+ZONES = {
+    "sphere": cf.Sphere(30.0),
+    "ellipsoid": cf.Ellipsoid([20.0, 40.0, 15.0], TURNED),
+    "box": cf.Box([20.0, 40.0, 15.0], TURNED),
+    "cylinder": cf.Cylinder(12.0, 40.0, [1.0, 2.0, 0.5]),
+    "half-spaces": cf.HalfSpaces([[1, 0, 0], [0, 1, 0.2], [-1, -1, 0]], [20.0, 15.0, 30.0]),
+}
+
+
+def surface(zone: cf.Zone, count: int) -> np.ndarray:
+    """Points (M, 3) on it, where it ends."""
+    ways = np.random.default_rng(1).normal(size=(count, 3))
+    sizes = zone.norm(ways)
+    return ways[sizes > 1e-3] / sizes[sizes > 1e-3, None]
+
+
+def distance(zone: cf.Zone, place: np.ndarray) -> float:
+    """How far a place is off a zone, by a solver that knows only its norm."""
+    found = minimize(
+        lambda r: ((r - place) ** 2).sum(),
+        place / max(1.0, zone.norm(place)),
+        constraints={"type": "ineq", "fun": lambda r: 1.0 - zone.norm(r)},
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 300},
+    )
+    return float(np.linalg.norm(found.x - place))
+
+
+@pytest.mark.parametrize("name", ZONES)
+def test_padded_zones_hold_the_sum(name):
+    zone, margin = ZONES[name], 2.5
+    grown = zone.padded(margin)
+    ball = np.random.default_rng(2).normal(size=(200, 3))
+    ball *= margin / np.linalg.norm(ball, axis=1, keepdims=True)
+    reached = surface(zone, 400)[:, None] + ball
+    assert grown.shape == zone.shape
+    assert (grown.norm(reached) <= 1.0 + 1e-12).all()
+
+
+@pytest.mark.parametrize(("name", "beyond"), [("sphere", 1e-9), ("ellipsoid", 0.4), ("box", 0.74)])
+def test_padded_zones_are_hardly_larger(name, beyond):
+    """No further off the zone than the margin, and at a corner by sqrt(3) of it: `beyond` of the margin."""
+    zone, margin = ZONES[name], 2.5
+    off = [distance(zone, place) for place in surface(zone.padded(margin), 60)]
+    assert max(off) <= (1.0 + beyond) * margin
+    assert min(off) >= margin - 1e-4
+
+
+def test_faces_move_out_by_the_margin():
+    """Along normals the sum is met exactly, whatever the shape."""
+    for name in ("box", "cylinder", "half-spaces"):
+        zone = ZONES[name]
+        normals = zone.faces @ zone.matrix if name == "half-spaces" else zone.matrix[-1:]
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        grown = zone.padded(2.5).support(normals)
+        assert grown == pytest.approx(zone.support(normals) + 2.5, rel=1e-12)
+
+
+def test_a_margin_of_nothing_is_the_zone():
+    zone = cf.Sphere(30.0)
+    assert zone.padded(0.0) is zone
+    assert zone.padded(1.5).radius == pytest.approx(31.5)
+
+
+# --- plans --------------------------------------------------------------------------------------
+
+
+def ring(count: int, size: float = 120.0) -> np.ndarray:
+    angle = 2.0 * np.pi / count * np.arange(count)
+    states = np.zeros((count, 6))
+    states[:, 1], states[:, 2] = size * np.cos(angle), size * np.sin(angle)
+    return states
+
+
+def sampled_gap(one: cf.Path, other: cf.Path, zone: cf.Zone) -> float:
+    """How far two paths stay off their zone, at 20 000 instants; by a solver at the nearest twenty."""
+    times = np.linspace(max(one.start, other.start), min(one.end, other.end), 20001)
+    places = one.position(times) - other.position(times)
+    return min(distance(zone, places[k]) for k in np.argsort(zone.norm(places))[:400:20])
+
+
+@pytest.mark.parametrize("name", ["sphere", "ellipsoid", "box", "cylinder"])
+def test_avoid_keeps_metres(name):
+    zone = ZONES[name]
+    path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
+    client = ORBIT.coast(np.zeros(6), 300.0)
+    found = cf.avoid(path, client, zone, margin=1.5)
+    assert found.ok
+    assert found.padding == 1.5
+    off = sampled_gap(found.path, client, zone)
+    assert off >= 1.5 - 1e-3
+    assert off <= 1.5 * 1.8  # it touches the padded zone, which reaches no further
+    assert not cf.find_conflicts(found.path, client, zone.padded(1.5 * (1 - 1e-6)))
+    dearer = cf.avoid(path, client, zone, margin=3.0)
+    assert cf.avoid(path, client, zone).energy < found.energy < dearer.energy
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_reconfigure_keeps_metres_of_each_pair(cost):
+    """Three cross, beside an obstacle: pairs 0 1 ask for 4 m, the obstacle for 2 m, others for nothing."""
+    start, zone = ring(3), cf.Sphere(30.0)
+    still = ORBIT.coast(np.zeros(6), 0.3 * ORBIT.period)
+    margin = np.zeros((4, 4))
+    margin[0, 1] = margin[1, 0] = 4.0
+    margin[3, :3] = margin[:3, 3] = 2.0
+    asked = (ORBIT, start, -start, 0.3 * ORBIT.period, zone)
+    found = cf.reconfigure(*asked, obstacles=still, margin=margin, cost=cost)
+    assert found.ok
+    assert (found.padding == margin).all()
+    for i in range(3):
+        for j in range(i + 1, 4):
+            other = found.paths[j] if j < 3 else still
+            nearest = cf.closest_approach(found.paths[i], other, zone)
+            assert nearest.ratio * 30.0 >= 30.0 + margin[i, j] - 1e-6
+    assert cf.reconfigure(*asked, obstacles=still, cost=cost).spent < found.spent
+
+
+def test_one_after_another_keeps_metres():
+    start = ring(4)
+    asked = (ORBIT, start, -start, 0.3 * ORBIT.period, cf.Sphere(20.0))
+    found = cf.reconfigure(*asked, margin=2.0, method="sequential")
+    assert found.ok
+    assert not len(cf.screen(found.paths, cf.Sphere(22.0 - 1e-6)).pairs)
+
+
+def test_a_tube_is_a_margin():
+    start, zone = ring(4)[1::2], cf.Sphere(30.0)  # across the orbit
+    room = cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4), [1e-6, 5e-6])
+    found = cf.reconfigure(ORBIT, start, -start, 0.3 * ORBIT.period, zone, margin=room)
+    assert found.padding == pytest.approx(room.of_a_pair)
+    nearest = cf.closest_approach(found.paths[0], found.paths[1], zone)
+    assert nearest.ratio * 30.0 == pytest.approx(30.0 + room.of_a_pair, abs=1e-6)
+    among = room.of_pairs(2, 1)  # beside a body that is where it is said to be
+    assert among[0, 2] == pytest.approx(room.radius[0])
+    everybody = cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4))
+    client = ORBIT.coast(np.zeros(6), 300.0)
+    path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
+    assert cf.avoid(path, client, zone, margin=everybody).padding == pytest.approx(everybody.of_a_pair)
+    with pytest.raises(ValueError, match="margin: a tube of 2 craft for 3"):
+        cf.reconfigure(ORBIT, ring(3), -ring(3), 0.3 * ORBIT.period, zone, margin=room)
+
+
+def test_wider_than_the_gap_between_ends():
+    """Named, with the pair and the numbers."""
+    start = ring(4)
+    start[:2] *= 0.99  # 168.009 m apart
+    found = cf.reconfigure(ORBIT, start, -start, 0.3 * ORBIT.period, cf.Sphere(167.3), margin=1.0)
+    assert found.status == cf.Status.END_INSIDE
+    assert "craft 0 and craft 1 come to 0.709 m from their zone, less than the margin of 1 m" in found.reason
+    assert found.blocked == (0, 1)
+    path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
+    client = ORBIT.coast(np.zeros(6), 300.0)
+    short = cf.avoid(path, client, cf.Box([50.0, 199.5, 50.0]), margin=1.0)
+    assert short.status == cf.Status.END_INSIDE
+    assert "start is 0.5 m from their zone, less than the margin of 1 m from obstacle 0" in short.reason
