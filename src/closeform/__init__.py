@@ -53,6 +53,7 @@ _NAMES = {
     "search.sensor": "Sensor",
     "search.leg": "Leg",
     "search.schedule": "Search",
+    "search.search_errors": "SearchErrors",
     "search.locks": "Locks lock_times",
     "search.margins": "LockMargins lock_margins",
     "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",

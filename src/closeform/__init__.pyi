@@ -138,6 +138,7 @@ from closeform.search.locks import Locks as Locks, lock_times as lock_times
 from closeform.search.margins import LockMargins as LockMargins, lock_margins as lock_margins
 from closeform.search.leg import Leg as Leg
 from closeform.search.schedule import Search as Search
+from closeform.search.search_errors import SearchErrors as SearchErrors
 from closeform.search.sensor import Sensor as Sensor
 from closeform.search.theorem import (
     TheoremCase as TheoremCase,

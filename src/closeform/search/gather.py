@@ -34,7 +34,7 @@ from closeform.search.gather_events import (
 )
 from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
 from closeform.search.leg import Group
-from closeform.search.locks import in_parts
+from closeform.search.lock_march import in_parts
 from closeform.search.request import Burns, Groups, cleared, sides, states
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Search

@@ -9,7 +9,7 @@ from numba import bool_, float64, int64, void
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOuts, correction
-from closeform.search.locks import COSINE, END, NEVER, START, STEADY, LockSensor
+from closeform.search.lock_march import COSINE, END, NEVER, START, STEADY, LockSensor
 from closeform.search.next_locks import NextLocks, Turns, earliest_row, foresee_anew, forget
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_around, look_between

@@ -1,234 +1,18 @@
-"""Locks: when two craft first see each other, by a certified march in closed form.
-
-For i in A and j in B, with q the vector from i's sensor to j's, both see each other when
-
-    g(t) = |q| cos(half-angle) - b.(r + v t) + 2 offset <= 0                    # theory (13)
-
-and, with a range, |q| <= range.  Along a leg b = steady + cosine cos(a) + sine sin(a), so that
-all dot products are linear in time.  |q| cos(half-angle) is convex but for the turning offset,
-b.(r + v t) bends by at most w^2 of its swinging part and 2 w of the velocity's, and the march
-steps as far as g certainly stays positive: it never steps over a lock however short.
-"""
+"""Locks: when two craft first see each other."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import inf, nan, sqrt
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
-from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, instance, numbers
-from closeform.compiled import kernel
+from closeform.arrays import Floats, instance, numbers
 from closeform.result import Rows
+from closeform.search.lock_march import CHUNK, COINCIDENT, NOT_FINITE, first_locks, in_parts
 from closeform.search.schedule import Search
-from closeform.search.sine_cosine import sine_cosine
-
-START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs
-SEEN = 1e-12  # of the distance: a margin that small counts as a lock
-CLOSE = 1e-8  # s
-TINY = 1e-300  # keeps 0 / 0 away
-NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1
-CHUNK = 65_536
-BLOCK, SWEEPS = 128, 8  # pairs that step side by side, and how often
-
-
-class LockSensor(NamedTuple):
-    """What locks ask of a sensor: both offsets together [m], the cosine of its half-angle, its range [m]."""
-
-    baseline: float
-    cosine: float
-    longest: float
-
-
-@kernel(inline=True)
-def before(gap, slope, bend):
-    """First h > 0 with gap + slope h - bend h^2 / 2 = 0, without cancellation or branches."""
-    root = sqrt(slope * slope + 2.0 * bend * gap)
-    over = 2.0 * gap if slope <= 0.0 else slope + root
-    under = root - slope if slope <= 0.0 else bend
-    return over / (under + TINY)
-
-
-@kernel(inline=True)
-def limits(turn, position, velocity, sensor):
-    """What bounds g'' all through a leg: its swinging part at the end, the velocity's, |q'|."""
-    x, y, z = position
-    vx, vy, vz = velocity
-    start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
-    ex, ey, ez = x + vx * end, y + vy * end, z + vz * end
-    last = (cx * ex + cy * ey + cz * ez) ** 2 + (sx * ex + sy * ey + sz * ez) ** 2
-    sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
-    fast = sqrt(vx * vx + vy * vy + vz * vz) + sensor.baseline * abs(w)
-    return last, 2.0 * abs(w) * sideways, fast
-
-
-@kernel(inline=True)
-def sight(boresight, place, sensor):
-    """The vector between two sensors, its length, g and the length beyond the range, what counts as 0.
-
-    `boresight` is A's, `place` where B is relative to A.                        # theory (13)
-    By components: a pass within a micrometre keeps its digits.
-    """
-    bx, by, bz = boresight
-    px, py, pz = place
-    baseline, c, longest = sensor
-    qx, qy, qz = px - baseline * bx, py - baseline * by, pz - baseline * bz
-    q = sqrt(qx * qx + qy * qy + qz * qz)
-    gap, beyond = c * q - (bx * qx + by * qy + bz * qz), q - longest
-    return (qx, qy, qz), q, gap, beyond, SEEN * (q + 2.0 * baseline)
-
-
-@kernel(inline=True)
-def step(turn, t, position, velocity, bounds, sensor):
-    """How long nothing certainly happens from time t on; whether both see each other at t, or just after.
-
-    `turn` is the leg's row; the position is that at time 0, the bounds are the leg's `limits`.
-    """
-    x, y, z = position
-    vx, vy, vz = velocity
-    last, sideways, fast = bounds
-    baseline, c = sensor.baseline, sensor.cosine
-    start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
-    sa, ca = sine_cosine(w * (t - start))
-    bx, by, bz = fx + cx * ca + sx * sa, fy + cy * ca + sy * sa, fz + cz * ca + sz * sa
-    dx, dy, dz = w * (sx * ca - cx * sa), w * (sy * ca - cy * sa), w * (sz * ca - cz * sa)
-    px, py, pz = x + vx * t, y + vy * t, z + vz * t
-    (qx, qy, qz), q, gap, beyond, scale = sight((bx, by, bz), (px, py, pz), sensor)
-    ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
-    growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
-    slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
-    # b.(r + v t) bends by its swinging part, greatest at one end of the leg, and the velocity's
-    now = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
-    turning = baseline * w * w  # acceleration of the sensors' offset, at most
-    # c |q| is convex but for that; where c < 0 it is concave, and |q| bends by (its speed)^2 / |q|,
-    # twice that at most before |q| is halved
-    curved = 2.0 * fast * fast / (q + TINY) + turning
-    concave = max(0.0, -c)
-    bend = w * w * sqrt(max(now, last)) + sideways + max(c, 0.0) * turning
-    bend += concave * curved if concave > 0.0 else 0.0
-    longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
-    unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
-    unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
-    h = max(unseen, unreached)
-    # Newton's method has come so near that the rest d = 3 most h^2 / -slope is below CLOSE; and it
-    # does cross: g(h + d) <= 1.5 most h^2 + most d^2 + slope d < 0 for d <= 1.2 h, if the bounds
-    # hold until 2.2 h
-    most, move = bend + abs(c) * curved, 2.2 * fast * h
-    near = (most * h < -0.4 * slope) & (3.0 * most * h * h < -CLOSE * slope)
-    near = near & (q > 2.0 * move) & (beyond + move <= 0.0)
-    return h, (gap <= scale) & (beyond <= scale), near
-
-
-@kernel(inline=True)
-def as_turn(leg):
-    return leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7], leg[8], leg[9], leg[10], leg[11]
-
-
-@kernel()
-def lock_in_leg(leg, t, position, velocity, sensor):
-    """First lock within a leg from time t on: (time, whether).  The position is that at time 0."""
-    turn = as_turn(leg)
-    end = leg[END]
-    bounds = limits(turn, position, velocity, sensor)
-    while True:
-        h, locked, near = step(turn, t, position, velocity, bounds, sensor)
-        if locked:
-            return t, True
-        if t >= end:
-            return end, False
-        if near:
-            return min(t + h, end), t + h <= end
-        t = min(end, max(t + h, t * (1.0 + 2.3e-16)))
-
-
-@kernel()
-def first_lock(legs, t, position, velocity, sensor):
-    """First lock from time t on: (time, leg), or (inf, NEVER)."""
-    for k in range(len(legs)):
-        if t <= legs[k, END]:
-            when, locked = lock_in_leg(legs[k], max(t, legs[k, START]), position, velocity, sensor)
-            if locked:
-                return when, k
-    return inf, NEVER
-
-
-@kernel(inline=True)  # where the arrays are made, so that they are known not to overlap
-def ahead(leg, positions, velocities, begin, count, sensor, parts, reached, sure):
-    """The first steps of a block of pairs through a leg, side by side: times reached, whether they lock."""
-    x, y, z, vx, vy, vz, last, sideways, fast = parts
-    turn = as_turn(leg)
-    end = leg[END]
-    for k in range(count):
-        m = begin + k
-        x[k], y[k], z[k] = positions[m, 0], positions[m, 1], positions[m, 2]
-        vx[k], vy[k], vz[k] = velocities[m, 0], velocities[m, 1], velocities[m, 2]
-        reached[k] = leg[START]
-    for k in range(count):
-        position = x[k], y[k], z[k]
-        velocity = vx[k], vy[k], vz[k]
-        last[k], sideways[k], fast[k] = limits(turn, position, velocity, sensor)
-    for _ in range(SWEEPS):
-        for k in range(count):
-            t = reached[k]
-            position = x[k], y[k], z[k]
-            velocity = vx[k], vy[k], vz[k]
-            bounds = last[k], sideways[k], fast[k]
-            h, locked, near = step(turn, t, position, velocity, bounds, sensor)
-            reached[k] = min(end, t + h)
-            sure[k] = 1.0 if (locked | near) & (t + h < end) else 0.0
-
-
-@kernel(
-    void(
-        float64[:, ::1],
-        float64[:, ::1],
-        float64[:, ::1],
-        float64,
-        float64,
-        float64,
-        float64[::1],
-        int64[::1],
-    )
-)
-def first_locks(
-    legs: Floats,
-    positions: Floats,
-    velocities: Floats,
-    baseline: float,
-    cosine: float,
-    longest: float,
-    times: Floats,
-    found: Any,
-) -> None:
-    """The first lock of each pair; what is wrong with a pair instead of its leg."""
-    sensor = LockSensor(baseline, cosine, longest)
-    reached, sure, parts = np.empty(BLOCK), np.empty(BLOCK), np.empty((9, BLOCK))
-    for begin in range(0, len(positions), BLOCK):
-        count = min(BLOCK, len(positions) - begin)
-        ahead(legs[0], positions, velocities, begin, count, sensor, parts, reached, sure)
-        for k in range(count):
-            m = begin + k
-            x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
-            vx, vy, vz = velocities[m, 0], velocities[m, 1], velocities[m, 2]
-            size = abs(x) + abs(y) + abs(z)
-            times[m] = nan
-            if not size + abs(vx) + abs(vy) + abs(vz) < LARGEST:
-                found[m] = NOT_FINITE
-            elif size < 1.0 / LARGEST:
-                found[m] = COINCIDENT
-            elif sure[k] > 0.0:
-                times[m], found[m] = reached[k], 0
-            else:
-                when, leg = first_lock(legs, reached[k], (x, y, z), (vx, vy, vz), sensor)
-                found[m] = leg
-                if leg >= 0:
-                    times[m] = when
+from closeform.search.search_errors import SearchErrors
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -255,7 +39,12 @@ class Locks(Rows):
         return len(self.time)
 
 
-def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: ArrayLike) -> Locks:
+def lock_times(
+    search: Search,
+    relative_position: ArrayLike,
+    relative_velocity: ArrayLike,
+    errors: SearchErrors | None = None,
+) -> Locks:
     """The first lock of each pair of a craft in group A and one in group B, coasting in deep space.
 
     Parameters
@@ -266,6 +55,9 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
         B minus A at the start of the search, in the inertial frame; (3,) for one pair.
     relative_velocity : array_like of shape (M, 3) [m/s]
         B minus A, in the inertial frame; both shapes broadcast.
+    errors : SearchErrors, optional
+        How far the craft of each pair, in A and in B, are off the search: of shape (M, 2), or (2,) for all
+        alike.  They are looked at until both have ended their turns; a leg is then that of the craft in A.
 
     Returns
     -------
@@ -275,7 +67,7 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not finite, or two craft are at one place.
+        If shapes do not fit, a number is not finite, two craft are at one place, or errors leave no cone.
 
     Notes
     -----
@@ -294,8 +86,28 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
     [0.0]
     """
     positions, velocities = _vectors(relative_position=relative_position, relative_velocity=relative_velocity)
-    sensor = instance("search", search, Search).sensor
+    instance("search", search, Search)
     times, legs = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
+    if errors is None:
+        perfect(search, positions, velocities, times, legs)
+    else:
+        from closeform.search.imperfect import imperfect  # whose kernel perfect searches can spare
+
+        instance("errors", errors, SearchErrors)
+        imperfect(search, positions, velocities, errors, times, legs)
+    if (legs == NOT_FINITE).any():
+        which = int(np.argmax(legs == NOT_FINITE))
+        name = "relative_velocity" if np.isfinite(positions[which]).all() else "relative_position"
+        raise ValueError(f"{name}: pair {which} has a number that is not finite, or too large")
+    if (legs == COINCIDENT).any():
+        which = int(np.argmax(legs == COINCIDENT))
+        raise ValueError(f"relative_position: the two craft of pair {which} are at one place")
+    return Locks(times, legs)
+
+
+def perfect(search: Search, positions: Floats, velocities: Floats, times: Floats, legs: Any) -> None:
+    """The first locks of M pairs that do what the search asks of them, into `times` and `legs` (M,)."""
+    sensor = search.sensor
 
     def part(some: slice) -> None:
         first_locks(
@@ -310,23 +122,6 @@ def lock_times(search: Search, relative_position: ArrayLike, relative_velocity: 
         )
 
     in_parts(part, len(positions), CHUNK)
-    if (legs == NOT_FINITE).any():
-        which = int(np.argmax(legs == NOT_FINITE))
-        name = "relative_velocity" if np.isfinite(positions[which]).all() else "relative_position"
-        raise ValueError(f"{name}: pair {which} has a number that is not finite, or too large")
-    if (legs == COINCIDENT).any():
-        which = int(np.argmax(legs == COINCIDENT))
-        raise ValueError(f"relative_position: the two craft of pair {which} are at one place")
-    return Locks(times, legs)
-
-
-def in_parts(part: Callable[[slice], Any], count: int, size: int) -> list[Any]:
-    """The results of `part` for `size` of `count` items at a time, on all cores where there are many."""
-    parts = [slice(first, first + size) for first in range(0, count, size)]
-    if len(parts) <= 1:
-        return [part(some) for some in parts]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(part, parts))
 
 
 def _vectors(**given: ArrayLike) -> tuple[Floats, ...]:

@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance
 from closeform.compiled import kernel
 from closeform.result import Result
-from closeform.search.locks import END, SEEN, START, LockSensor, lock_in_leg, lock_times
+from closeform.search.lock_march import END, SEEN, START, LockSensor, lock_in_leg
+from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 from closeform.search.theorem import one_pair
 

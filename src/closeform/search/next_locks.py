@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.clearance import SINCE
-from closeform.search.locks import LockSensor, first_lock
+from closeform.search.lock_march import LockSensor, first_lock
 from closeform.search.sets import LOST
 
 

@@ -12,7 +12,7 @@ from numba import float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.locks import LockSensor, in_parts, sight
+from closeform.search.lock_march import LockSensor, in_parts, sight
 from closeform.search.schedule import Search
 
 CHUNK = 16_384

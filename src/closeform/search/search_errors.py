@@ -1,0 +1,155 @@
+"""SearchErrors: how far craft are off what a search asks of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, broadcast, numbers, shown
+from closeform.search.sensor import Sensor
+
+MOST_TURN = pi / 2.0  # rad, of the body: more is no error
+FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent")
+BODY, PACE, LATE, COSINE, LONGEST, ACCELERATION, COLUMNS = 0, 3, 4, 5, 6, 7, 8  # what kernels know of a craft
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SearchErrors:
+    """How far craft are off what a search asks of them, for as long as it lasts.
+
+    All fields broadcast to one shape (...): for `lock_times` that is (M, 2), the craft of each pair in A and
+    in B, or (2,) for all pairs alike.
+
+    Parameters
+    ----------
+    pointing : array_like of shape (..., 3) [rad], default zeros
+        A constant turn of the body, as a rotation vector in body axes (z is the boresight), below pi/2.
+    slew_rate : array_like of shape (...), no unit, default 0
+        The share by which all turns are too fast, above -1: each ends at its angle, and the next begins.
+    start : array_like of shape (...) [s], default 0
+        By how much the craft begins late; until then it waits in its start attitude.
+    half_angle : array_like of shape (...) [rad], default 0
+        What its sensor has more than the search's.
+    range : array_like of shape (...) [m], default inf
+        Of its own sensor, where that is shorter than the search's; of two sensors the shorter counts.
+    slew_acceleration : array_like of shape (...) [rad/s^2], default inf
+        With which a turn gains its rate and loses it: it takes longer by the rate over this.
+    silent : array_like of bool of shape (...), default False
+        Whether the craft never answers, so that nobody locks with it.
+
+    Raises
+    ------
+    ValueError
+        If a number is outside of these bounds, or shapes do not fit.
+
+    References
+    ----------
+    docs/lost_craft.md.
+    """
+
+    pointing: Floats
+    slew_rate: Floats
+    start: Floats
+    half_angle: Floats
+    range: Floats
+    slew_acceleration: Floats
+    silent: Any
+
+    def __init__(
+        self,
+        pointing: ArrayLike = (0.0, 0.0, 0.0),
+        slew_rate: ArrayLike = 0.0,
+        start: ArrayLike = 0.0,
+        half_angle: ArrayLike = 0.0,
+        range: ArrayLike = inf,
+        slew_acceleration: ArrayLike = inf,
+        silent: ArrayLike = False,
+    ) -> None:
+        turn, mute = numbers("pointing", pointing), np.asarray(silent)
+        if turn.shape[-1:] != (3,):
+            raise ValueError(f"pointing: expected shape (..., 3), got {turn.shape}")
+        if mute.dtype != bool:
+            raise ValueError(f"silent: expected True or False for each craft, got {shown(silent)}")
+        self.__dict__.update(
+            pointing=turn,
+            slew_rate=_within("slew_rate", slew_rate, -1.0, inf),
+            start=_within("start", start, -inf, inf),
+            half_angle=_within("half_angle", half_angle, -pi, pi),
+            range=_positive("range", range),
+            slew_acceleration=_positive("slew_acceleration", slew_acceleration),
+            silent=mute,
+        )
+        _within("pointing", np.linalg.norm(turn, axis=-1), -1.0, MOST_TURN)
+        broadcast(**self._shapes)
+
+    @property
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of each field, without the vectors' own axis."""
+        return {name: getattr(self, name).shape for name in FIELDS} | {"pointing": self.pointing.shape[:-1]}
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """To which all fields broadcast."""
+        return np.broadcast_shapes(*self._shapes.values())
+
+
+def craft_of(errors: SearchErrors, sensor: Sensor, some: slice, count: int) -> Floats:
+    """What kernels know of the craft of `some` of `count` pairs (S, 2, 8); B's body as if it were A's.
+
+    Raises ValueError where errors are not of so many pairs, or leave no cone.
+    """
+    out = np.empty((some.stop - some.start, 2, COLUMNS))
+
+    def of_pairs(name: str) -> Any:
+        values, rest = getattr(errors, name), (3,) * (name == "pointing")
+        try:
+            return np.broadcast_to(values, (count, 2, *rest))[some]
+        except ValueError:
+            shape = "(M, 2, 3)" if rest else "(M, 2)"
+            raise ValueError(
+                f"errors: {name} of {count} pairs is {shape}, or alike for all pairs; got {values.shape}"
+            ) from None
+
+    out[..., BODY : BODY + 3] = boresights(of_pairs("pointing"))
+    out[:, 1, BODY + 1 : BODY + 3] *= -1.0  # B's axes y and z are opposite to A's
+    out[..., PACE] = 1.0 + of_pairs("slew_rate")
+    out[..., LATE] = of_pairs("start")
+    half_angle = sensor.half_angle + of_pairs("half_angle")
+    if not ((half_angle > 0.0) & (half_angle < pi)).all():
+        wrong = half_angle[(half_angle <= 0.0) | (half_angle >= pi)][0]
+        raise ValueError(f"errors: half_angle leaves {wrong:g} rad; it must stay between 0 and pi")
+    cosine = np.cos(half_angle)
+    out[..., COSINE] = np.where(abs(cosine) > 1e-15, cosine, 0.0)
+    out[..., LONGEST] = np.minimum(sensor.range, of_pairs("range"))
+    out[..., LONGEST][of_pairs("silent")] = -inf
+    out[..., ACCELERATION] = of_pairs("slew_acceleration")
+    return out
+
+
+def boresights(turn: Floats) -> Floats:
+    """Where a turn of the body by rotation vectors (..., 3) leaves the boresight, in axes not turned."""
+    angle = np.linalg.norm(turn, axis=-1)
+    share = np.sinc(angle / pi)  # sin(angle) / angle
+    x, y, z = np.moveaxis(turn, -1, 0)
+    half = 0.5 * np.sinc(0.5 * angle / pi) ** 2  # (1 - cos(angle)) / angle^2
+    return np.stack([share * y + half * z * x, half * z * y - share * x, 1.0 - half * (x * x + y * y)], -1)
+
+
+def _within(name: str, value: ArrayLike, least: float, most: float) -> Floats:
+    """Numbers between two bounds, without these."""
+    array = numbers(name, value)
+    fits = (array > least) & (array < most)
+    if not fits.all():
+        raise ValueError(f"{name}: must be above {least:g} and below {most:g}, got {array[~fits].flat[0]:g}")
+    return array
+
+
+def _positive(name: str, value: ArrayLike) -> Floats:
+    array = numbers(name, value)
+    if not (array > 0.0).all():
+        raise ValueError(f"{name}: must be positive, got {array[~(array > 0.0)].flat[0]:g}")
+    return array

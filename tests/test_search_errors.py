@@ -1,0 +1,255 @@
+"""Searches with errors, against bodies that turn for themselves, sampled; and the perfect case."""
+
+from dataclasses import dataclass
+from math import cos, inf, pi, radians
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+from scipy.spatial.transform import Rotation
+
+import closeform as cf
+from turns import SIGN, START, SUN, turns
+
+RATE, LIMIT = radians(0.25), radians(25)
+STEP = 4.0  # s, of samples: a degree of turning or so
+
+
+@dataclass
+class Body:
+    """One craft that goes through the turns of its group by itself, and then rests."""
+
+    turns: list
+    group: str
+    pointing: tuple = (0.0, 0.0, 0.0)
+    slew_rate: float = 0.0
+    start: float = 0.0
+    half_angle: float = 0.0
+    range: float = inf
+    slew_acceleration: float = inf
+    silent: bool = False
+
+    def __post_init__(self):
+        self.rate = RATE * (1.0 + self.slew_rate)
+        angles = np.array([abs(angle) for *_, angle in self.turns])
+        self.ramps = np.minimum(self.rate / self.slew_acceleration, np.sqrt(angles / self.slew_acceleration))
+        full = angles >= self.rate**2 / self.slew_acceleration
+        lasts = np.where(full, angles / self.rate + self.ramps, 2.0 * self.ramps)
+        self.begins = self.start + np.concatenate([[0.0], np.cumsum(lasts)])
+        self.attitudes = [Rotation.from_matrix(START[self.group])]
+        for k, (*_, angle) in enumerate(self.turns):
+            self.attitudes.append(self.turn(k, np.array([abs(angle)]))[0])
+
+    def turned(self, k, time):
+        """By what angles turn k has gone some times after it began: by its acceleration, then its rate."""
+        angle, gain, ramp = abs(self.turns[k][2]), self.slew_acceleration, self.ramps[k]
+        if gain == inf:
+            return np.minimum(self.rate * time, angle)
+        left = self.begins[k + 1] - self.begins[k] - time
+        steady = gain * ramp * (time - 0.5 * ramp)
+        slower = np.where(left < ramp, angle - 0.5 * gain * left**2, steady)
+        return np.where(time < ramp, 0.5 * gain * time**2, slower)
+
+    def boresights(self, times):
+        """Unit vectors (T, 3)."""
+        times = np.clip(times, self.start, self.begins[-1])
+        turns = np.minimum(np.searchsorted(self.begins, times, side="right") - 1, len(self.turns) - 1)
+        out = np.empty((len(times), 3))
+        for k in np.unique(turns):
+            here = turns == k
+            attitude = self.turn(k, self.turned(k, times[here] - self.begins[k]))
+            out[here] = (attitude * Rotation.from_rotvec(self.pointing)).as_matrix()[:, :, 2]
+        return out
+
+    def turn(self, k, angles):
+        """Attitudes after turn k has gone by some angles: about the sun line in space, or about body y."""
+        _, about, whole = self.turns[k]
+        axis = SUN if about == "sun" else SIGN[self.group] * np.array([0.0, 1.0, 0.0])
+        turn = Rotation.from_rotvec(np.outer(np.sign(whole) * angles, axis))
+        return turn * self.attitudes[k] if about == "sun" else self.attitudes[k] * turn
+
+
+def missing(a, b, sensor, r, v, times):
+    """What is missing to a lock at each time [m]: each must see the other's sensor, within both ranges."""
+    one, other = a.boresights(times), b.boresights(times)
+    q = r + np.outer(times, v) + sensor.offset * (other - one)
+    length = np.linalg.norm(q, axis=1)
+    seen = [
+        length * cos(sensor.half_angle + body.half_angle) - way * (q * look).sum(axis=1)
+        for body, look, way in ((a, one, 1.0), (b, other, -1.0))
+    ]
+    return np.maximum(np.maximum(*seen), length - min(sensor.range, a.range, b.range))
+
+
+def first_lock(a, b, sensor, r, v):
+    """The first lock by samples, minima between them and roots; nan for none."""
+    if a.silent or b.silent:
+        return np.nan
+    ends = [t for body in (a, b) for t in body.begins if t > 0.0]
+    last = max(ends)
+    times = np.unique(np.concatenate([np.arange(0.0, last, STEP), ends]))
+    values = missing(a, b, sensor, r, v, times)
+
+    def g(time):
+        return float(missing(a, b, sensor, r, v, np.array([time]))[0])
+
+    below = np.flatnonzero(values <= 0.0)
+    stop = below[0] if len(below) else len(times)
+    for k in range(1, min(stop, len(times) - 1)):
+        if values[k] <= values[k - 1] and values[k] <= values[k + 1]:
+            if values[k] > max(values[k - 1], values[k + 1]) - values[k] + 0.05 * abs(values[k]):
+                continue  # it would have to bend much more here than beside it
+            found = minimize_scalar(
+                g, bounds=(times[k - 1], times[k + 1]), method="bounded", options={"xatol": 1e-9}
+            )
+            if found.fun <= 0.0:
+                return brentq(g, times[k - 1], found.x, xtol=1e-10)
+    if not len(below):
+        return np.nan
+    return 0.0 if stop == 0 else brentq(g, times[stop - 1], times[stop], xtol=1e-10)
+
+
+def generator(seed):
+    return np.random.Generator(np.random.Philox(seed))
+
+
+def drawn(count, seed, size=500.0):
+    draw = generator(seed).uniform(-1.0, 1.0, (2, count, 2, 3))
+    return size * (draw[0, :, 1] - draw[0, :, 0]), 0.2 * (draw[1, :, 1] - draw[1, :, 0])
+
+
+def kinds(count, seed):
+    """Errors of each kind by itself, then all at once: far greater than real ones, so that much is lost."""
+    g = generator(seed)
+    shape = count, 2
+    each = {
+        "pointing": g.normal(0.0, radians(8.0), (*shape, 3)),
+        "slew_rate": g.normal(0.0, 0.05, shape),
+        "start": g.normal(0.0, 120.0, shape),
+        "half_angle": g.normal(0.0, radians(6.0), shape),
+        "range": g.uniform(200.0, 900.0, shape),
+        "slew_acceleration": RATE / g.uniform(10.0, 400.0, shape),
+        "silent": g.uniform(size=shape) < 0.1,
+    }
+    return {**{name: {name: values} for name, values in each.items()}, "all": each}
+
+
+@pytest.mark.parametrize("kind", kinds(1, 0))
+@pytest.mark.parametrize(("half_angle", "offset", "longest"), [(70.0, 0.0, inf), (62.0, 7.5, 700.0)])
+def test_errors_against_bodies_that_turn_for_themselves(kind, half_angle, offset, longest):
+    count, wide = 12, radians(half_angle)
+    sensor = cf.Sensor(wide, offset, longest)
+    search = cf.Search.modified(sensor, RATE, radians(89))
+    errors = kinds(count, 5)[kind]
+    r, v = drawn(count, 6)
+    found = cf.lock_times(search, r, v, cf.SearchErrors(**errors))
+    for k in range(count):
+        bodies = [
+            Body(turns("modified", wide), group, **{name: values[k, m] for name, values in errors.items()})
+            for m, group in enumerate("AB")
+        ]
+        truth = first_lock(*bodies, sensor, r[k], v[k])
+        # as those of `lock_times`: the margin changes by some 0.1 m/s, and is good to 1e-9 m
+        assert found.time[k] == pytest.approx(truth, rel=0.0, abs=1e-6, nan_ok=True)
+    assert (found.time > 0.0).any()
+
+
+@pytest.mark.parametrize("half_angle", [30.0, 70.0, 110.0])
+@pytest.mark.parametrize(("offset", "longest"), [(0.0, inf), (7.5, 300.0)])
+def test_without_errors_locks_are_those_of_the_perfect_search(half_angle, offset, longest):
+    sensor = cf.Sensor(radians(half_angle), offset, longest)
+    search = cf.Search.basic(sensor, RATE, LIMIT)
+    r, v = drawn(20_000, 7)
+    perfect = cf.lock_times(search, r, v)
+    same = cf.lock_times(search, r, v, cf.SearchErrors())
+    np.testing.assert_array_equal(same.leg, perfect.leg)
+    np.testing.assert_allclose(same.time, perfect.time, rtol=0.0, atol=1e-6)
+
+
+def test_both_late_by_the_same_time_see_each_other_where_they_are_then():
+    search = cf.Search.modified(cf.Sensor(radians(70)), RATE, LIMIT)
+    r, v = drawn(20_000, 8)
+    late = cf.lock_times(search, r, v, cf.SearchErrors(start=50.0))
+    then = cf.lock_times(search, r + 50.0 * v, v)
+    moved = ~(late.time <= 50.0)
+    np.testing.assert_allclose(late.time[moved], then.time[moved] + 50.0, rtol=0.0, atol=1e-6)
+    assert moved.sum() > 5000
+
+
+def test_both_faster_alike_are_a_faster_search():
+    sensor = cf.Sensor(radians(70))
+    r, v = drawn(20_000, 9)
+    pace = cf.lock_times(cf.Search.modified(sensor, RATE, LIMIT), r, v, cf.SearchErrors(slew_rate=0.25))
+    fast = cf.lock_times(cf.Search.modified(sensor, 1.25 * RATE, LIMIT), r, v)
+    np.testing.assert_array_equal(pace.leg, fast.leg)
+    np.testing.assert_allclose(pace.time, fast.time, rtol=0.0, atol=1e-6)
+
+
+def test_a_turn_of_the_body_about_its_boresight_changes_nothing():
+    search = cf.Search.modified(cf.Sensor(radians(70), 7.5), RATE, LIMIT)
+    r, v = drawn(5000, 10)
+    turned = cf.SearchErrors(pointing=[[0.0, 0.0, 0.3], [0.0, 0.0, -1.2]])
+    np.testing.assert_allclose(
+        cf.lock_times(search, r, v, turned).time, cf.lock_times(search, r, v).time, rtol=0.0, atol=1e-6
+    )
+
+
+def test_a_pair_turned_inside_out_locks_when_its_groups_are_swapped():
+    """Space through a point: boresights of B become those of A; between swapped craft the vector stays."""
+    search = cf.Search.modified(cf.Sensor(radians(70), 7.5), RATE, LIMIT)
+    r, v = drawn(5000, 11)
+    g = generator(12)
+    errors = {
+        "pointing": g.normal(0.0, 0.1, (5000, 2, 3)),
+        "slew_rate": g.normal(0.0, 0.01, (5000, 2)),
+        "start": g.normal(0.0, 20.0, (5000, 2)),
+        "half_angle": g.normal(0.0, 0.05, (5000, 2)),
+        "slew_acceleration": RATE / g.uniform(10.0, 100.0, (5000, 2)),
+    }
+    one = cf.lock_times(search, r, v, cf.SearchErrors(**errors))
+    swapped = {name: values[:, ::-1] for name, values in errors.items()}
+    swapped["pointing"] = swapped["pointing"] * [1.0, -1.0, -1.0]  # a turn is the same turn inside out
+    other = cf.lock_times(search, r, v, cf.SearchErrors(**swapped))
+    np.testing.assert_allclose(other.time, one.time, rtol=0.0, atol=1e-6)
+
+
+def test_a_craft_that_never_answers_is_never_found():
+    search = cf.Search.modified(cf.Sensor(radians(70)), RATE, LIMIT)
+    r, v = drawn(100, 13)
+    silent = np.zeros((100, 2), dtype=bool)
+    silent[:50, 0] = silent[25:75, 1] = True
+    found = cf.lock_times(search, r, v, cf.SearchErrors(silent=silent))
+    np.testing.assert_array_equal(found.leg[:75], -1)
+    perfect = cf.lock_times(search, r, v)
+    np.testing.assert_allclose(found.time[75:], perfect.time[75:], rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"pointing": [0.1, 0.2]}, r"pointing: expected shape \(\.\.\., 3\), got \(2,\)"),
+        ({"pointing": [0.0, 0.0, 2.0]}, "pointing: must be above -1 and below 1.5708, got 2"),
+        ({"slew_rate": -1.0}, "slew_rate: must be above -1 and below inf, got -1"),
+        ({"start": [0.0, inf]}, "start: must be above -inf and below inf, got inf"),
+        ({"range": 0.0}, "range: must be positive, got 0"),
+        ({"slew_acceleration": -0.1}, "slew_acceleration: must be positive, got -0.1"),
+        ({"silent": 1}, "silent: expected True or False for each craft, got 1"),
+        ({"start": [0.0, 1.0, 2.0], "slew_rate": [0.0, 0.0]}, "batch shapes do not broadcast: slew_rate"),
+    ],
+)
+def test_errors_out_of_bounds_are_refused(given, told):
+    with pytest.raises(ValueError, match=told):
+        cf.SearchErrors(**given)
+
+
+def test_errors_that_do_not_fit_the_pairs_are_refused():
+    search = cf.Search.modified(cf.Sensor(radians(70)), RATE, LIMIT)
+    r, v = drawn(4, 14)
+    with pytest.raises(
+        ValueError, match=r"errors: start of 4 pairs is \(M, 2\), or alike for all pairs; got \(4,\)"
+    ):
+        cf.lock_times(search, r, v, cf.SearchErrors(start=np.zeros(4)))
+    with pytest.raises(ValueError, match=r"errors: half_angle leaves 3\.9.* rad; it must stay between"):
+        cf.lock_times(search, r, v, cf.SearchErrors(half_angle=0.87 * pi))
+    with pytest.raises(ValueError, match=r"errors: expected SearchErrors, got 0\.1"):
+        cf.lock_times(search, r, v, 0.1)
