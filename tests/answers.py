@@ -175,6 +175,7 @@ def answers() -> dict[str, Any]:
     found |= {
         "Validity": cf.validity(steered, field, ball),
         "CommandedThrust": cf.thrust(steered, field, every=20.0),
+        "Retargeted": cf.thrust(low.orbit.two_impulse(craft, craft[[1, 0, 2]], 200.0), field).impulses,
         "Flight": cf.fly(steered, field),
         "Tube": cf.tube(low.orbit, cf.Feedback(), cf.Navigation(0.1, 1e-3), [1e-6, 2e-6]),
     }

@@ -2076,9 +2076,24 @@ CALLS = (
         "margin: a tube of 3 craft for 2; make it of as many",
     ),
     Call(
-        "a flight of impulses",
-        "cf.fly(orbit.two_impulse(start, end, 3000.0), cf.Field(chief))",
-        "plan: has impulses; plan burns, by max_acceleration, which can be flown with feedback",
+        "a limit of thrust for impulses",
+        "cf.fly(orbit.two_impulse(start, end, 3000.0), cf.Field(chief), max_acceleration=0.1)",
+        "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns",
+    ),
+    Call(
+        "one impulse for the way back",
+        "cf.Feedback(60.0, 600.0, impulses=1)",
+        "impulses: one brings no state to zero; give two or more, or 0",
+    ),
+    Call(
+        "impulses half an orbit apart for the way back",
+        "cf.fly(plan, cf.Field(chief), feedback=cf.Feedback(600.0, orbit.period, impulses=2))",
+        "feedback: 2 impulses, 2838.49 s apart, cannot steer to all sides; give more of them, or another horizon",
+    ),
+    Call(
+        "flights in the field of a function",
+        "cf.fly(plan, cf.Field(chief, acceleration=lambda times, states: -9e-7 * states[:, :3]))",
+        "field: flights are compiled, and cannot call a function; give zonals and drag",
     ),
     Call(
         "errors of more craft than there are",

@@ -323,7 +323,7 @@ CALLS = {
         ballistics=np.array([0.01, 0.02]),
     ),
     "Field.chief_states": turned(self=cf.Field(LOW), times=np.array([0.0, 60.0])),
-    "Feedback": turned(every=60.0, horizon=600.0),
+    "Feedback": turned(every=60.0, horizon=600.0, impulses=0),
     "Navigation": turned(position=0.1, velocity=3e-4, position_bias=0.1, velocity_bias=1e-4),
     "tube": turned(
         orbit=ORBIT, feedback=cf.Feedback(), navigation=cf.Navigation(), residual=np.array([1e-6, 2e-6]),
@@ -335,7 +335,7 @@ CALLS = {
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),
-        thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, seeds=2,
+        thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, seeds=2,
     ),
     "Flight.path": turned(self=cf.fly(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0),
     "thrust": turned(

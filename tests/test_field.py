@@ -261,13 +261,112 @@ def test_limit_and_columns():
     assert columns["time_s"][-1] == 3000.0
 
 
-def test_impulses_stay_and_coasts_are_thrust():
-    """The path of two impulses is flown by them and the residual."""
-    path = chief().orbit.two_impulse([0, 200, 0, 0, 0, 0], [0, 50, 30, 0, 0, 0], 3000.0)
+# --- impulses -----------------------------------------------------------------------------------
+
+
+def fired(start, times, impulses, duration: float) -> np.ndarray:
+    """States (6,) of one craft in the chief's axes after a flight by DOP853, with impulses at some times.
+
+    `start` (6,) is before them; they point along the chief's axes.
+    """
+    origin = chief().state
+    axes = axes_of(origin)
+    swung = start[3:] + np.cross(turn_of(origin), start[:3])
+    craft = np.concatenate([origin[:3] + start[:3] @ axes, origin[3:] + swung @ axes])
+    both = np.concatenate([origin, craft])
+
+    def rates(t, y):
+        states = y.reshape(2, 6)
+        return np.hstack([states[:, 3:], textbook(states[:, :3])]).ravel()
+
+    now = 0.0
+    for time, impulse in zip([*times, duration], [*impulses, np.zeros(3)], strict=True):
+        if time > now:
+            both = solve_ivp(rates, (now, time), both, "DOP853", rtol=1e-11, atol=1e-6).y[:, -1]
+        both[9:] += impulse @ axes_of(both[:6])
+        now = time
+    off = (both[6:] - both[:6]).reshape(2, 3) @ axes_of(both[:6]).T
+    off[1] -= np.cross(turn_of(both[:6]), off[0])
+    return off.ravel()
+
+
+@pytest.mark.parametrize("kind", ["impulsive", "two_impulse"])
+def test_impulses_are_changed_for_the_field(kind):
+    """As planned they end metres off; changed ones meet the end, place and velocity, for as much delta-v."""
+    orbit = chief().orbit
+    start, final, duration = task(orbit, 7, count=3)
+    path = getattr(orbit, kind)(start, final, duration)
     table = cf.thrust(path, cf.Field(chief()))
-    assert not table.planned.any()
-    assert table.delta_v > table.planned_delta_v
-    assert table.delta_v == pytest.approx(table.planned_delta_v, rel=0.1)
+    assert isinstance(table.impulses, cf.Retargeted)
+    assert not table.commanded.any()  # nothing but impulses is fired
+    for k in range(3):
+        own = table.impulses.craft == k
+        assert own.sum() == len(path[k].impulses)
+        times = table.impulses.time[own]
+        kept = fired(start[k], times, table.impulses.impulse[own], duration)
+        left = fired(start[k], times, table.impulses.planned[own], duration)
+        assert np.abs(kept - final[k])[:3].max() < 1e-3  # m, and of velocity
+        assert np.abs(kept - final[k])[3:].max() < 1e-6
+        assert np.linalg.norm((left - final[k])[:3]) > 1.0
+    assert table.delta_v == pytest.approx(table.planned_delta_v, rel=0.01)
+    sizes = np.linalg.norm(table.impulses.impulse, axis=1)
+    assert np.bincount(table.impulses.craft, sizes) == pytest.approx(table.delta_v, rel=1e-9)
+    assert len(table.impulses.columns()["vx_m_s"]) == len(table.impulses)
+
+
+def test_between_impulses_the_path_is_as_near_as_is_told():
+    """Against places on the way by another integrator; and what is told is what `screen` sees."""
+    orbit = chief().orbit
+    start, final, duration = task(orbit, 7, count=3)
+    path = orbit.impulsive(start, final, duration)
+    table = cf.thrust(path, cf.Field(chief()))
+    plain = cf.fly(path, cf.Field(chief()), "open", cancel=False)
+    assert (table.deviation < 0.6 * plain.deviations.max(axis=(0, 2))).all()
+    own = table.impulses.craft == 1
+    instants = np.linspace(0.1, 0.95, 7) * duration
+    places = []
+    for end in instants:
+        until = table.impulses.time[own] <= end
+        flies = table.impulses.time[own][until], table.impulses.impulse[own][until]
+        places.append(fired(start[1], *flies, end)[:3])
+    assert table.path[1].position(instants) == pytest.approx(np.array(places), abs=1e-3)
+    off = np.linalg.norm(np.array(places) - path[1].position(instants), axis=1)
+    assert 0.5 * table.deviation[1] < off.max() <= 1.01 * table.deviation[1]
+
+
+def test_craft_with_impulses_beside_others():
+    """Each is flown by what it has: the one that thrusts keeps its plan."""
+    orbit = chief().orbit
+    start, final, duration = task(orbit, 3, count=2)
+    steered = orbit.transfer(start[0], final[0], duration)
+    both = cf.stack([steered, orbit.impulsive(start[1], final[1], duration)])
+    table = cf.thrust(both, cf.Field(chief()))
+    assert table.deviation[0] == 0.0 < table.deviation[1]
+    assert table.commanded[0].any()
+    assert not table.commanded[1].any()
+    flights = cf.fly(both, cf.Field(chief()), "open")
+    assert flights.greatest_end < 1e-3
+    assert flights.delta_v[0] == pytest.approx(table.delta_v, rel=1e-4)
+
+
+def test_impulses_under_feedback():
+    """Errors of measurement and thrust are corrected by impulses, which `path` goes along."""
+    orbit, field = chief().orbit, cf.Field(chief())
+    start, final, _ = task(orbit, 7, count=2)
+    path = orbit.impulsive(start, final, 2.0 * orbit.period)
+    seen = cf.Navigation(0.1, 3e-4)
+    flights = cf.fly(path, field, navigation=seen, thrust_error=(0.01, 0.01), seeds=20)
+    blind = cf.fly(path, field, "open", thrust_error=(0.01, 0.01), seeds=20)
+    assert flights.greatest_end < 0.2 * blind.greatest_end
+    assert (flights.feedback_delta_v > 0.0).all()
+    went = flights.path(flights.worst).state(flights.times[:-1])
+    assert went == pytest.approx(flights.states[flights.worst][:, :-1], abs=1e-9)
+    coarse = cf.fly(path, field, navigation=seen, minimum_bit=0.01, seeds=20)
+    sizes = np.linalg.norm((coarse.states - coarse.arrivals)[..., 3:], axis=-1)
+    assert sizes[sizes > 1e-9].min() >= 0.01 * (1.0 - 1e-9)
+    fine = cf.fly(path, field, navigation=seen, seeds=20)
+    sizes = np.linalg.norm((fine.states - fine.arrivals)[..., 3:], axis=-1)
+    assert sizes[sizes > 1e-9].min() < 0.01
 
 
 # --- feedback ---------------------------------------------------------------------------------

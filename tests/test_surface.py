@@ -24,7 +24,7 @@ RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.arou
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses", "SigmaApproach"}
 RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
-RESULTS |= {"DriftApproach", "DriftScreening", "CommandedThrust", "Validity", "Flight", "Tube"}
+RESULTS |= {"DriftApproach", "DriftScreening", "CommandedThrust", "Retargeted", "Validity", "Flight", "Tube"}
 RESULTS |= {"LoadedRun", "LoadedStage", "LoadedStudy"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 

@@ -65,7 +65,7 @@ _NAMES = {
     "exchange.chief": "Chief",
     "exports": "export",
     "exchange.states_csv": "read_csv",
-    "field.commanded": "CommandedThrust thrust",
+    "field.commanded": "CommandedThrust Retargeted thrust",
     "field.drag": "Drag",
     "field.feedback": "Feedback Navigation",
     "field.field": "Field",

@@ -27,7 +27,11 @@ from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission import run as run
 from closeform.exchange.chief import Chief as Chief
-from closeform.field.commanded import CommandedThrust as CommandedThrust, thrust as thrust
+from closeform.field.commanded import (
+    CommandedThrust as CommandedThrust,
+    Retargeted as Retargeted,
+    thrust as thrust,
+)
 from closeform.field.drag import Drag as Drag
 from closeform.field.feedback import Feedback as Feedback, Navigation as Navigation
 from closeform.field.field import Field as Field

@@ -9,11 +9,48 @@ import numpy as np
 
 from closeform.arrays import Floats, number
 from closeform.field.chief_frame import ChiefFrame
+from closeform.field.course import commands_of, flown
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
+from closeform.field.retargeted import retargeted
+from closeform.field.timetable import impulses_of
+from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
+from closeform.motion.path import Path
 from closeform.result import Rows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Retargeted(Rows):
+    """Impulses of craft, changed for a field, in order of craft and time: M rows; made by `thrust`.
+
+    Attributes
+    ----------
+    craft : array of int of shape (M,)
+        Whose each is, by index.
+    time : array of shape (M,) [s]
+        Since the chief's epoch.
+    impulse : array of shape (M, 3) [m/s]
+        Radial, along-track and cross-track, in the chief's axes.
+    planned : array of shape (M, 3) [m/s]
+        Those of the plan, in the same axes.
+    """
+
+    _columns: ClassVar = {
+        "craft": "craft",
+        "time": "time_s",
+        "impulse": "vx_m_s vy_m_s vz_m_s",
+        "planned": "planned_vx_m_s planned_vy_m_s planned_vz_m_s",
+    }
+
+    craft: Any
+    time: Floats
+    impulse: Floats
+    planned: Floats
+
+    def __len__(self) -> int:
+        return len(self.time)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,8 +64,8 @@ class CommandedThrust(Rows):
     times : array of shape (T,) [s]
         Since the chief's epoch.
     commanded : array of shape (N, T, 3) [m/s^2]
-        Radial, along-track and cross-track, in the chief's axes: planned less residual.  Impulses are
-        fired as planned.
+        Radial, along-track and cross-track, in the chief's axes: planned less residual; as planned of craft
+        that have impulses.
     planned : array of shape (N, T, 3) [m/s^2]
         The thrust of the plan, in the same axes.
     residual : array of shape (N, T, 3) [m/s^2]
@@ -39,6 +76,13 @@ class CommandedThrust(Rows):
         Of the plan.
     exceeded : array of bool of shape (N,)
         Who is commanded more than it can give; False where no limit was given.
+    impulses : Retargeted
+        Those of craft that have some.
+    path : Path
+        What is flown (N,): the plan, and of craft with impulses what these fly in the field, through samples;
+        `screen` certifies it.
+    deviation : array of shape (N,) [m]
+        How far that is from the plan at most, at these samples.
     """
 
     _columns: ClassVar = {
@@ -47,7 +91,7 @@ class CommandedThrust(Rows):
         "commanded": "ux_m_s2 uy_m_s2 uz_m_s2",
         "residual": "dx_m_s2 dy_m_s2 dz_m_s2",
     }
-    _told: ClassVar = ("field", "delta_v", "planned_delta_v", "peak_thrust")
+    _told: ClassVar = ("field", "delta_v", "planned_delta_v", "peak_thrust", "deviation")
 
     field: str
     times: Floats
@@ -57,6 +101,9 @@ class CommandedThrust(Rows):
     delta_v: Floats
     planned_delta_v: Floats
     exceeded: Any
+    impulses: Retargeted
+    path: Path
+    deviation: Floats
 
     @property
     def craft(self) -> Any:
@@ -78,6 +125,9 @@ def thrust(
     plan: Any, field: Field, every: float = 10.0, max_acceleration: float | None = None
 ) -> CommandedThrust:
     """The thrust that flies planned paths in a field as they are, and with them all that is certified.
+
+    Impulses are changed, for between them nothing is fired: they meet the plan's end, and keep its path as
+    nearly as they can.
 
     Parameters
     ----------
@@ -128,10 +178,36 @@ def thrust(
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
-    commanded = planned - left_out
+    frame = ChiefFrame.of(field, times)
+    left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
+    impulses, path, deviation = _retargeted(paths, field)
+    fires = np.isin(np.arange(len(paths)), impulses.craft)
+    commanded = planned - left_out * ~fires[:, None, None]
     size = np.linalg.norm(commanded, axis=2)
     more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
+    kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
     before = np.array(paths.delta_v)
-    told = described(field), times, commanded, planned, left_out
-    return CommandedThrust(*told, before + more, before, size.max(axis=1) > limit)
+    spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
+    told = described(field), times, commanded, planned, left_out, spent, before, size.max(axis=1) > limit
+    return CommandedThrust(*told, impulses, path, deviation)
+
+
+def _retargeted(paths: Path, field: Field) -> tuple[Retargeted, Path, Floats]:
+    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m]."""
+    craft, times, planned = impulses_of(paths)
+    deviation = np.zeros(len(paths))
+    if not len(craft):
+        return Retargeted(craft, times, planned, planned), paths, deviation
+    plain = commands_of(paths, None, field)
+    frame = ChiefFrame.of(field, plain.table.times)
+    commands = retargeted(plain, field, frame)
+    still = np.zeros((1, len(paths), 1, 6)), np.zeros((1, len(paths), 4))
+    done = flown(commands, field, frame, *still)
+    when = plain.table.shown_times
+    changed = commands.jumps[craft, np.searchsorted(plain.table.fired_times, times)]
+    fires = np.unique(craft)
+    off = done.states[0, ..., :3] - paths.position(when)
+    deviation[fires] = np.linalg.norm(off, axis=2).max(axis=1)[fires]
+    own = paths.orbit._through(when, done.states[0], done.arrivals[0])
+    path = stack([own[k] if k in fires else paths[k] for k in range(len(paths))])
+    return Retargeted(craft, times, changed, planned), path, deviation

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closeform.arrays import Floats, number
+from closeform.arrays import Floats, number, whole
 from closeform.motion.arc import THRUST
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
+
+BLIND = 1e12  # of a Gramian's condition, in a length for velocities: half orbits apart none is met across
 
 
 @dataclass(frozen=True)
@@ -22,19 +24,23 @@ class Feedback:
         From one measurement to the next.
     horizon : float [s], default 600
         In which a deviation would be brought to zero, also at the plan's end.
+    impulses : int, default 0
+        By how many: the first at once, the others evenly over the horizon, and of them those before the next
+        measurement are fired.  0 is thrust that lasts.
 
     Raises
     ------
     ValueError
-        If a number is not positive, or the horizon is shorter than the interval.
+        If a number is not positive, the horizon is shorter than the interval, or there is one impulse.
 
     References
     ----------
-    docs/theory.md (85).
+    docs/theory.md (85) and (88).
     """
 
     every: float = 60.0
     horizon: float = 600.0
+    impulses: int = 0
 
     def __post_init__(self) -> None:
         for name in ("every", "horizon"):
@@ -44,6 +50,8 @@ class Feedback:
                 f"horizon: {self.horizon:g} s is shorter than the {self.every:g} s between measurements; "
                 "give a longer one"
             )
+        if whole("impulses", self.impulses) == 1:
+            raise ValueError("impulses: one brings no state to zero; give two or more, or 0")
 
 
 @dataclass(frozen=True)
@@ -94,3 +102,21 @@ def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Float
     primers = paths.arcs[:, THRUST : THRUST + 6].T
     moved = orbit.transition(times)
     return left, moved, moved[:, :3] @ primers
+
+
+def kicks_back(orbit: Orbit, law: Feedback) -> tuple[Floats, Floats]:
+    """When after a measurement impulses are (J,) [s], and the gains (J, 3, 6) that make them of a deviation.
+
+    The least sum of squares that brings it to zero in the horizon.                           # theory (88)
+    """
+    times = np.asarray(np.arange(law.impulses) * (law.horizon / law.impulses), dtype=float)
+    scale = np.repeat([1.0, 1.0 / orbit.mean_motion], 3)  # velocities as lengths
+    pushed = orbit.transition(law.horizon - times)[:, :, 3:] * scale[:, None]
+    gramian = np.einsum("jik,jlk->il", pushed, pushed)
+    if np.linalg.cond(gramian) > BLIND:
+        raise ValueError(
+            f"feedback: {law.impulses} impulses, {law.horizon / law.impulses:g} s apart, cannot steer to all "
+            "sides; give more of them, or another horizon"
+        )
+    wanted = np.linalg.solve(gramian, scale[:, None] * orbit.transition(law.horizon))
+    return times, -np.asarray(np.einsum("jik,il->jkl", pushed, wanted))

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from closeform.arrays import Floats, instance, number, shown, whole
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.drag import ballistics_of
-from closeform.field.feedback import Feedback, Navigation, way_back
+from closeform.field.course import commands_of, flown
+from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
-from closeform.field.flying import Course, fly_all
 from closeform.field.least_ratios import least_ratios
-from closeform.field.residual import residuals
+from closeform.field.retargeted import retargeted
 from closeform.motion.arc import IMPULSE
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-LONGEST = 5.0  # s: a step, in which thrust may begin to turn
+BY_IMPULSES = Feedback(300.0, 1800.0, 6)  # unless given, for plans that have impulses
+DAY = 86400.0  # s
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,8 +37,8 @@ class Flight(Rows):
         Since the chief's epoch.
     states : array of shape (S, N, T, 6) [m, m/s]
         Flown, in the chief's axes.
-    ends : array of shape (S, N) [m]
-        How far off the plan each craft ends.
+    arrivals : array of shape (S, N, T, 6) [m, m/s]
+        The same before impulses that are fired then, in the chief's axes: velocities differ.
     delta_v : array of shape (S, N) [m/s]
         Spent: the sum of the three that follow.
     planned_delta_v : array of shape (N,) [m/s]
@@ -46,12 +46,14 @@ class Flight(Rows):
     field_delta_v : array of shape (N,) [m/s]
         What it takes beyond that to command against what Hill's equations leave out; negative where that
         helps, 0 without `cancel`.
+    limited : array of shape (S, N), no unit
+        The share of time in which each craft is asked for more thrust than `max_acceleration`.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     ratios : array of shape (S, P), no unit
         The least of each pair and flight, at these times and between them.
-    orbit : Orbit
-        In which the plan was made.
+    planned : Path
+        What was to be flown.
     """
 
     _columns: ClassVar = {
@@ -65,23 +67,24 @@ class Flight(Rows):
 
     times: Floats
     states: Floats
-    ends: Floats
+    arrivals: Floats
     delta_v: Floats
     planned_delta_v: Floats
     field_delta_v: Floats
+    limited: Floats
     pairs: Any
     ratios: Floats
-    orbit: Orbit
+    planned: Path
 
     @property
     def seed(self) -> Any:
         """Which flight each row of `columns` is of (S, N), no unit."""
-        return np.broadcast_to(np.arange(len(self.ends))[:, None], self.ends.shape)
+        return np.broadcast_to(np.arange(len(self.delta_v))[:, None], self.delta_v.shape)
 
     @property
     def craft(self) -> Any:
         """Which craft each row of `columns` is of (S, N), no unit."""
-        return np.broadcast_to(np.arange(self.ends.shape[1]), self.ends.shape)
+        return np.broadcast_to(np.arange(self.delta_v.shape[1]), self.delta_v.shape)
 
     @property
     def feedback_delta_v(self) -> Any:
@@ -89,6 +92,27 @@ class Flight(Rows):
         errors and limits of thrust keep back.
         """
         return self.delta_v - self.planned_delta_v - self.field_delta_v
+
+    @cached_property
+    def deviations(self) -> Floats:
+        """How far each craft is off the plan at the times (S, N, T) [m]."""
+        apart = self.states[..., :3] - self.planned.position(self.times)
+        return np.asarray(np.linalg.norm(apart, axis=-1))
+
+    @property
+    def ends(self) -> Floats:
+        """How far off the plan each craft ends (S, N) [m]."""
+        return self.deviations[..., -1]
+
+    @property
+    def delta_v_per_day(self) -> Floats:
+        """What each craft spends in a day (S, N) [m/s]."""
+        return np.asarray(self.delta_v * (DAY / (self.times[-1] - self.times[0])))
+
+    @property
+    def greatest_deviation(self) -> float:
+        """How far off the plan a craft is at most [m]."""
+        return float(self.deviations.max())
 
     @property
     def greatest_end(self) -> float:
@@ -127,7 +151,7 @@ class Flight(Rows):
         Returns
         -------
         Path
-            Of shape (N,), through its states.
+            Of shape (N,), through its states, with the impulses that were fired.
 
         Raises
         ------
@@ -140,7 +164,7 @@ class Flight(Rows):
         """
         if whole("seed", seed) >= len(self.states):
             raise ValueError(f"seed: there are {len(self.states)} flights, got {seed}")
-        return self.orbit.sampled(self.times, self.states[seed])
+        return self.planned.orbit._through(self.times, self.states[seed], self.arrivals[seed])
 
 
 def fly(
@@ -154,6 +178,7 @@ def fly(
     known: Field | None = None,
     thrust_error: tuple[float, float] = (0.0, 0.0),
     max_acceleration: float | None = None,
+    minimum_bit: float = 0.0,
     seeds: int = 1,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
@@ -161,27 +186,30 @@ def fly(
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Of one craft or of N without impulses, in the chief's Hill frame with straight axes, times since its
-        epoch.
+        Of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         In which they fly.
     control : {"track", "open"}, default "track"
         Measure and come back to the planned path, or play the thrust as commanded.
     feedback : Feedback, optional
-        How often, and within which horizon; each minute and ten of them unless given.
+        How often, within which horizon, and by what; each minute and within ten of them by thrust that lasts
+        unless given, for plans that have impulses by one each five minutes and six within half an hour.
     navigation : Navigation, optional
         How well they are measured; exactly unless given.
     zones : Zone or PairZones, optional
         Of all pairs, or of each; without it no ratios are told.
     cancel : bool, default True
-        Whether the plan's thrust is corrected by what Hill's equations leave out, as `thrust` does.
+        Whether the plan's thrust is corrected by what Hill's equations leave out, and its impulses are
+        changed for that, as `thrust` does.  Craft that coast all along and are corrected by impulses do not.
     known : Field, optional
         The field that this is taken from; the one that is flown in unless given.
     thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
         By how much each craft's thrust is off at most, as a share of its size, and in direction; drawn evenly
         for each flight, through which it stays.
     max_acceleration : float [m/s^2], optional
-        That thrust never exceeds.
+        That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses.
+    minimum_bit : float [m/s], default 0
+        The least impulse that is fired.
     seeds : int, default 1
         How many flights; a flight's errors are the same however many others there are.
 
@@ -193,12 +221,18 @@ def fly(
     Raises
     ------
     ValueError
-        If the plan has no paths or has impulses, is of deep space, its mean motion is not the chief's, or an
+        If the plan has no paths, is of deep space, its mean motion is not the chief's, or an
         argument is of another kind.
+
+    Notes
+    -----
+    Steps are of 5 s, or of 20 s where nothing but gravity, air and impulses act, and one ends wherever thrust
+    jumps.  Feedback leads craft with impulses back to what their changed impulses fly without errors, others
+    to the plan.
 
     References
     ----------
-    docs/theory.md (85) and (86).
+    docs/theory.md (85), (86), (88) and (89).
 
     Examples
     --------
@@ -212,82 +246,62 @@ def fly(
     paths = paths_to_fly(plan, field)
     if not isinstance(control, str) or control not in ("track", "open"):
         raise ValueError(f'control: "track" or "open", got {shown(control)}')
-    if paths.arcs[:, IMPULSE : IMPULSE + 3].any():
-        raise ValueError(
-            "plan: has impulses; plan burns, by max_acceleration, which can be flown with feedback"
-        )
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
-    law = instance("feedback", Feedback() if feedback is None else feedback, Feedback)
+    fires = bool(paths.arcs[:, IMPULSE : IMPULSE + 3].any())
+    usual = BY_IMPULSES if fires else Feedback()
+    law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = np.asarray(checked("thrust_error", thrust_error))
     if sizes.shape != (2,) or not (sizes >= 0.0).all():
         raise ValueError(f"thrust_error: two numbers, 0 or more, got {shown(thrust_error)}")
-    limit = np.inf if max_acceleration is None else number("max_acceleration", max_acceleration)
+    limit, least = _limit(max_acceleration, fires), checked("minimum_bit", number("minimum_bit", minimum_bit))
+    if not least >= 0.0:
+        raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
+    flights, believed = whole("seeds", seeds, 1), known or field
+    commands = commands_of(
+        paths, law if control == "track" else None, believed if cancel else None, limit, least
+    )
+    table = commands.table
+    frame = ChiefFrame.of(field, table.times)
+    if cancel and fires:
+        theirs = frame if believed is field else ChiefFrame.of(believed, table.times)
+        commands = retargeted(commands, believed, theirs)
+    draws = [_drawn(seed, len(paths), table.measurements + 1, sight, sizes) for seed in range(flights)]
+    wrong, errors = (np.stack([one[k] for one in draws]) for k in (0, 1))
+    done = flown(commands, field, frame, wrong, errors)
+    times, planned = table.shown_times, np.array(paths.delta_v)
+    found = [
+        least_ratios(one, before, times, zones)
+        for one, before in zip(done.states, done.arrivals, strict=True)
+    ]
+    return Flight(
+        times,
+        done.states,
+        done.arrivals,
+        done.spent - done.asked + planned + (done.asked - planned) * cancel,
+        planned,
+        (done.asked - planned) * cancel,
+        done.limited / (times[-1] - times[0]),
+        found[0][0],
+        np.array([ratio for _, ratio in found]),
+        paths,
+    )
+
+
+def _limit(max_acceleration: float | None, fires: bool) -> float:
+    """What thrust never exceeds [m/s^2], of plans that have impulses or none."""
+    if max_acceleration is None:
+        return np.inf
+    limit = number("max_acceleration", max_acceleration)
     if not limit > 0.0:
         raise ValueError(f"max_acceleration: must be positive, got {limit:g}")
-    flights, track = whole("seeds", seeds, 1), control == "track"
-    times, measured = _steps(paths, law.every if track else None)
-    course = _course(
-        paths, times, field, (known or field) if cancel else None, law if track else None, measured, limit
-    )
-    steps, count = len(times) // 2, len(paths.start)
-    draws = [
-        _drawn(seed, count, steps // measured + 1 if track else 1, sight, sizes) for seed in range(flights)
-    ]
-    wrong, errors = (np.stack([one[k] for one in draws]) for k in (0, 1))
-    states, spent = np.empty((flights, count, steps + 1, 6)), np.empty((flights, count))
-    h = float(times[2] - times[0])
-    fly_all(field._constants, course, h, measured if track else 0, wrong, errors, states, spent)
-    ends = np.linalg.norm(states[:, :, -1, :3] - course.planned[:, -1, :3], axis=2)
-    planned = np.array(paths.delta_v)
-    coarse, asked = (_spent(one, h) for one in (paths.thrust(times), course.commanded))
-    spent += planned - coarse  # what Simpson's rule leaves out at kinks of the plan
-    found = [least_ratios(one, h, zones) for one in states]
-    ratios = np.array([ratio for _, ratio in found])
-    told = times[::2], states, ends, spent, planned, asked - coarse
-    return Flight(*told, found[0][0], ratios, paths.orbit)
-
-
-def _spent(thrust: Floats, h: float) -> Floats:
-    """The delta-v (N,) [m/s] of thrust (N, 2 K + 1, 3) at half steps, by Simpson's rule as in flights."""
-    size = np.linalg.norm(thrust, axis=2)
-    return np.asarray(h / 6.0 * (size[:, :-1:2] + 4.0 * size[:, 1::2] + size[:, 2::2]).sum(axis=1))
-
-
-def _steps(paths: Path, every: float | None) -> tuple[Floats, int]:
-    """Half steps (2 K + 1,) [s], and how many whole ones there are from one measurement to the next."""
-    start, end = float(paths.start[0]), float(paths.end[0])
-    if every is None:
-        steps = max(1, int(np.ceil((end - start) / LONGEST)))
-        return np.linspace(start, end, 2 * steps + 1), steps
-    intervals = int(np.ceil((end - start) / every))  # of equal length
-    each = int(np.ceil((end - start) / intervals / LONGEST))
-    return np.linspace(start, end, 2 * each * intervals + 1), each
-
-
-def _course(
-    paths: Path,
-    times: Floats,
-    field: Field,
-    known: Field | None,
-    law: Feedback | None,
-    measured: int,
-    limit: float,
-) -> Course:
-    """What all flights share."""
-    frame, states = ChiefFrame.of(field, times), paths.state(times)
-    commanded = paths.thrust(times)
-    if known is not None:
-        believed = frame if known is field else ChiefFrame.of(known, times)
-        commanded = commanded - residuals(known, believed, states, paths.orbit.mean_motion)
-    since = times[: 2 * measured + 1] - times[0]
-    back = np.zeros((len(since), 3, 6)) if law is None else way_back(paths.orbit, law.horizon, since)[2]
-    count = len(states)
-    chief = frame.states[:, :3], frame.states[:, 3:], frame.felt, frame.axes, frame.turn
-    craft = commanded, states[:, ::2], back, ballistics_of(field.drag, count), np.full(count, limit)
-    return Course(*(np.ascontiguousarray(one, dtype=float) for one in (*chief, *craft)))
+    if fires:
+        raise ValueError(
+            "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns"
+        )
+    return limit
 
 
 def _drawn(

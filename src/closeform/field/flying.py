@@ -4,8 +4,8 @@ What is integrated is the difference from the chief, whose own motion is known: 
 then off in proportion to that.
 """
 
-from math import sqrt
-from typing import NamedTuple
+from math import cos, sin, sqrt
+from typing import Any, NamedTuple
 
 from numba import float64, int64, types, void
 
@@ -14,25 +14,44 @@ from closeform.compiled import kernel
 from closeform.field.gravity import pull
 from closeform.kernel_loans import borrowed, lent, stack_vector
 
+SIDE, BIT, MOST, THRUSTER = 0, 3, 4, 5  # of a thruster: where it pushes, the least and the most at a time
+CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and what tells how much of each
+
 
 class Course(NamedTuple):
-    """What all flights of N craft share, at 2 K + 1 half steps: the chief's motion, and what is commanded."""
+    """What all flights of N craft share, in K steps: the chief's motion, and what is commanded."""
 
-    places: Floats  # (2 K + 1, 3) [m] of the chief, inertial
+    steps: Floats  # (K,) [s]
+    places: Floats  # (2 K + 1, 3) [m] of the chief at half steps, inertial
     speeds: Floats  # (2 K + 1, 3) [m/s]
     felt: Floats  # (2 K + 1, 3) [m/s^2], by the chief
     axes: Floats  # (2 K + 1, 3, 3)
     turn: Floats  # (2 K + 1, 3) [rad/s]
-    commanded: Floats  # (N, 2 K + 1, 3) [m/s^2], in the chief's axes
-    planned: Floats  # (N, K + 1, 6) [m, m/s]
-    law: Floats  # (2 P + 1, 3, 6): thrust at half steps after a measurement, of what is measured then
+    commanded: Floats  # (N, K, 3, 3) [m/s^2] at begin, middle and end of each step, in the chief's axes
+    jumps: Floats  # (N, K + 1, 3) [m/s], in the same
+    planned: Floats  # (N, K + 1, 6) [m, m/s], after jumps
+    looks: Any  # (K + 1,) which measurement is made, or -1
+    rows: Any  # (K,) of the law, at the begin of each step
+    law: Floats  # (L, 3, 6): thrust at begin, middle and end of a step, of what was measured
+    kicks: Any  # (K + 1,) which gain makes an impulse, or -1
+    gains: Floats  # (G, 3, 6): impulses of what was measured
+    shown: Any  # (K + 1,) which row of states is filled, or -1
+    fires: Any  # (K + 1,) which row of impulses is filled, or -1
     ballistics: Floats  # (N,) [m^2/kg]
     limits: Floats  # (N,) [m/s^2]
+    bits: Floats  # (N,) [m/s], the least impulse that is fired
+    thrusters: Floats  # (N, J, 5), see above; J = 0 where impulses go anywhere
+    facets: Floats  # (N, F, 12)
+    angles: Floats  # (N, K + 1) [rad] from the frame of the thrusters to the chief's axes
 
 
-NUMBERS, ROWS, BLOCKS = float64[::1], float64[:, ::1], float64[:, :, ::1]
+NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1]
+FOUR = float64[:, :, :, ::1]
 COURSE = types.NamedTuple(
-    (ROWS, ROWS, ROWS, BLOCKS, ROWS, BLOCKS, BLOCKS, BLOCKS, NUMBERS, NUMBERS),
+    (
+        *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, BLOCKS, BLOCKS, WHICH, WHICH, BLOCKS),
+        *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, NUMBERS, BLOCKS, BLOCKS, ROWS),
+    ),
     Course,
 )
 
@@ -65,67 +84,130 @@ def inertial(course, node, r, out):
 
 
 @kernel()
-def push(course, i, half, since, deviation, error, out):
-    """Fill `out` (3,) with the thrust of craft i at a half step, inertial; returns what is commanded."""
+def erred(error, u, axes, out):
+    """Fill `out` (3,), inertial, with a thrust or an impulse as it comes out, and `u` in the chief's axes."""
+    grown = 1.0 + error[0]
+    x = grown * (u[0] + error[2] * u[2] - error[3] * u[1])
+    y = grown * (u[1] + error[3] * u[0] - error[1] * u[2])
+    z = grown * (u[2] + error[1] * u[1] - error[2] * u[0])
+    u[0], u[1], u[2] = x, y, z
+    for k in range(3):
+        out[k] = axes[0, k] * x + axes[1, k] * y + axes[2, k] * z
+
+
+@kernel()
+def push(course, i, step, half, deviation, error, spent, weight, out):
+    """Fill `out` (3,) with the thrust of craft i in a step, inertial; `spent` adds it up, by a weight."""
     u = stack_vector(3)
     size = 0.0
     for axis in range(3):
-        u[axis] = course.commanded[i, half, axis]
+        u[axis] = course.commanded[i, step, half, axis]
         for k in range(6):
-            u[axis] += course.law[since, axis, k] * deviation[k]
+            u[axis] += course.law[course.rows[step] + half, axis, k] * deviation[k]
         size += u[axis] * u[axis]
     size = sqrt(size)
     if size > course.limits[i]:
         for axis in range(3):
             u[axis] *= course.limits[i] / size
         size = course.limits[i]
-    grown = 1.0 + error[0]
-    x = grown * (u[0] + error[2] * u[2] - error[3] * u[1])
-    y = grown * (u[1] + error[3] * u[0] - error[1] * u[2])
-    z = grown * (u[2] + error[1] * u[1] - error[2] * u[0])
-    a = course.axes[half]
+        spent[1] += weight
+    spent[0] += weight * size
+    erred(error, u, course.axes[2 * step + half], out)
+
+
+@kernel()
+def allocated(course, i, angle, v):
+    """Make an impulse `v` (3,) what the thrusters of craft i fire for it; returns the sum of that."""
+    c, s = cos(angle), sin(angle)
+    x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
+    facets = course.facets[i]
+    best, least = 0, -1e300
+    for f in range(len(facets)):
+        lowest = 1e300
+        for k in range(3):
+            q = x * facets[f, INVERSE + k] + y * facets[f, INVERSE + 3 + k] + z * facets[f, INVERSE + 6 + k]
+            lowest = min(lowest, q)
+        if lowest > least:
+            best, least = f, lowest
+    total, fx, fy, fz = 0.0, 0.0, 0.0, 0.0
     for k in range(3):
-        out[k] = a[0, k] * x + a[1, k] * y + a[2, k] * z
-    return size
+        own = course.thrusters[i, int(facets[best, CORNER + k])]
+        q = (
+            x * facets[best, INVERSE + k]
+            + y * facets[best, INVERSE + 3 + k]
+            + z * facets[best, INVERSE + 6 + k]
+        )
+        q = min(q, own[MOST]) if q >= own[BIT] and q > 0.0 else 0.0
+        total += q
+        fx, fy, fz = fx + q * own[SIDE], fy + q * own[SIDE + 1], fz + q * own[SIDE + 2]
+    v[0], v[1], v[2] = c * fx + s * fy, c * fy - s * fx, fz
+    return total
 
 
-@kernel(
-    void(
-        float64[::1],
-        COURSE,
-        float64,
-        int64,
-        float64[:, :, :, ::1],
-        BLOCKS,
-        float64[:, :, :, ::1],
-        float64[:, ::1],
-    )
-)
-def fly_all(constants, course, h, measured, wrong, errors, states, spent):
-    """Fill `states` (S, N, K + 1, 6) of S flights in the chief's axes, and what they spend (S, N) [m/s].
+@kernel()
+def kick(course, i, node, deviation, error, spent, y, fired):
+    """Change the state `y` (6,) by the impulses of craft i at a node, planned and corrected: `fired` (3,)."""
+    planned, way_back, change = stack_vector(3), stack_vector(3), stack_vector(3)
+    for axis in range(3):
+        planned[axis], way_back[axis] = course.jumps[i, node, axis], 0.0
+        if course.kicks[node] >= 0:
+            for k in range(6):
+                way_back[axis] += course.gains[course.kicks[node], axis, k] * deviation[k]
+    if course.thrusters.shape[1] > 0:
+        spent[0] += allocated(course, i, course.angles[i, node], way_back)
+    else:
+        for axis in range(3):
+            planned[axis] += way_back[axis]
+            way_back[axis] = 0.0
+    size = sqrt(planned[0] * planned[0] + planned[1] * planned[1] + planned[2] * planned[2])
+    if size < course.bits[i]:
+        size = 0.0
+    spent[0] += size
+    for axis in range(3):
+        way_back[axis] += planned[axis] if size > 0.0 else 0.0
+    erred(error, way_back, course.axes[2 * node], change)
+    for k in range(3):
+        y[3 + k] += change[k]
+        fired[k] = way_back[k]
 
-    By Runge and Kutta's method of fourth order with steps of h; measured anew after as many of them, 0 is
-    never, `wrong` by (S, N, M, 6).  `errors` (S, N, 4) are those of thrust: of its size, and a small turn.
+
+@kernel(void(float64[::1], COURSE, FOUR, BLOCKS, BLOCKS, FOUR, FOUR, BLOCKS))
+def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
+    """Fly S times, from states `now` (S, N, 6) before jumps in the chief's axes, which become the last ones.
+
+    Fills `states` (S, N, T, 6) at nodes that are shown, after `impulses` (S, N, Q, 3) [m/s], and adds to
+    `spent` (S, N, 2) the delta-v [m/s] and how long thrust was at its limit [s].  By Runge and Kutta's method
+    of fourth order.  Measurements are off by `wrong` (S, N, M, 6); `errors` (S, N, 4) are those of thrust: of
+    its size, and a small turn.
     """
     course = lent(course)
-    wrong, errors, states, spent = borrowed(wrong), borrowed(errors), borrowed(states), borrowed(spent)
-    steps = course.planned.shape[1] - 1
+    wrong, errors, now = borrowed(wrong), borrowed(errors), borrowed(now)
+    states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
+    steps, fired = len(course.steps), stack_vector(3)
     y, middle, force, thrust = stack_vector(6), stack_vector(6), stack_vector(3), stack_vector(3)
     rate, total, deviation, there = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
-    for flight in range(len(states)):
+    for flight in range(len(now)):
         for i in range(len(course.ballistics)):
+            error, used = errors[flight, i], spent[flight, i]
+            inertial(course, 0, now[flight, i], y)
             for k in range(6):
-                states[flight, i, 0, k] = course.planned[i, 0, k]
                 deviation[k] = 0.0
-            inertial(course, 0, states[flight, i, 0], y)
-            spent[flight, i], since = 0.0, 0
-            for step in range(steps):
-                if measured > 0 and step % measured == 0:
-                    since = 0
+            for step in range(steps + 1):
+                if course.looks[step] >= 0:
+                    relative(course, 2 * step, y, middle)
                     for k in range(6):
-                        deviation[k] = states[flight, i, step, k] - course.planned[i, step, k]
-                        deviation[k] += wrong[flight, i, step // measured, k]
-                for stage in range(4):
+                        deviation[k] = middle[k] - course.planned[i, step, k]
+                        deviation[k] += wrong[flight, i, course.looks[step], k]
+                    for k in range(3):
+                        deviation[3 + k] += course.jumps[i, step, k]
+                if course.fires[step] >= 0:
+                    kick(course, i, step, deviation, error, used, y, fired)
+                    for k in range(3):
+                        impulses[flight, i, course.fires[step], k] = fired[k]
+                if course.shown[step] >= 0:
+                    relative(course, 2 * step, y, states[flight, i, course.shown[step]])
+                h = course.steps[step] if step < steps else 0.0
+                for stage in range(4 if step < steps else 0):
                     share = 0.0 if stage == 0 else (0.5 if stage < 3 else 1.0)
                     half = (stage + 1) // 2
                     node = 2 * step + half
@@ -134,15 +216,14 @@ def fly_all(constants, course, h, measured, wrong, errors, states, spent):
                     for k in range(3):
                         there[k] = course.places[node, k] + middle[k]
                         there[3 + k] = course.speeds[node, k] + middle[3 + k]
-                    size = push(course, i, node, since + half, deviation, errors[flight, i], thrust)
-                    pull(constants, course.ballistics[i], there, force)
                     weight = h / 6.0 if stage in (0, 3) else h / 3.0
+                    push(course, i, step, half, deviation, error, used, weight, thrust)
+                    pull(constants, course.ballistics[i], there, force)
                     for k in range(3):
                         rate[k], rate[3 + k] = middle[3 + k], force[k] - course.felt[node, k] + thrust[k]
                     for k in range(6):
                         total[k] = weight * rate[k] + (total[k] if stage > 0 else 0.0)
-                    spent[flight, i] += weight * size
-                for k in range(6):
-                    y[k] += total[k]
-                since += 2
-                relative(course, 2 * step + 2, y, states[flight, i, step + 1])
+                if step < steps:
+                    for k in range(6):
+                        y[k] += total[k]
+            relative(course, 2 * steps, y, now[flight, i])

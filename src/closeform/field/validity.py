@@ -140,9 +140,10 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     off = deviations_of(orbit, times, left_out)
     off = deviations_of(orbit, times, residuals(field, frame, states + off, orbit.mean_motion))
     deviations = off[:, ::2]
-    coarse, step = states[:, ::2], float(times[2] - times[0])
-    pairs, planned = least_ratios(coarse, step, zones)
-    _, flown = least_ratios(coarse + deviations, step, zones)
+    coarse = states[:, ::2]
+    pairs, planned = least_ratios(coarse, coarse, times[::2], zones)
+    off = coarse + deviations
+    _, flown = least_ratios(off, off, times[::2], zones)
     distance = np.linalg.norm(states[..., :3], axis=2).max(axis=1)
     half, most = (
         _by_rule(field, distance, (end - start) / orbit.period, orbit.period, rule) for rule in (HALF, MOST)

@@ -1,0 +1,165 @@
+"""Courses: what flights of N craft share, made for kernels stretch by stretch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.field.chief_frame import ChiefFrame
+from closeform.field.drag import ballistics_of
+from closeform.field.feedback import Feedback, kicks_back, way_back
+from closeform.field.field import Field
+from closeform.field.flying import FACET, THRUSTER, Course, fly_all
+from closeform.field.residual import residuals
+from closeform.field.timetable import BESIDE, Timetable, edges_of, impulses_of
+from closeform.motion.arc import IMPULSE, STATE
+from closeform.motion.path import Path
+
+STRETCH = 20_000  # steps that are in memory together, about
+
+
+@dataclass(frozen=True, eq=False)
+class Commands:
+    """What craft are told to do along `path` (N,) at the times of a `table`.
+
+    `known` is the field against which they thrust, or None, and `cancelled` (N,) who does; `jumps` (N, Q, 3)
+    are planned impulses, one for each of the table's.  `reference` (N, T, 6) are the states that feedback
+    leads back to, at those that are shown, if these are not the path's; `limits` and `bits` (N,) bound
+    thrust and impulses.
+    """
+
+    path: Path
+    table: Timetable
+    known: Field | None
+    cancelled: Any
+    jumps: Floats
+    reference: Floats | None
+    law: Feedback | None
+    limits: Floats
+    bits: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """S flights: `states` (S, N, T, 6) as shown, and `arrivals`, the same before impulses.
+
+    What was `spent` (S, N) [m/s], what is `asked` (N,) without errors, and `limited` (S, N) [s] at the limit.
+    """
+
+    states: Floats
+    arrivals: Floats
+    spent: Floats
+    asked: Floats
+    limited: Floats
+
+
+def flown(commands: Commands, field: Field, frame: ChiefFrame, wrong: Floats, errors: Floats) -> Flown:
+    """Flights with errors of measurements (S, N, M, 6) and of thrust (S, N, 4), in a field."""
+    if field.acceleration is not None:
+        raise ValueError("field: flights are compiled, and cannot call a function; give zonals and drag")
+    table, count = commands.table, len(commands.path)
+    flights = len(errors)
+    first = commands.path.arcs[commands.path.offsets[:-1]]
+    begin = first[:, STATE : STATE + 6].copy()
+    begin[:, 3:] -= first[:, IMPULSE : IMPULSE + 3]
+    now = np.ascontiguousarray(np.broadcast_to(begin, (flights, count, 6)))
+    states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
+    impulses = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
+    spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
+    for course in courses(commands, field, frame):
+        fly_all(field._constants, course, wrong, errors, now, states, impulses, spent)
+        size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
+        asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
+        asked += np.linalg.norm(course.jumps, axis=2).sum(axis=1)
+    arrivals = states
+    if impulses.size:
+        arrivals = states.copy()
+        arrivals[:, :, table.shown[table.fires >= 0], 3:] -= impulses
+    return Flown(states, arrivals, spent[..., 0], asked, spent[..., 1])
+
+
+def commands_of(
+    path: Path, law: Feedback | None, known: Field | None, limit: float = np.inf, bit: float = 0.0
+) -> Commands:
+    """What planned paths (N,) ask for, their impulses as planned."""
+    craft, when, sizes = impulses_of(path)
+    offsets = np.zeros(0) if law is None or not law.impulses else kicks_back(path.orbit, law)[0]
+    table = Timetable.of(path, law, offsets, edges_of(path), when)
+    count = len(path)
+    jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
+    jumps[craft, np.searchsorted(table.fired_times, when)] = sizes
+    lasting = jumps.any(axis=(1, 2)) == 0
+    if law is not None and law.impulses:
+        lasting &= path.peak_thrust > 0.0
+    limits, bits = np.full(count, limit), np.full(count, bit)
+    return Commands(path, table, known, lasting, jumps, None, law, limits, bits)
+
+
+def courses(commands: Commands, field: Field, frame: ChiefFrame) -> Iterator[Course]:
+    """The course of each stretch, which ends where a measurement is made anew."""
+    table, law, orbit = commands.table, commands.law, commands.path.orbit
+    rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
+    if law is not None and law.impulses:
+        gains = kicks_back(orbit, law)[1]
+    elif law is not None:
+        rules = way_back(orbit, law.horizon, table.since)[2]
+    believed = None
+    if commands.known is not None:
+        believed = frame if commands.known is field else ChiefFrame.of(commands.known, table.times)
+    ends = np.flatnonzero((table.shown if law is None else table.looks)[:-1] >= 0)[1:]
+    last = 0
+    for here, after in zip([*ends, len(table.rows)], [*ends[1:], len(table.rows), np.inf], strict=True):
+        if after - last > STRETCH:
+            yield _course(commands, field, frame, believed, rules, gains, slice(last, int(here)))
+            last = int(here)
+
+
+def _course(
+    commands: Commands,
+    field: Field,
+    frame: ChiefFrame,
+    believed: ChiefFrame | None,
+    rules: Floats,
+    gains: Floats,
+    steps: slice,
+) -> Course:
+    """That of some steps."""
+    table, path, count = commands.table, commands.path, len(commands.path)
+    halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)
+    times = table.times[halves]
+    lengths = times[2::2] - times[:-2:2]
+    within = times[:-2:2, None] + lengths[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
+    commanded = path.thrust(within.ravel()).reshape(count, -1, 3, 3)
+    if believed is not None and commands.cancelled.any():
+        some = ChiefFrame(*(part[halves] for part in believed))
+        left_out = residuals(commands.known, some, path.state(times), path.orbit.mean_motion)  # type: ignore[arg-type]
+        left_out *= commands.cancelled[:, None, None]
+        for k, first in enumerate((slice(None, -2, 2), slice(1, None, 2), slice(2, None, 2))):
+            commanded[:, :, k] -= left_out[:, first]
+    which = [part[nodes].copy() for part in (table.looks, table.kicks, table.fires, table.shown)]
+    if steps.stop < len(table.rows):  # the next stretch begins with what is done here
+        for part in which:
+            part[-1] = -1
+    looks, kicks, fires, shown = which
+    if commands.law is None:
+        looks[:], kicks[:] = -1, -1
+    jumps = np.zeros((count, len(fires), 3))
+    jumps[:, fires >= 0] = commands.jumps[:, fires[fires >= 0]]
+    planned = path.state(table.nodes[nodes])
+    if commands.reference is not None:
+        planned[:, shown >= 0] = commands.reference[:, shown[shown >= 0]]
+    chief = (
+        part[halves]
+        for part in (frame.states[:, :3], frame.states[:, 3:], frame.felt, frame.axes, frame.turn)
+    )
+    floats = [
+        np.ascontiguousarray(part, dtype=float) for part in (lengths, *chief, commanded, jumps, planned)
+    ]
+    bounds = ballistics_of(field.drag, count), commands.limits, commands.bits
+    anywhere = np.zeros((count, 0, THRUSTER)), np.zeros((count, 0, FACET)), np.zeros((count, len(fires)))
+    rules_of = looks, table.rows[steps], rules, kicks, gains, shown, fires
+    return Course(*(*floats, *rules_of, *bounds, *anywhere))

@@ -1,0 +1,120 @@
+"""The timetable of flights: their steps, measurements and impulses."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.field.feedback import Feedback
+from closeform.motion.arc import IMPULSE, START
+from closeform.motion.path import Path
+
+STEP, COAST = 5.0, 20.0  # s: steps at most, in which thrust may begin to turn, or nothing but gravity does
+SHOWN = 20_000  # instants of which states are kept, about
+BESIDE = 1e-6  # of a step: on this side of where thrust jumps
+SAME = 1e-6  # s after a measurement, by which steps may differ that share a row of the law
+JUMP = 1e-6  # of the peak thrust
+
+
+class Timetable(NamedTuple):
+    """K steps: which measurement is made, what is fired and what is shown at the K + 1 nodes between them."""
+
+    times: Floats  # (2 K + 1,) [s], half steps
+    looks: Any  # (K + 1,) which measurement, or -1
+    kicks: Any  # (K + 1,) which impulse after a measurement, or -1
+    fires: Any  # (K + 1,) which row of impulses, or -1
+    shown: Any  # (K + 1,) which row of states, or -1
+    rows: Any  # (K,) of `since`, at the begin of each step
+    since: Floats  # (L,) [s] after a measurement: begin, middle and end of each kind of step
+
+    @property
+    def nodes(self) -> Floats:
+        """Where steps begin and end (K + 1,) [s]."""
+        return self.times[::2]
+
+    @property
+    def shown_times(self) -> Floats:
+        """Where states are shown (T,) [s]."""
+        return np.asarray(self.nodes[self.shown >= 0])
+
+    @property
+    def fired_times(self) -> Floats:
+        """Where impulses are fired (Q,) [s]."""
+        return np.asarray(self.nodes[self.fires >= 0])
+
+    @property
+    def measurements(self) -> int:
+        """How many."""
+        return int(self.looks.max()) + 1
+
+    @classmethod
+    def of(cls, path: Path, law: Feedback | None, offsets: Floats, edges: Floats, fired: Floats) -> Timetable:
+        """For paths (N,) of one span; with nodes at `edges`, too, and at impulses `fired` [s].
+
+        Measured from the start on, at equal intervals of at most the law's; `offsets` (J,) [s] after each
+        measurement impulses are fired.
+        """
+        start, end = float(path.start[0]), float(path.end[0])
+        longest = COAST if not path.peak_thrust.any() and (law is None or law.impulses) else STEP
+        looks = 1 if law is None else int(np.ceil((end - start) / law.every - SAME))
+        each = int(np.ceil((end - start) / looks / longest))
+        thin = int(np.ceil(looks * each / SHOWN))
+        each = thin * int(np.ceil(each / thin))
+        base = np.linspace(start, end, looks * each + 1)
+        measured = base[:-1:each]
+        inside = offsets[offsets < (end - start) / looks * (1.0 - BESIDE)]
+        kicked = measured[:, None] + inside
+        firing = np.unique(np.concatenate([kicked.ravel(), fired]))
+        nodes = np.unique(np.concatenate([base, firing, edges]))
+        times = np.empty(2 * len(nodes) - 1)
+        times[::2], times[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:])
+        shown = np.unique(np.concatenate([base[::thin], firing]))
+        table = cls(
+            times,
+            _numbered(nodes, measured if law else nodes[:0], np.arange(looks)),
+            _numbered(nodes, kicked, np.arange(len(inside))),
+            _numbered(nodes, firing, np.arange(len(firing))),
+            _numbered(nodes, shown, np.arange(len(shown))),
+            np.zeros(len(nodes) - 1, dtype=np.int64),
+            np.zeros(3),
+        )
+        return table if law is None or law.impulses else table._measured(nodes, measured)
+
+    def _measured(self, nodes: Floats, measured: Floats) -> Timetable:
+        """With the rows of a law, one for each kind of step."""
+        begin = nodes[:-1] - measured[np.searchsorted(measured, nodes[:-1], side="right") - 1]
+        kinds = np.round(np.stack([begin, np.diff(nodes)], axis=1) / SAME).astype(np.int64)
+        _, first, which = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
+        since = begin[first][:, None] + np.diff(nodes)[first][:, None] * np.array([0.0, 0.5, 1.0])
+        return self._replace(rows=3 * which.ravel(), since=since.ravel())
+
+
+def _numbered(nodes: Floats, times: Floats, numbers: Any) -> Any:
+    """Numbers at the nodes (K + 1,) that are at some times; -1 at the others."""
+    out = np.full(len(nodes), -1)
+    if times.size:
+        out[np.searchsorted(nodes, times)] = numbers
+    return out
+
+
+def edges_of(path: Path) -> Floats:
+    """Where the thrust of any craft jumps [s]."""
+    found = [np.zeros(0)]
+    for k in np.flatnonzero(path.peak_thrust):
+        one = path[int(k)]
+        near = BESIDE * (one.end - one.start)
+        times = one.arcs[:, START]
+        times = times[(times > one.start + near) & (times < one.end - near)]
+        change = one.thrust(times + near) - one.thrust(times - near)
+        found.append(times[np.linalg.norm(change, axis=1) > JUMP * one.peak_thrust])
+    return np.concatenate(found)
+
+
+def impulses_of(path: Path) -> tuple[Any, Floats, Floats]:
+    """The craft (M,), times (M,) [s] and sizes (M, 3) [m/s] of all impulses of paths (N,)."""
+    jumps = path.arcs[:, IMPULSE : IMPULSE + 3]
+    rows = np.flatnonzero(jumps.any(axis=1))
+    craft = np.searchsorted(path.offsets, rows, side="right") - 1
+    return craft, path.arcs[rows, START], jumps[rows]
