@@ -18,6 +18,7 @@ from closeform.field.least_ratios import least_ratios
 from closeform.field.retargeted import retargeted
 from closeform.motion.arc import IMPULSE
 from closeform.motion.mean_motion import checked
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.zones.pair_zones import PairZones
@@ -75,6 +76,11 @@ class Flight(Rows):
     pairs: Any
     ratios: Floats
     planned: Path
+
+    @property
+    def orbit(self) -> Orbit:
+        """In which the plan was made."""
+        return self.planned.orbit
 
     @property
     def seed(self) -> Any:
