@@ -140,6 +140,11 @@ def correlated(first: str) -> str:
 STATES = F1_F2 + '\nvelocity = "0 0 0 m/s"'
 NAMES = 'name = ["F1", "F2", "F3"]\n' + STATES
 CHIEF = 'epoch = "2026-01-01T00:05:00Z"\nchief = { oem = "a.oem" }'
+LOW = 'elements = { altitude = "500 km", inclination = "51.6 deg", latitude = "0 deg" }'
+IN_FIELD = 'epoch = "2026-01-01T00:05:00Z"\nchief = { ' + LOW + " }\nfield = { zonals = 2 }"
+AIR = 'density = "5.2e-13 kg/m^3", at_altitude = "500 km", scale_height = "60 km"'
+FEEDBACK = '\n\n[feedback]\nevery = "60 s"\nhorizon = "10 min"'
+A_FIELD = "add field, with epoch and chief, to [orbit], or remove it"
 TWO_OEM = 'start = [{ oem = "a.oem" }, { oem = "b.oem" }, { palmer = "0 900 0 0 0 0 m" }]'
 AN_EPOCH = (
     'write for example "2026-11-22T12:00:00Z", or another time system behind it, '
@@ -255,7 +260,7 @@ craft.silent: is not built yet; remove it""",
         "an unknown key without a near one",
         ALTITUDE,
         ALTITUDE + "\nq = 1",
-        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, latitude, mu, radius, epoch, chief",
+        "orbit.q: unknown key; use one of deep_space, altitude, period, semi_major_axis, mean_motion, latitude, mu, radius, epoch, chief, field",
     ),
     Bad("a missing key", FOR, "", 'stage[1].for: missing; add for example for = "0.5 orbits"'),
     Bad(
@@ -1015,6 +1020,80 @@ craft.silent: is not built yet; remove it""",
         CHIEF.replace("00:05:00", "01:00:00"),
         "orbit.chief: A: has states from 2026-01-01T00:00:00.000000000 to 2026-01-01T00:10:00.000000000 UTC, "
         "and none at 2026-01-01T01:00:00.000000000; give an epoch within them, or a longer file",
+    ),
+    # field, feedback and navigation
+    Bad(
+        "a field without a chief",
+        ALTITUDE,
+        ALTITUDE + "\nfield = { zonals = 2 }",
+        "orbit: field needs epoch and chief, whose orbit is in it; add both",
+    ),
+    Bad(
+        "a chief below the ground",
+        ALTITUDE,
+        IN_FIELD.replace('"500 km"', '"500 km", eccentricity = 0.09'),
+        "orbit.chief: comes to -119032 m above a body of 6378136 m; give another orbit",
+    ),
+    Bad(
+        "a field about another body",
+        ALTITUDE,
+        IN_FIELD.replace(" }\nfield", ', center = "MARS" }\nfield'),
+        "orbit.field: is the Earth's, and the chief is about MARS; remove field",
+    ),
+    Bad(
+        "flattening of the first degree",
+        ALTITUDE,
+        IN_FIELD.replace("zonals = 2", "zonals = 1"),
+        "orbit.field: zonals is 0 or a degree from 2 to 6, not 1; write for example zonals = 2",
+    ),
+    Bad(
+        "air of no density",
+        ALTITUDE,
+        IN_FIELD.replace("zonals = 2", 'scale_height = "60 km"'),
+        'orbit.field: scale_height needs density; add for example density = "5.2e-13 kg/m^3"',
+    ),
+    Bad(
+        "air without ballistic coefficients",
+        ALTITUDE,
+        IN_FIELD.replace("zonals = 2", AIR),
+        'craft.ballistic: missing, in air; add for example ballistic = "0.02 m^2/kg"\n'
+        'orbit.chief: needs ballistic in air, like craft; add for example ballistic = "0.02 m^2/kg", "0 m^2/kg" of an orbit that feels none',
+    ),
+    Bad(
+        "a ballistic coefficient without air",
+        KEEP_OUT,
+        KEEP_OUT + '\nballistic = "0.02 m^2/kg"',
+        f"craft.ballistic: there is no air; {A_FIELD}",
+    ),
+    Bad(
+        "errors of thrust without a field",
+        KEEP_OUT,
+        KEEP_OUT + '\nthrust_error = "1 %, 1 deg"',
+        f"craft.thrust_error: is for flights in a field; {A_FIELD}",
+    ),
+    Bad(
+        "errors of thrust of one kind",
+        KEEP_OUT,
+        KEEP_OUT + '\nthrust_error = "1 %"',
+        'craft.thrust_error: "1 %" is not a share, a comma and an angle; write for example "1 %, 1 deg"',
+    ),
+    Bad(
+        "feedback without a field",
+        KEEP_OUT,
+        KEEP_OUT + FEEDBACK,
+        f"feedback: is for flights in a field; {A_FIELD}",
+    ),
+    Bad(
+        "a horizon shorter than the interval",
+        KEEP_OUT,
+        KEEP_OUT + FEEDBACK.replace("10 min", "30 s"),
+        'feedback: horizon of 30 s is shorter than the 60 s from one measurement to the next; write for example horizon = "10 min"',
+    ),
+    Bad(
+        "navigation worse than the zones",
+        f"{ALTITUDE}\n\n[craft]",
+        f'{IN_FIELD}\n\n[navigation]\nposition = "12 m"\nvelocity = "20 mm/s"\n\n[craft]',
+        "navigation: leaves pairs 27 m off (4 sigmas), and the smallest zone reaches 20 m; give better navigation, another feedback or larger zones",
     ),
     Bad(
         "an inertial state without a chief",

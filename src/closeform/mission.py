@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, instance
-from closeform.conflicts.flight import watch
+from closeform.conflicts.flight import ALL_PAIRS, watch
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.joint_stage import reconfigure, regather, scatter
 from closeform.mission_result import FirstLocks, Mission, StageResult
@@ -69,7 +69,7 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             past[stage.name] = start.time, states
         try:
             result = FLIES[type(stage)](start, stage)
-            result = with_drift(scenario, result)
+            result = with_drift(scenario, in_field(scenario, result))
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
         if scenario.uncertain and result.flown:
@@ -134,6 +134,16 @@ def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult
     from closeform.passive import judged
 
     return replace(result, passive=judged(scenario, result))
+
+
+def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
+    """A stage with what becomes of it in the scenario's field, if it has one."""
+    if scenario.field is None or not result.flown:
+        return result
+    from closeform.field.validity import validity
+
+    zones = scenario.zones if result.after.pairs <= ALL_PAIRS else None
+    return replace(result, validity=validity(result.after.paths, scenario.field, zones))
 
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:

@@ -17,10 +17,11 @@ from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.scenario import Destination, Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Asked, Late, Use, Verdict, conflicts_in, thrust_use
+from closeform.verdict import Asked, Late, Use, Verdict, conflicts_in, eaten, thrust_use
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
+    from closeform.field.validity import Validity
     from closeform.passive import PassiveSafety
     from closeform.planning.plan import Avoidance, Plan
     from closeform.pulsed import Pulsed
@@ -40,7 +41,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
     `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.  `uncertain`: what errors
     of the craft make of it, None without any.  `passive`: whether it is safe when something fails, where that
-    is asked.
+    is asked.  `validity`: what becomes of it in the scenario's field, where that has one.
     """
 
     number: int
@@ -55,6 +56,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     pulsed: "Pulsed | None" = None
     uncertain: "UncertainStage | None" = None
     passive: "PassiveSafety | None" = None
+    validity: "Validity | None" = None
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         conflicts = f"{len(self.after.conflicts)} conflicts, {len(self.before.conflicts)} before"
@@ -327,10 +329,11 @@ class Mission(Stages):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A chief far from a circle, stages longer than asked, craft that need more than they have."""
+        """A chief far from a circle, stages longer than asked, zones entered in a field, limits exceeded."""
         chief, late = self.scenario.chief, (one.warning for one in self.verdict.late)
         return (
             *(() if chief is None else chief.warnings),
             *late,
+            *(one for result in self.flown for one in eaten(result.number, result.after, result.validity)),
             *(use.warning(self.grams) for use in self.uses if use.exceeded),
         )

@@ -1,6 +1,6 @@
 """Verdict: what a run has come to, and its exit status: all found, clear, limits kept; or what is not so."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import ceil, floor, log10
 from typing import TYPE_CHECKING, Any
@@ -9,8 +9,10 @@ from closeform.scenario import Craft
 
 if TYPE_CHECKING:  # whose kernels a verdict can spare
     from closeform.conflicts.flight import WatchedFlight
+    from closeform.field.validity import Validity
 
 ROUNDING = 1e-9  # of a limit that a plan was to keep to
+SAMPLED = 1e-4  # of a zone: what is predicted at some instants is off by less
 MET, NOT_MET = 0, 1  # exit status: of what was asked for
 MOST_NAMES = 3  # of craft beyond a limit; more are counted
 KEYS = {"N": "max_thrust", "mm/s²": "max_acceleration"}  # of limits of thrust, by unit
@@ -239,3 +241,18 @@ def conflicts_in(flights: Iterable["WatchedFlight"]) -> tuple[int, int]:
             ends[pair] = met.end
             pairs.add(pair)
     return count, len(pairs)
+
+
+def eaten(number: int, after: "WatchedFlight", found: "Validity | None") -> Iterator[str]:
+    """Of a stage in a field: pairs that are clear as planned, and not where thrust is played as planned."""
+    if found is None:
+        return
+    met, names = {(one.first, one.second) for one in after.conflicts}, after.names
+    pairs = [(names[i], names[j]) for i, j in found.pairs.tolist()]
+    entered = [k for k, pair in enumerate(pairs) if found.flown[k] < 1.0 - SAMPLED and pair not in met]
+    if entered:
+        first, second = pairs[min(entered, key=lambda k: float(found.flown[k]))]
+        more = f" and {len(entered) - 1} more" if len(entered) > 1 else ""
+        where = f"stage {number}: thrust as planned, in the field of {found.field},"
+        remedy = "correct it for the field, as closeform fly does"
+        yield f"{where} leads {first} and {second}{more} into zones that the plan keeps; {remedy}"

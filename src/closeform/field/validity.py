@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,6 +15,7 @@ from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.least_ratios import least_ratios
 from closeform.field.residual import residuals
+from closeform.field.rule import HALF, MOST, ends_off, flattening_at
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 from closeform.zones.pair_zones import PairZones
@@ -21,8 +23,6 @@ from closeform.zones.zone import Zone
 
 STEPS = 300  # for each orbit, of the quadrature: Simpson's rule over two of them
 FEWEST = 60
-# Of 240 plans at 500 km flown open loop: what half of them, and 95 %, do not exceed.      # theory (84)
-HALF, MOST = (7.7, 13.0, 9.4, 1.5), (15.3, 20.0, 17.0, 1.5)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,21 +70,8 @@ class Validity(Result):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The same in words: one line on deviations, and one on the pair that comes nearest."""
-        off = float(self.ends.max())
-        found = [f"In the field of {self.field} thrust as planned ends {off:.3g} m off"]
-        if np.isfinite(self.expected).all():
-            likely = f"{self.expected.max():.2g} m, 95 % below {self.unlikely.max():.2g} m"
-            found[0] += f" (rule of thumb: {likely})"
-        if len(self.pairs):
-            worst = int(np.argmin(self.flown))
-            i, j = self.pairs[worst]
-            entered = ": entered" if self.flown[worst] < 1.0 else ""
-            found.append(
-                f"Least {self.flown[worst]:.4g} x zone flown, {self.planned[worst]:.4g} planned, "
-                f"craft {i} with {j}{entered}"
-            )
-        return tuple(found)
+        """The same in words: one line on deviations, one on the nearest pair and what is left out."""
+        return in_words(self)
 
 
 def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> Validity:
@@ -151,6 +138,24 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     return Validity(described(field), half, most, greatest, times[::2], deviations, pairs, planned, flown)
 
 
+def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, ...]:
+    """The lines of a Validity, with names of its craft, or their indices."""
+    worst = int(np.argmax(found.ends))
+    who = f"craft {worst}" if names is None else names[worst]
+    off = f"In {found.field}, thrust as planned ends {found.ends[worst]:.3g} m off ({who}"
+    if np.isfinite(found.expected).all():
+        off += f"; by rule {found.expected.max():.2g} m, 95 % below {found.unlikely.max():.2g} m"
+    ends, left_out = f"{off})", f"left out: {found.residual.max():.2g} m/s^2"
+    if not len(found.pairs):
+        return (ends, left_out.capitalize())
+    near = int(np.argmin(found.flown))
+    i, j = found.pairs[near]
+    pair = f"craft {i} and {j}" if names is None else f"{names[i]} and {names[j]}"
+    entered = " (entered)" if found.flown[near] < 1.0 else ""
+    least = f"Least {found.flown[near]:.4f} x zone so{entered}, {found.planned[near]:.4f} planned, {pair}"
+    return (ends, f"{least}; {left_out}")
+
+
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
     """What accelerations (N, T, 3) at equal steps make of paths (N, T, 6).
 
@@ -171,15 +176,13 @@ def _by_rule(field: Field, distance: Floats, turns: float, period: float, rule: 
     """How far off craft at some distances (N,) [m] end after some turns; nan in a function's field."""
     if field.acceleration is not None:
         return np.full(len(distance), np.nan)
-    chief = field.chief
-    curved, eccentric, flattened, dragged = rule
-    flattening = field.zonals[0] * (field.radius / chief.semi_major_axis) ** 2
-    off = np.hypot(eccentric * chief.eccentricity, flattened * flattening) * distance
-    off = turns * (off + curved * distance**2 / chief.semi_major_axis)
+    chief, dragged = field.chief, np.zeros(len(distance))
     if field.drag is not None:
         air = field.drag
         speed = np.linalg.norm(chief.state[3:])
         height = np.exp((air_of(air)[1] - np.linalg.norm(chief.state[:3])) / air.scale_height)
         lag = 0.5 * air.density * height * speed**2 * np.abs(ballistics_of(air, len(distance)) - air.chief)
-        off = off + dragged * lag * (turns * period) ** 2
-    return np.asarray(off)
+        dragged = lag * (turns * period) ** 2
+    a = chief.semi_major_axis
+    flattening = flattening_at(a, field.zonals[0], field.radius)
+    return np.asarray(ends_off(distance, turns, a, chief.eccentricity, flattening, rule, dragged))

@@ -21,6 +21,7 @@ from closeform.report import (
     effort,
     found,
     gather,
+    left_out,
     limits,
     lock,
     model,
@@ -86,17 +87,26 @@ class RunReport:
         """One for each stage flown."""
         return tuple(section(self.mission, result) for result in self.mission.results)
 
+    @cached_property
+    def by_rule(self) -> left_out.ByRule | None:
+        """How far off it ends by rule, without a field."""
+        return left_out.by_rule(self.mission)
+
     @property
     def origin(self) -> tuple[str, ...]:
-        """The chief's orbit; which states at the epoch were interpolated, and how far they may be off."""
+        """The chief's orbit; which states at the epoch were interpolated; what Hill's equations leave out."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
         if chief is None:
-            return ()
+            return () if self.by_rule is None else (self.by_rule.line,)
         a, _, ex, ey, inclination, node = chief.elements
         shape = f"a {a / 1e3:.3f} km, e {hypot(ex, ey):.5f}"
         plane = f"i {degrees(inclination):.4f} deg, node {degrees(node) % 360.0:.4f} deg"
         notes = () if inputs is None else inputs.notes
-        return f"Chief at the epoch: {shape}, {plane} in {chief.frame}", *notes
+        return (
+            f"Chief at the epoch: {shape}, {plane} in {chief.frame}",
+            *notes,
+            *(() if self.by_rule is None else (self.by_rule.line,)),
+        )
 
     @cached_property
     def closing(self) -> tuple[Table, ...]:
@@ -151,6 +161,7 @@ class RunReport:
             **mission.verdict.figures,
             "stopped": mission.stopped,
             "warnings": list(mission.warnings),
+            **({} if self.by_rule is None else {"left_out": self.by_rule.figures}),
             "mean_motion_rad_s": mission.orbit.mean_motion,
             "craft": list(scenario.names),
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
@@ -197,7 +208,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     count = len(result.after.names)
     whole = replace(
         told,
-        lines=conflicts.zones(result.before) + told.lines,
+        lines=left_out.lines(result) + conflicts.zones(result.before) + told.lines,
         tables=told.tables + drift.tables(result),
         closing=(*told.closing, *closing, *drift.lines(result), *not_filmed(told.pictures, count)),
         pictures=tuple(
@@ -223,6 +234,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             **told.figures,
             **used,
             **drift.figures(result),
+            **left_out.figures(result),
         },
         files={
             **conflicts.files(result),

@@ -12,11 +12,13 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.roe import state_from_scaled_roe
+from closeform.scenario.field import ThrustError
 from closeform.scenario.formation import Start
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.quantity import (
     ACCELERATION,
     ANGLE,
+    BALLISTIC,
     FORCE,
     LENGTH,
     MASS,
@@ -78,6 +80,10 @@ class Craft(Table):
     execution: Annotated[Execution | None, BeforeValidator(as_errors)] = Field(
         None, examples=['{ magnitude = "1 %", pointing = "0.5 deg" }']
     )
+    ballistic: Annotated[float, BeforeValidator(Reader(BALLISTIC, least="zero"))] | None = Field(
+        None, examples=['"0.02 m^2/kg"']
+    )
+    thrust_error: ThrustError = Field((0.0, 0.0), examples=['"1 %, 1 deg"'])
     hard_body: Length | None = Field(None, examples=['"5 m"'])
     shade: Length | None = Field(None, examples=['"15 m"'])
     pointing_error: Annotated[Vector, BeforeValidator(Reader(ANGLE, 3))] = Field(

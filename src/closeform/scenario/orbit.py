@@ -12,8 +12,9 @@ from closeform.exchange.epochs import SYSTEMS, Epoch
 from closeform.motion.elements import inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS
 from closeform.motion.orbit import Orbit
+from closeform.scenario.field import FieldTable
 from closeform.scenario.inputs import Inputs
-from closeform.scenario.quantity import GRAVITY, LENGTH, RATE, TIME, Reader, shown
+from closeform.scenario.quantity import BALLISTIC, GRAVITY, LENGTH, RATE, TIME, Reader, shown
 from closeform.scenario.table import Angle, FileName, Inertial, Length, Table
 
 if TYPE_CHECKING:
@@ -81,6 +82,9 @@ class ChiefTable(Table):
     oem: FileName | None = Field(None, examples=['"chief.oem"'])
     frame: str | None = Field(None, min_length=1, examples=['"GCRF"'])
     center: str | None = Field(None, min_length=1, examples=['"EARTH"'])
+    ballistic: Annotated[float, BeforeValidator(Reader(BALLISTIC, least="zero"))] | None = Field(
+        None, examples=['"0.02 m^2/kg"']
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("elements", "state", "oem")
@@ -129,6 +133,7 @@ class OrbitTable(Table):
         None, examples=['"2026-11-22T12:00:00Z"']
     )
     chief: ChiefTable | None = Field(None, examples=['{ oem = "chief.oem" }'])
+    field: FieldTable | None = Field(None, examples=["{ zonals = 2 }"])
 
     def flaws(self) -> Iterator[str]:
         yield from self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
@@ -137,6 +142,8 @@ class OrbitTable(Table):
         yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")
         if self.chief is not None and self.epoch is None:
             yield f"chief needs epoch; add for example epoch = {self.examples()['epoch']}"
+        if self.field is not None and self.chief is None:
+            yield "field needs epoch and chief, whose orbit is in it; add both"
 
     def build(self) -> Orbit:
         """The orbit of the core."""

@@ -24,8 +24,15 @@ def located(
     except ValueError as error:
         complain(("orbit", "chief"), str(error))
         return scenario
+    field = None
     if chief is not None:
         scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief))
+        try:
+            field = scenario.field
+        except ValueError as error:
+            key, _, words = str(error).partition(": ")
+            complain(("orbit", key), words)
+            return scenario
     placed = list(scenario.craft)
     for number, craft in enumerate(placed):
         inertially = craft.start is not None and craft.start.inertially
@@ -34,7 +41,7 @@ def located(
                 from closeform.scenario.start_state import at_start  # whose files nothing else reads
 
                 try:
-                    placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs))
+                    placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs, field))
                 except ValueError as error:
                     complain(("craft", number, key), str(error))
     return replace(scenario, craft=tuple(placed))

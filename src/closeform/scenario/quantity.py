@@ -66,7 +66,26 @@ IMPULSE = Kind("impulse", (1, -1, 1, 0), ("mN s", "N s", "uN s"))
 GRAVITY = Kind("gravitational parameter", (3, -2, 0, 0), ("km^3/s^2", "m^3/s^2"))
 NOISE = Kind("acceleration noise", (2, -3, 0, 0), ("m^2/s^3", "mm^2/s^3"), "1e-9")
 SHARE = Kind("share", NONE, ("%", "ppm"))
-KINDS = (LENGTH, AREA, SPEED, TIME, ANGLE, RATE, MASS, FORCE, ACCELERATION, IMPULSE, GRAVITY, NOISE, SHARE)
+DENSITY = Kind("density", (-3, 0, 1, 0), ("kg/m^3", "kg/km^3"), "5.2e-13")
+BALLISTIC = Kind("ballistic coefficient", (2, 0, -1, 0), ("m^2/kg",), "0.02")
+KINDS = (
+    LENGTH,
+    AREA,
+    SPEED,
+    TIME,
+    ANGLE,
+    RATE,
+    MASS,
+    FORCE,
+    ACCELERATION,
+    IMPULSE,
+    GRAVITY,
+    NOISE,
+    SHARE,
+) + (
+    DENSITY,
+    BALLISTIC,
+)
 
 
 @dataclass(frozen=True)
@@ -168,6 +187,23 @@ class Reader:
         if self.least == "zero" and min(numbers) < 0.0:
             raise ValueError(f"{shown(value)} is negative; give zero or more, for example {self.example}")
         return numbers
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Reads some quantities with commas between them, each with its unit; `what` they are, in words."""
+
+    readers: tuple[Reader, ...]
+    what: str
+    example: str
+
+    def __call__(self, value: Any) -> tuple[float, ...]:
+        parts = value.split(",") if isinstance(value, str) else []
+        if len(parts) != len(self.readers):
+            raise ValueError(f"{shown(value)} is not {self.what}; write for example {self.example}")
+        return tuple(
+            one for read, part in zip(self.readers, parts, strict=True) for one in read.numbers(part.strip())
+        )
 
 
 def span(seconds: float) -> str:

@@ -13,6 +13,7 @@ from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
+from closeform.scenario.field import FeedbackTable, NavigationTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
@@ -26,6 +27,7 @@ from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.exchange.chief import Chief
+    from closeform.field.field import Field
     from closeform.search.schedule import Search
 
 LIMITS = ("max_thrust", "acceleration", "delta_v_budget", "propellant")  # fields of a Craft
@@ -47,6 +49,8 @@ class Scenario:
     sensor: SensorTable | None = None
     search: SearchTable | None = None
     study: Study | None = None
+    feedback: FeedbackTable | None = None
+    navigation: NavigationTable | None = None
     case: int | None = None  # of the study, if the craft's states are those of one
     chief: "Chief | None" = None
     inputs: Inputs | None = None  # the files that it names
@@ -70,6 +74,37 @@ class Scenario:
     def names(self) -> tuple[str, ...]:
         """The craft's names."""
         return tuple(craft.name for craft in self.craft)
+
+    @cached_property
+    def field(self) -> "Field | None":
+        """What pulls on everybody, as [orbit] tells it; None where it does not.
+
+        Raises ValueError, beginning with the key, for a chief that cannot fly there (a checked scenario has
+        none such).
+        """
+        table, chief = self.orbit.field, self.chief
+        if table is None or chief is None:
+            return None
+        from closeform.field.drag import Drag
+        from closeform.field.field import Field
+
+        drag = None
+        if table.air is not None:
+            each = [craft.ballistic or 0.0 for craft in self.craft]
+            own = self.orbit.chief.ballistic if self.orbit.chief is not None else None
+            drag = Drag(*table.air, ballistic=np.array(each), chief=own or 0.0)
+        return Field(chief, table.zonals, drag)
+
+    @property
+    def flight(self) -> dict[str, Any]:
+        """What `fly` is to be told beside the paths and the field."""
+        most = np.array([craft.max_acceleration for craft in self.craft])
+        return {
+            "feedback": (self.feedback or FeedbackTable.model_validate({})).build(),
+            "navigation": (self.navigation or NavigationTable.model_validate({})).build(),
+            "thrust_error": np.array([craft.thrust_error for craft in self.craft]),
+            "max_acceleration": most if np.isfinite(most).any() else None,
+        }
 
     @property
     def limited(self) -> bool:

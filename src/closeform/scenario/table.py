@@ -14,6 +14,7 @@ from closeform.scenario.quantity import (
     SHARE,
     SPEED,
     Duration,
+    Parts,
     Reader,
     as_number,
     shown,
@@ -101,17 +102,11 @@ def as_drift(value: Any) -> Duration:
     return read
 
 
-def as_inertial(value: Any) -> tuple[float, ...]:
-    """A position and a velocity with a comma between them, each with its unit."""
-    parts = value.split(",") if isinstance(value, str) else []
-    if len(parts) != 2:
-        example = '"6928 0 0 km, 0 -1 7.5 km/s"'
-        raise ValueError(
-            f"{shown(value)} is not a position, a comma and a velocity; write for example {example}"
-        )
-    return Reader(LENGTH, 3).numbers(parts[0]) + Reader(SPEED, 3).numbers(parts[1])
-
-
+as_inertial = Parts(
+    (Reader(LENGTH, 3), Reader(SPEED, 3)),
+    "a position, a comma and a velocity",
+    '"6928 0 0 km, 0 -1 7.5 km/s"',
+)
 Name = Annotated[str, BeforeValidator(as_name)]
 Names = Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
 FileName = Annotated[str, Field(min_length=1)]

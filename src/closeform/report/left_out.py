@@ -1,0 +1,90 @@
+"""What Hill's equations leave out of a mission: as predicted in a field, or by rule for its altitude."""
+
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from closeform.field.rule import HALF, MOST, ends_off, flattening_at
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
+from closeform.report.model import Reach
+
+EARTHLIKE = 1e-3  # of the gravitational parameter
+
+
+def lines(result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """What becomes of a stage in its field, before anything is said of its plan."""
+    if result.validity is None:
+        return ()
+    from closeform.field.validity import in_words  # whose kernels most runs can spare
+
+    return in_words(result.validity, result.after.names)
+
+
+def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
+    """The same for `summary.json`."""
+    found, names = result.validity, result.after.names
+    if found is None:
+        return {}
+    return {
+        "in_field": {
+            "field": found.field,
+            "ends_m": dict(zip(names, found.ends.tolist(), strict=True)),
+            "expected_m": dict(zip(names, found.expected.tolist(), strict=True)),
+            "unlikely_m": dict(zip(names, found.unlikely.tolist(), strict=True)),
+            "residual_m_s2": dict(zip(names, found.residual.tolist(), strict=True)),
+            "least_ratio": float(found.flown.min(initial=np.inf)),
+            "planned_ratio": float(found.planned.min(initial=np.inf)),
+        }
+    }
+
+
+@dataclass(frozen=True)
+class ByRule:
+    """How far off craft end by rule: half of all missions by `expected`, 95 % by less than `unlikely` [m]."""
+
+    altitude: float
+    eccentricity: float | None
+    expected: float
+    unlikely: float
+
+    @property
+    def line(self) -> str:
+        """The same in words."""
+        where = f"at {self.altitude / 1e3:.0f} km"
+        if self.eccentricity is not None:
+            where += f", e = {self.eccentricity:.5f}"
+        likely = f"{self.expected:.2g} m off, 95 % below {self.unlikely:.2g} m"
+        return f"Left out by Hill's equations {where}: ends about {likely} (rule of thumb)"
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for `summary.json`."""
+        return {
+            "altitude_m": self.altitude,
+            "eccentricity": self.eccentricity,
+            "expected_m": self.expected,
+            "unlikely_m": self.unlikely,
+        }
+
+
+def by_rule(mission: Mission) -> ByRule | None:
+    """The rule for a mission around the Earth that has no field; None for others."""
+    n, chief = mission.orbit.mean_motion, mission.scenario.chief
+    mu = chief.mu if chief is not None else mission.scenario.orbit.mu or EARTH_MU
+    flown = [result for result in mission.results if result.flown]
+    earth = chief is None or chief.center.upper() == "EARTH"
+    if not n or not flown or mission.scenario.orbit.field is not None or not earth:
+        return None
+    radius = float(semi_major_axis_from_mean_motion(n, mu))
+    if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS:
+        return None
+    reach, turns = Reach.of([result.after for result in flown]), flown[-1].end * n / (2.0 * pi)
+    e = None if chief is None else chief.eccentricity
+    half, most = (
+        ends_off(reach.distance, turns, radius, e or 0.0, flattening_at(radius), rule)
+        for rule in (HALF, MOST)
+    )
+    return ByRule(radius - EARTH_RADIUS, e, float(half), float(most))

@@ -1,0 +1,89 @@
+"""The real field of a scenario: `field` of [orbit], [feedback] and [navigation]."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import BeforeValidator, Field
+
+from closeform.scenario.quantity import ANGLE as TURN
+from closeform.scenario.quantity import DENSITY, LENGTH, SHARE, SPEED, TIME, Parts, Reader
+from closeform.scenario.table import Length, Table
+
+if TYPE_CHECKING:
+    from closeform.field.feedback import Feedback, Navigation
+
+DEGREES = (0, 2, 3, 4, 5, 6)
+AIR = ("density", "at_altitude", "scale_height")
+Seconds = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
+Deviation = Annotated[float, BeforeValidator(Reader(LENGTH, least="zero"))]
+Speed = Annotated[float, BeforeValidator(Reader(SPEED, least="zero"))]
+as_thrust_error = Parts(
+    (Reader(SHARE, least="zero"), Reader(TURN, least="zero")), "a share, a comma and an angle", '"1 %, 1 deg"'
+)
+as_navigation = Parts(
+    (Reader(LENGTH, least="zero"), Reader(SPEED, least="zero")),
+    "a length, a comma and a speed",
+    '"10 cm, 0.3 mm/s"',
+)
+ThrustError = Annotated[tuple[float, float], BeforeValidator(as_thrust_error)]
+
+
+class FieldTable(Table):
+    """field of [orbit]: the flattened Earth, and its air."""
+
+    zonals: int = Field(2, examples=["2"])
+    density: Annotated[float, BeforeValidator(Reader(DENSITY, least="positive"))] | None = Field(
+        None, examples=['"5.2e-13 kg/m^3"']
+    )
+    at_altitude: Length | None = Field(None, examples=['"500 km"'])
+    scale_height: Length | None = Field(None, examples=['"60 km"'])
+
+    def flaws(self) -> Iterator[str]:
+        if self.zonals not in DEGREES:
+            yield f"zonals is 0 or a degree from 2 to 6, not {self.zonals}; write for example zonals = 2"
+        missing = [key for key in AIR if getattr(self, key) is None]
+        if missing and len(missing) < len(AIR):
+            given = next(key for key in AIR if key not in missing)
+            yield f"{given} needs {missing[0]}; add for example {missing[0]} = {self.examples()[missing[0]]}"
+
+    @property
+    def air(self) -> tuple[float, float, float] | None:
+        """Density [kg/m^3], the altitude at which it is that, and its scale height [m]; None without any."""
+        if self.density is None or self.at_altitude is None or self.scale_height is None:
+            return None
+        return self.density, self.at_altitude, self.scale_height
+
+
+class FeedbackTable(Table):
+    """[feedback]: how often craft are measured, and within which horizon they are brought back."""
+
+    every: Seconds = Field(60.0, examples=['"60 s"'])
+    horizon: Seconds = Field(600.0, examples=['"10 min"'])
+
+    def flaws(self) -> Iterator[str]:
+        if self.horizon < self.every:
+            yield (
+                f"horizon of {self.horizon:g} s is shorter than the {self.every:g} s from one measurement to "
+                'the next; write for example horizon = "10 min"'
+            )
+
+    def build(self) -> "Feedback":
+        """That of the core."""
+        from closeform.field.feedback import Feedback
+
+        return Feedback(self.every, self.horizon)
+
+
+class NavigationTable(Table):
+    """[navigation]: how well states are measured."""
+
+    position: Deviation = Field(0.0, examples=['"10 cm"'])
+    velocity: Speed = Field(0.0, examples=['"0.3 mm/s"'])
+    position_bias: Deviation = Field(0.0, examples=['"5 cm"'])
+    velocity_bias: Speed = Field(0.0, examples=['"0.1 mm/s"'])
+
+    def build(self) -> "Navigation":
+        """That of the core."""
+        from closeform.field.feedback import Navigation
+
+        return Navigation(self.position, self.velocity, self.position_bias, self.velocity_bias)

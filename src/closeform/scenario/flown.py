@@ -1,0 +1,53 @@
+"""What must fit together where a mission is to be flown in a field."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from closeform.motion.orbit import Orbit
+from closeform.scenario.craft import Craft
+from closeform.scenario.scenario import Scenario
+
+
+def in_field(scenario: Scenario) -> Iterator[str]:
+    """A field that lacks something, or what only a field gives a meaning."""
+    remedy = "add field, with epoch and chief, to [orbit], or remove it"
+    table, thrown = scenario.orbit.field, any(any(craft.thrust_error) for craft in scenario.craft)
+    ballistics, chief = [craft.ballistic for craft in scenario.craft], scenario.orbit.chief
+    if table is not None and chief is not None and (chief.center or "EARTH").upper() != "EARTH":
+        yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
+    if table is None:
+        for key in ("feedback", "navigation"):
+            if getattr(scenario, key) is not None:
+                yield f"{key}: is for flights in a field; {remedy}"
+        if thrown:
+            yield f"craft.thrust_error: is for flights in a field; {remedy}"
+    if table is None or table.air is None:
+        if any(one is not None for one in ballistics):
+            what = remedy if table is None else "add density, at_altitude and scale_height to field"
+            yield f"craft.ballistic: there is no air; {what}"
+        return
+    if None in ballistics:
+        yield f"craft.ballistic: missing, in air; add for example ballistic = {Craft.examples()['ballistic']}"
+    if chief is not None and chief.ballistic is None:
+        yield (
+            'orbit.chief: needs ballistic in air, like craft; add for example ballistic = "0.02 m^2/kg", '
+            '"0 m^2/kg" of an orbit that feels none'
+        )
+
+
+def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
+    """Navigation that leaves pairs farther off than their zones reach."""
+    if scenario.field is None or scenario.navigation is None:
+        return
+    from closeform.field.tube import tube
+
+    told = scenario.flight
+    room = tube(orbit, told["feedback"], told["navigation"])
+    zones = [zone for zone in scenario.zones.zones if np.isfinite(zone.extents).all()]
+    least = min((float(np.min(zone.extents)) for zone in zones), default=np.inf)
+    if room.of_a_pair > least:
+        yield (
+            f"navigation: leaves pairs {room.of_a_pair:.3g} m off ({room.sigmas:g} sigmas), and the smallest "
+            f"zone reaches {least:.3g} m; give better navigation, another feedback or larger zones"
+        )

@@ -1,0 +1,125 @@
+"""Scenarios with a field: what is said before plans, against another integrator of the same motion."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from closeform.cli import main
+from closeform.mission import fly
+from closeform.scenario import parse
+from field_scenario import AIR, swap
+from test_field import axes_of, textbook
+
+BALLISTIC = 'ballistic = ["0.02 m^2/kg", "0.022 m^2/kg"]'
+CHIEF_FEELS = 'ballistic = "0.02 m^2/kg"'
+
+
+def flown_apart(path: cf.Path, field: cf.Field, times: np.ndarray) -> np.ndarray:
+    """Relative positions (N, T, 3) of thrust as planned, by DOP853 of inertial states in a textbook's J2."""
+    origin = field.chief.state
+    felt = textbook(origin[:3])
+    start = cf.inertial_from_relative(origin, path.state(0.0), acceleration=felt)
+    end = float(path.end[0])
+
+    def rates(t, y):
+        states = y.reshape(-1, 6)
+        felt = textbook(states[:, :3])
+        felt[1:] += path.thrust(min(t, end)) @ axes_of(states[0])
+        return np.hstack([states[:, 3:], felt]).ravel()
+
+    first = np.vstack([origin, start]).ravel()
+    found = solve_ivp(rates, (0.0, end), first, "DOP853", times, rtol=1e-11, atol=1e-6)
+    states = found.y.T.reshape(len(times), -1, 6)
+    axes = np.stack([axes_of(one[0]) for one in states])
+    return np.einsum("tij,tnj->nti", axes, states[:, 1:, :3] - states[:, :1, :3])
+
+
+def test_before_a_plan_a_run_says_what_becomes_of_it():
+    mission = fly(parse(swap()))
+    (stage,) = mission.results
+    times = np.linspace(0.0, stage.end, 801)
+    flown = flown_apart(stage.after.paths, mission.scenario.field, times)
+    off = np.linalg.norm(flown[:, -1] - stage.after.paths.position(stage.end), axis=-1)
+    assert stage.validity.ends == pytest.approx(off, rel=0.02)  # 2 m; by one pass along the path
+    least = np.linalg.norm(flown[0] - flown[1], axis=-1).min() / 30.0
+    assert least < 0.99  # as planned they touch
+    assert stage.validity.flown[0] == pytest.approx(least, abs=5e-4)  # 15 mm
+    (warning,) = mission.warnings
+    assert warning.startswith("stage 1: thrust as planned, in the field of J2, leads A and B into zones")
+
+
+def test_what_is_printed_and_left(tmp_path: Path, capsys):
+    file = tmp_path / "swap.toml"
+    file.write_text(swap(f"zonals = 4, {AIR}", CHIEF_FEELS, BALLISTIC))
+    assert main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith("Stage 1"))
+    assert lines[at + 1].startswith("In J2 to J4 and drag, thrust as planned ends ")
+    assert " x zone so (entered), 1.0000 planned, A and B; left out: " in lines[at + 2]
+    assert any(line.startswith("Warning: stage 1: thrust as planned") for line in lines)
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())["stages"][0]["in_field"]
+    assert told["field"] == "J2 to J4 and drag"
+    assert told["least_ratio"] < 0.99 < told["planned_ratio"]
+    assert f"{max(told['ends_m'].values()):.3g} m off" in lines[at + 1]
+    loaded = cf.load(tmp_path / "out").scenario
+    assert loaded.field.drag.ballistic.tolist() == [0.02, 0.022]
+    assert loaded.field.drag.chief == 0.02
+    assert cf.fly(cf.load(tmp_path / "out").paths, loaded.field, **loaded.flight).greatest_end < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("orbit", "said"),
+    [
+        ('altitude = "500 km"', "Left out by Hill's equations at 500 km: ends about "),
+        ('period = "95 min"', "Left out by Hill's equations at 519 km: ends about "),
+        ('mean_motion = "0.01 deg/s"\nlatitude = "3 deg"', "Left out by Hill's equations at 17187 km: "),
+        ('altitude = "500 km"\nmu = "42828 km^3/s^2"', None),  # of Mars
+        ('period = "60 min"', None),  # below the ground
+        ("deep_space = true", None),
+    ],
+)
+def test_without_a_field_the_rule_is_told(orbit: str, said: str | None, tmp_path: Path, capsys):
+    file = tmp_path / "coast.toml"
+    text = swap().split("[orbit]")[0] + f"[orbit]\n{orbit}\n\n[craft]" + swap().split("[craft]")[1]
+    file.write_text(text.split("[[stage]]")[0] + '[[stage]]\ndo = "coast"\nfor = "90 min"\n')
+    main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"])
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Left out")]
+    assert len(lines) == (said is not None)
+    if said is not None:
+        assert lines[0].startswith(said)
+
+
+def test_the_rule_is_that_of_the_plans_it_was_made_from():
+    """A turn of a kilometre at 500 km, circular: 9.4 K, 17 K and curvature, by hand (theory 84)."""
+    from closeform.field.rule import HALF, MOST, ends_off, flattening_at
+
+    a = cf.EARTH_RADIUS + 500e3
+    k = 1.0826e-3 * (cf.EARTH_RADIUS / a) ** 2
+    assert ends_off(1e3, 1.0, a, 0.0, flattening_at(a), HALF) == pytest.approx(
+        9.4e3 * k + 7.7e6 / a, rel=1e-3
+    )
+    assert ends_off(1e3, 1.0, a, 0.0, flattening_at(a), MOST) == pytest.approx(
+        17e3 * k + 15.3e6 / a, rel=1e-3
+    )
+
+
+def test_inertial_starts_are_in_the_frame_of_flights():
+    """A craft that begins inertially is flown from there: what it is at time 0, to a millimetre."""
+    own = np.array([6878e3 + 300.0, 500.0, 900.0, -3.0, 4726.0, 5966.0])
+    place = ", ".join(
+        " ".join(f"{one:.9f}" for one in part) + unit for part, unit in ((own[:3], " m"), (own[3:], " m/s"))
+    )
+    text = swap().replace('latitude = "40 deg"', 'latitude = "0 deg"').split("[[stage]]")[0]
+    text = text.replace(
+        'position = ["0 0 120 m", "0 0 -120 m"]\nvelocity = "0 0 0 m/s"',
+        "start = [\n" + f'  {{ inertial = "{place}" }},\n' + '  { palmer = "0 900 0 0 0 0 m" },\n]',
+    )
+    scenario = parse(text + '[[stage]]\ndo = "coast"\nfor = "90 min"\n')
+    start = scenario.states(scenario.orbit.build())[0]
+    origin = scenario.chief.state
+    back = cf.inertial_from_relative(origin, start, acceleration=textbook(origin[:3]))
+    assert back == pytest.approx(own, rel=1e-10)
