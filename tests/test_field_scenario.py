@@ -123,3 +123,19 @@ def test_inertial_starts_are_in_the_frame_of_flights():
     origin = scenario.chief.state
     back = cf.inertial_from_relative(origin, start, acceleration=textbook(origin[:3]))
     assert back == pytest.approx(own, rel=1e-10)
+
+
+def test_each_craft_has_its_own_errors_and_limit():
+    mission = fly(
+        parse(
+            swap(
+                craft='thrust_error = ["0 %, 0 deg", "5 %, 0 deg"]\nmax_acceleration = ["5 mm/s^2", "8 mm/s^2"]'
+            )
+        )
+    )
+    told, (stage,) = mission.scenario.flight, mission.results
+    assert told["max_acceleration"].tolist() == [5e-3, 8e-3]
+    one = cf.fly(stage.after.paths, mission.scenario.field, "open", **told, seeds=5)
+    assert one.ends[:, 0].max() < 1e-3 < 0.1 < one.ends[:, 1].max()
+    limited = cf.fly(stage.after.paths, mission.scenario.field, max_acceleration=[1e-9, 1.0])
+    assert limited.limited[0].tolist() == pytest.approx([1.0, 0.0], abs=0.02)

@@ -83,7 +83,7 @@ def flown(commands: Commands, field: Field, frame: ChiefFrame, wrong: Floats, er
 
 
 def commands_of(
-    path: Path, law: Feedback | None, known: Field | None, limit: float = np.inf, bit: float = 0.0
+    path: Path, law: Feedback | None, known: Field | None, limit: Any = np.inf, bit: float = 0.0
 ) -> Commands:
     """What planned paths (N,) ask for, their impulses as planned."""
     craft, when, sizes = impulses_of(path)

@@ -7,8 +7,9 @@ from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, shown, whole
+from closeform.arrays import Floats, instance, number, numbers, shown, whole
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import commands_of, flown
 from closeform.field.feedback import Feedback, Navigation
@@ -182,8 +183,8 @@ def fly(
     zones: Zone | PairZones | None = None,
     cancel: bool = True,
     known: Field | None = None,
-    thrust_error: tuple[float, float] = (0.0, 0.0),
-    max_acceleration: float | None = None,
+    thrust_error: ArrayLike = (0.0, 0.0),
+    max_acceleration: ArrayLike | None = None,
     minimum_bit: float = 0.0,
     seeds: int = 1,
 ) -> Flight:
@@ -209,10 +210,10 @@ def fly(
         changed for that, as `thrust` does.  Craft that coast all along and are corrected by impulses do not.
     known : Field, optional
         The field that this is taken from; the one that is flown in unless given.
-    thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
+    thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         By how much each craft's thrust is off at most, as a share of its size, and in direction; drawn evenly
         for each flight, through which it stays.
-    max_acceleration : float [m/s^2], optional
+    max_acceleration : array_like of shape (N,) or () [m/s^2], optional
         That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses.
     minimum_bit : float [m/s], default 0
         The least impulse that is fired.
@@ -260,9 +261,12 @@ def fly(
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = np.asarray(checked("thrust_error", thrust_error))
-    if sizes.shape != (2,) or not (sizes >= 0.0).all():
+    if sizes.shape not in ((2,), (len(paths), 2)) or not (sizes >= 0.0).all():
         raise ValueError(f"thrust_error: two numbers, 0 or more, got {shown(thrust_error)}")
-    limit, least = _limit(max_acceleration, fires), checked("minimum_bit", number("minimum_bit", minimum_bit))
+    limit, least = (
+        _limit(max_acceleration, fires, len(paths)),
+        checked("minimum_bit", number("minimum_bit", minimum_bit)),
+    )
     if not least >= 0.0:
         raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
     flights, believed = whole("seeds", seeds, 1), known or field
@@ -296,13 +300,13 @@ def fly(
     )
 
 
-def _limit(max_acceleration: float | None, fires: bool) -> float:
-    """What thrust never exceeds [m/s^2], of plans that have impulses or none."""
+def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Any:
+    """What thrust never exceeds () or (N,) [m/s^2], of plans that have impulses or none."""
     if max_acceleration is None:
         return np.inf
-    limit = number("max_acceleration", max_acceleration)
-    if not limit > 0.0:
-        raise ValueError(f"max_acceleration: must be positive, got {limit:g}")
+    limit = numbers("max_acceleration", max_acceleration)
+    if limit.shape not in ((), (count,)) or not (limit > 0.0).all():
+        raise ValueError(f"max_acceleration: must be positive, got {shown(max_acceleration)}")
     if fires:
         raise ValueError(
             "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns"
