@@ -473,3 +473,81 @@ def test_delta_v_is_that_of_plan_field_and_errors():
     assert not plain.field_delta_v.any()
     whole = noisy.planned_delta_v + noisy.field_delta_v + noisy.feedback_delta_v
     assert whole == pytest.approx(noisy.delta_v, rel=1e-12)
+
+
+def test_deviations_under_impulses_spread_as_the_tube_says():
+    """Of 60 flights over ten measurements and more, between which impulses come late."""
+    orbit, seen = chief().orbit, cf.Navigation(0.1, 3e-4)
+    law = cf.Feedback(300.0, 1800.0, 6)
+    path = orbit.impulsive([0, 300, 0, 0, 0, 0], [0, -200, 50, 0, 0, 0], 1.5 * orbit.period)
+    flights = cf.fly(path, cf.Field(chief()), feedback=law, navigation=seen, seeds=60)
+    steady = flights.times > 3000.0
+    off = (flights.states - flights.states.mean(axis=0))[:, :, steady, :3]
+    room = cf.tube(orbit, law, seen)
+    assert off.std(axis=(0, 1)).max() < 1.3 * room.noise  # of 60 draws
+    assert off.std(axis=(0, 1, 2)).max() > 0.7 * room.noise
+    assert np.linalg.norm(off, axis=-1).max() < 6.0 * room.noise
+
+
+# --- long flights -----------------------------------------------------------------------------
+
+
+def test_impulses_of_the_way_back_are_the_least():
+    """They bring any deviation to zero, with the least sum of squares: the pseudoinverse says so, too."""
+    from closeform.field.feedback import kicks_back
+
+    orbit, law = chief().orbit, cf.Feedback(600.0, 4000.0, 5)
+    times, gains = kicks_back(orbit, law)
+    assert times == pytest.approx([0.0, 800.0, 1600.0, 2400.0, 3200.0])
+    moved = np.hstack([orbit.transition(4000.0 - t)[:, 3:] for t in times])
+    want = -np.linalg.pinv(moved) @ orbit.transition(4000.0)
+    scale = np.abs(want).max(axis=0)
+    assert gains.reshape(-1, 6) / scale == pytest.approx(want / scale, abs=1e-6)
+
+
+def test_a_formation_is_held():
+    """Three orbits of a coast held by impulses: flown again with these, by another integrator."""
+    field = cf.Field(chief())
+    orbit = field.orbit
+    n, start = orbit.mean_motion, np.array([[100.0, 300.0, 200.0, 0.0, 0.0, 0.0]])
+    start[:, 4] = -2.0 * n * start[:, 0]
+    coast = orbit.coast(start, 3.0 * orbit.period)
+    law = cf.Feedback(orbit.period, 2.0 * orbit.period, 8)
+    held = cf.fly(coast, field, feedback=law, navigation=cf.Navigation(0.1, 3e-4))
+    jumps = (held.states - held.arrivals)[0, 0, :, 3:]
+    own = jumps.any(axis=1)
+    assert own.sum() == 12  # four of eight are fired before the next measurement
+    end = fired(start[0], held.times[own], jumps[own], float(coast.end[0]))
+    assert held.states[0, 0, -1] == pytest.approx(end, abs=1e-3)
+    assert held.delta_v[0] == pytest.approx(np.linalg.norm(jumps, axis=1).sum(), rel=1e-9)
+    assert held.field_delta_v == pytest.approx([0.0], abs=1e-12)
+    loose = cf.fly(coast, field, "open", cancel=False)
+    assert held.greatest_deviation < loose.greatest_deviation
+
+
+def test_a_month_is_held():
+    """Thirty days: what it costs in the first five is what it costs a day, and nobody drifts away."""
+    field = cf.Field(chief(), drag=cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.022], 0.02))
+    orbit = field.orbit
+    n, start = orbit.mean_motion, np.array([[100.0, 300.0, 200.0, 0, 0, 0], [-100.0, -300.0, 200.0, 0, 0, 0]])
+    start[:, 4] = -2.0 * n * start[:, 0]
+    law = cf.Feedback(orbit.period, 2.0 * orbit.period, 8)
+    few, many = (
+        cf.fly(orbit.coast(start, days * 86400.0), field, feedback=law, zones=cf.Sphere(50.0))
+        for days in (5, 30)
+    )
+    assert many.delta_v_per_day == pytest.approx(few.delta_v_per_day, rel=0.5)
+    assert many.greatest_deviation < 2.0 * few.greatest_deviation < 200.0
+    assert many.violated == 0.0
+    assert len(many.times) < 25_000  # what is kept stays small
+
+
+def test_a_field_has_an_orbit_that_keeps_step():
+    """The angle that the chief turns through in a day, added up along another integrator's path."""
+    field, times = cf.Field(chief()), np.linspace(0.0, 86400.0, 2881)
+    rates = lambda t, s: np.concatenate([s[3:], textbook(s[:3])])  # noqa: E731
+    path = solve_ivp(rates, (0.0, 86400.0), chief().state, "DOP853", times, rtol=1e-10, atol=1e-3).y[:3].T
+    units = path / np.linalg.norm(path, axis=1, keepdims=True)
+    turned = 2.0 * np.arcsin(0.5 * np.linalg.norm(np.diff(units, axis=0), axis=1)).sum()
+    assert field.orbit.mean_motion * 86400.0 == pytest.approx(turned, abs=1e-3)  # of 96 rad
+    assert abs(field.chief.orbit.mean_motion * 86400.0 - turned) > 0.03  # Kepler's is out of step

@@ -120,3 +120,16 @@ def kicks_back(orbit: Orbit, law: Feedback) -> tuple[Floats, Floats]:
         )
     wanted = np.linalg.solve(gramian, scale[:, None] * orbit.transition(law.horizon))
     return times, -np.asarray(np.einsum("jik,il->jkl", pushed, wanted))
+
+
+def left_of(orbit: Orbit, law: Feedback, times: Floats) -> tuple[Floats, Floats]:
+    """What is left of a deviation, M, and what a coast makes of it, Phi (T, 6, 6), at times (T,) after it."""
+    if not law.impulses:
+        return way_back(orbit, law.horizon, times)[:2]
+    moved = orbit.transition(times)
+    left = moved.copy()
+    for fired, gain in zip(*kicks_back(orbit, law), strict=True):
+        since = np.maximum(times - fired, 0.0)
+        later = (times >= fired) & (fired < law.every)  # the others are left to the next measurement
+        left += later[:, None, None] * (orbit.transition(since)[:, :, 3:] @ gain)
+    return left, moved

@@ -16,11 +16,13 @@ from closeform.exchange.chief import Chief
 from closeform.field.drag import Drag, air_of
 from closeform.field.gravity import DEGREES, TABLEAU, WIDTH, accelerate, fly
 from closeform.motion.mean_motion import checked
+from closeform.motion.orbit import Orbit
 
 # J2 to J6 of JGM-3 (Tapley et al. 1996), about a radius of 6378136.3 m.
 EARTH_ZONALS = (1.082635854e-3, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
 GRAVITY_RADIUS = 6378136.3
 LONGEST = 30.0  # s: a step of the chief's motion, off by 1e-9 m in low orbit
+DAY = 86400.0  # s
 TIGHT = 1e-12  # of what an integrator of foreign fields may be off
 
 Acceleration = Callable[[Floats, Floats], ArrayLike]
@@ -95,6 +97,24 @@ class Field:
         row = np.array([self.chief.mu, self.radius, *self.zonals, *air_of(self.drag)])
         assert len(row) == WIDTH
         return row
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The circular orbit whose frame turns as the chief's does in this field, on average over a day.
+
+        Where formations are held for long, relative orbits in it keep step with the chief: those in
+        `Chief.orbit`, which is Kepler's, get ahead or fall behind by a part in a thousand.
+        """
+        end = DAY
+        if self.chief.ephemeris is not None:
+            end = min(end, float(np.max(self.chief.ephemeris.times)))
+        times = np.linspace(0.0, end, 2 * int(end / (2.0 * LONGEST)) + 3)
+        states = self.chief_states(times)
+        momentum = np.linalg.norm(np.cross(states[:, :3], states[:, 3:]), axis=1)
+        spin = momentum / (states[:, :3] ** 2).sum(axis=1)
+        simpson = np.ones(len(times))
+        simpson[1:-1:2], simpson[2:-1:2] = 4.0, 2.0
+        return Orbit(float(spin @ simpson / simpson.sum()))
 
     @property
     def _chief_ballistic(self) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats, instance, number, whole
-from closeform.field.feedback import Feedback, Navigation, way_back
+from closeform.field.feedback import Feedback, Navigation, left_of
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
@@ -158,7 +158,7 @@ def tube(
         if not (value >= 0.0).all():
             raise ValueError(f"{name}: must be 0 or more, got {value.min():g}")
     since = np.linspace(0.0, feedback.every, BETWEEN + 1)
-    left, moved, _ = way_back(orbit, feedback.horizon, since)
+    left, moved = left_of(orbit, feedback, since)
     taken = left - moved  # what a wrong measurement adds
     noise = _deviation(left, taken, navigation)
     steady = np.linalg.solve(np.eye(6) - left[-1], taken[-1])
@@ -185,7 +185,7 @@ def _most(orbit: Orbit, feedback: Feedback, step: Floats) -> float:
     most, part = 0.0, feedback.every / PARTS
     pushed = orbit.transition(feedback.every - (np.arange(PARTS) + 0.5) * part)[:, :, 3:]
     for since in np.linspace(0.0, feedback.every, BETWEEN + 1)[1:]:
-        left, _, _ = way_back(orbit, feedback.horizon, np.array([since]))
+        left, _ = left_of(orbit, feedback, np.array([since]))
         own = orbit.transition((np.arange(PARTS) + 0.5) * since / PARTS)[:, :3, 3:]
         total, before = np.linalg.norm(own, 2, axis=(1, 2)).sum() * since / PARTS, left[0][:3]
         added = total
