@@ -219,27 +219,35 @@ def study(
         Address of a Dask scheduler. Not built yet.
     """
     from closeform.publishing import workplace
-    from closeform.result_folder import FolderError, check_free, written
+    from closeform.result_folder import CASES, FolderError, check_free, written
 
     place = out if out is not None else Path(f"{scenario.stem}-results")
     if scheduler is not None:
         raise UsageError("--scheduler: clusters are not built yet; leave --scheduler out")
-    check_free(place, overwrite)
+    check_free(place, overwrite, study=True)
     loaded = read(scenario, "study")
     if loaded is None:
         return BAD_INPUT
-    from closeform.campaign import flown
+    from closeform.campaign import asked, stored_study
+    from closeform.campaign.chunks import ChunkError, Stored
     from closeform.scenario import ScenarioError
     from closeform.verdict import MET, NOT_MET
     from closeform.viewer import replays
 
     notes = stderr()
     try:
+        kind, count = asked(loaded, cases, seed)
         with workplace(place, overwrite) as under_way:
-            with progress(notes) as bar:
-                task = bar.add_task("cases", total=cases or (loaded.study.cases if loaded.study else None))
-                campaign = flown(loaded, cases, seed, lambda done: bar.update(task, completed=done))
+            chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
+            with written(place):
+                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
+                with progress(notes) as bar:
+                    task = bar.add_task("cases", total=count)
+                    campaign = stored_study.fly(
+                        chunks, stored_study.local, lambda done, met: bar.update(task, completed=done)
+                    )
             report = study_report(campaign, loaded)
+            under_way.known.update(chunks.digests)
             with notes.status("writing results"), written(place):
                 report.leave(under_way, replays.leave(campaign, under_way))
     except ScenarioError as error:
@@ -247,6 +255,8 @@ def study(
         return BAD_INPUT
     except FolderError:
         raise
+    except ChunkError as error:
+        raise FolderError(f"{place}: {error}") from None
     except ValueError as error:  # cases or seed
         raise UsageError(f"--{error}") from None
     with kept(place):

@@ -15,8 +15,10 @@ from io import BufferedWriter
 from pathlib import Path
 from tempfile import mkdtemp
 
+from closeform import manifest
 from closeform.lock_file import lock
 from closeform.result_folder import (
+    CASES,
     LOCK,
     PRIVATE,
     REPLACED,
@@ -88,10 +90,11 @@ def take(path: Path, place: Path, private: Path, overwrite: bool) -> None:
 def workplace(path: Path, overwrite: bool = False) -> Iterator[Folder]:
     """A study's folder to fill: at `path` from the start, for nobody else; finished when the block ends well.
 
-    Results that it replaces stay until then.  Raises FolderError as `folder` does, and for a place
-    where another study is under way.
+    Results that it replaces stay until then.  Chunks that a manifest lists stay where the block ends badly,
+    and are there again the next time, unless that is to `overwrite` what is no finished study.  Raises
+    FolderError as `folder` does, and for a place where another study is under way.
     """
-    check_free(path, overwrite)
+    check_free(path, overwrite, study=True)
     place = Path(os.path.realpath(path))
     with written(path):
         made = make_folders(place)
@@ -103,13 +106,52 @@ def workplace(path: Path, overwrite: bool = False) -> Iterator[Folder]:
         try:
             with written(path):
                 begin(path, place, private, overwrite)
-            yield Folder(private / RESULTS)
-            with written(path):
-                move_up(path, place, private)
+            with goes_on(path, private):
+                yield Folder(private / RESULTS)
+                with written(path):
+                    move_up(path, place, private)
         finally:
-            drop(private, held)
+            leave(private, held)
     finally:
         remove_folders(made)
+
+
+def leave(private: Path, held: BufferedWriter | None) -> None:
+    """Let go of a study's private folder, which stays with its chunks if there are any to go on from."""
+    try:
+        kept = stays(private)
+    except KeyboardInterrupt:
+        drop(private, held)
+        raise
+    if kept and held is not None:
+        held.close()
+    else:
+        drop(private, held)
+
+
+def stays(private: Path) -> bool:
+    """Whether there are chunks to go on from; a study of a single one is soon flown again."""
+    whole, every = manifest.progress(private / manifest.NAME)
+    return whole > 0 and every > 1
+
+
+@contextmanager
+def goes_on(path: Path, private: Path) -> Iterator[None]:
+    """Of a study that ends badly: say that chunks stay, and how it goes on."""
+    try:
+        yield
+    except (KeyboardInterrupt, FolderError) as error:
+        if not stays(private):
+            raise
+        whole, every = manifest.progress(private / manifest.NAME)
+        kept = f"{whole} of {every} chunks are kept in {path}"
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt(f"{kept}, the same command goes on") from None
+        if isinstance(error.__cause__, OSError):
+            what = str(error).rpartition("; ")[0]
+            raise FolderError(f"{what}; {kept}: mend that, and the same command goes on") from error
+        raise
+    (private / manifest.NAME).unlink(missing_ok=True)
 
 
 def private_in(place: Path) -> Path:
@@ -120,13 +162,32 @@ def private_in(place: Path) -> Path:
 
 
 def begin(path: Path, place: Path, private: Path, overwrite: bool) -> None:
-    """Clear away what a killed study left in a place that is ours now."""
-    check_free(place, overwrite, path, mine=True)
+    """Clear away what a killed study left in a place that is ours now, but for chunks to go on from."""
+    check_free(place, overwrite, path, mine=True, study=True)
+    listing, results = private / manifest.NAME, private / RESULTS
     if not finished(place):
+        if overwrite:
+            listing.unlink(missing_ok=True)
+        else:
+            take_back(place, results)
         remove_files(place, own(place))
-    for left in (RESULTS, REPLACED):
-        shutil.rmtree(private / left, ignore_errors=True)
-        (private / left).mkdir()
+    for left in (results, private / REPLACED):
+        left.mkdir(exist_ok=True)
+        for file in left.iterdir():
+            if left == results and file.name == CASES and listing.exists():
+                continue
+            if file.is_dir() and not file.is_symlink():
+                shutil.rmtree(file, ignore_errors=True)
+            else:
+                file.unlink()
+
+
+def take_back(place: Path, results: Path) -> None:
+    """Bring back chunks that a study which was killed had moved up to their place."""
+    for name in sorted(listed(results / SUMMARY)):
+        if name.startswith(f"{CASES}/") and (place / name).exists() and not (results / name).exists():
+            (results / name).parent.mkdir(exist_ok=True)
+            (place / name).replace(results / name)
 
 
 def move_up(path: Path, place: Path, private: Path) -> None:

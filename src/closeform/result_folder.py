@@ -12,11 +12,12 @@ import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
+from closeform import manifest
 from closeform.lock_file import is_held
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ REPORT, VIEWER = "report.html", "viewer.html"
 FORMAT = 1  # of summary.json
 DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells, and
 INPUTS = "inputs/"  # those that a scenario names
+CASES = "cases"  # the folder of a study's chunks
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
 
 PRIVATE = ".unfinished"  # the folder in a study's folder where it works, and how those of runs end
@@ -43,15 +45,23 @@ class FolderError(ValueError):
 
 @dataclass(frozen=True)
 class Folder:
-    """A result folder under way."""
+    """A result folder under way; `known` has the SHA-256 of files whose writer told it."""
 
     path: Path
+    known: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def manifest(self) -> Path:
+        """Of a study: the manifest of its chunks, which stay where the study is stopped."""
+        return self.path.parent / manifest.NAME
 
     def summary(self, figures: Mapping[str, Any]) -> None:
         """Write `summary.json`, last: `figures`, versions and files; numbers that are not finite as null."""
         files = sorted(file.relative_to(self.path).as_posix() for file in below(self.path))
         content = {"closeform": FORMAT, "versions": versions(), "files": [*files, SUMMARY], **figures}
-        content["digests"] = {name: digest(self.path / name) for name in files if digested(name)}
+        content["digests"] = {
+            name: self.known.get(name) or digest(self.path / name) for name in files if digested(name)
+        }
         self.text(SUMMARY, json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
@@ -189,7 +199,7 @@ def others(path: Path) -> list[str]:
     """What is in a folder and neither among our results nor where a study works."""
     files = own(path)
     folders = {parent.as_posix() for name in files for parent in PurePosixPath(name).parents}
-    private = (f"{PRIVATE}/{LOCK}", f"{PRIVATE}/{RESULTS}", f"{PRIVATE}/{REPLACED}")
+    private = tuple(f"{PRIVATE}/{name}" for name in (LOCK, RESULTS, REPLACED, Path(manifest.NAME).stem))
     strange = []
     for file in below(path):
         name = file.relative_to(path).as_posix()
@@ -199,17 +209,19 @@ def others(path: Path) -> list[str]:
     return sorted(strange)
 
 
-def check_free(path: Path, overwrite: bool, called: Path | None = None, mine: bool = False) -> None:
+def check_free(
+    path: Path, overwrite: bool, called: Path | None = None, mine: bool = False, study: bool = False
+) -> None:
     """Raise FolderError unless results may be written at `path`, which the user has `called` so.
 
-    `mine`: this process is the one that works in it.
+    `mine`: this process is the one that works in it; `study`: it may go on with an unfinished study.
     """
     with written(called or path):
-        if reason := refusal(path, overwrite, mine):
+        if reason := refusal(path, overwrite, mine, study):
             raise FolderError(f"{called or path}: {reason}")
 
 
-def refusal(path: Path, overwrite: bool, mine: bool) -> str | None:
+def refusal(path: Path, overwrite: bool, mine: bool, study: bool) -> str | None:
     """Why results must not be written at a path, None where they may. Raises OSError as the system does."""
     try:
         if not os.listdir(path):
@@ -225,6 +237,8 @@ def refusal(path: Path, overwrite: bool, mine: bool) -> str | None:
         return "holds finished results; add --overwrite or choose another --out"
     if not done and not abandoned(path):
         return "is not a result folder and not empty; choose another --out"
+    if not (overwrite or study) and manifest.progress(path / PRIVATE / manifest.NAME)[0]:
+        return "holds an unfinished study; go on with it, add --overwrite or choose another --out"
     if strange := others(path):
         named = ", ".join(strange[:NAMED]) + f" and {len(strange) - NAMED} more" * (len(strange) > NAMED)
         return f"holds what is none of its results: {named}; move that away or choose another --out"

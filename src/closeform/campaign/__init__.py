@@ -1,15 +1,10 @@
 """Campaigns: a scenario's search flown over many drawn cases, and what became of them."""
 
-from closeform.campaign.campaign import (
-    Campaign,
-    CampaignStatus,
-    GatherCampaign,
-    LockCampaign,
-    SampledLocks,
-    flown,
-    study,
-)
+from closeform.campaign.campaign import asked, flown, study
 from closeform.campaign.draws import case_of, drawn
+from closeform.campaign.gather_cases import GatherCampaign
+from closeform.campaign.lock_cases import LockCampaign, SampledLocks
+from closeform.campaign.search_campaign import Campaign, CampaignStatus
 from closeform.campaign.shares import Estimate, Share
 
 __all__ = [
@@ -20,6 +15,7 @@ __all__ = [
     "LockCampaign",
     "SampledLocks",
     "Share",
+    "asked",
     "case_of",
     "drawn",
     "flown",

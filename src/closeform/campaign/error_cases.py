@@ -7,15 +7,16 @@ case K is the same however many cases and other craft there are.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from itertools import compress
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from scipy.special import ndtri
 
 from closeform.arrays import Floats
+from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.draws import WORDS, uniform
 from closeform.mission import fly
 from closeform.mission_result import Mission
@@ -27,7 +28,108 @@ from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.histories import Histories
 from closeform.zones.pair_zones import PairZones, portions
 
-AT_ONCE = 1 << 17  # histories
+if TYPE_CHECKING:
+    from closeform.campaign.chunks import Chunks
+
+AT_ONCE = 1 << 15  # cases in a chunk
+MOST = 10  # of the worst cases
+BY_PAIR = ("began", "each")  # columns of each kind
+KINDS = ("zone", "body")
+MET = {"zone": "clear", "body": "free of collisions"}
+
+
+@dataclass(frozen=True, eq=False)
+class Meeting:
+    """Two craft by number, a zone of them, and the histories of its columns: `kind` is "zone" or "body"."""
+
+    kind: str
+    pair: tuple[int, int]
+    columns: tuple[int, ...]  # how many each of both has
+    histories: Histories
+
+    def counted(self, names: tuple[str, ...], seed: int, first: int, last: int) -> Any:
+        """Whether they begin within the zone, and how often they enter, in each case (C, 2)."""
+        signs = (1.0, -1.0)
+        draws = [
+            sign * drawn(seed, names[k], count, first, last)
+            for sign, k, count in zip(signs, self.pair, self.columns, strict=True)
+            if count
+        ]
+        return self.histories.counted(np.ascontiguousarray(np.concatenate(draws, axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorCases(Cases):
+    """Cases of a mission's errors, a row each: `clear`, `free_of_collisions`, `zone_entries`, `body_entries`.
+
+    Of all pairs with a zone, and with hard bodies, `zone_began` and `zone_each` (C, P): whether they begin
+    within it, and how often they enter.
+    """
+
+    mission: Mission
+    meetings: tuple[Meeting, ...]
+
+    @classmethod
+    def of(cls, scenario: Scenario, seed: int) -> Self:
+        """The cases of a mission, which is flown as planned."""
+        mission = fly(scenario)
+        results = [result for result in mission.results if result.flown]
+        if not results:
+            return cls(scenario, seed, mission, ())
+        paths = [join([result.after.path(name) for result in results]) for name in scenario.names]
+        columns = [
+            None if craft.errors is None else columns_of(path, craft.errors)
+            for craft, path in zip(scenario.craft, paths, strict=True)
+        ]
+        meetings = tuple(
+            meeting(kind, paths, columns, zone, (i, j))
+            for kind, table in zip(KINDS, (scenario.zones, scenario.bodies), strict=True)
+            for zone, i, j in pairs(table)
+            if columns[i] is not None or columns[j] is not None
+        )
+        return cls(scenario, seed, mission, meetings)
+
+    @property
+    def at_once(self) -> int:
+        """Cases in a chunk."""
+        return AT_ONCE
+
+    def of_kind(self, kind: str) -> list[Meeting]:
+        """The pairs with a zone, or with hard bodies."""
+        return [one for one in self.meetings if one.kind == kind]
+
+    def fly(self, first: int, last: int) -> Columns:
+        """Who comes within what."""
+        found: Columns = {}
+        for kind in KINDS:
+            if not (pairs := self.of_kind(kind)):
+                continue
+            counts = [one.counted(self.scenario.names, self.seed, first, last) for one in pairs]
+            began = np.stack([count[:, 0] > 0 for count in counts], axis=1)
+            entries = np.stack([count[:, 1] for count in counts], axis=1)
+            found[MET[kind].replace(" ", "_")] = ~(began | (entries > 0)).any(axis=1)
+            found |= {f"{kind}_entries": entries.sum(axis=1), f"{kind}_began": began, f"{kind}_each": entries}
+        return found
+
+    def good(self, columns: Columns) -> Any:
+        """In which cases nobody is ever inside."""
+        met = [columns[name] for what in MET.values() if (name := what.replace(" ", "_")) in columns]
+        return np.all(met, axis=0) if met else np.zeros(0, dtype=bool)
+
+    def campaign(self, chunks: Chunks) -> ErrorCampaign:
+        """What became of them."""
+        return ErrorCampaign(self, chunks)
+
+
+def meeting(
+    kind: str, paths: list[Path], columns: list[Path | None], zone: Any, pair: tuple[int, int]
+) -> Meeting:
+    """Two craft and what is known of their errors."""
+    i, j = pair
+    each = [columns[k] for k in pair]
+    known = stack([one[c] for one in each if one is not None for c in range(len(one))])
+    counts = tuple(0 if one is None else len(one) for one in each)
+    return Meeting(kind, pair, counts, Histories.of(paths[i], paths[j], known, 0.0, zone))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,40 +149,92 @@ class PairCases:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ErrorCampaign(Result):
-    """What became of C cases of a mission's errors, drawn with `seed`.
+    """What became of C cases of a mission's errors, drawn with `seed`, as `chunks` hold it.
 
-    `zones` has the pairs that keep a keep-out zone, `bodies` those with hard bodies.
+    `counts`: "zone" and "body" to what became of the pairs with such, those without left out.
     """
 
-    mission: Mission
-    seed: int
-    cases: int
-    zones: tuple[PairCases, ...]
-    bodies: tuple[PairCases, ...]
+    kind: ErrorCases
+    chunks: Chunks
     _told: ClassVar = ("mission", "seed", "cases", "met", "reason")
 
     def __len__(self) -> int:
         return self.cases
 
     @property
+    def cases(self) -> int:
+        """How many."""
+        return self.chunks.count
+
+    @property
+    def seed(self) -> int:
+        """With which they were drawn."""
+        return self.kind.seed
+
+    @property
+    def mission(self) -> Mission:
+        """The mission as planned."""
+        return self.kind.mission
+
+    @property
     def scenario(self) -> Scenario:
         """What was flown."""
-        return self.mission.scenario
+        return self.kind.scenario
 
-    def any_of(self, pairs: tuple[PairCases, ...]) -> Any:
-        """In which cases (C,) any of some pairs is ever inside."""
-        found = np.zeros(self.cases, dtype=bool)
-        for pair in pairs:
-            found |= pair.inside
-        return found
+    @cached_property
+    def counts(self) -> dict[str, PairCounts]:
+        """What became of each kind of pairs."""
+        kinds = [kind for kind in KINDS if self.kind.of_kind(kind)]
+        return {kind: PairCounts.of(self.kind, kind, self.chunks) for kind in kinds}
+
+    @cached_property
+    def worst(self) -> tuple[tuple[int, int, str], ...]:
+        """The cases in which anybody is inside, their entries and who: some of those with most first."""
+        kinds, found = list(self.counts), list[tuple[int, int, str]]()
+        pairs = [f"{one} - {other}" for kind in kinds for one, other in self.counts[kind].pairs]
+        for first, columns in self.chunks.read(*(f"{kind}_{what}" for kind in kinds for what in BY_PAIR)):
+            began, each = (np.hstack([columns[f"{kind}_{what}"] for kind in kinds]) for what in BY_PAIR)
+            entries, inside = each.sum(axis=1), began | (each > 0)
+            where = np.flatnonzero(inside.any(axis=1))
+            for k in where[np.argsort(-entries[where], kind="stable")][:MOST].tolist():
+                who = ", ".join(dict.fromkeys(compress(pairs, inside[k])))
+                found.append((first + k, int(entries[k]), who))
+            found = sorted(found, key=lambda row: (-row[1], row[0]))[:MOST]
+        return tuple(found)
+
+    @cached_property
+    def zones(self) -> tuple[PairCases, ...]:
+        """The pairs that keep a keep-out zone."""
+        return self.pairs("zone")
+
+    @cached_property
+    def bodies(self) -> tuple[PairCases, ...]:
+        """The pairs with hard bodies."""
+        return self.pairs("body")
+
+    def pairs(self, kind: str) -> tuple[PairCases, ...]:
+        """The pairs of a kind, case by case."""
+        meetings, names = self.kind.of_kind(kind), (f"{kind}_began", f"{kind}_each")
+        if not meetings:
+            return ()
+        parts = [columns for _, columns in self.chunks.read(*names)]
+        began, each = (np.concatenate([columns[name] for columns in parts]) for name in names)
+        who = self.scenario.names
+        return tuple(
+            PairCases(who[one.pair[0]], who[one.pair[1]], began[:, k], each[:, k])
+            for k, one in enumerate(meetings)
+        )
 
     @cached_property
     def met(self) -> dict[str, Any]:
         """Of all that is looked for, in which cases (C,) it is so."""
-        found = {"clear": ~self.any_of(self.zones)} if self.zones else {}
-        return found | ({"free of collisions": ~self.any_of(self.bodies)} if self.bodies else {})
+        found: dict[str, list[Any]] = {what: [] for kind, what in MET.items() if self.kind.of_kind(kind)}
+        for _, columns in self.chunks.read(*(what.replace(" ", "_") for what in found)):
+            for what in found:
+                found[what].append(columns[what.replace(" ", "_")])
+        return {what: np.concatenate(parts) for what, parts in found.items()}
 
-    @cached_property
+    @property
     def good(self) -> Any:
         """In which cases (C,) all of it is so."""
         return np.all(list(self.met.values()), axis=0)
@@ -88,7 +242,7 @@ class ErrorCampaign(Result):
     @property
     def ok(self) -> bool:
         """Whether the mission was flown, and all cases are clear."""
-        return self.mission.stopped is None and bool(self.good.all())
+        return self.mission.stopped is None and not any(one.any for one in self.counts.values())
 
     @property
     def reason(self) -> str | None:
@@ -96,66 +250,47 @@ class ErrorCampaign(Result):
         if self.mission.stopped is not None:
             return f"stopped in {self.mission.stopped}"
         parts = [
-            f"{int((~met).sum())} of {self.cases} cases not {what}"
-            for what, met in self.met.items()
-            if not met.all()
+            f"{found.any} of {self.cases} cases not {MET[kind]}"
+            for kind, found in self.counts.items()
+            if found.any
         ]
         return "; ".join(parts) or None
 
 
-def flown(scenario: Scenario, cases: int, seed: int, progress: Callable[[int], None]) -> ErrorCampaign:
-    """Fly a mission as planned, and the cases of its errors beside it."""
-    mission = fly(scenario)
-    results = [result for result in mission.results if result.flown]
-    if not results:
-        return ErrorCampaign(mission, seed, cases, (), ())
-    paths = [join([result.after.path(name) for result in results]) for name in scenario.names]
-    columns = [
-        None if craft.errors is None else columns_of(path, craft.errors)
-        for craft, path in zip(scenario.craft, paths, strict=True)
-    ]
-    wanted = [
-        (kind, zone, i, j)
-        for kind, table in enumerate((scenario.zones, scenario.bodies))
-        for zone, i, j in pairs(table)
-        if columns[i] is not None or columns[j] is not None
-    ]
-    found: tuple[list[PairCases], list[PairCases]] = ([], [])
-    for done, (kind, zone, i, j) in enumerate(wanted, 1):
-        names = scenario.names[i], scenario.names[j]
-        counts = counted(paths, columns, scenario.names, zone, (i, j), cases, seed)
-        found[kind].append(PairCases(*names, counts[:, 0] > 0, counts[:, 1]))
-        progress(cases * done // len(wanted))
-    return ErrorCampaign(mission, seed, cases, *map(tuple, found))
+@dataclass(frozen=True, eq=False)
+class PairCounts:
+    """What became of P `pairs` of craft by name, in all cases.
+
+    In how many each is ever `inside` (P,), and `any` of them; `began` so, each (P,) and `any_began`;
+    `entries` (P,) in all.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    any: int
+    inside: Any
+    any_began: int
+    began: Any
+    entries: Any
+
+    @classmethod
+    def of(cls, cases: ErrorCases, kind: str, chunks: Chunks) -> Self:
+        """Count the pairs of a kind, chunk after chunk."""
+        names = cases.scenario.names
+        pairs = tuple((names[one.pair[0]], names[one.pair[1]]) for one in cases.of_kind(kind))
+        sums: Any = np.zeros((3, len(pairs)), dtype=np.int64)
+        any_inside = any_began = 0
+        for _, columns in chunks.read(f"{kind}_began", f"{kind}_each"):
+            began, entries = columns[f"{kind}_began"], columns[f"{kind}_each"]
+            inside = began | (entries > 0)
+            sums += [inside.sum(axis=0), began.sum(axis=0), entries.sum(axis=0)]
+            any_inside += int(inside.any(axis=1).sum())
+            any_began += int(began.any(axis=1).sum())
+        return cls(pairs, any_inside, sums[0], any_began, sums[1], sums[2])
 
 
 def pairs(table: PairZones) -> list[tuple[Any, int, int]]:
     """Every pair that has a zone, with it."""
     return [(zone, int(i), int(j)) for zone, *both in portions(table) for i, j in zip(*both, strict=True)]
-
-
-def counted(
-    paths: list[Path],
-    columns: list[Path | None],
-    names: tuple[str, ...],
-    zone: Any,
-    pair: tuple[int, int],
-    cases: int,
-    seed: int,
-) -> Any:
-    """Whether two craft begin within a zone, and how often they enter, in each case (C, 2)."""
-    i, j = pair
-    every = [(k, each) for k in pair if (each := columns[k]) is not None]
-    known = stack([each[c] for _, each in every for c in range(len(each))])
-    histories = Histories.of(paths[i], paths[j], known, 0.0, zone)
-    out = np.empty((cases, 2), dtype=np.int64)
-    for first in range(0, cases, AT_ONCE):
-        last = min(first + AT_ONCE, cases)
-        draws = [
-            (1.0 if k == i else -1.0) * drawn(seed, names[k], len(each), first, last) for k, each in every
-        ]
-        out[first:last] = histories.counted(np.ascontiguousarray(np.concatenate(draws, axis=1)))
-    return out
 
 
 def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:

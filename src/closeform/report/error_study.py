@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.campaign.error_cases import ErrorCampaign, PairCases
+from closeform.campaign.error_cases import MET, ErrorCampaign, PairCounts
 from closeform.campaign.shares import Estimate, estimate
 from closeform.report import asked, model, results, worst
 from closeform.report.cases import SHARES, Replays, percent, repeated, studied
@@ -48,39 +48,41 @@ class ErrorStudyReport:
     @property
     def verdict(self) -> str:
         """The last line."""
-        return self.campaign.reason or f"all {len(self.campaign)} cases {' and '.join(self.campaign.met)}"
+        return (
+            self.campaign.reason
+            or f"all {len(self.campaign)} cases {' and '.join(MET[kind] for kind in self.campaign.counts)}"
+        )
 
     @property
-    def groups(self) -> Iterator[tuple[str, tuple[PairCases, ...]]]:
-        """What is looked at, and its pairs, those with the most cases first."""
-        for title, pairs in (
-            ("Within a keep-out zone", self.campaign.zones),
-            ("Within the hard bodies", self.campaign.bodies),
-        ):
-            if pairs:
-                yield title, tuple(sorted(pairs, key=lambda pair: -int(pair.inside.sum())))
+    def groups(self) -> Iterator[tuple[str, PairCounts]]:
+        """What is looked at, and what became of its pairs."""
+        titles = {"zone": "Within a keep-out zone", "body": "Within the hard bodies"}
+        for kind, counts in self.campaign.counts.items():
+            yield titles[kind], counts
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
-        """Shares of cases with their intervals, of any pair and of each."""
+        """Shares of cases with their intervals, of any pair and of each, those with the most cases first."""
         made = []
-        for title, pairs in self.groups:
-            some = f", the {MOST_ROWS} pairs with most of {len(pairs)}" if len(pairs) > MOST_ROWS else ""
-            rows = [self.row("any pair", pairs)]
-            rows += [self.row(f"{pair.first} - {pair.second}", (pair,)) for pair in pairs[:MOST_ROWS]]
-            made.append(Table(title + some, COLUMNS, rows))
+        for title, found in self.groups:
+            most = np.argsort(-found.inside, kind="stable")[:MOST_ROWS].tolist()
+            some = f", the {MOST_ROWS} pairs with most of {len(found.pairs)}"
+            rows = [self.row("any pair", found.any, found.any_began, found.entries.sum())]
+            rows += [
+                self.row(" - ".join(found.pairs[k]), found.inside[k], found.began[k], found.entries[k])
+                for k in most
+            ]
+            made.append(Table(title + some * (len(found.pairs) > MOST_ROWS), COLUMNS, rows))
         return tuple(made)
 
-    def row(self, who: str, pairs: tuple[PairCases, ...]) -> tuple[Any, ...]:
+    def row(self, who: str, inside: Any, began: Any, entries: Any) -> tuple[Any, ...]:
         """A row of COLUMNS."""
-        count = int(self.campaign.any_of(pairs).sum())
-        share = self.share(pairs)
-        began = np.any([pair.began for pair in pairs], axis=0)
-        return who, count, share, share, int(began.sum()), int(sum(pair.entries.sum() for pair in pairs))
+        share = self.share(inside)
+        return who, int(inside), share, share, int(began), int(entries)
 
-    def share(self, pairs: tuple[PairCases, ...]) -> Estimate:
-        """The share of cases in which any of some pairs is ever inside."""
-        return estimate(int(self.campaign.any_of(pairs).sum()), len(self.campaign))
+    def share(self, inside: Any) -> Estimate:
+        """The share of cases in which somebody is ever inside."""
+        return estimate(int(inside), len(self.campaign))
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -92,9 +94,12 @@ class ErrorStudyReport:
             "draws": "errors",
             "worst": worst.of_errors(campaign).records,
             "inside": {
-                title: {"any pair": vars(self.share(pairs))}
-                | {f"{one.first} - {one.second}": vars(self.share((one,))) for one in pairs}
-                for title, pairs in self.groups
+                title: {"any pair": vars(self.share(found.any))}
+                | {
+                    f"{one} - {other}": vars(self.share(inside))
+                    for (one, other), inside in zip(found.pairs, found.inside, strict=True)
+                }
+                for title, found in self.groups
             },
         }
 
@@ -102,13 +107,6 @@ class ErrorStudyReport:
         """Fill a result folder: the page, the summary, and a row for each case; `replays` are pages in it."""
         campaign = self.campaign
         folder.scenario(campaign.scenario)
-        columns: dict[str, Any] = {"case": np.arange(len(campaign))}
-        for what, met in campaign.met.items():
-            columns[what.replace(" ", "_")] = met
-        for key, pairs in (("zone", campaign.zones), ("body", campaign.bodies)):
-            if pairs:
-                columns[f"{key}_entries"] = np.sum([pair.entries for pair in pairs], axis=0)
-        folder.table("cases/000000000", columns)
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, campaign.ok)
         worth = worst.of_errors(campaign)

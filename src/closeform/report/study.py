@@ -12,6 +12,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate
 from closeform.campaign.shares import estimate
+from closeform.campaign.spread import Spread
 from closeform.report import asked, model, results, search, worst
 from closeform.report.cases import (
     SHARES,
@@ -30,9 +31,6 @@ from closeform.report.section import Section
 from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
 from closeform.search.gather_result import listed
-
-EACH_FILE = 100_000  # cases
-QUANTILES = (0.5, 0.95, 0.999)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,12 @@ class StudyReport:
     @property
     def verdict(self) -> str:
         """The last line: all cases done, or which were not."""
-        return self.campaign.reason or f"all {len(self.campaign)} cases {listed(list(self.campaign.met))}"
+        return self.campaign.reason or f"all {len(self.campaign)} cases {listed(self.asked)}"
+
+    @property
+    def asked(self) -> list[str]:
+        """All that was asked for, in words."""
+        return [self.campaign.told(what) for what in self.campaign.tally.met]
 
     @property
     def hint(self) -> tuple[str, ...]:
@@ -73,23 +76,14 @@ class StudyReport:
         study, name = campaign.scenario.study, campaign.scenario.file
         if campaign.ok or study is None or study.seed != campaign.seed:
             return ()
-        return (f"closeform run {name} --case {np.argmin(campaign.good)} shows the first of them",)
+        return (f"closeform run {name} --case {campaign.tally.good.unmet[0]} shows the first of them",)
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
         """Shares by phase, times, and what this kind of search has of its own."""
         campaign = self.campaign
-        spreads = spread_table(campaign, self.spreads)
+        spreads = spread_table(campaign)
         return (share_table(campaign), *met_table(campaign), *spreads, *self.subject.tables)
-
-    @cached_property
-    def spreads(self) -> dict[str, tuple[Floats, Any]]:
-        """What the table of times is about: values and the numbers of their cases."""
-        case = np.flatnonzero(self.campaign.leg >= 0)
-        time = self.campaign.time[case]
-        later = time > 0.0
-        found = {"time [s]": (time, case), "time, not at once [s]": (time[later], case[later])}
-        return {name: values for name, values in (found | self.subject.spreads).items() if len(values[0])}
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -97,7 +91,7 @@ class StudyReport:
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
             **studied(campaign, self.verdict),
-            "failed": len(campaign.failed),
+            "failed": campaign.tally.never,
             "asked": {what: {"cases": count, **vars(share)} for what, count, share in wanted(campaign)},
             "craft": list(scenario.names),
             "stage": scenario.stages[0].verb,
@@ -114,29 +108,33 @@ class StudyReport:
                 for share in campaign.shares
             ],
             "published": published(campaign).get("source"),
-            "spreads": {name: spread(*values) for name, values in self.spreads.items()},
+            "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             **self.subject.figures,
         }
 
     def leave(self, folder: Folder, replays: Replays = ()) -> None:
         """Fill a result folder with everything that a study leaves; `replays` are pages in it."""
-        campaign, subject = self.campaign, self.subject
+        campaign = self.campaign
         folder.scenario(campaign.scenario)
-        for first in range(0, len(campaign), EACH_FILE):
-            rows = slice(first, min(first + EACH_FILE, len(campaign)))
-            folder.table(f"cases/{first:09d}", subject.cases(rows))
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, campaign.ok)
         results.leave(folder, head, self.chapters(replays), self.repeated, self.summary)
 
+    @property
+    def times(self) -> Floats:
+        """When what the histogram shows happens [s]."""
+        campaign = self.campaign
+        parts = (part for _, part in campaign.chunks.read(*campaign.wanted))
+        return np.concatenate([campaign.settled(part).times for part in parts])
+
     def chapters(self, replays: Replays) -> tuple[Section, ...]:
         """What the page tells, but for how to repeat it."""
-        campaign, (times, what) = self.campaign, self.subject.histogram
+        campaign, what = self.campaign, self.subject.what
         scenario = campaign.scenario
         whole = search.facts(campaign.search, campaign.search.duration)
         request = asked.section(scenario)
         caption = f"When cases were {campaign.done}"
-        picture = Picture("histogram", caption, "histogram", (times, campaign.search), {"what": what})
+        picture = Picture("histogram", caption, "histogram", (self.times, campaign.search), {"what": what})
         same = scenario.study is not None and scenario.study.seed == campaign.seed
         return (
             replace(request, tables=(*request.tables, whole, *draw_table(campaign))),
@@ -171,33 +169,35 @@ def share_table(campaign: Campaign) -> Table:
 
 def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
     """Of all that was asked for: what, and in how many cases it is met; last, all of it."""
-    for what, met in {**campaign.met, "all of it": campaign.good}.items():
-        yield what, int(met.sum()), estimate(int(met.sum()), len(campaign))
+    tally = campaign.tally
+    told = {campaign.told(what): met for what, met in tally.met.items()}
+    for what, met in {**told, "all of it": tally.good}.items():
+        yield what, met.count, estimate(met.count, len(campaign))
 
 
 def met_table(campaign: Campaign) -> tuple[Table, ...]:
     """The same as a table, where more is asked for than to be done."""
-    if not campaign.kept:
+    if len(campaign.tally.met) == 1:
         return ()
     columns = Column("what was asked", words=True), Column("cases"), *percent("met in [%]")
     return (Table("What is met", columns, [(*row, row[2]) for row in wanted(campaign)]),)
 
 
-def spread(values: Floats, case: Any) -> dict[str, float]:
-    """Mean, quantiles and the greatest with its case."""
-    middle = dict(zip((f"quantile_{q:g}" for q in QUANTILES), np.quantile(values, QUANTILES), strict=True))
-    top = int(np.argmax(values))
-    found = {"mean": values.mean(), **middle, "greatest": values[top]}
-    return {name: float(value) for name, value in found.items()} | {"case": int(case[top])}
+def spread(found: Spread) -> dict[str, Any]:
+    """Mean, quantiles with their intervals, and the greatest with its case."""
+    greatest, case = found.worst[0]
+    middle = {f"quantile_{share:g}": one.value for share, one in found.quantiles.items()}
+    ends = {f"quantile_{share:g}_95": one[1:] for share, one in found.quantiles.items()}
+    return {"mean": found.mean, **middle, "greatest": greatest, "case": case, **ends}
 
 
-def spread_table(campaign: Campaign, spreads: dict[str, tuple[Floats, Any]]) -> tuple[Table, ...]:
+def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     """Mean, quantiles and greatest of the times, and of the delta-v."""
     rows = []
-    for name, values in spreads.items():
-        *numbers, case = spread(*values).values()
-        digits = 2 if name.startswith("time") else 4
-        rows.append((name, *(f"{number:.{digits}f}" for number in numbers), case))
+    for name, found in campaign.spreads.items():
+        form = "{:.2f}".format if name.startswith("time") else "{:.4f}".format
+        numbers = [found.mean, *(one.value for one in found.quantiles.values()), found.worst[0][0]]
+        rows.append((name, *map(form, numbers), found.worst[0][1]))
     headings = "mean", "median", "95 %", "99.9 %", "greatest", "in case"
     columns = Column(campaign.done, words=True), *(Column(heading) for heading in headings)
     return (Table("How long", columns, rows),) if rows else ()

@@ -2,14 +2,11 @@
 
 from collections.abc import Iterator
 
-import numpy as np
-
-from closeform.campaign.error_cases import ErrorCampaign
+from closeform.campaign.error_cases import MOST, ErrorCampaign
 from closeform.report.cases import Replays
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 
-MOST = 10  # cases of errors
 PAGES = (
     Column("in motion", "file", words=True, links=True),
     Column("what it shows", "what", words=True),
@@ -40,19 +37,5 @@ def command(file: str | None, what: str) -> str | None:
 
 def of_errors(campaign: ErrorCampaign) -> Table:
     """The cases in which anybody is inside, those with most entries first."""
-    rows = list(ranked(campaign))
-    some = f", the {MOST} with most entries" if len(rows) == MOST else ""
-    return Table(f"Cases in which anybody is ever inside{some}", CASES, rows)
-
-
-def ranked(campaign: ErrorCampaign) -> Iterator[tuple[int, int, str]]:
-    """Rows of CASES."""
-    pairs = [*campaign.zones, *campaign.bodies]
-    if not pairs:
-        return
-    entries = np.sum([pair.entries for pair in pairs], axis=0)
-    inside = np.any([pair.inside for pair in pairs], axis=0)
-    order = np.argsort(-entries, kind="stable")
-    for case in order[inside[order]][:MOST].tolist():
-        who = dict.fromkeys(f"{one.first} - {one.second}" for one in pairs if one.inside[case])
-        yield case, int(entries[case]), ", ".join(who)
+    some = f", the {MOST} with most entries" if len(campaign.worst) == MOST else ""
+    return Table(f"Cases in which anybody is ever inside{some}", CASES, campaign.worst)

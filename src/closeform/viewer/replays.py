@@ -2,9 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.campaign.error_cases import ErrorCampaign
@@ -58,19 +56,23 @@ def with_seed(scenario: Scenario, seed: int) -> Scenario:
 
 def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
     """Cases, and why they are worth looking at: what is not met, what took longest, cost and came nearest."""
-    for what, met in campaign.met.items():
-        for case in np.flatnonzero(~met)[:UNMET].tolist():
-            yield case, f"not {what}"
-    if (campaign.leg >= 0).any():
-        yield int(np.nanargmax(campaign.time)), f"{campaign.done} last, at {np.nanmax(campaign.time):.1f} s"
+    for what, met in campaign.tally.met.items():
+        for case in met.unmet[:UNMET]:
+            yield case, f"not {campaign.told(what)}"
+    if "time [s]" in campaign.spreads:
+        time, case = campaign.spreads["time [s]"].worst[0]
+        yield case, f"{campaign.done} last, at {time:.1f} s"
     if isinstance(campaign, GatherCampaign):
         yield from extremes(campaign)
 
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:
     """The gatherings that cost most, and in which most craft came within a keep-out zone."""
-    cost: Any = campaign.delta_v
-    yield int(np.argmax(cost)), f"most delta-v, {cost.max():.4g} m/s"
-    met: Any = campaign.met_unknown + campaign.met_known
-    if met.any():
-        yield int(np.argmax(met)), f"most pairs within their keep-out zone, {met.max()}"
+    every = {
+        "delta-v": lambda one: one.also["delta_v_m_s"],
+        "pairs": lambda one: one.also["met_unknown"] + one.also["met_known"] + 0.0,
+    }
+    (cost, dearest), (pairs, nearest) = (campaign.most(of) for of in every.values())
+    yield dearest, f"most delta-v, {cost:.4g} m/s"
+    if pairs:
+        yield nearest, f"most pairs within their keep-out zone, {pairs:.0f}"

@@ -1,0 +1,76 @@
+"""Chunk: some cases of a study as the bytes of a Parquet file, and what is read from them again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from closeform.campaign.cases import Cases, Columns
+
+FEW = ("first", "second", "phase", "round", "leg", "status", "reason")  # columns of few different values
+
+
+class Chunk(NamedTuple):
+    """The cases from `first` to `last`, without that one: their table as a file, and its SHA-256.
+
+    `met`: in how many of them all that was asked for is met.
+    """
+
+    first: int
+    last: int
+    data: Any
+    digest: str
+    met: int
+
+
+def flown(cases: Cases, first: int, last: int) -> Chunk:
+    """Fly some cases of a study."""
+    columns = cases.flown(first, last)
+    data = encoded(cases.stored(first, last, columns))
+    return Chunk(first, last, data, hashlib.sha256(data).hexdigest(), int(cases.good(columns).sum()))
+
+
+def encoded(columns: Columns) -> Any:
+    """Columns as a Parquet file; nan is null there."""
+    import pyarrow
+    import pyarrow.parquet
+
+    table = pyarrow.table({name: column(values) for name, values in columns.items()})
+    few = [name for name in table.column_names if name in FEW or table[name].type == "bool"]
+    sink = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, sink, compression="lz4", use_dictionary=few, store_schema=False)
+    return sink.getvalue()
+
+
+def column(values: Any) -> Any:
+    """An array of numbers, of rows of numbers or of words for Parquet."""
+    import pyarrow
+
+    if not isinstance(values, np.ndarray):
+        return values
+    if values.ndim == 2:
+        return pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(values.ravel()), values.shape[1])
+    return pyarrow.array(values, from_pandas=values.dtype.kind == "f")
+
+
+def decoded(data: Any, names: Sequence[str]) -> Columns:
+    """Some columns of a Parquet file, those of them that it has, as `Cases.fly` made them."""
+    import pyarrow.parquet
+
+    file = pyarrow.parquet.ParquetFile(data)
+    table = file.read([name for name in names if name in file.schema_arrow.names], use_threads=False)
+    return {name: array(table[name].combine_chunks()) for name in table.column_names}
+
+
+def array(values: Any) -> Any:
+    """A column of Parquet as an array."""
+    import pyarrow
+
+    if pyarrow.types.is_list(values.type) or pyarrow.types.is_fixed_size_list(values.type):
+        return values.flatten().to_numpy(zero_copy_only=False).reshape(len(values), -1)
+    if pyarrow.types.is_integer(values.type):
+        values = values.fill_null(-1)
+    return values.to_numpy(zero_copy_only=False)

@@ -1,0 +1,169 @@
+"""Chunks: a study's cases as far as they are flown, held as arrays, or in files with a manifest."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+
+from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.chunk import Chunk, decoded
+from closeform.manifest import append, entries, rewrite
+
+Range = tuple[int, int]
+LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
+
+
+class Chunks(Protocol):
+    """The cases of a study in chunks."""
+
+    @property
+    def count(self) -> int:
+        """How many cases."""
+        ...
+
+    def read(self, *names: str) -> Iterator[tuple[int, Columns]]:
+        """Some columns, those of them that there are, chunk after chunk with the number of its first case."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Chunks as arrays, for Python."""
+
+    cases: Cases
+    count: int
+    columns: dict[int, Columns] = field(default_factory=dict)
+
+    def take(self, first: int, columns: Columns) -> None:
+        """Hold a chunk, without what seed and case give again."""
+        self.columns[first] = {
+            name: values for name, values in columns.items() if name not in self.cases.drawn
+        }
+
+    def read(self, *names: str) -> Iterator[tuple[int, Columns]]:
+        """Some columns of each chunk."""
+        for first, columns in sorted(self.columns.items()):
+            yield first, {name: columns[name] for name in names if name in columns}
+
+
+class ChunkError(ValueError):
+    """Chunks that cannot be gone on with; one line with the remedy."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """Chunks as Parquet files in a `folder`; the `manifest` has a line for each whole one, with its SHA-256.
+
+    The manifest's first line is what the study is: nothing else is ever added to it.
+    """
+
+    cases: Cases
+    count: int
+    folder: Path
+    manifest: Path
+    whole: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def begin(self) -> list[str]:
+        """Go on from what a manifest lists, or begin one; what is damaged and will be flown anew, in words.
+
+        Raises ChunkError where it is another study's.
+        """
+        known, identity = entries(self.manifest), self.identity
+        if known and known[0] != identity:
+            raise ChunkError(differences(identity, known[0], len(known) - 1))
+        self.folder.mkdir(exist_ok=True)
+        damaged = []
+        for entry in known[1:]:
+            file = self.folder / name_of(entry["first"])
+            if file.is_file() and digest(file) == entry["sha256"]:
+                self.whole[entry["first"]] = entry
+            else:
+                damaged.append(f"{file.name} is damaged or missing")
+        rewrite(self.manifest, [identity, *self.whole.values()])
+        return damaged
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What the study is: nothing else may be mixed with it."""
+        scenario = self.cases.scenario
+        return {
+            "scenario": scenario.digest,
+            "inputs": sorted((scenario.inputs.digests if scenario.inputs is not None else {}).values()),
+            "seed": self.cases.seed,
+            "cases": self.count,
+            "chunk": self.cases.at_once,
+            **versions(),
+        }
+
+    @property
+    def missing(self) -> Iterator[Range]:
+        """Which cases are still to be flown, chunk by chunk."""
+        for first in range(0, self.count, self.cases.at_once):
+            if first not in self.whole:
+                yield first, min(first + self.cases.at_once, self.count)
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """The SHA-256 of each file, by its place in the result folder."""
+        return {
+            f"{self.folder.name}/{name_of(first)}": entry["sha256"] for first, entry in self.whole.items()
+        }
+
+    def take(self, chunk: Chunk) -> None:
+        """Write a chunk: its file appears whole or not at all, and then counts."""
+        file = self.folder / name_of(chunk.first)
+        partial = file.with_suffix(".partial")
+        try:
+            with partial.open("wb") as opened:
+                opened.write(chunk.data)
+                opened.flush()
+                os.fsync(opened.fileno())
+            partial.rename(file)
+        except BaseException:
+            partial.unlink(missing_ok=True)
+            raise
+        entry = {"first": chunk.first, "last": chunk.last, "sha256": chunk.digest, "met": chunk.met}
+        append(self.manifest, entry)
+        self.whole[chunk.first] = entry
+
+    def read(self, *names: str) -> Iterator[tuple[int, Columns]]:
+        """Some columns of each chunk, from its file."""
+        for first in sorted(self.whole):
+            yield first, decoded(self.folder / name_of(first), names)
+
+
+def name_of(first: int) -> str:
+    """The file of a chunk, by its first case."""
+    return f"{first:09d}.parquet"
+
+
+def digest(file: Path) -> str:
+    """SHA-256 of a file."""
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """The versions that numbers depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+
+
+def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int) -> str:
+    """What differs between the study that is asked for and that which is there, and the remedy."""
+    names = [name for name, value in asked.items() if known.get(name) != value]
+    told = [
+        f"another {name}"
+        if name in ("scenario", "inputs")
+        else f"{name} {known.get(name)}, not {asked[name]}"
+        for name in names
+    ]
+    return (
+        f"holds {chunks} chunks of an unfinished study of {', '.join(told)}; "
+        "give the same again to go on, or --overwrite to start anew"
+    )

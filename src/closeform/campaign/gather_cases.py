@@ -1,0 +1,164 @@
+"""Cases of gatherings, each done when one formation set holds all craft, and what they came to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.chunks import Chunks
+from closeform.campaign.draws import drawn
+from closeform.campaign.ends import ended
+from closeform.campaign.lock_cases import apart
+from closeform.campaign.search_campaign import Campaign
+from closeform.campaign.tally import Settled
+from closeform.planning.limits import FULL, propellant
+from closeform.scenario import Scenario
+from closeform.scenario.stages import Gather
+from closeform.search.gather import gather_cases
+from closeform.search.gather_result import Gatherings
+from closeform.search.rounds import all_rounds
+from closeform.search.schedule import Search
+
+AT_ONCE = 8192  # gatherings in a chunk
+ALSO = "delta_v_m_s", "met_unknown", "met_known"  # columns that the tally takes too
+KEPT = {"clear": "clear", "delta-v": "delta_v_kept", "propellant": "propellant_kept"}  # by what is kept
+
+
+@dataclass(frozen=True, eq=False)
+class GatherCases(Cases):
+    """Cases with a row each: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, who met, what is kept.
+
+    `search`: over all rounds.
+    """
+
+    stage: Gather
+    search: Search
+
+    @classmethod
+    def of(cls, scenario: Scenario, seed: int) -> Self:
+        """The cases of a scenario that gathers."""
+        (stage,) = scenario.stages
+        assert isinstance(stage, Gather)
+        told = scenario.gathering(stage)
+        search, _ = all_rounds(scenario.plan, told["rounds"], told["max_speed"])
+        return cls(scenario, seed, stage, search)
+
+    @property
+    def at_once(self) -> int:
+        """Cases in a chunk."""
+        return AT_ONCE
+
+    def fly(self, first: int, last: int) -> Columns:
+        """Gatherings of all craft."""
+        scenario = self.scenario
+        pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
+        states = drawn(scenario, self.seed, first, last)
+        apart(scenario, states, pairs, first)
+        found = gather_cases(
+            scenario.plan, states[..., :3], states[..., 3:], **scenario.gathering(self.stage)
+        )
+        return {
+            "duration_s": np.where(found.leg < 0, np.nan, found.duration),
+            "leg": found.leg,
+            "rounds": found.rounds,
+            "left": found.left,
+            "delta_v_m_s": found.delta_v,
+            "met_unknown": found.met_unknown,
+            "met_known": found.met_known,
+            **{KEPT[what]: kept for what, kept in within_limits(scenario, found).items()},
+        }
+
+    def good(self, columns: Columns) -> Any:
+        """In which cases all are gathered, and keep what they should."""
+        kept = [columns[name] for name in KEPT.values() if name in columns]
+        return np.all([columns["leg"] >= 0, *kept], axis=0)
+
+    def stored(self, first: int, last: int, columns: Columns) -> Columns:
+        """A row for each case, with its phase and round."""
+        return super().stored(first, last, columns | ended(self.search, columns["leg"]))
+
+    def campaign(self, chunks: Chunks) -> GatherCampaign:
+        """What became of them."""
+        return GatherCampaign(self, chunks)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GatherCampaign(Campaign):
+    """Gatherings, each done when one formation set holds all craft.
+
+    `rounds` (C,): searches begun; `left` (C,): craft not in the formation set; `delta_v` (C,) of
+    all craft together [m/s]; `met_unknown` (C,): pairs that came within their keep-out zone before
+    they knew each other, `met_known` (C,): only after.
+    """
+
+    kind: GatherCases
+    done: ClassVar[str] = "gathered"
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The columns that say what became of a case."""
+        return ("duration_s", "leg", *ALSO, *KEPT.values())
+
+    def settled(self, columns: Columns) -> Settled:
+        """What became of the cases of a chunk."""
+        kept = {what: columns[name] for what, name in KEPT.items() if name in columns}
+        also = {name: columns[name] for name in ALSO}
+        time = columns["duration_s"]
+        return Settled(time, columns["leg"], kept, {}, time, also)
+
+    @property
+    def measured(self) -> dict[str, Callable[[Settled], tuple[Floats, Any]]]:
+        """What `spreads` are about."""
+        spent = {"delta-v of all craft [m/s]": lambda one: (one.also["delta_v_m_s"], one.leg >= 0)}
+        return super().measured | spent
+
+    def column(self, name: str) -> Any:
+        """One column of all cases."""
+        return np.concatenate([part[name] for _, part in self.chunks.read(name)])
+
+    @cached_property
+    def rounds(self) -> Any:
+        """Searches begun."""
+        return self.column("rounds")
+
+    @cached_property
+    def left(self) -> Any:
+        """Craft not in the formation set."""
+        return self.column("left")
+
+    @property
+    def delta_v(self) -> Floats:
+        """Of all craft together [m/s]."""
+        spent: Floats = self._settled.also["delta_v_m_s"]
+        return spent
+
+    @property
+    def met_unknown(self) -> Any:
+        """Pairs that came within their keep-out zone before they knew each other."""
+        return self._settled.also["met_unknown"]
+
+    @property
+    def met_known(self) -> Any:
+        """Pairs that did so only after."""
+        return self._settled.also["met_known"]
+
+
+def within_limits(scenario: Scenario, flown: Gatherings) -> dict[str, Any]:
+    """In which gatherings (C,) each clearance and limit that the file asks for is kept."""
+    kept: dict[str, Any] = {}
+    if scenario.zones.pairs:
+        kept["clear"] = flown.met_unknown + flown.met_known == 0
+    for k, craft in enumerate(scenario.craft):
+        spent = flown.each_delta_v[:, k]
+        if craft.delta_v_budget is not None:
+            kept["delta-v"] = kept.get("delta-v", True) & (spent <= FULL * craft.delta_v_budget)
+        if craft.propellant is not None and craft.mass is not None and craft.specific_impulse is not None:
+            burnt = propellant(craft.mass, spent, craft.specific_impulse)
+            kept["propellant"] = kept.get("propellant", True) & (burnt <= FULL * craft.propellant)
+    return kept

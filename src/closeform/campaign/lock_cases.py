@@ -1,0 +1,190 @@
+"""Cases of first locks, of all pairs of a craft in A and one in B that coast, and what they came to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.chunks import Chunks
+from closeform.campaign.draws import drawn
+from closeform.campaign.ends import NAMES, ended, named
+from closeform.campaign.search_campaign import Campaign
+from closeform.campaign.tally import Settled
+from closeform.conflicts.two_paths import closest_approach
+from closeform.scenario import Scenario, ScenarioError
+from closeform.search.locks import lock_times
+from closeform.search.sampled import sampled_times
+from closeform.search.schedule import Search
+from closeform.zones.pair_zones import portions
+
+PAIRS_AT_ONCE = 100_000  # in a chunk; some megabytes
+
+
+@dataclass(frozen=True, eq=False)
+class LockCases(Cases):
+    """Cases with a row for each pair (P, 2) of craft, done when the last has locked.
+
+    Columns: the state of the second relative to the first, `time_s` and `leg` of the lock, the same as
+    `every_60_s_time_s` and `every_60_s_leg` for a simulation that looks every 60 s, `clear`.
+    """
+
+    search: Search
+    pairs: Any
+    steps: tuple[float, ...]
+    drawn: ClassVar = NAMES
+
+    @classmethod
+    def of(cls, scenario: Scenario, seed: int) -> Self:
+        """The cases of a scenario that locks."""
+        steps = scenario.study.sampled if scenario.study is not None else ()
+        return cls(scenario, seed, scenario.plan, scenario.opposite, steps)
+
+    @property
+    def at_once(self) -> int:
+        """Cases in a chunk."""
+        return max(1, PAIRS_AT_ONCE // len(self.pairs))
+
+    @property
+    def watched(self) -> bool:
+        """Whether anybody keeps a zone."""
+        return any(zone is not None for zone in self.scenario.keep_out)
+
+    def fly(self, first: int, last: int) -> Columns:
+        """First locks of all A-B pairs."""
+        states = drawn(self.scenario, self.seed, first, last)
+        moves = apart(self.scenario, states, self.pairs, first).reshape(-1, 6)
+        found = lock_times(self.search, moves[:, :3], moves[:, 3:])
+        columns = dict(zip(NAMES, moves.T, strict=True)) | {"time_s": found.time, "leg": found.leg}
+        for step in self.steps:
+            time, leg = sampled_times(self.search, moves[:, :3], moves[:, 3:], step)
+            columns |= dict(zip(sampled_names(step), (time, leg), strict=True))
+        if self.watched:
+            clear = coasts_clear(self.scenario, states, self.search.duration)
+            columns["clear"] = np.repeat(clear, len(self.pairs))
+        return columns
+
+    def good(self, columns: Columns) -> Any:
+        """In which cases all have locked, and coast clear."""
+        good = (columns["leg"].reshape(-1, len(self.pairs)) >= 0).all(axis=1)
+        return good & columns["clear"][:: len(self.pairs)] if self.watched else good
+
+    def stored(self, first: int, last: int, columns: Columns) -> Columns:
+        """A row for each case and pair."""
+        one, other = (np.tile(self.pairs[:, k], last - first) for k in (0, 1))
+        return {
+            "case": np.repeat(np.arange(first, last), len(self.pairs)),
+            "first": named(self.scenario.names, one),
+            "second": named(self.scenario.names, other),
+            **columns,
+            **ended(self.search, columns["leg"]),
+        }
+
+    def campaign(self, chunks: Chunks) -> LockCampaign:
+        """What became of them."""
+        return LockCampaign(self, chunks)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLocks:
+    """When C cases were done for a simulation that looks every `step` [s]: `time` (C,) [s] and `leg` (C,)."""
+
+    step: float
+    time: Floats
+    leg: Any
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LockCampaign(Campaign):
+    """First locks of all pairs of a craft in A and one in B; a case is done when its last pair has locked.
+
+    `pairs` (P, 2) of craft; `pair_time` (C, P) [s], nan where there is no lock, and `pair_leg` (C, P),
+    then -1; `sampled`: the same by detection at samples, for the steps of the scenario's [study].
+    """
+
+    kind: LockCases
+    done: ClassVar[str] = "locked"
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Columns that say what became of a case."""
+        return ("time_s", "leg", "clear", *(name for step in self.kind.steps for name in sampled_names(step)))
+
+    @property
+    def pairs(self) -> Any:
+        """The pairs (P, 2) of craft."""
+        return self.kind.pairs
+
+    def settled(self, columns: Columns) -> Settled:
+        """When the last pair of each case has locked, and in which leg; nan and -1 unless all have."""
+        pairs = len(self.pairs)
+        time, leg = last_of(columns["time_s"], columns["leg"], pairs)
+        kept = {"clear": columns["clear"][::pairs]} if "clear" in columns else {}
+        names = {step: sampled_names(step) for step in self.kind.steps}
+        sampled = {
+            step: last_of(columns[when], columns[where], pairs) for step, (when, where) in names.items()
+        }
+        return Settled(time, leg, kept, sampled, columns["time_s"])
+
+    @cached_property
+    def _pairs(self) -> tuple[Floats, Any]:
+        parts = [part for _, part in self.chunks.read("time_s", "leg")]
+        time, leg = (np.concatenate([part[name] for part in parts]) for name in ("time_s", "leg"))
+        return time.reshape(-1, len(self.pairs)), leg.reshape(-1, len(self.pairs))
+
+    @property
+    def pair_time(self) -> Floats:
+        """When each pair locks (C, P) [s]."""
+        return self._pairs[0]
+
+    @property
+    def pair_leg(self) -> Any:
+        """In which leg each does (C, P)."""
+        return self._pairs[1]
+
+    @property
+    def sampled(self) -> tuple[SampledLocks, ...]:
+        """The same by detection at samples."""
+        return tuple(SampledLocks(step, *found) for step, found in self._settled.sampled.items())
+
+
+def last_of(time: Floats, leg: Any, pairs: int) -> tuple[Floats, Any]:
+    """When the last of `pairs` pairs of each case has locked, and in which leg; else nan and -1."""
+    if pairs == 1:
+        return time, leg
+    time, leg = time.reshape(-1, pairs), leg.reshape(-1, pairs)
+    return time.max(axis=1), np.where((leg < 0).any(axis=1), -1, leg.max(axis=1))
+
+
+def sampled_names(step: float) -> tuple[str, str]:
+    """The columns of time and leg for detection every `step` [s]."""
+    return f"every_{step:g}_s_time_s", f"every_{step:g}_s_leg"
+
+
+def apart(scenario: Scenario, states: Floats, pairs: Any, first: int) -> Floats:
+    """States (C, P, 6) of the second craft of each pair relative to the first.
+
+    Raises ScenarioError where two are at one place.
+    """
+    moves = np.asarray(states[:, pairs[:, 1]] - states[:, pairs[:, 0]])
+    same = (moves[..., :3] == 0.0).all(axis=-1)
+    if same.any():
+        case, pair = np.argwhere(same)[0]
+        one, other = (scenario.names[k] for k in pairs[pair])
+        line = f"{one} and {other} are at one place in case {first + case}; draw their positions"
+        raise ScenarioError(scenario.file, [f"study.vary: {line}"])
+    return moves
+
+
+def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
+    """In which cases (C,) no two craft that coast from states (C, N, 6) come into each other's zone."""
+    paths = scenario.orbit.build().coast(states, duration)
+    clear = np.ones(len(states), dtype=bool)
+    for zone, first, second in portions(scenario.zones):
+        near = closest_approach(paths[:, first], paths[:, second], zone)
+        clear &= (np.asarray(near.ratio) > 1.0).all(axis=1)
+    return clear

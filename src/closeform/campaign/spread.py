@@ -1,0 +1,156 @@
+"""Spread: mean, quantiles and the greatest of a number that each case has, from chunks, exactly.
+
+A quantile is an order statistic, found without holding all values: their bits, which grow as they do, are
+counted 16 at a time, and only those that begin as one that is wanted are looked at again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from scipy.special import bdtr
+
+from closeform.arrays import Floats
+from closeform.campaign.shares import CONFIDENCE
+
+QUANTILES = (0.5, 0.95, 0.999)
+WORST = 10  # cases with the greatest values
+HELD = 1 << 20  # values that are sorted at once
+DIGIT = 16  # bits that are counted at once
+Values = Callable[
+    [], Iterable[tuple[Floats, Any]]
+]  # chunk after chunk, values (K,) and numbers of their cases
+
+
+class Quantile(NamedTuple):
+    """A quantile, and the values that would hold the true one between them 19 times in 20; None: too few."""
+
+    value: float
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of `count` values their mean, `quantiles` by share, and the greatest with their cases, in order."""
+
+    count: int
+    mean: float
+    quantiles: dict[float, Quantile]
+    worst: tuple[tuple[float, int], ...]
+
+    @classmethod
+    def of(cls, values: Values) -> Self | None:
+        """The spread of values, which are not negative; None where there are none."""
+        count, total, worst = 0, 0.0, list[tuple[float, int]]()
+        for some, cases in values():
+            count += len(some)
+            total += float(some.sum())
+            top = greatest(some)
+            worst += zip(some[top].tolist(), cases[top].tolist(), strict=True)
+            worst = sorted(worst, key=lambda row: (-row[0], row[1]))[:WORST]
+        if not count:
+            return None
+        ranks = {share: ranks_of(share, count) for share in QUANTILES}
+        found = order_statistics(
+            values, {rank for some in ranks.values() for rank in some if rank is not None}
+        )
+        return cls(
+            count,
+            total / count,
+            {share: between(share, count, found, *some) for share, some in ranks.items()},
+            tuple(worst),
+        )
+
+
+def greatest(values: Floats) -> Any:
+    """Where the WORST greatest of some values stand, of equals the first."""
+    if len(values) <= WORST:
+        return np.arange(len(values))
+    least = np.partition(values, -WORST)[-WORST]
+    above = np.flatnonzero(values > least)
+    return np.concatenate([above, np.flatnonzero(values == least)[: WORST - len(above)]])
+
+
+def ranks_of(share: float, count: int) -> tuple[int, int, int | None, int | None]:
+    """The ranks between which a quantile of `count` values lies, and those that hold the true one."""
+    place, tail = share * (count - 1), (1.0 - CONFIDENCE) / 2.0
+    low = first_rank(lambda k: bdtr(k, count, share) > tail, count)  # as many at most are below it, 19 in 20
+    high = first_rank(lambda k: bdtr(k, count, share) >= 1.0 - tail, count)
+    return floor(place), ceil(place), low - 1 if low > 0 else None, high if high < count else None
+
+
+def first_rank(holds: Callable[[int], bool], count: int) -> int:
+    """The least rank from 0 for which something holds that holds for all above; `count` if for none below."""
+    low, high = 0, count
+    while low < high:
+        middle = (low + high) // 2
+        if holds(middle):
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+def between(
+    share: float, count: int, found: dict[int, float], below: int, above: int, *ends: int | None
+) -> Quantile:
+    """A quantile, linear between the two values around it, and its interval."""
+    part = share * (count - 1) - below
+    value = found[below] + part * (found[above] - found[below])
+    return Quantile(value, *(None if rank is None else found[rank] for rank in ends))
+
+
+@dataclass
+class Window:
+    """All values whose bits begin with `prefix`: how many are less than they, and the ranks wanted."""
+
+    prefix: int
+    below: int
+    size: int
+    ranks: list[int]
+
+
+def order_statistics(values: Values, ranks: set[int]) -> dict[int, float]:
+    """The values of some ranks, counted from 0, when all are in order."""
+    count = sum(len(some) for some, _ in values())
+    windows, shift, found = [Window(0, 0, count, sorted(ranks))], 64, dict[int, float]()
+    while windows:
+        many = [one for one in windows if one.size > HELD]
+        counts = {one.prefix: np.zeros(1 << DIGIT, dtype=np.int64) for one in many}
+        held: dict[int, list[Any]] = {one.prefix: [] for one in windows if one.size <= HELD}
+        for some, _ in values():
+            bits = (some + 0.0).view(np.uint64)
+            for one in windows:
+                inside = bits if shift == 64 else bits[bits >> np.uint64(shift) == np.uint64(one.prefix)]
+                if one.prefix in held:
+                    held[one.prefix].append(inside)
+                else:
+                    digits = inside >> np.uint64(shift - DIGIT) & np.uint64((1 << DIGIT) - 1)
+                    counts[one.prefix] += np.bincount(digits.astype(np.int64), minlength=1 << DIGIT)
+        for one in windows:
+            if one.prefix in held:
+                order = np.sort(np.concatenate(held[one.prefix]).view(np.float64))
+                found |= {rank: float(order[rank - one.below]) for rank in one.ranks}
+        shift -= DIGIT
+        windows = [inner for one in many for inner in parted(one, counts[one.prefix])]
+        if shift == 0:  # all bits are known
+            for one in windows:
+                value = float(np.array([one.prefix], dtype=np.uint64).view(np.float64)[0])
+                found |= dict.fromkeys(one.ranks, value)
+            break
+    return found
+
+
+def parted(window: Window, counts: Any) -> Iterator[Window]:
+    """The parts of a window by the next digit in which a rank lies that is wanted."""
+    ends = window.below + np.cumsum(counts)
+    digits = np.searchsorted(ends, window.ranks, side="right")
+    for digit in np.unique(digits).tolist():
+        size = int(counts[digit])
+        ranks = [rank for rank, its in zip(window.ranks, digits.tolist(), strict=True) if its == digit]
+        yield Window(window.prefix << DIGIT | digit, int(ends[digit]) - size, size, ranks)
