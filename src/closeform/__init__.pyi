@@ -35,7 +35,8 @@ from closeform.field.commanded import (
 from closeform.field.drag import Drag as Drag
 from closeform.field.feedback import Feedback as Feedback, Navigation as Navigation
 from closeform.field.field import Field as Field
-from closeform.field.flight import Flight as Flight, fly as fly
+from closeform.field.flight import fly as fly
+from closeform.field.flight_result import Flight as Flight
 from closeform.field.tube import Tube as Tube, tube as tube
 from closeform.field.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
