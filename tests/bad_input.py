@@ -2100,6 +2100,11 @@ CALLS = (
         "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and give what craft fill as Body(Sphere(radius))",
     ),
     Call(
+        "a span of time that ends before it begins",
+        "cf.screen(cf.stack([plan, other]), cf.Sphere(9.0), span=(60.0, 0.0))",
+        "span: expected two times in s, the first before the second, got (60.0, 0.0); leave it out for all",
+    ),
+    Call(
         "a chief below the ground",
         "cf.Field(cf.Chief.from_elements('2026-11-22T12:00:00', [6.3e6, 0, 0.001, 0, 1, 0]))",
         "chief: comes to -84436 m above a body of 6378136 m; give another orbit",

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from math import inf
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, numbers, shown
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
+from closeform.conflicts.rounds import ahead, chunks, rounds, sieve_of
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack
@@ -26,16 +28,12 @@ from closeform.zones.pair_zones import (
     counts_covariances,
     made_by_need,
     pair_zones,
-    pairs_of,
-    portions,
     reach_of,
 )
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
-CHUNK = 32_768  # pairs that one thread takes at a time
-AHEAD = 2 * (os.cpu_count() or 1)
-LONG = 5_000_000  # pairs from which on a progress bar is shown
+NO_PAIRS = np.empty((0, 2), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,6 +65,32 @@ class Screening(Rows):
     end: Floats
     time: Floats
     ratio: Floats
+
+    @classmethod
+    def of(cls, found: Sequence[tuple[Any, Floats]]) -> Self:
+        """Of pairs (M, 2) and their rows (M, 4) of start, end, time, ratio, in any order."""
+        pairs = np.concatenate([NO_PAIRS, *(who for who, _ in found)])
+        rows = np.concatenate([np.empty((0, COLUMNS - 1)), *(row for _, row in found)])
+        order = np.lexsort((rows[:, 0], pairs[:, 1], pairs[:, 0]))
+        return cls(pairs[order], *np.ascontiguousarray(rows[order].T))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Screening]) -> Self:
+        """What was screened span by span, as one screening.
+
+        Parameters
+        ----------
+        parts : sequence of Screening
+            Of the same craft, of spans that share no time, in any order.
+
+        Returns
+        -------
+        Screening
+            As of all spans at once.
+        """
+        return cls.of(
+            [(one.pairs, np.column_stack([one.start, one.end, one.time, one.ratio])) for one in parts]
+        )
 
     def __len__(self) -> int:
         return len(self.ratio)
@@ -131,6 +155,7 @@ def screen(
     zone: OwnZone | Sequence[OwnZone | None] | PairZones,
     errors: Any = None,
     sigmas: float = 3.0,
+    span: ArrayLike = (-inf, inf),
 ) -> Screening:
     """Every stay in a zone among all pairs of many paths, on all cores.
 
@@ -147,6 +172,9 @@ def screen(
         stay is as of `find_conflicts` with errors; hard bodies go into `zone`, as `Body(Sphere(radius))`.
     sigmas : float, no unit, default 3
         How many, where there are errors.
+    span : array_like of shape (2,) [s], default always
+        Only stays that begin from the first time on and before the second.  Spans that follow each other
+        share the work between computers: `Screening.joined` makes one answer of theirs.
 
     Returns
     -------
@@ -158,15 +186,17 @@ def screen(
     ValueError
         If `paths` are no Path of shape (N,) or in different orbits, or if `zone` is of another kind, of
         another number of craft, makes none for a pair, or holds an `Uncertainty` beside errors; if errors
-        are of another kind or number, or `sigmas` is negative or not finite.
+        are of another kind or number, `sigmas` is negative or not finite, or `span` is not two times in order.
 
     Notes
     -----
-    Most pairs are excluded by bounds on what each craft does between common times.  Half a million
-    pairs take a tenth of a second on two cores and some megabytes.  A progress bar goes to standard
-    error from five million pairs on, where that is a terminal.  Paths through samples are searched as
-    they are: their `interpolation_error` says how far from them craft may be.  With errors the bounds hold
-    the sigmas too; what they leave takes some tens of microseconds a pair.
+    Most pairs are excluded by bounds on what each craft does between common times.  Of two thousand craft or
+    more a tree of boxes that hold those bounds finds who can meet at all, and nobody asks pair by pair: time
+    grows with the craft, not with their pairs, as long as each has few near it at a time.  Memory grows with the
+    craft and the stays.  A progress bar goes to standard error where many are screened, and that is a terminal.
+    Paths through samples are searched as they are: their `interpolation_error` says how far from them craft
+    may be.  With errors every pair is asked, the bounds hold the sigmas too, and what they leave takes some
+    tens of microseconds a pair.
 
     References
     ----------
@@ -183,72 +213,71 @@ def screen(
     batch = paths if isinstance(paths, Path) else stack(paths)
     if len(batch.shape) != 1:
         raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
-    count = len(batch)
-    held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, count)
-    total = count * (count - 1) // 2
-    pairs, rows = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, COLUMNS - 1))]
-    search = _search(batch, held, errors, sigmas)
+    begin, before = checked_span(span)
+    held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
+    known = _known(held, errors)
+    sieve = sieve_of(batch, held) if known is None else None
+    zones = _zones(held)
+    search = _search(batch, zones, known, errors, sigmas, sieve is None)
+    found = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for found, table in _shown(_ahead(pool, _jobs(held, batch, errors, sigmas), search), total):
-            pairs.append(found)
-            rows.append(table)
-    who, table = np.concatenate(pairs), np.concatenate(rows)
-    order = np.lexsort((table[:, 0], who[:, 1], who[:, 0]))
-    return Screening(who[order], *np.ascontiguousarray(table[order].T))
+        for since, until, pairs in rounds(sieve, len(batch), pool, begin, before):
+            if isinstance(held, PairZones) and made_by_need(held):  # zones are made for those that come near
+                near = [who for one in zones for who, _ in ahead(pool, _jobs(one, pairs), search)]
+                pairs = chunks(*np.unique(np.concatenate([NO_PAIRS, *near]), axis=0).T)
+            for who, rows in ahead(pool, _jobs(held, pairs), search):
+                some = (since <= rows[:, 0]) & (rows[:, 0] < until)
+                found.append((who[some], rows[some]))
+    return Screening.of(found)
 
 
-def _jobs(zone: Zone | PairZones, paths: Path, errors: Any, sigmas: float) -> Iterator[tuple[Zone, Any, Any]]:
-    """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
-    if isinstance(zone, PairZones) and not made_by_need(zone):
-        yield from portions(zone, CHUNK)
-        return
-    if isinstance(zone, PairZones):  # as many zones as pairs: they are made for those that come near
+def checked_span(span: Any) -> tuple[float, float]:
+    """When stays begin that are asked for."""
+    times = numbers("span", span)
+    if times.shape != (2,) or not times[0] < times[1]:
+        raise ValueError(
+            f"span: expected two times in s, the first before the second, got {shown(span)}; leave it out for all"
+        )
+    return float(times[0]), float(times[1])
+
+
+def _zones(zone: Zone | PairZones) -> tuple[Zone, ...]:
+    """Those that all pairs are searched for: a ball around as many zones as pairs."""
+    if isinstance(zone, Zone):
+        return (zone,)
+    if made_by_need(zone):
         reach = reach_of(zone)
-        if reach > 0.0:
-            first, second = np.unique(screen(paths, Sphere(reach), errors, sigmas).pairs, axis=0).T
+        return (Sphere(reach),) if reach > 0.0 else ()
+    return tuple(zone.zones)
+
+
+def _jobs(zone: Zone | PairZones, pairs: Any) -> Iterator[tuple[Zone, Any, Any]]:
+    """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
+    for first, second in pairs:
+        if isinstance(zone, PairZones):
             for k, some in by_zone(zone.which(first, second)):
                 yield zone.zones[k], first[some], second[some]
-        return
-    for first, second in pairs_of(len(paths), CHUNK):
+            continue
         yield zone, first, second
         if not zone.symmetric:
             yield zone, second, first
 
 
-def _search(paths: Path, zone: Zone | PairZones, errors: Any, sigmas: float) -> Any:
-    """What finds the rows of some pairs, of a zone and both indices."""
-    zones = (zone,) if isinstance(zone, Zone) else () if made_by_need(zone) else tuple(zone.zones)
+def _known(zone: Zone | PairZones, errors: Any) -> Any:
+    """Some craft's errors; None if there are none."""
     given = errors if isinstance(errors, list | tuple) else [errors]
     known = one_of([("errors", one) for one in given])
+    if known is not None and isinstance(zone, PairZones) and counts_covariances(zone):
+        raise ValueError(TWICE)
+    return known
+
+
+def _search(paths: Path, zones: tuple[Zone, ...], known: Any, errors: Any, sigmas: float, every: bool) -> Any:
+    """What finds the rows of some pairs, or of `every` pair, of a zone and both indices."""
     if known is not None:
-        if isinstance(zone, PairZones) and counts_covariances(zone):
-            raise ValueError(TWICE)
         return known._search_of(paths, errors, zones, sigmas)
     bodies = paths.arcs, paths.offsets
-    tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2)
+    tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2 if every else 0)
     return lambda one, first, second: search_pairs(
         *bodies, *bodies, one, first, second, tracks.get(one, NO_TRACKS)
     )
-
-
-def _ahead(pool: ThreadPoolExecutor, jobs: Any, search: Any) -> Iterator[tuple[Any, Floats]]:
-    """Results of the jobs in order, few of them under way at once."""
-    waiting: deque[Any] = deque()
-    for job in jobs:
-        waiting.append(pool.submit(search, *job))
-        if len(waiting) > AHEAD:
-            yield waiting.popleft().result()
-    while waiting:
-        yield waiting.popleft().result()
-
-
-def _shown(jobs: Any, total: int) -> Any:
-    """The jobs' results, behind a progress bar where there are many."""
-    if total < LONG:
-        return jobs
-    from rich.console import Console
-    from rich.progress import track
-
-    console = Console(stderr=True)
-    steps = -(-total // CHUNK)
-    return track(jobs, "screening pairs", total=steps, console=console, disable=not console.is_terminal)

@@ -22,7 +22,7 @@ from numba import float64, int64, void
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, is_cubic, state_at, thrusts
-from closeform.motion.certified_march import bounds, store, window
+from closeform.motion.certified_march import bounds, locate, store, window
 from closeform.zones.shapes import BALL, CUBE, FACES, support
 
 # What rounding can have taken, of the size of coordinates and of the ball.
@@ -67,7 +67,7 @@ def joint(arc, after, t, h, s, matrix):
 @kernel()
 def fill_track(arcs, first, last, matrix, scale, times, q, track):
     """Fill one craft's track.  Its first and last arcs are carried on to the nearest times."""
-    i = first
+    i = max(first, locate(arcs, first, last, times[0]) - 1)  # which may begin a rounding earlier than it ends
     for k in range(len(times)):
         begin = times[k]
         end = times[min(k + 1, len(times) - 1)]

@@ -1,0 +1,179 @@
+"""Whose boxes overlap: a tree over the boxes that hold craft for an interval of their tracks.
+
+A craft is within a box around its chord and what it may be off that chord.  Boxes are halved along
+their widest direction at the median, again and again, until few are left: a balanced tree without
+pointers, the m-th node of level l holding boxes m N / 2^l to (m + 1) N / 2^l.  Two nodes whose boxes do not
+overlap hold no pair that meets, and nobody looks at their pairs.
+"""
+
+from math import inf
+
+from numba import float64, int64
+
+from closeform.compiled import kernel
+from closeform.conflicts.exclusion import CLEAR, OFF_CHORD, count_near
+from closeform.kernel_loans import borrowed
+
+LEAF = 8  # boxes of a node that is not halved
+OPEN = 256  # nodes that may wait: three for each level and some
+WIDTH = 7  # of a box: its least and greatest coordinates, and whose it is
+
+
+@kernel()
+def swap(boxes, i, j):
+    for column in range(WIDTH):
+        boxes[i, column], boxes[j, column] = boxes[j, column], boxes[i, column]
+
+
+@kernel()
+def select(boxes, first, last, middle, axis):
+    """Order boxes [first, last) so far that those before `middle` are below those behind it."""
+    low, high = first, last - 1
+    while low < high:
+        centre = (low + high) // 2
+        pivot = boxes[centre, axis] + boxes[centre, axis + 3]
+        i, j = low, high
+        while i <= j:
+            while boxes[i, axis] + boxes[i, axis + 3] < pivot:
+                i += 1
+            while boxes[j, axis] + boxes[j, axis + 3] > pivot:
+                j -= 1
+            if i <= j:
+                swap(boxes, i, j)
+                i += 1
+                j -= 1
+        if middle <= j:
+            high = j
+        elif middle >= i:
+            low = i
+        else:
+            return
+
+
+@kernel()
+def widest(boxes, first, last):
+    """The direction in which the centres of boxes [first, last) are furthest apart."""
+    best, found = -inf, 0
+    for axis in range(3):
+        least, most = inf, -inf
+        for k in range(first, last):
+            centre = boxes[k, axis] + boxes[k, axis + 3]
+            least, most = min(least, centre), max(most, centre)
+        if most - least > best:
+            best, found = most - least, axis
+    return found
+
+
+@kernel()
+def enclose(tracks, k, craft, boxes):
+    """The boxes of some craft in interval k."""
+    for row in range(len(craft)):
+        who = craft[row]
+        reach = 0.5 * CLEAR + tracks[who, OFF_CHORD, k]
+        for axis in range(3):
+            begin, end = tracks[who, axis, k], tracks[who, axis, k + 1]
+            low, high = min(begin, end) - reach, max(begin, end) + reach
+            boxes[row, axis] = low if low > -inf else -inf  # what is not a number is everywhere
+            boxes[row, axis + 3] = high if high < inf else inf
+        boxes[row, 6] = who
+
+
+@kernel()
+def first_of(node, number, depth):
+    """The first box of a leaf among `number`; the last is before that of the next leaf."""
+    return ((node - (1 << depth)) * number) >> depth
+
+
+@kernel()
+def grow(boxes, count, depth, nodes):
+    """Order the boxes as a tree of some depth, and find the box of every node; node k has 2 k and 2 k + 1."""
+    for level in range(depth):
+        for m in range(1 << level):
+            first, last = (m * count) >> level, ((m + 1) * count) >> level
+            select(boxes, first, last, ((2 * m + 1) * count) >> (level + 1), widest(boxes, first, last))
+    for leaf in range(1 << depth, 2 << depth):
+        for axis in range(3):
+            least, most = inf, -inf
+            for k in range(first_of(leaf, count, depth), first_of(leaf + 1, count, depth)):
+                least, most = min(least, boxes[k, axis]), max(most, boxes[k, axis + 3])
+            nodes[leaf, axis], nodes[leaf, axis + 3] = least, most
+    for node in range((1 << depth) - 1, 0, -1):
+        for axis in range(3):
+            nodes[node, axis] = min(nodes[2 * node, axis], nodes[2 * node + 1, axis])
+            nodes[node, axis + 3] = max(nodes[2 * node, axis + 3], nodes[2 * node + 1, axis + 3])
+
+
+@kernel()
+def overlap(boxes, i, others, j):
+    return (
+        (boxes[i, 0] <= others[j, 3])
+        & (others[j, 0] <= boxes[i, 3])
+        & (boxes[i, 1] <= others[j, 4])
+        & (others[j, 1] <= boxes[i, 4])
+        & (boxes[i, 2] <= others[j, 5])
+        & (others[j, 2] <= boxes[i, 5])
+    )
+
+
+@kernel()
+def compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count):
+    """Append who of a leaf may meet who of another, or of the same: the new count, and how many overlap."""
+    overlaps = 0
+    for i in range(first_of(one, number, depth), first_of(one + 1, number, depth)):
+        if not overlap(boxes, i, nodes, two):
+            continue
+        begin = i + 1 if one == two else first_of(two, number, depth)
+        for j in range(begin, first_of(two + 1, number, depth)):
+            if overlap(boxes, i, boxes, j):
+                overlaps += 1
+                own, other = int(boxes[i, 6]), int(boxes[j, 6])
+                if count_near(tracks, own, tracks, other, k, k + 1) > 0:
+                    codes[count] = min(own, other) * len(tracks) + max(own, other)
+                    count += 1
+    return count, overlaps
+
+
+@kernel(
+    int64(
+        float64[:, :, ::1],
+        int64,
+        int64[::1],
+        float64[:, ::1],
+        float64[:, ::1],
+        int64[:, ::1],
+        int64[::1],
+        int64,
+        int64[::1],
+    )
+)
+def meeting(tracks, k, craft, boxes, nodes, waiting, state, most, codes):
+    """Pairs of craft that may be in the unit ball around each other in interval k, as i N + j with i < j.
+
+    As many as fit in `codes`: returns how many.  `state` tells how many nodes are left in `waiting`, to go
+    on with in another call (-1 to begin), and how many boxes overlapped; beyond `most` of them it ends.
+    """
+    tracks, boxes, nodes, codes = borrowed(tracks), borrowed(boxes), borrowed(nodes), borrowed(codes)
+    number, depth, count = len(craft), 0, 0
+    while number > LEAF << depth:
+        depth += 1
+    if state[0] < 0:
+        enclose(tracks, k, craft, boxes)
+        grow(boxes, number, depth, nodes)
+        waiting[0, 0], waiting[0, 1] = 1, 1
+        state[0], state[1] = 1, 0
+    left = state[0]
+    while left > 0 and count + LEAF * LEAF <= len(codes) and state[1] <= most:
+        left -= 1
+        one, two = waiting[left, 0], waiting[left, 1]
+        if one != two and not overlap(nodes, one, nodes, two):
+            continue
+        if one >= 1 << depth:
+            count, overlaps = compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count)
+            state[1] += overlaps
+            continue
+        for half in range(2):
+            for other_half in range(half if one == two else 0, 2):
+                waiting[left, 0], waiting[left, 1] = 2 * one + half, 2 * two + other_half
+                left += 1
+    state[0] = left
+    return count

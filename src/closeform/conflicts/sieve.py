@@ -1,0 +1,140 @@
+"""The sieve: who of many craft can meet at all, found in near-linear time.
+
+Craft are followed along chords (see `exclusion`) over short intervals of time.  In each a tree of boxes
+(see `boxes`) finds the pairs that may be within their zone: no bound of these leaves out a pair that
+meets.  Where boxes overlap too often because craft move far in an interval, it is halved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import ceil, inf, pi
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.boxes import LEAF, OPEN, WIDTH, meeting
+from closeform.conflicts.exclusion import OFF_CHORD, fill_tracks
+from closeform.motion.path import Path
+from closeform.zones.pair_zones import PairZones, made_by_need, reach_of
+from closeform.zones.solids import Sphere
+from closeform.zones.zone import Zone, enclosing
+
+PER_ORBIT = 48  # intervals an orbit, and at least
+AT_ONCE = 8  # intervals for which craft are followed together, fewer where they find
+FEW = 1 << 21  # more pairs
+CROWDED = 8  # overlaps for each craft in an interval from which on it is halved, if that helps
+SHARE = 8  # the sieve pays where fewer than one in so many pairs overlap in an interval
+MOST = 1 << 24  # overlaps in an interval: beyond, pairs are looked at one by one, in less memory
+ANY = 1 << 62
+LOOKS = 3  # intervals that tell whether it pays
+ROOM = 1 << 16  # pairs that a look finds at once
+
+
+@dataclass(frozen=True, eq=False)
+class Sieve:
+    """Craft of shape (N,), and intervals between `times` (K + 1,) [s] in which they are looked at.
+
+    `matrix` leads to coordinates in which two craft are never within their zone while they are further
+    apart than 1 and their `margins` (N,), 0 or less.
+    """
+
+    paths: Path
+    matrix: Floats
+    margins: Floats
+    times: Floats
+    starts: Floats
+    ends: Floats
+    at_once: int = AT_ONCE
+
+    @classmethod
+    def of(cls, paths: Path, zones: Zone | PairZones) -> Sieve | None:
+        """None where a zone has no end, or where it costs less to look at pairs one by one."""
+        scaled = in_unit_ball(zones, len(paths))
+        if scaled is None:
+            return None
+        starts, ends = paths.start, paths.end
+        start, end = float(starts.min()), float(ends.max())
+        count = PER_ORBIT * max(1.0, paths.orbit.mean_motion * (end - start) / (2 * pi))
+        sieve = cls(paths, *scaled, np.linspace(start, end, ceil(count) + 1), starts, ends)
+        overlaps = sieve._overlaps
+        if overlaps > min(len(paths) * (len(paths) - 1) // 2 // SHARE, MOST):
+            return None
+        return replace(sieve, at_once=min(AT_ONCE, max(1, FEW // max(1, overlaps))))
+
+    def near(self, first: int, last: int) -> Any:
+        """Pairs (M,) as i N + j with i < j, each once, that may meet in intervals [first, last)."""
+        found = [codes for codes, _ in self._looks(self.times[first : last + 1])]
+        return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *found]))
+
+    def spans(self, begin: float = -inf, before: float = inf) -> Iterator[tuple[int, int]]:
+        """Intervals [first, last) to ask for at once, of those with a time of [begin, before) in them."""
+        first = max(0, int(np.searchsorted(self.times, begin)) - 1)
+        stop = min(len(self.times) - 1, int(np.searchsorted(self.times, before)))
+        for k in range(first, stop, self.at_once):
+            yield k, min(k + self.at_once, stop)
+
+    @property
+    def _overlaps(self) -> int:
+        """How many boxes overlap in an interval, the most of some; beyond `MOST` nobody counts."""
+        most = 0
+        for look in range(LOOKS):
+            k = (2 * look + 1) * (len(self.times) - 1) // (2 * LOOKS)
+            overlaps = 0
+            for _, more in self._looks(self.times[k : k + 2]):
+                overlaps += more
+                if overlaps > MOST:
+                    return overlaps
+            most = max(most, overlaps)
+        return most
+
+    def _looks(self, times: Floats) -> Iterator[tuple[Any, int]]:
+        """Some pairs of `near` at a time, of the intervals between some times, and how many boxes overlap."""
+        number = len(self.paths)
+        tracks = np.zeros((number, 4, len(times)))
+        fill_tracks(self.paths.arcs, self.paths.offsets, self.matrix, times, tracks)
+        tracks[:, OFF_CHORD] += self.margins[:, None]
+        boxes, codes = np.empty((number, WIDTH)), np.empty(ROOM, dtype=np.int64)
+        nodes = np.empty((4 * max(1, number // LEAF), 6))
+        waiting, state = np.empty((OPEN, 2), dtype=np.int64), np.empty(2, dtype=np.int64)
+        for k in range(len(times) - 1):
+            craft = np.flatnonzero((self.starts <= times[k + 1]) & (self.ends >= times[k]))
+            middle = 0.5 * (times[k] + times[k + 1])
+            halved = times[k] < middle < times[k + 1] and self._far(tracks[:, :, k : k + 2], craft)
+            most = CROWDED * len(craft) if halved else ANY
+            state[:] = -1, 0
+            found = []
+            while state[0] and state[1] <= most:
+                before = int(state[1])
+                count = meeting(tracks, k, craft, boxes, nodes, waiting, state, most, codes)
+                found.append((codes[:count].copy(), int(state[1]) - before))
+            if state[1] <= most:
+                yield from found
+            else:
+                yield from self._looks(np.array([times[k], middle, times[k + 1]]))
+
+    def _far(self, tracks: Floats, craft: Any) -> bool:
+        """Whether craft move further in an interval than they have to keep apart."""
+        moved = np.abs(tracks[craft, :3, 1] - tracks[craft, :3, 0]).max(axis=1)
+        margins = self.margins[craft]
+        return bool((0.5 * moved + tracks[craft, OFF_CHORD, 0] - margins).sum() > (0.5 + margins).sum())
+
+
+def in_unit_ball(zones: Zone | PairZones, number: int) -> tuple[Floats, Floats] | None:
+    """The `matrix` and `margins` of a sieve; None if a zone has no end, or there is none."""
+    if isinstance(zones, Zone):
+        return (enclosing(zones), np.zeros(number)) if zones.bounded else None
+    if made_by_need(zones):
+        reach = reach_of(zones)
+        return (enclosing(Sphere(reach)), np.zeros(number)) if reach > 0.0 else None
+    radii = np.array([*(zone.radius for zone in zones.zones), 0.0])[zones.table]  # the last of none
+    radii = np.maximum(radii, radii.T)
+    if not 0.0 < radii.max() < inf:
+        return None
+    shares = 0.5 * np.diag(radii)
+    for kind in np.argsort(-radii.max(axis=1), kind="stable"):  # the larger bear more
+        shares[kind] = max(shares[kind], (radii[kind] - shares).max())
+    unit = 2.0 * shares.max()
+    return np.eye(3) / unit, shares[zones.kinds] / unit - 0.5
