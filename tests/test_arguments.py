@@ -114,7 +114,8 @@ CALLS = {
     "find_conflicts": turned(path=MOVE, other=REST, zone=BALL),
     "closest_approach": turned(path=COAST, other=REST, zone=BALL),
     "last_possible_conflict": turned(path=COAST, other=REST, zone=BALL),
-    "screen": turned(paths=COAST, zone=BALL),
+    "screen": turned(paths=COAST, zone=BALL, span=np.array([-1.0, 800.0])),
+    "Screening.joined": turned(parts=[cf.screen(COAST, BALL)]),
     "avoid": turned(
         path=MOVE, obstacles=[REST], zone=BALL, budget=3, prove=0.0,
         max_acceleration=1.0, longer=True, margin=0.5,

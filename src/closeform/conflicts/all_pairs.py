@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers, shown
+from closeform.arrays import Floats, numbers, sequence, shown
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.rounds import ahead, chunks, rounds, sieve_of
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
@@ -67,14 +67,6 @@ class Screening(Rows):
     ratio: Floats
 
     @classmethod
-    def of(cls, found: Sequence[tuple[Any, Floats]]) -> Self:
-        """Of pairs (M, 2) and their rows (M, 4) of start, end, time, ratio, in any order."""
-        pairs = np.concatenate([NO_PAIRS, *(who for who, _ in found)])
-        rows = np.concatenate([np.empty((0, COLUMNS - 1)), *(row for _, row in found)])
-        order = np.lexsort((rows[:, 0], pairs[:, 1], pairs[:, 0]))
-        return cls(pairs[order], *np.ascontiguousarray(rows[order].T))
-
-    @classmethod
     def joined(cls, parts: Sequence[Screening]) -> Self:
         """What was screened span by span, as one screening.
 
@@ -87,10 +79,26 @@ class Screening(Rows):
         -------
         Screening
             As of all spans at once.
+
+        Raises
+        ------
+        ValueError
+            If `parts` is no sequence, or holds something else.
+
+        References
+        ----------
+        docs/conflicts.md.
         """
-        return cls.of(
-            [(one.pairs, np.column_stack([one.start, one.end, one.time, one.ratio])) for one in parts]
-        )
+        given = sequence("parts", parts, Screening)
+        return cls._of([(one.pairs, np.stack([one.start, one.end, one.time, one.ratio], 1)) for one in given])
+
+    @classmethod
+    def _of(cls, found: Sequence[tuple[Any, Floats]]) -> Self:
+        """Of pairs (M, 2) and their rows (M, 4) of start, end, time, ratio, in any order."""
+        pairs = np.concatenate([NO_PAIRS, *(who for who, _ in found)])
+        rows = np.concatenate([np.empty((0, COLUMNS - 1)), *(row for _, row in found)])
+        order = np.lexsort((rows[:, 0], pairs[:, 1], pairs[:, 0]))
+        return cls(pairs[order], *np.ascontiguousarray(rows[order].T))
 
     def __len__(self) -> int:
         return len(self.ratio)
@@ -186,17 +194,18 @@ def screen(
     ValueError
         If `paths` are no Path of shape (N,) or in different orbits, or if `zone` is of another kind, of
         another number of craft, makes none for a pair, or holds an `Uncertainty` beside errors; if errors
-        are of another kind or number, `sigmas` is negative or not finite, or `span` is not two times in order.
+        are of another kind or number, `sigmas` is negative or not finite, or `span` is not two times in
+        order.
 
     Notes
     -----
-    Most pairs are excluded by bounds on what each craft does between common times.  Of two thousand craft or
-    more a tree of boxes that hold those bounds finds who can meet at all, and nobody asks pair by pair: time
-    grows with the craft, not with their pairs, as long as each has few near it at a time.  Memory grows with the
-    craft and the stays.  A progress bar goes to standard error where many are screened, and that is a terminal.
-    Paths through samples are searched as they are: their `interpolation_error` says how far from them craft
-    may be.  With errors every pair is asked, the bounds hold the sigmas too, and what they leave takes some
-    tens of microseconds a pair.
+    Most pairs are excluded by bounds on what each craft does between common times.  Of two thousand craft
+    or more a tree of boxes that hold those bounds finds who can meet at all, and nobody asks pair by pair:
+    time grows with the craft, not with their pairs, as long as each has few near it at a time.  Memory grows
+    with the craft and the stays.  A progress bar goes to standard error where many are screened, and that is
+    a terminal.  Paths through samples are searched as they are: their `interpolation_error` says how far
+    from them craft may be.  With errors every pair is asked, the bounds hold the sigmas too, and what they
+    leave takes some tens of microseconds a pair.
 
     References
     ----------
@@ -228,7 +237,7 @@ def screen(
             for who, rows in ahead(pool, _jobs(held, pairs), search):
                 some = (since <= rows[:, 0]) & (rows[:, 0] < until)
                 found.append((who[some], rows[some]))
-    return Screening.of(found)
+    return Screening._of(found)
 
 
 def checked_span(span: Any) -> tuple[float, float]:
@@ -236,7 +245,8 @@ def checked_span(span: Any) -> tuple[float, float]:
     times = numbers("span", span)
     if times.shape != (2,) or not times[0] < times[1]:
         raise ValueError(
-            f"span: expected two times in s, the first before the second, got {shown(span)}; leave it out for all"
+            "span: expected two times in s, the first before the second, "
+            f"got {shown(span)}; leave it out for all"
         )
     return float(times[0]), float(times[1])
 
