@@ -1,0 +1,49 @@
+"""How often two lost craft of S04 need the second mOPS: 10^8 cases of `examples/s04.toml`, shares of each phase.
+
+    python tools/second_mops.py --cases 100000000
+
+Case K is that of `closeform run examples/s04.toml --case K`.  Memory is flat; 10^8 cases take some minutes
+on two idle cores.
+"""
+
+import argparse
+import time
+from pathlib import Path
+
+import numpy as np
+
+from closeform.campaign.campaign import relative
+from closeform.campaign.draws import drawn
+from closeform.campaign.shares import shares
+from closeform.scenario import load
+from closeform.search.locks import lock_times
+from closeform.search.phases import labels, tally
+
+FILE = Path(__file__).parents[1] / "examples" / "s04.toml"
+AT_ONCE = 131_072
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Shares of the phases in which S04's pairs lock.")
+    parser.add_argument("--cases", type=int, default=100_000_000)
+    cases = parser.parse_args().cases
+    scenario, begun = load(FILE), time.perf_counter()
+    search, pairs = scenario.plan, scenario.opposite
+    last = max(k for k, leg in enumerate(search.legs) if leg.round == 2 and leg.phase == "IPS")
+    counts = np.zeros(len(labels(search)), dtype=int)
+    for first in range(0, cases, AT_ONCE):
+        until = min(first + AT_ONCE, cases)
+        states = relative(drawn(scenario, scenario.study.seed, first, until), pairs)[:, 0]
+        found = lock_times(search, states[:, :3], states[:, 3:])
+        counts += tally(search, found.time, found.leg)
+        for late in np.flatnonzero((found.leg < 0) | (found.leg > last)):
+            print(f"case {first + late}: {found.time[late]:.2f} s, {states[late].tolist()}", flush=True)
+    for share in shares(labels(search), counts.tolist()):
+        inside = share.inside
+        text = f"{share.cases:12d}  {inside.share:.3e} ({inside.low:.3e} to {inside.high:.3e})"
+        print(f"{share.label:8} {text}")
+    print(f"{cases} cases in {time.perf_counter() - begun:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
