@@ -26,7 +26,7 @@ release = version = version_of("closeform")
 CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
-        "choose lost_craft conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
+        "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty ephemerides "
         "export epochs field motion elements python pictures viewer"
     ),
     "reference": "scenario command-line api errors",

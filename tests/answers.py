@@ -159,6 +159,7 @@ def answers() -> dict[str, Any]:
         "Leg": search.legs[0],
         "Locks": locks,
         "LockMargins": cf.lock_margins(search, places[0], speeds[0]),
+        "LockProof": cf.prove_locks(search, -np.ones(6), np.ones(6), nodes=100),
         "TheoremCase": cf.theorem_case(search, places[0], speeds[0]),
         "Gathering": gathered,
         "Event": gathered.events[0],

@@ -22,6 +22,7 @@ PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
+RESULTS |= {"LockProof"}
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses", "SigmaApproach"}
 RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
 RESULTS |= {"DriftApproach", "DriftScreening", "CommandedThrust", "Retargeted", "Validity", "Flight", "Tube"}

@@ -1,9 +1,9 @@
-"""How often two lost craft of S04 need the second mOPS: 10^8 cases of `examples/s04.toml`, shares of each phase.
+"""How often two lost craft of S04 need the second mOPS: shares of each phase in 10^8 cases of its study.
 
     python tools/second_mops.py --cases 100000000
 
-Case K is that of `closeform run examples/s04.toml --case K`.  Memory is flat; 10^8 cases take some minutes
-on two idle cores.
+Case K is that of `closeform run examples/s04.toml --case K`.  Memory is flat; 10^8 cases take a
+minute on two idle cores.
 """
 
 import argparse

@@ -146,6 +146,16 @@ def _margins(result: Any) -> Figure:
     return intervals(names, degrees, low, high, "misses by, at least [deg]", said)
 
 
+def _proof(result: Any) -> Figure:
+    from closeform.plots.intervals import intervals
+
+    volume = [result.proven, result.open]
+    said = f"Proven but for {result.open:.3g} of the box" if not result.ok else "Every pair of the box locks"
+    found = len(result.counterexamples)
+    said += f"; {found} counterexample{'s' * (found != 1)}" if found else ""
+    return intervals(["proven", "not proven"], volume, [0.0, 0.0], volume, "share of the box", said)
+
+
 def _errors(result: Any) -> Figure:
     inside = [np.count_nonzero(pair.inside) for pair in (*result.zones, *result.bodies)]
     names = [f"{pair.first} - {pair.second}, zone" for pair in result.zones]
@@ -267,6 +277,7 @@ PICTURES: dict[str, Drawer] = {
     "Search": _by("in_plane_search"),
     "Locks": _locks,
     "LockMargins": _margins,
+    "LockProof": _proof,
     "Gathering": _gathering,
     "Gatherings": _gatherings,
     "LockCampaign": _lock_campaign,

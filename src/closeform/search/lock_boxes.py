@@ -3,7 +3,7 @@
 A box holds the states within its half-widths of a centre.  At one time the vectors q between the two
 sensors fill a box too, q = r + v t - 2 offset b being linear in each component by itself, and the cone in
 which both see each other is convex up to half of the sky: all of them lock where the eight corners do.
-                                                                                        # theory (17)
+                                                                                        # theory (57)
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any, NamedTuple
 
-import numpy as np
 from numba import float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.locks import LockSensor, first_lock
+from closeform.search.lock_march import LockSensor, first_lock
 
 TIME, BORESIGHT, COSINE, SHIFT = 0, 1, 4, 5  # columns of a table of looks
 ROUNDING = 1e-12  # of all that q is summed from: a thousand times what rounding can do to g
@@ -51,10 +50,10 @@ def as_box(centre, half):
 
 @kernel()
 def look_at(look, box, baseline, longest):
-    """What a look makes of a box: g at its centre, at one corner, and at the worst corner less the slack.
+    """What a look makes of a box: what misses at its centre, at one corner, at the worst with the slack.
 
-    All lock if the last is not positive; the second, at the corner farthest from the boresight, is no more
-    than the last.                                                                       # theory (17)
+    That is g or, if more, the length beyond the range: all lock if the last is not positive.  It is that of
+    one corner where that one, or the centre, is not seen.                               # theory (57)
     """
     t, bx, by, bz, c, shift = look[0], look[1], look[2], look[3], look[4], look[5]
     qx, qy, qz = (
@@ -63,7 +62,8 @@ def look_at(look, box, baseline, longest):
         box.z + t * box.vz - baseline * bz,
     )
     along = bx * qx + by * qy + bz * qz
-    centre = c * sqrt(qx * qx + qy * qy + qz * qz) - along
+    length = sqrt(qx * qx + qy * qy + qz * qz)
+    centre = max(c * length - along, length - longest)
     if centre >= 0.0:
         return centre, centre, centre
     dx, dy, dz = box.rx + t * box.sx + shift, box.ry + t * box.sy + shift, box.rz + t * box.sz + shift
@@ -77,15 +77,14 @@ def look_at(look, box, baseline, longest):
     if corner > 0.0:
         return centre, corner, corner
     lx, ly, lz, hx, hy, hz = qx - dx, qy - dy, qz - dz, qx + dx, qy + dy, qz + dz
-    worst, farthest = corner, 0.0
+    worst = corner
     for k in range(8):
         px, py, pz = lx if k & 1 else hx, ly if k & 2 else hy, lz if k & 4 else hz
         length = sqrt(px * px + py * py + pz * pz)
-        worst = max(worst, c * length - (bx * px + by * py + bz * pz))
-        farthest = max(farthest, length)
+        worst = max(worst, c * length - (bx * px + by * py + bz * pz), length - longest)
     size = abs(box.x) + abs(box.y) + abs(box.z) + t * (abs(box.vx) + abs(box.vy) + abs(box.vz))
     slack = ROUNDING * (size + dx + dy + dz + baseline)
-    return centre, corner, worst + slack if farthest + slack <= longest else abs(worst) + slack
+    return centre, corner, worst + slack
 
 
 @kernel()
@@ -122,7 +121,7 @@ def longest_side(box, duration):
 
 @kernel()
 def judged(looks, hot, box, baseline, longest):
-    """Whether a look proves that a box locks; the look that comes nearest to it, -1 if its centre is in none."""
+    """Whether a look proves that a box locks, and which comes nearest to it: -1 if none sees its centre."""
     nearest, best = -1, 0.0
     count = len(looks)
     for k in range(count):
@@ -167,7 +166,7 @@ def judge(
     axes: Any,
     verdicts: Any,
 ) -> None:
-    """What is known of each box: its verdict, the look nearest to a proof (`hot`, changed), where to halve it.
+    """What is known of each box: its verdict, the look nearest to a proof (into `hot`), where to halve it.
 
     The centre fails if a sensor of this `cosine` does not lock by the time `latest`.
     """

@@ -8,7 +8,9 @@ and their multiples lock alike, and a box around the origin is proven on its fac
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, cos, inf, isfinite, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +18,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import LARGEST, Floats, instance, number, numbers, whole
 from closeform.result import Result
 from closeform.search.lock_boxes import FAILS, PROVEN, judge
-from closeform.search.locks import in_parts
+from closeform.search.lock_march import in_parts
 from closeform.search.schedule import Search
 from closeform.search.state_boxes import StateBoxes, joined
 
@@ -31,8 +33,8 @@ class LockProof(Result):
 
     Attributes
     ----------
-    proven : float, no unit
-        The share of the box, by volume, in which every pair locks within the bounds on errors.
+    open : float, no unit
+        The share of the box, by volume, of which that is not proven.
     undecided : array of shape (K, 2, 6) [m, m/s]
         Least and greatest states of the boxes that are left.  Where lengths scale and the given box holds the
         origin they are flat, in its faces, and each stands for all its multiples.
@@ -42,10 +44,15 @@ class LockProof(Result):
         How many boxes were judged.
     """
 
-    proven: float
+    open: float
     undecided: Floats
     counterexamples: Floats
     nodes: int
+
+    @property
+    def proven(self) -> float:
+        """The share of the box, by volume, in which every pair certainly locks [no unit]."""
+        return 1.0 - self.open
 
     @property
     def ok(self) -> bool:
@@ -105,7 +112,7 @@ def prove_locks(
 
     References
     ----------
-    docs/theory.md (17) and docs/theory.md (18).
+    docs/theory.md (57) and docs/theory.md (58).
 
     Examples
     --------
@@ -126,38 +133,46 @@ def prove_locks(
     narrowed = narrowed if lean < sensor.half_angle else BLIND
 
     boxes = roots(search, least, greatest)
-    judged, proven = 0, 0.0
-    left: list[StateBoxes] = []
-    failing: list[Floats] = []
+    judged, left, failing = 0, [boxes[:0]], [boxes.centres[:0]]
     while len(boxes) and judged < most:
-        left += [boxes[most - judged :]]
+        left.append(boxes[most - judged :])
         boxes = boxes[: most - judged]
         axes, verdicts = np.zeros((2, len(boxes)), dtype=np.int64)
-
-        def part(some: slice) -> None:
-            judge(
-                looks,
-                search.table,
-                boxes.centres[some],  # noqa: B023  # called before it changes
-                boxes.halves[some],  # noqa: B023
-                sensor.baseline,
-                narrowed,
-                sensor.range,
-                until,
-                boxes.looks[some],  # noqa: B023
-                axes[some],  # noqa: B023
-                verdicts[some],  # noqa: B023
-            )
-
-        in_parts(part, len(boxes), CHUNK)
+        in_parts(
+            partial(verdict_of, search, looks, narrowed, until, boxes, axes, verdicts), len(boxes), CHUNK
+        )
         judged += len(boxes)
-        proven += float(boxes.shares[verdicts == PROVEN].sum())
         failing.append(boxes.centres[verdicts == FAILS])
-        import os
-        if 'TRACE' in os.environ: print(judged, len(boxes), (verdicts!=0).sum(), boxes.shares[verdicts!=0].sum(), (verdicts==2).sum())
-        boxes = boxes[verdicts != PROVEN].halved(axes[verdicts != PROVEN])
+        open_ones = verdicts != PROVEN
+        boxes = boxes[open_ones].halved(axes[open_ones])
     rest = joined([*left, boxes])
-    return LockProof(1.0 if not len(rest) else proven, rest.edges, np.concatenate(failing), judged)
+    return LockProof(float(rest.shares.sum()), rest.edges, np.concatenate(failing), judged)
+
+
+def verdict_of(
+    search: Search,
+    looks: Floats,
+    cosine: float,
+    until: float,
+    boxes: StateBoxes,
+    axes: Any,
+    verdicts: Any,
+    some: slice,
+) -> None:
+    """Judges some of the boxes: what is known of each, and where it is to be halved."""
+    judge(
+        looks,
+        search.table,
+        boxes.centres[some],
+        boxes.halves[some],
+        search.sensor.baseline,
+        cosine,
+        search.sensor.range,
+        until,
+        boxes.looks[some],
+        axes[some],
+        verdicts[some],
+    )
 
 
 def roots(search: Search, low: Floats, high: Floats) -> StateBoxes:
@@ -172,7 +187,7 @@ def looks_of(search: Search, until: float, pointing: float, timing: float, rate:
     """Times at which boxes are looked at, densely, with the cone in which both certainly see each other then.
 
     Rows (N, 6): time [s], boresight of A, cosine of the narrowed cone, and by how much [m] errors
-    displace the two sensors.                                                            # theory (17)
+    displace the two sensors.                                                            # theory (57)
     """
     times = [0.0]
     for leg in search.legs:

@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class StateBoxes:
-    """Boxes by centres and half-widths (M, 6), each with its share (M,) of all, and a look (M,) to try first."""
+    """Boxes by centres and half-widths (M, 6), their shares (M,) of all, and the looks (M,) to try first."""
 
     centres: Floats
     halves: Floats
@@ -36,7 +36,7 @@ class StateBoxes:
     def faces(cls, low: Floats, high: Floats) -> StateBoxes:
         """The faces of a box around the origin that do not hold it: their multiples fill the box.
 
-        The share of a face is that of the pyramid on it with its tip in the origin.  # theory (18)
+        The share of a face is that of the pyramid on it with its tip in the origin.  # theory (58)
         """
         widths = np.where(high > low, high - low, 1.0)
         found, volumes = [], []
