@@ -36,10 +36,10 @@ class LockProof(Result):
     open : float, no unit
         The share of the box, by volume, of which that is not proven.
     undecided : array of shape (K, 2, 6) [m, m/s]
-        Least and greatest states of the boxes that are left.  Where lengths scale and the given box holds the
-        origin they are flat, in its faces, and each stands for all its multiples.
+        Least and greatest states of the boxes that are left, in the inertial frame.  Where lengths scale and
+        the given box holds the origin they are flat, in its faces, and each stands for all its multiples.
     counterexamples : array of shape (C, 6) [m, m/s]
-        States that certainly do not lock in time with errors within the bounds.
+        States that certainly do not lock in time with errors within the bounds, in the inertial frame.
     nodes : int
         How many boxes were judged.
     """
@@ -80,7 +80,7 @@ def prove_locks(
     low : array_like of shape (6,) [m, m/s]
         Least position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The greatest; where it is equal to the least the box is flat.
+        The greatest, in the same frame; where it is equal to the least the box is flat.
     pointing_error : float [rad], default 0
         The most by which each boresight is off, in any direction, changing as it may.
     timing_error : float [s], default 0
