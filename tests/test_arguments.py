@@ -337,6 +337,19 @@ CALLS = {
     "Tube.of_pairs": turned(
         self=cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4)), craft=2, fixed=1
     ),
+    "room": turned(
+        plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), feedback=cf.Feedback(),
+        navigation=cf.Navigation(0.1, 3e-4), cancel=True, residual=np.full(len(START), 1e-7),
+        thrust_error=np.array([0.01, 0.01]), sigmas=3.0,
+    ),
+    "fit_margin": turned(
+        planned=lambda margin: cf.reconfigure(
+            LOW.orbit, START[:2], START[1::-1], 900.0, cf.Sphere(3.0), margin=margin
+        ),
+        field=cf.Field(LOW), zones=cf.Sphere(3.0), feedback=cf.Feedback(),
+        navigation=cf.Navigation(0.1, 3e-4), obstacles=[], cancel=True,
+        residual=1e-7, thrust_error=np.array([0.0, 0.0]), sigmas=3.0,
+    ),
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),

@@ -26,6 +26,7 @@ RESULTS |= {"LockProof"}
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses", "SigmaApproach"}
 RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
 RESULTS |= {"DriftApproach", "DriftScreening", "CommandedThrust", "Retargeted", "Validity", "Flight", "Tube"}
+RESULTS |= {"Room", "FittedMargin"}
 RESULTS |= {"LoadedRun", "LoadedStage", "LoadedStudy"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
 

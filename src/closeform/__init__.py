@@ -72,6 +72,8 @@ _NAMES = {
     "field.field": "Field",
     "field.flight": "fly",
     "field.flight_result": "Flight",
+    "field.fitted": "FittedMargin fit_margin",
+    "field.room": "Room room",
     "field.tube": "Tube tube",
     "field.validity": "Validity validity",
     "reopened": "LoadedRun LoadedStage LoadedStudy load",

@@ -37,6 +37,8 @@ from closeform.field.feedback import Feedback as Feedback, Navigation as Navigat
 from closeform.field.field import Field as Field
 from closeform.field.flight import fly as fly
 from closeform.field.flight_result import Flight as Flight
+from closeform.field.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
+from closeform.field.room import Room as Room, room as room
 from closeform.field.tube import Tube as Tube, tube as tube
 from closeform.field.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, whole
+from closeform.arrays import Floats, number, shown, whole
 from closeform.motion.arc import THRUST
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
@@ -27,11 +28,15 @@ class Feedback:
     impulses : int, default 0
         By how many: the first at once, the others evenly over the horizon, and of them those before the next
         measurement are fired.  0 is thrust that lasts.
+    delay : float [s], default 0
+        From a measurement until thrust answers to it, at most one interval; for so long the state is
+        predicted, with the thrust that is known.
 
     Raises
     ------
     ValueError
-        If a number is not positive, the horizon is shorter than the interval, or there is one impulse.
+        If a time is not positive, the horizon shorter or the delay longer than the interval, the delay
+        negative, or there is one impulse.
 
     References
     ----------
@@ -41,6 +46,7 @@ class Feedback:
     every: float = 60.0
     horizon: float = 600.0
     impulses: int = 0
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("every", "horizon"):
@@ -52,11 +58,14 @@ class Feedback:
             )
         if whole("impulses", self.impulses) == 1:
             raise ValueError("impulses: one brings no state to zero; give two or more, or 0")
+        object.__setattr__(self, "delay", checked("delay", number("delay", self.delay)))
+        if not 0.0 <= self.delay <= self.every:
+            raise ValueError(f"delay: 0 s to the {self.every:g} s between measurements, got {self.delay:g} s")
 
 
 @dataclass(frozen=True)
 class Navigation:
-    """How well states are measured: white errors of each axis, new at each measurement, and constant ones.
+    """How well states are measured: random errors of each axis, and constant ones.
 
     Parameters
     ----------
@@ -68,6 +77,8 @@ class Navigation:
         Length of an error that stays through a flight, in any direction.
     velocity_bias : float [m/s], default 0
         The same of velocity.
+    correlation : float [s], default 0
+        In which random errors fade to 1/e, as a filter's do; 0: new at each measurement.
 
     Raises
     ------
@@ -83,13 +94,27 @@ class Navigation:
     velocity: float = 0.0
     position_bias: float = 0.0
     velocity_bias: float = 0.0
+    correlation: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("position", "velocity", "position_bias", "velocity_bias"):
-            value = checked(name, number(name, getattr(self, name)))
-            if not value >= 0.0:
-                raise ValueError(f"{name}: must be 0 or more, got {value:g}")
-            object.__setattr__(self, name, value)
+        for name in ("position", "velocity", "position_bias", "velocity_bias", "correlation"):
+            object.__setattr__(self, name, float(nonnegative(name, number(name, getattr(self, name)))))
+
+
+def nonnegative(name: str, value: ArrayLike) -> Floats:
+    """An argument as finite numbers, none below 0."""
+    sizes = np.asarray(checked(name, value))
+    if not (sizes >= 0.0).all():
+        raise ValueError(f"{name}: must be 0 or more, got {sizes.min():g}")
+    return sizes
+
+
+def thrust_errors(value: ArrayLike) -> tuple[float, float]:
+    """The argument `thrust_error`: a share of thrust, and an angle [rad]."""
+    sizes = np.asarray(checked("thrust_error", value))
+    if sizes.shape != (2,) or not (sizes >= 0.0).all():
+        raise ValueError(f"thrust_error: two numbers, 0 or more, got {shown(value)}")
+    return float(sizes[0]), float(sizes[1])
 
 
 def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Floats, Floats]:

@@ -7,18 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats, instance, number, whole
-from closeform.field.feedback import Feedback, Navigation, left_of
-from closeform.motion.mean_motion import checked
+from closeform.field.closed_loop import ClosedLoop
+from closeform.field.feedback import Feedback, Navigation, nonnegative
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 
 BETWEEN = 8  # instants between two measurements at which a tube is looked at
-PARTS = 24  # of such an interval, in which a push counts as one
-COARSE = 1.01  # of the sum over parts, in place of an integral
-FADED = 1e-9  # of all pushes: those before count no more
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,47 +146,8 @@ def tube(
     instance("orbit", orbit, Orbit)
     instance("feedback", feedback, Feedback)
     instance("navigation", navigation, Navigation)
-    k = checked("sigmas", number("sigmas", sigmas))
-    pushes = [
-        np.asarray(checked(name, v)) for name, v in (("residual", residual), ("thrust_error", thrust_error))
-    ]
-    for name, value in (("residual", pushes[0]), ("thrust_error", pushes[1]), ("sigmas", np.asarray(k))):
-        if not (value >= 0.0).all():
-            raise ValueError(f"{name}: must be 0 or more, got {value.min():g}")
-    since = np.linspace(0.0, feedback.every, BETWEEN + 1)
-    left, moved = left_of(orbit, feedback, since)
-    taken = left - moved  # what a wrong measurement adds
-    noise = _deviation(left, taken, navigation)
-    steady = np.linalg.solve(np.eye(6) - left[-1], taken[-1])
-    off = [(m @ steady + t)[:3] for m, t in zip(left, taken, strict=True)]
-    bias = max(
-        np.linalg.norm(one[:, :3], 2) * navigation.position_bias
-        + np.linalg.norm(one[:, 3:], 2) * navigation.velocity_bias
-        for one in off
-    )
-    gain = _most(orbit, feedback, left[-1])
-    return Tube(gain * pushes[0][()], gain * pushes[1][()], float(bias), noise, float(k))
-
-
-def _deviation(left: Floats, taken: Floats, navigation: Navigation) -> float:
-    """The greatest standard deviation [m] of positions in steady state."""
-    white = np.diag(np.repeat([navigation.position, navigation.velocity], 3) ** 2)
-    held = solve_discrete_lyapunov(left[-1], taken[-1] @ white @ taken[-1].T)
-    spread = [m @ held @ m.T + t @ white @ t.T for m, t in zip(left, taken, strict=True)]
-    return float(np.sqrt(max(np.linalg.eigvalsh(one[:3, :3])[-1] for one in spread)))
-
-
-def _most(orbit: Orbit, feedback: Feedback, step: Floats) -> float:
-    """How far off [s^2] an acceleration of size 1 can bring a craft, whatever its course."""
-    most, part = 0.0, feedback.every / PARTS
-    pushed = orbit.transition(feedback.every - (np.arange(PARTS) + 0.5) * part)[:, :, 3:]
-    for since in np.linspace(0.0, feedback.every, BETWEEN + 1)[1:]:
-        left, _ = left_of(orbit, feedback, np.array([since]))
-        own = orbit.transition((np.arange(PARTS) + 0.5) * since / PARTS)[:, :3, 3:]
-        total, before = np.linalg.norm(own, 2, axis=(1, 2)).sum() * since / PARTS, left[0][:3]
-        added = total
-        while added > FADED * total:
-            added = np.linalg.norm(before @ pushed, 2, axis=(1, 2)).sum() * part
-            total, before = total + added, before @ step
-        most = max(most, float(total))
-    return COARSE * most
+    k = float(nonnegative("sigmas", number("sigmas", sigmas)))
+    unknown, off = nonnegative("residual", residual), nonnegative("thrust_error", thrust_error)
+    loop = ClosedLoop.of(orbit, feedback, feedback.every, BETWEEN)
+    gain = loop.gains[0]
+    return Tube(gain * unknown[()], gain * off[()], loop.biased(navigation)[0], loop.noise(navigation)[0], k)

@@ -62,12 +62,13 @@ class Padding:
     def shortage(self, groups: Groups, pair: tuple[int, int], place: Floats) -> str | None:
         """What a pair lacks where it is `place` (3,) [m] apart, in words; None in the zone itself."""
         zone = next(zone for zone, pairs in groups if (pairs == pair).all(axis=1).any())
-        off = gap(zone, place)
+        off = float(gap(zone, place)[0])
         asked = self.metres[pair]
         return None if off <= 0.0 else f"{off:.3g} m from their zone, less than the margin of {asked:.3g} m"
 
 
-def gap(zone: Zone, place: Floats) -> Any:
-    """How far (...) [m] places (..., 3) are off the zone, at least; negative inside."""
-    steep = np.linalg.norm(gradient(zone, place), axis=-1)
-    return (zone.norm(place) - 1.0) / np.maximum(steep, np.finfo(float).tiny)
+def gap(zone: Zone, place: Floats) -> tuple[Any, Floats]:
+    """How far (...) [m] places (..., 3) are off the zone, at least, negative inside; and its normal."""
+    rise = gradient(zone, place)
+    steep = np.maximum(np.linalg.norm(rise, axis=-1), np.finfo(float).tiny)
+    return (zone.norm(place) - 1.0) / steep, rise / steep[..., None]

@@ -1,0 +1,184 @@
+"""The closed loop: what becomes of deviations, pushes and wrong measurements of a craft under feedback."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from closeform.arrays import Floats
+from closeform.field.feedback import Feedback, Navigation, left_of, way_back
+from closeform.motion.orbit import Orbit
+
+PARTS = 24  # of an interval, in which a push counts as one
+COARSE = 1.01  # of the sum over parts, in place of an integral, and of what has faded
+FADED = 3e-4  # of all pushes: those before add less than a hundredth
+SETTLED = 1e-9  # of a state that is left by something constant
+LONGEST = 10_000  # intervals, after which a constant error has settled
+CORNERS = np.array([[s, *turn] for s in (-1.0, 1.0) for turn in np.eye(3)])  # of errors of thrust
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """A craft that is measured every so often, and brought back; known at S + 1 instants `since` (S + 1,).
+
+    These are of an interval in which one measurement counts.  It begins `delay` after that, for which the
+    state is predicted.  Of a state at its begin `left` (S + 1, 6, 6) is left, and `moved` of a coast; `law`
+    (S + 1, 3, 6) is the thrust.                                                        # theory (85) and (86)
+    """
+
+    orbit: Orbit
+    delay: float
+    since: Floats
+    left: Floats
+    moved: Floats
+    law: Floats
+
+    @classmethod
+    def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int) -> Self:
+        """Of a feedback, of intervals of another length, at so many steps."""
+        since = np.linspace(0.0, every, steps + 1)
+        if not feedback.impulses:
+            return cls(orbit, feedback.delay, since, *way_back(orbit, feedback.horizon, since))
+        return cls(
+            orbit, feedback.delay, since, *left_of(orbit, feedback, since), np.zeros((len(since), 3, 6))
+        )
+
+    @property
+    def every(self) -> float:
+        """From one measurement to the next [s]."""
+        return float(self.since[-1])
+
+    @cached_property
+    def late(self) -> Floats:
+        """What a wrong measurement has become (6, 6) when it counts."""
+        return np.asarray(self.orbit.transition(self.delay))
+
+    @cached_property
+    def taken(self) -> Floats:
+        """What a wrong measurement adds (S + 1, 6, 6)."""
+        return np.asarray((self.left - self.moved) @ self.late)
+
+    def follow(self, pushed: Floats) -> tuple[Floats, Floats]:
+        """Where pushes bring a craft that are not measured but by what they do, and its thrust (R, T, 3).
+
+        `pushed` (R, T, 6) is what they make of a coast, at the steps of all intervals.    # theory (86)
+        """
+        steps = len(self.since) - 1
+        wait = round(self.delay / self.every * steps)
+        off, brought = pushed.copy(), np.zeros((*pushed.shape[:2], 3))
+        for seen in range(0, pushed.shape[1] - 1 - wait, steps):
+            begin, end = seen + wait, min(seen + wait + steps + 1, pushed.shape[1])
+            now, kept = off[:, begin], slice(end - begin)
+            believed = now - pushed[:, begin] + pushed[:, seen] @ self.late.T
+            coasts = np.einsum("sij,rj->rsi", self.moved[kept], now - pushed[:, begin])
+            answers = np.einsum("sij,rj->rsi", (self.left - self.moved)[kept], believed)
+            off[:, begin:end] = pushed[:, begin:end] + coasts + answers
+            brought[:, begin:end] = np.einsum("sij,rj->rsi", self.law[kept], believed)
+        return off[..., :3], brought
+
+    def noise(self, sight: Navigation, wrong: Floats | None = None) -> tuple[float, float]:
+        """Standard deviations in the worst direction, of position [m] and of thrust [m/s^2]; steady.
+
+        `wrong` (4,): thrust is larger by a share, and turned; as of a craft that flies.
+        """
+        taken, left = self.taken, self.left
+        if wrong is not None:
+            answers = self._answers(wrong)
+            taken, left = answers @ self.late, self.moved + answers
+        kept = np.exp(-self.every / sight.correlation) if sight.correlation > 0.0 else 0.0
+        white = np.diag(np.repeat([sight.position, sight.velocity], 3) ** 2)
+        step, new = np.zeros((12, 12)), np.zeros((12, 12))
+        step[:6, :6], step[:6, 6:], step[6:, 6:] = left[-1], taken[-1], kept * np.eye(6)
+        new[6:, 6:] = (1.0 - kept**2) * white
+        held = solve_discrete_lyapunov(step, new)  # of a deviation, and of the error that is new with it
+        seen = np.concatenate([left, taken], axis=2)[:, :3]
+        thrust = np.concatenate([self.law, self.law @ self.late], axis=2)
+        return _greatest(seen, held), _greatest(thrust, held)
+
+    def spread(self, sight: Navigation, errors: tuple[float, float]) -> float:
+        """The standard deviation [m] of positions, at the worst of some errors of thrust."""
+        if not any(errors):
+            return self.noise(sight)[0]
+        return max(self.noise(sight, corner * np.repeat(errors, [1, 3]))[0] for corner in CORNERS)
+
+    def _answers(self, wrong: Floats) -> Floats:
+        """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
+        grown, (x, y, z) = 1.0 + wrong[0], wrong[1:]
+        off = grown * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) + wrong[0] * np.eye(3)
+        back = self.orbit.transition(-self.since)[:, :, 3:] @ off @ self.law
+        step = self.since[1]
+        summed = np.concatenate([np.zeros((1, 6, 6)), np.cumsum(0.5 * step * (back[1:] + back[:-1]), axis=0)])
+        return np.asarray(self.left - self.moved + self.moved @ summed)
+
+    def biased(self, sight: Navigation) -> tuple[float, float]:
+        """How far constant errors of measurements bring a craft [m], and its thrust [m/s^2], at most."""
+        sizes = sight.position_bias, sight.velocity_bias
+        if not any(sizes):
+            return 0.0, 0.0
+        state, worst = np.zeros((6, 6)), np.zeros(2)
+        for _ in range(LONGEST):
+            off = (self.left @ state + self.taken)[:, :3]
+            thrust = self.law @ (state + self.late)
+            worst = np.maximum(worst, [_by_size(off, sizes), _by_size(thrust, sizes)])
+            before, state = state, self.left[-1] @ state + self.taken[-1]
+            if np.abs(state - before).max() <= SETTLED * np.abs(state).max():
+                break
+        return float(worst[0]), float(worst[1])
+
+    @cached_property
+    def gains(self) -> tuple[float, float]:
+        """How far off [s^2] an acceleration of size 1 brings a craft, whatever its course; its thrust by it.
+
+        # theory (87)
+        """
+        part = self.every / PARTS
+        ages = (np.arange(PARTS) + 0.5) * part
+        pushed = self.orbit.transition(self.delay + ages)[:, :, 3:]
+        sums = [np.zeros(len(self.since)), np.zeros(len(self.since))]
+        for k, since in enumerate(self.since):
+            own = (np.arange(PARTS) + 0.5) * (since + self.delay) / PARTS
+            near = np.linalg.norm(self.orbit.transition(own)[:, :3, 3:], 2, axis=(1, 2))
+            sums[0][k] = near.sum() * (since + self.delay) / PARTS
+        seen = [self.left[:, :3], self.law]
+        added = [np.ones(1), np.ones(1)]
+        while any(more.max() > FADED * total.max() for more, total in zip(added, sums, strict=True)):
+            for k, rows in enumerate(seen):
+                each = np.linalg.norm(rows[:, None] @ pushed, 2, axis=(2, 3))
+                added[k] = each.sum(axis=1) * part
+                sums[k] = sums[k] + added[k]
+            pushed = self.left[-1] @ pushed
+        return COARSE * float(sums[0].max()), COARSE * float(sums[1].max())
+
+    def beyond(
+        self, errors: tuple[float, float], unknown: Floats, sight: Navigation, brought: tuple[Floats, Floats]
+    ) -> Floats:
+        """How far off craft are at most (N,) [m], beside what is followed along their plans and noise.
+
+        By accelerations that nobody knows, biases, and errors of the thrust that answers to these and to the
+        errors of what is planned, `brought` (N, T, 3) and (N, T, 3, 3).
+        """
+        share, angle = errors
+        wrong = np.hypot(share, (1.0 + share) * angle)
+        gain, echo = self.gains
+        bias, answer = self.biased(sight)
+        stretched = np.linalg.norm(brought[0], axis=-1)
+        turned = np.linalg.norm(brought[1], 2, axis=(-2, -1))
+        first = (share * stretched + (1.0 + share) * angle * turned).max(axis=1)
+        thrust = (first + echo * unknown + answer) / max(1.0 - wrong * echo, np.finfo(float).tiny)
+        return np.asarray(gain * (unknown + wrong * thrust) + bias)
+
+
+def _greatest(rows: Floats, held: Floats) -> float:
+    """The greatest standard deviation of (..., 3, K) of a covariance (K, K)."""
+    spread = rows @ held @ np.swapaxes(rows, -1, -2)
+    return float(np.sqrt(max(np.linalg.eigvalsh(spread)[..., -1].max(), 0.0)))
+
+
+def _by_size(rows: Floats, sizes: tuple[float, float]) -> float:
+    """The greatest length of (S, 3, 6) of two vectors of some length each, however they point."""
+    each: Any = [np.linalg.norm(rows[..., part], 2, axis=(1, 2)) for part in (slice(0, 3), slice(3, 6))]
+    return float((sizes[0] * each[0] + sizes[1] * each[1]).max())

@@ -1,0 +1,174 @@
+"""The margin that fits: plans that are made anew until what their own flight needs is kept clear."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance, shown
+from closeform.field.feedback import Feedback, Navigation, nonnegative
+from closeform.field.field import Field
+from closeform.field.flown_plan import paths_to_fly
+from closeform.field.room import Room, needed_room, room
+from closeform.field.tube import tube
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
+from closeform.planning.obstacles import obstacle_batch
+from closeform.planning.plan import Avoidance, Plan
+from closeform.result import Result
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones
+
+ROUNDS = 12  # of plans; three as a rule
+SPARE = 1e-3  # of a margin that grows, so that the next round does not miss by rounding
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedMargin(Result):
+    """A plan whose margin is what its own flight needs, or why there is none; made by `fit_margin`.
+
+    Attributes
+    ----------
+    plan : Plan or Avoidance
+        The last that was made; flown in the field, its pairs stay clear of their zones.
+    room : Room or None
+        How far its craft are off it; None where it has no paths.
+    margin : array of shape (B, B) [m]
+        Of each pair of bodies that it was made with.
+    fits : bool
+        Whether all pairs have the room that they need.
+    rounds : int
+        How many plans were made.
+    reason : str
+        The same in words.
+    """
+
+    _told: ClassVar = ("fits", "rounds", "greatest", "reason")
+
+    plan: Any
+    room: Room | None
+    margin: Floats
+    fits: bool
+    rounds: int
+    reason: str
+
+    @property
+    def greatest(self) -> float:
+        """The greatest margin of any pair [m]."""
+        return float(self.margin.max())
+
+
+def fit_margin(
+    planned: Callable[[Floats], Plan | Avoidance],
+    field: Field,
+    zones: OwnZone | PairZones,
+    feedback: Feedback | None = None,
+    navigation: Navigation | None = None,
+    *,
+    obstacles: Path | Any = (),
+    cancel: bool = True,
+    residual: ArrayLike = 0.0,
+    thrust_error: tuple[float, float] = (0.0, 0.0),
+    sigmas: float = 4.0,
+) -> FittedMargin:
+    """A plan with the margin that its own flight needs: made, looked at, and made anew until it fits.
+
+    Parameters
+    ----------
+    planned : callable
+        Of a margin (B, B) [m] of all pairs of craft and, after them, obstacles: the plan that keeps it, as
+        `reconfigure` and `avoid` with `margin`.
+    field : Field
+        What is known of the field; as of `room`.
+    zones : Zone, Uncertainty, Body or PairZones
+        That the plan keeps; one for all, or of each pair.
+    feedback : Feedback, optional
+        As of `room`.
+    navigation : Navigation, optional
+        As of `room`.
+    obstacles : Path or sequence of Path, default none
+        Of the plan: they are where their paths say.
+    cancel : bool, default True
+        As of `room`.
+    residual : array_like of shape (N,) or () [m/s^2], default 0
+        As of `room`.
+    thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
+        As of `room`.
+    sigmas : float, no unit, default 4
+        As of `room`.
+
+    Returns
+    -------
+    FittedMargin
+        Not `fits` where no plan was found with the margin that was needed.
+
+    Raises
+    ------
+    ValueError
+        If `planned` gives no plan, or as `room`.
+
+    Notes
+    -----
+    The first plan has the margin of noise and of `residual`.  Where a pair comes nearer to its zone than it
+    may be off along the zone's normal there, its margin grows to that; margins never shrink, so that rounds
+    end.  Pairs that come near nobody keep the first.
+
+    References
+    ----------
+    docs/theory.md (90).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
+    >>> start = np.array([[0, 0, 120.0, 0, 0, 0], [0, 0, -120.0, 0, 0, 0]])
+    >>> def swap(margin):
+    ...     return cf.reconfigure(chief.orbit, start, -start, 2000.0, cf.Sphere(30.0), margin=margin)
+    >>> sight = cf.Navigation(0.1, 3e-4)
+    >>> field, zone = cf.Field(chief), cf.Sphere(30.0)
+    >>> found = cf.fit_margin(swap, field, zone, navigation=sight, thrust_error=(0.01, 0.01))
+    >>> found.fits, bool(0.28 < found.greatest < 0.4)
+    (True, True)
+    """
+    if not callable(planned):
+        raise ValueError(f"planned: a function of a margin that makes a plan, got {shown(planned)}")
+    orbit = instance("field", field, Field).chief.orbit
+    law = Feedback() if feedback is None else feedback
+    others = obstacle_batch(orbit, obstacles)
+    fixed = len(others) if others is not None else 0
+    sight = Navigation() if navigation is None else navigation
+    least = tube(orbit, law, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
+    margin: Any = np.asarray(least.radius if fixed else least.of_a_pair)
+    for made in range(1, ROUNDS + 1):
+        plan = instance("planned", planned(margin), Plan, Avoidance)
+        if not plan.ok:
+            why = f"no plan with a margin of {margin.max():.3g} m: {plan.reason}"
+            return FittedMargin(plan, None, margin, False, made, why)
+        found = room(
+            *(plan, field, law, sight),
+            cancel=cancel,
+            residual=residual,
+            thrust_error=thrust_error,
+            sigmas=sigmas,
+        )
+        craft, paths = len(found.shift), paths_to_fly(plan, field)
+        each = [paths[k] for k in range(craft)] + [others[k] for k in range(fixed) if others is not None]
+        bodies = stack(each)
+        margin = np.broadcast_to(margin, (craft + fixed, craft + fixed)).copy()
+        pairs, left, needed = needed_room(found, bodies, pair_zones("zones", zones, craft, fixed))
+        short = np.where(left < needed, needed, 0.0).max(axis=1, initial=0.0)
+        rises = short > margin[tuple(pairs.T)]
+        if not rises.any():
+            return FittedMargin(plan, found, margin, True, made, _told(margin, made))
+        one, other = pairs[rises].T
+        margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
+    why = f"still short of room after {made} plans, with a margin of {margin.max():.3g} m"
+    return FittedMargin(plan, found, margin, False, made, why)
+
+
+def _told(margin: Floats, made: int) -> str:
+    return f"a margin of {margin.max():.3g} m fits, in {made} plan{'s' * (made > 1)}"

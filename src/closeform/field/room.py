@@ -1,0 +1,195 @@
+"""Room: how far craft under feedback are off one plan at each of its times, and what pairs need of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance, number, shown
+from closeform.field.chief_frame import ChiefFrame
+from closeform.field.closed_loop import ClosedLoop
+from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors
+from closeform.field.field import Field
+from closeform.field.flown_plan import paths_to_fly
+from closeform.field.residual import residuals
+from closeform.field.validity import deviations_of
+from closeform.motion.path import Path
+from closeform.result import Result
+from closeform.zones.padding import gap
+from closeform.zones.pair_zones import PairZones
+
+STEPS = 6  # from one measurement to the next: those at which a craft is looked at
+TURNS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)  # (3, 3, 3), small turns about axes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Room(Result):
+    """How far N craft are off their planned paths at T times, under feedback; made by `room`.
+
+    Attributes
+    ----------
+    times : array of shape (T,) [s]
+        Since the chief's epoch.
+    shift : array of shape (N, T, 3) [m]
+        Where they are expected to be off: by what is known of the field and not commanded against.
+    stretch : array of shape (N, T, 3) [m]
+        How much further for thrust that is larger by the whole of itself, in the chief's axes.
+    turn : array of shape (N, T, 3, 3) [m/rad]
+        The same of thrust that is turned about each of the chief's axes, in columns.
+    thrust_error : tuple of two floats, no unit and [rad]
+        By how much thrust is off at most: a share of its size, and in direction.
+    rest : array of shape (N,) [m]
+        What else they are off at most: by accelerations that nobody knows, and measurements that are off by
+        something constant.
+    noise : float [m]
+        The standard deviation, in the worst direction, from measurements that are off at random.
+    sigmas : float, no unit
+        As many of which count.
+    """
+
+    _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas")
+
+    times: Floats
+    shift: Floats
+    stretch: Floats
+    turn: Floats
+    thrust_error: tuple[float, float]
+    rest: Floats
+    noise: float
+    sigmas: float
+
+    @property
+    def radius(self) -> Floats:
+        """How far off each craft is at each time, in any direction (N, T) [m]."""
+        share, angle = self.thrust_error
+        larger, turned = share * self.stretch, (1.0 + share) * angle * self.turn
+        aligned = np.linalg.norm(np.einsum("ntij,nti->ntj", turned, larger), axis=-1)
+        square = (larger**2).sum(axis=-1) + np.linalg.norm(turned, 2, axis=(-2, -1)) ** 2 + 2.0 * aligned
+        off = np.linalg.norm(self.shift, axis=-1) + np.sqrt(square)
+        return np.asarray(off + self.rest[:, None] + self.sigmas * self.noise)
+
+    @property
+    def greatest(self) -> Floats:
+        """The same at any time (N,) [m]."""
+        return np.asarray(self.radius.max(axis=1))
+
+
+def room(
+    plan: Any,
+    field: Field,
+    feedback: Feedback | None = None,
+    navigation: Navigation | None = None,
+    *,
+    cancel: bool = True,
+    residual: ArrayLike = 0.0,
+    thrust_error: tuple[float, float] = (0.0, 0.0),
+    sigmas: float = 4.0,
+) -> Room:
+    """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
+
+    Parameters
+    ----------
+    plan : Plan, Avoidance or Path
+        Of one craft or of N without impulses, as of `fly`.
+    field : Field
+        What is known of the field.
+    feedback : Feedback, optional
+        How often they are measured, and within which horizon brought back; as of `fly`.
+    navigation : Navigation, optional
+        How well; exactly unless given.
+    cancel : bool, default True
+        Whether what Hill's equations leave out is commanded against, as by `thrust`.
+    residual : array_like of shape (N,) or () [m/s^2], default 0
+        Accelerations beyond this field, at most.
+    thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
+        By how much each craft's thrust is off at most, as a share of its size, and in direction; constant
+        through a flight.
+    sigmas : float, no unit, default 4
+        Of the noise, which count.
+
+    Returns
+    -------
+    Room
+        By cause, craft and time.
+
+    Raises
+    ------
+    ValueError
+        If the plan has no paths, is of deep space, its mean motion is not the chief's, a number is negative
+        or not finite, or an argument is of another kind.
+
+    Notes
+    -----
+    Errors of thrust that is planned are followed along it, as the plan knows how large it is when; those
+    of thrust that feedback adds are bounded, and change what noise makes.  Thrust has no limit here.
+
+    References
+    ----------
+    docs/theory.md (86) and (90).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
+    >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
+    >>> sight = cf.Navigation(0.1, 3e-4)
+    >>> found = cf.room(path, cf.Field(chief), navigation=sight, thrust_error=(0.01, 0.0175))
+    >>> bool(0.2 < found.greatest[0] < 0.4)
+    True
+    """
+    paths = paths_to_fly(plan, field)
+    law = instance("feedback", Feedback() if feedback is None else feedback, Feedback)
+    sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
+    instance("cancel", cancel, bool)
+    errors, k = thrust_errors(thrust_error), float(nonnegative("sigmas", number("sigmas", sigmas)))
+    unknown, count = nonnegative("residual", residual), len(paths.start)
+    if unknown.shape not in ((), (count,)):
+        raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
+    start, end = float(paths.start[0]), float(paths.end[0])
+    intervals = int(np.ceil((end - start) / law.every))  # of equal length, as flown
+    times = np.linspace(start, end, STEPS * intervals + 1)
+    loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, STEPS)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+    flown = paths.thrust(times) - (left_out if cancel else 0.0)
+    pushes = [left_out * (not cancel), flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
+    off, brought = loop.follow(deviations_of(paths.orbit, times, np.concatenate(pushes)))
+    shift, stretch, *turned = off.reshape(5, count, -1, 3)
+    _, more, *turning = brought.reshape(5, count, -1, 3)
+    beyond = loop.beyond(errors, np.broadcast_to(unknown, count), sight, (more, np.stack(turning, axis=-1)))
+    noise = loop.spread(sight, errors)
+    return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, beyond, noise, k)
+
+
+def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats, Floats]:
+    """Pairs (P, 2) with a zone, how far they are off it as planned (P, T), and how far they need to be [m].
+
+    `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be.  What
+    is needed counts along the zone's normal where the pair is.                                # theory (90)
+    """
+    places, craft = paths.position(found.times), len(found.shift)
+    pairs, left, needed = [], [], []
+    for zone, some in zones.groups():
+        for i, j in some[some[:, 0] < craft].tolist():
+            off, normals = gap(zone, places[i] - places[j])
+            shift, most = _along(found, i, normals)
+            spread = found.noise
+            if j < craft:
+                other = _along(found, j, normals)
+                shift, most, spread = shift - other[0], most + other[1], np.sqrt(2.0) * spread
+            pairs.append((i, j))
+            left.append(off)
+            needed.append(most - shift + found.sigmas * spread)
+    size = (len(pairs), len(found.times))
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2), np.reshape(left, size), np.reshape(needed, size)
+
+
+def _along(found: Room, craft: int, normals: Floats) -> tuple[Floats, Floats]:
+    """Where one craft is expected along normals (T, 3) [m], and how much further but for noise."""
+    share, angle = found.thrust_error
+    off = share * np.abs((found.stretch[craft] * normals).sum(axis=-1))
+    turned = np.einsum("tij,ti->tj", found.turn[craft], normals)
+    off += (1.0 + share) * angle * np.linalg.norm(turned, axis=-1)
+    return (found.shift[craft] * normals).sum(axis=-1), off + found.rest[craft]

@@ -1,0 +1,126 @@
+"""Room along a plan, against flights with errors at their corners, and plans that are fitted to it."""
+
+import numpy as np
+import pytest
+
+import closeform as cf
+
+CHIEF = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.7, 1e-3, 0.0, 0.9, 0.3])
+ORBIT, FIELD = CHIEF.orbit, cf.Field(CHIEF)
+SIGHT, OFF = cf.Navigation(0.1, 3e-4), (0.01, np.radians(1.0))
+
+
+def formation(turns: float = 1.0, count: int = 4) -> cf.Path:
+    draws = np.random.default_rng(7)
+    scale = 400.0 * np.repeat([1.0, ORBIT.mean_motion], 3)
+    return ORBIT.transfer(*(draws.normal(size=(2, count, 6)) * scale), turns * ORBIT.period)
+
+
+def deviations(path: cf.Path, flights: cf.Flight) -> np.ndarray:
+    return (flights.states - path.state(flights.times))[..., :3]
+
+
+def at(room: cf.Room, what: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """What is known (N, T, ...) at the room's times, at others between them."""
+    flat = what.reshape(len(what), len(room.times), -1)
+    found = [[np.interp(times, room.times, column) for column in one.T] for one in flat]
+    return np.moveaxis(np.array(found), 1, 2).reshape(len(what), len(times), *what.shape[2:])
+
+
+def test_flights_stay_in_their_room_and_use_it():
+    """Errors of thrust as drawn, without noise: at each time within what it says, and no wide bound."""
+    path = formation()
+    room = cf.room(path, FIELD, thrust_error=OFF)
+    flights = cf.fly(path, FIELD, thrust_error=OFF, seeds=150)
+    off = np.linalg.norm(deviations(path, flights), axis=-1)
+    limit = at(room, room.radius, flights.times)
+    assert (off <= limit + 1e-4).all()  # m
+    assert (off.max(axis=(0, 2)) > 0.5 * room.greatest).all()
+    flat = cf.tube(ORBIT, cf.Feedback(), cf.Navigation(), 0.0, np.hypot(*OFF) * path.peak_thrust)
+    assert (room.greatest < flat.radius).all()
+
+
+def test_what_is_not_commanded_against_is_expected():
+    """Flown without cancelling: where each craft is, to a hundredth of how far."""
+    path = formation()
+    room = cf.room(path, FIELD, cancel=False)
+    off = deviations(path, cf.fly(path, FIELD, cancel=False))[0]
+    expected = at(room, room.shift, cf.fly(path, FIELD, cancel=False).times)
+    assert np.abs(off).max() > 0.1
+    assert np.abs(expected - off).max() < 0.02 * np.abs(off).max()
+
+
+def test_noise_with_thrust_that_is_off():
+    """Thrust that is larger or turned makes other noise; never less than drawn flights show."""
+    path, wrong = formation(), (0.2, 0.2)
+    room = cf.room(path, FIELD, navigation=SIGHT, thrust_error=wrong)
+    plain = cf.room(path, FIELD, navigation=SIGHT)
+    assert plain.noise == pytest.approx(cf.tube(ORBIT, cf.Feedback(), SIGHT).noise, rel=5e-3)
+    assert 1.01 < room.noise / plain.noise < 1.3
+    quiet = cf.fly(path, FIELD, thrust_error=wrong, seeds=200)
+    noisy = cf.fly(path, FIELD, thrust_error=wrong, navigation=SIGHT, seeds=200)
+    spread = (noisy.states - quiet.states)[..., 60:, :3].std(axis=(0, 2)).max()
+    assert 0.8 * room.noise < spread < 1.03 * room.noise
+
+
+# --- margins that fit ---------------------------------------------------------------------------
+
+
+def crossing(count: int = 4) -> np.ndarray:
+    angle = 2.0 * np.pi / count * np.arange(count) + 0.3
+    states = np.zeros((count, 6))
+    states[:, 1], states[:, 2] = 150 * np.cos(angle), 150 * np.sin(angle)
+    return states
+
+
+def swap() -> np.ndarray:
+    states = np.zeros((3, 6))
+    states[:, 1], states[:, 2] = [0.0, 15.0, 90.0], [140.0, -140.0, 0.0]
+    return states
+
+
+@pytest.mark.parametrize(
+    "zone", [cf.Sphere(30.0), cf.Box([20.0, 30.0, 25.0]), cf.Ellipsoid([20.0, 40.0, 20.0])]
+)
+def test_a_fitted_margin_is_flown_clear(zone):
+    """Of 100 flights with noise and thrust that is off; flown without a margin every third enters."""
+    start = swap()
+
+    def planned(margin):
+        return cf.reconfigure(ORBIT, start, start[[1, 0, 2]], 0.4 * ORBIT.period, zone, margin=margin)
+
+    found = cf.fit_margin(planned, FIELD, zone, navigation=SIGHT, thrust_error=OFF)
+    assert found.fits
+    assert found.rounds <= 4
+    assert 0.28 < found.greatest < 0.6
+    flown = {"navigation": SIGHT, "zones": zone, "thrust_error": OFF, "seeds": 100}
+    assert cf.fly(found.plan, FIELD, **flown).violated == 0.0
+    assert cf.fly(planned(0.0), FIELD, **flown).violated > 0.3
+
+
+def test_beside_an_obstacle_that_is_known():
+    """It needs the room of one craft, not of two."""
+    zone, client = cf.Sphere(30.0), ORBIT.coast(np.zeros(6), 1500.0)
+    path = ORBIT.transfer([0, 0, 120, 0, 0, 0], [0, 0, -120, 0, 0, 0], 1500.0)
+    found = cf.fit_margin(
+        lambda margin: cf.avoid(path, client, zone, margin=margin),
+        FIELD,
+        zone,
+        navigation=SIGHT,
+        obstacles=client,
+    )
+    assert found.fits
+    assert found.greatest == pytest.approx(cf.tube(ORBIT, cf.Feedback(), SIGHT).radius, rel=0.02)
+
+
+def test_no_room_between_ends():
+    start, zone = crossing(), cf.Sphere(211.9)  # neighbours are 212.13 m apart
+    found = cf.fit_margin(
+        lambda margin: cf.reconfigure(ORBIT, start, -start, 2000.0, zone, margin=margin),
+        FIELD,
+        zone,
+        navigation=SIGHT,
+    )
+    assert not found.fits
+    assert found.room is None
+    assert "less than the margin of 0.279 m" in found.reason
