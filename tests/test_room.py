@@ -63,6 +63,16 @@ def test_noise_with_thrust_that_is_off():
     assert 0.8 * room.noise < spread < 1.03 * room.noise
 
 
+def test_errors_of_each_craft():
+    path, sizes = formation(), np.array([[0.0, 0.0], OFF, [0.02, 0.0], [0.0, 0.02]])
+    room, alike = cf.room(path, FIELD, thrust_error=sizes), cf.room(path, FIELD, thrust_error=OFF)
+    assert room.greatest[0] == 0.0
+    assert room.greatest[1] == pytest.approx(alike.greatest[1])
+    off = np.linalg.norm(deviations(path, cf.fly(path, FIELD, thrust_error=sizes, seeds=40)), axis=-1)
+    assert (off.max(axis=(0, 2)) <= room.greatest + 1e-4).all()
+    assert (off.max(axis=(0, 2))[2:] > 0.5 * room.greatest[2:]).all()
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 

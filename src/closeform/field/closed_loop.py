@@ -99,11 +99,12 @@ class ClosedLoop:
         thrust = np.concatenate([self.law, self.law @ self.late], axis=2)
         return _greatest(seen, held), _greatest(thrust, held)
 
-    def spread(self, sight: Navigation, errors: tuple[float, float]) -> float:
-        """The standard deviation [m] of positions, at the worst of some errors of thrust."""
-        if not any(errors):
+    def spread(self, sight: Navigation, errors: Floats) -> float:
+        """The standard deviation [m] of positions, at the worst of errors of thrust (N, 2)."""
+        most = errors.max(axis=0)
+        if not most.any():
             return self.noise(sight)[0]
-        return max(self.noise(sight, corner * np.repeat(errors, [1, 3]))[0] for corner in CORNERS)
+        return max(self.noise(sight, corner * np.repeat(most, [1, 3]))[0] for corner in CORNERS)
 
     def _answers(self, wrong: Floats) -> Floats:
         """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
@@ -154,21 +155,21 @@ class ClosedLoop:
         return COARSE * float(sums[0].max()), COARSE * float(sums[1].max())
 
     def beyond(
-        self, errors: tuple[float, float], unknown: Floats, sight: Navigation, brought: tuple[Floats, Floats]
+        self, errors: Floats, unknown: Floats, sight: Navigation, brought: tuple[Floats, Floats]
     ) -> Floats:
         """How far off craft are at most (N,) [m], beside what is followed along their plans and noise.
 
-        By accelerations that nobody knows, biases, and errors of the thrust that answers to these and to the
-        errors of what is planned, `brought` (N, T, 3) and (N, T, 3, 3).
+        By accelerations that nobody knows, biases, and `errors` (N, 2) of the thrust that answers to these
+        and to the errors of what is planned, `brought` (N, T, 3) and (N, T, 3, 3).
         """
-        share, angle = errors
+        share, angle = errors.T
         wrong = np.hypot(share, (1.0 + share) * angle)
         gain, echo = self.gains
         bias, answer = self.biased(sight)
         stretched = np.linalg.norm(brought[0], axis=-1)
         turned = np.linalg.norm(brought[1], 2, axis=(-2, -1))
-        first = (share * stretched + (1.0 + share) * angle * turned).max(axis=1)
-        thrust = (first + echo * unknown + answer) / max(1.0 - wrong * echo, np.finfo(float).tiny)
+        first = (share * stretched.T + (1.0 + share) * angle * turned.T).max(axis=0)
+        thrust = (first + echo * unknown + answer) / np.maximum(1.0 - wrong * echo, np.finfo(float).tiny)
         return np.asarray(gain * (unknown + wrong * thrust) + bias)
 
 

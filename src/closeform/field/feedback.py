@@ -109,12 +109,12 @@ def nonnegative(name: str, value: ArrayLike) -> Floats:
     return sizes
 
 
-def thrust_errors(value: ArrayLike) -> tuple[float, float]:
-    """The argument `thrust_error`: a share of thrust, and an angle [rad]."""
+def thrust_errors(value: ArrayLike, count: int) -> Floats:
+    """The argument `thrust_error` of each craft (N, 2): a share of thrust, and an angle [rad]."""
     sizes = np.asarray(checked("thrust_error", value))
-    if sizes.shape != (2,) or not (sizes >= 0.0).all():
+    if sizes.shape not in ((2,), (count, 2)) or not (sizes >= 0.0).all():
         raise ValueError(f"thrust_error: two numbers, 0 or more, got {shown(value)}")
-    return float(sizes[0]), float(sizes[1])
+    return np.broadcast_to(sizes, (count, 2))
 
 
 def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Floats, Floats]:

@@ -72,7 +72,7 @@ def fit_margin(
     obstacles: Path | Any = (),
     cancel: bool = True,
     residual: ArrayLike = 0.0,
-    thrust_error: tuple[float, float] = (0.0, 0.0),
+    thrust_error: ArrayLike = (0.0, 0.0),
     sigmas: float = 4.0,
 ) -> FittedMargin:
     """A plan with the margin that its own flight needs: made, looked at, and made anew until it fits.
@@ -96,7 +96,7 @@ def fit_margin(
         As of `room`.
     residual : array_like of shape (N,) or () [m/s^2], default 0
         As of `room`.
-    thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
+    thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         As of `room`.
     sigmas : float, no unit, default 4
         As of `room`.

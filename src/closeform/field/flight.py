@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, number, numbers, shown, whole
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import commands_of, flown
-from closeform.field.feedback import Feedback, Navigation
+from closeform.field.feedback import Feedback, Navigation, thrust_errors
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import paths_to_fly
@@ -110,9 +110,7 @@ def fly(
     usual = BY_IMPULSES if fires else Feedback()
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
-    sizes = np.asarray(checked("thrust_error", thrust_error))
-    if sizes.shape not in ((2,), (len(paths), 2)) or not (sizes >= 0.0).all():
-        raise ValueError(f"thrust_error: two numbers, 0 or more, got {shown(thrust_error)}")
+    sizes = thrust_errors(thrust_error, len(paths))
     limit, least = (
         _limit(max_acceleration, fires, len(paths)),
         checked("minimum_bit", number("minimum_bit", minimum_bit)),

@@ -16,6 +16,7 @@ from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
 from closeform.field.validity import deviations_of
+from closeform.motion.arc import IMPULSE
 from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.zones.padding import gap
@@ -39,7 +40,7 @@ class Room(Result):
         How much further for thrust that is larger by the whole of itself, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
         The same of thrust that is turned about each of the chief's axes, in columns.
-    thrust_error : tuple of two floats, no unit and [rad]
+    thrust_error : array of shape (N, 2), no unit and [rad]
         By how much thrust is off at most: a share of its size, and in direction.
     rest : array of shape (N,) [m]
         What else they are off at most: by accelerations that nobody knows, and measurements that are off by
@@ -56,7 +57,7 @@ class Room(Result):
     shift: Floats
     stretch: Floats
     turn: Floats
-    thrust_error: tuple[float, float]
+    thrust_error: Floats
     rest: Floats
     noise: float
     sigmas: float
@@ -64,8 +65,8 @@ class Room(Result):
     @property
     def radius(self) -> Floats:
         """How far off each craft is at each time, in any direction (N, T) [m]."""
-        share, angle = self.thrust_error
-        larger, turned = share * self.stretch, (1.0 + share) * angle * self.turn
+        share, angle = self.thrust_error.T[..., None, None]
+        larger, turned = share * self.stretch, ((1.0 + share) * angle)[..., None] * self.turn
         aligned = np.linalg.norm(np.einsum("ntij,nti->ntj", turned, larger), axis=-1)
         square = (larger**2).sum(axis=-1) + np.linalg.norm(turned, 2, axis=(-2, -1)) ** 2 + 2.0 * aligned
         off = np.linalg.norm(self.shift, axis=-1) + np.sqrt(square)
@@ -85,7 +86,7 @@ def room(
     *,
     cancel: bool = True,
     residual: ArrayLike = 0.0,
-    thrust_error: tuple[float, float] = (0.0, 0.0),
+    thrust_error: ArrayLike = (0.0, 0.0),
     sigmas: float = 4.0,
 ) -> Room:
     """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
@@ -104,7 +105,7 @@ def room(
         Whether what Hill's equations leave out is commanded against, as by `thrust`.
     residual : array_like of shape (N,) or () [m/s^2], default 0
         Accelerations beyond this field, at most.
-    thrust_error : tuple of two floats, no unit and [rad], default (0, 0)
+    thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         By how much each craft's thrust is off at most, as a share of its size, and in direction; constant
         through a flight.
     sigmas : float, no unit, default 4
@@ -118,8 +119,8 @@ def room(
     Raises
     ------
     ValueError
-        If the plan has no paths, is of deep space, its mean motion is not the chief's, a number is negative
-        or not finite, or an argument is of another kind.
+        If the plan has no paths or has impulses, feedback is by impulses, the plan is of deep space, its
+        mean motion is not the chief's, a number is negative or not finite, or an argument is of another kind.
 
     Notes
     -----
@@ -141,10 +142,19 @@ def room(
     True
     """
     paths = paths_to_fly(plan, field)
+    if paths.arcs[:, IMPULSE : IMPULSE + 3].any():
+        raise ValueError(
+            "plan: has impulses; errors are followed along thrust that lasts: plan burns, or use tube"
+        )
     law = instance("feedback", Feedback() if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
+    if law.impulses:
+        raise ValueError("feedback: by impulses; errors are followed along thrust that lasts: use tube")
     instance("cancel", cancel, bool)
-    errors, k = thrust_errors(thrust_error), float(nonnegative("sigmas", number("sigmas", sigmas)))
+    errors, k = (
+        thrust_errors(thrust_error, len(paths)),
+        float(nonnegative("sigmas", number("sigmas", sigmas))),
+    )
     unknown, count = nonnegative("residual", residual), len(paths.start)
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
@@ -188,7 +198,7 @@ def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats
 
 def _along(found: Room, craft: int, normals: Floats) -> tuple[Floats, Floats]:
     """Where one craft is expected along normals (T, 3) [m], and how much further but for noise."""
-    share, angle = found.thrust_error
+    share, angle = found.thrust_error[craft]
     off = share * np.abs((found.stretch[craft] * normals).sum(axis=-1))
     turned = np.einsum("tij,ti->tj", found.turn[craft], normals)
     off += (1.0 + share) * angle * np.linalg.norm(turned, axis=-1)
