@@ -220,8 +220,7 @@ stage[2].do: "hover" is not known here; use one of coast, transfer, avoid, scatt
 stage[3]: order goes with plan = "sequential" only; remove order
 stage[3]: needs one of factor, from; add for example factor = 3.0
 craft.name: F2 is given 2 times; name each one differently
-stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time
-craft.silent: is not built yet; remove it""",
+stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
     ),
     Bad("no format", "closeform = 1\n", "", "closeform: must say the file's format; write closeform = 1"),
     Bad(
@@ -879,6 +878,24 @@ craft.silent: is not built yet; remove it""",
         STUDY + '[study.vary]\n"craft.silent" = { chance = 1.5 }\n',
         'study.vary."craft.silent".chance: 1.5 is above 1.0; write for example chance = 0.01',
     ),
+    lost(
+        "a draw beyond a cone",
+        '"craft.velocity" = { ball = "6 cm/s" }',
+        '"sensor.half_angle" = { uniform = "80 deg" }',
+        'study.vary."sensor.half_angle": some case has -0.174533 in SI units, beyond what sensor.half_angle may be; draw less',
+    ),
+    lost(
+        "a draw of what is not there",
+        '"craft.velocity" = { ball = "6 cm/s" }',
+        '"sensor.range" = { uniform = "80 m" }',
+        'study.vary."sensor.range": there is no sensor.range to add to; give it, or draw a choice',
+    ),
+    lost(
+        "a body that is turned around",
+        '"craft.velocity" = { ball = "6 cm/s" }',
+        '"craft.pointing_error" = { ball = "95 deg" }',
+        'study.vary."craft.pointing_error": some body is turned by 90 deg or more; draw less',
+    ),
     Bad(
         "a study of nothing",
         "",
@@ -1358,7 +1375,7 @@ SEARCHES = (
         "an imperfect search",
         'velocity = "0 0 0 cm/s"',
         'velocity = "0 0 0 cm/s"\nstart_offset = "2 s"',
-        "craft.start_offset: is not built yet; remove it",
+        "craft.start_offset: a gathering cannot have it yet; remove it, or look for locks",
     ),
     lost(
         "a published figure for no phase",
@@ -1488,9 +1505,9 @@ MISUSES = (
         "--seed: -1 is out of range; give at least 0",
     ),
     Misuse(
-        "a draw that is not built",
+        "a draw that a gathering cannot have",
         "study silent.toml",
-        'silent.toml: study.vary."craft.silent": is not built yet; remove it, this version varies craft.position, craft.velocity',
+        'silent.toml: study.vary."craft.silent": a gathering cannot have it yet; remove it, or look for locks',
     ),
     Misuse(
         "a cluster",

@@ -316,17 +316,6 @@ def test_check(tmp_path, capsys) -> None:
     assert "valid: 8 craft; stages: coast, scatter, coast, regather" in printed
 
 
-def test_what_is_not_built_says_so(tmp_path, capsys) -> None:
-    out, file = tmp_path / "results", CLUSTER.with_name("robustness.toml")
-    assert main(["run", str(file), "--out", str(out)]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    lines = printed.err.splitlines()
-    assert len(lines) == 5
-    assert all("is not built yet; " in line for line in lines)
-    assert not out.exists()
-
-
 def test_view(flown: tuple[Path, str], monkeypatch, capsys) -> None:
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)

@@ -1,13 +1,12 @@
-"""What is not built yet: `check`, `run`, `study` and the docs say the same."""
+"""What commands do not take: `check`, `run` and `study` say the same."""
 
-import re
 from pathlib import Path
 
 import pytest
 
 from closeform.cli import main
-from closeform.scenario.craft import Craft
-from closeform.scenario.study import BUILT, readers
+from closeform.scenario import study
+from closeform.scenario.study import STATES, readers
 
 LOCKING = """\
 closeform = 1
@@ -37,13 +36,13 @@ sun_limit = "25 deg"
 STAGE
 """
 STUDIED = '\n[study]\ncases = 2\nseed = 1\n[study.vary]\n"craft.velocity" = { uniform = "1 cm/s" }\n'
-NOT_BUILT = {
+SEARCHED = {
     "pointing_error": '"0.1 0 0 deg"',
     "slew_rate_error": '"0.1 %"',
     "start_offset": '"2 s"',
     "silent": "[false, true]",
 }
-assert set(NOT_BUILT) == set(Craft.not_built)
+GATHERS = "a gathering cannot have it yet; remove it, or look for locks"
 
 
 def statuses(text: str, capsys) -> dict[str, tuple[int, list[str]]]:
@@ -56,13 +55,12 @@ def statuses(text: str, capsys) -> dict[str, tuple[int, list[str]]]:
     return found
 
 
-@pytest.mark.parametrize("stage", ['do = "lock"', 'do = "coast"\nfor = "1 min"'], ids=["lock", "coast"])
-@pytest.mark.parametrize("key", NOT_BUILT)
-def test_a_key_that_is_not_built_is_refused_by_all(key, stage, tmp_path, monkeypatch, capsys) -> None:
-    """Whatever flies, check, run and study say the same of it; at its default it does no harm."""
+@pytest.mark.parametrize("key", SEARCHED)
+def test_what_a_gathering_cannot_have_is_refused_by_all(key, tmp_path, monkeypatch, capsys) -> None:
+    """Check, run and study say the same of it; at its default it does no harm."""
     monkeypatch.chdir(tmp_path)
-    text = LOCKING.replace("KEY", f"{key} = {NOT_BUILT[key]}").replace("STAGE", stage)
-    line = f"two.toml: craft.{key}: is not built yet; remove it"
+    text = LOCKING.replace("KEY", f"{key} = {SEARCHED[key]}").replace("STAGE", 'do = "gather"')
+    line = f"two.toml: craft.{key}: {GATHERS}"
     found = statuses(text, capsys)
     assert found["check"] == found["run"] == (2, [line])
     found = statuses(text + STUDIED, capsys)
@@ -71,16 +69,19 @@ def test_a_key_that_is_not_built_is_refused_by_all(key, stage, tmp_path, monkeyp
     assert found["check"][1] == found["study"][1]
     assert list(tmp_path.iterdir()) == [tmp_path / "two.toml"]
     harmless = {"pointing_error": '"0 0 0 deg"', "slew_rate_error": '"0 %"', "start_offset": '"0 s"'}
-    Path("two.toml").write_text(text.replace(NOT_BUILT[key], harmless.get(key, "false")))
+    Path("two.toml").write_text(text.replace(SEARCHED[key], harmless.get(key, "false")))
+    assert main(["check", "two.toml"]) == 0
+    Path("two.toml").write_text(text.replace("gather", "lock"))
     assert main(["check", "two.toml"]) == 0
 
 
-@pytest.mark.parametrize("key", sorted({key for key in readers() if key not in BUILT}))
-def test_a_draw_that_is_not_built_is_refused_by_check_and_study(key, tmp_path, monkeypatch, capsys) -> None:
+@pytest.mark.parametrize("key", [key for key in readers() if key not in (*STATES, *study.SEARCHED)])
+def test_a_key_that_is_one_for_all_cases_is_refused_by_check_and_study(
+    key, tmp_path, monkeypatch, capsys
+) -> None:
     """A run without --case flies the nominal values, and check says so."""
     monkeypatch.chdir(tmp_path)
-    reader = readers()[key]
-    draw = "{ chance = 0.5 }" if reader is None else f"{{ choice = [{reader.example}] }}"
+    draw = f"{{ choice = [{readers()[key].example}] }}"
     text = LOCKING.replace("KEY", "").replace("STAGE", 'do = "lock"') + STUDIED + f'"{key}" = {draw}\n'
     Path("two.toml").write_text(text)
     assert main(["check", "two.toml"]) == 2
@@ -90,11 +91,4 @@ def test_a_draw_that_is_not_built_is_refused_by_check_and_study(key, tmp_path, m
         assert main([arguments[0], "two.toml", *arguments[1:]]) == 2
         assert capsys.readouterr().err == checked.err
     (line,) = checked.err.splitlines()
-    assert line.startswith(f'two.toml: study.vary."{key}": is not built yet; ')
-
-
-def test_docs_say_what_is_not_built() -> None:
-    """Every such key is marked on the page of keys, and nothing that is built is."""
-    page = (Path(__file__).parents[1] / "docs" / "scenario.md").read_text(encoding="utf-8")
-    marked = set(re.findall(r"^\| `(\w+)` \|.*not built yet", page, re.MULTILINE))
-    assert marked - {"chance"} == set(Craft.not_built)  # a chance is for `silent`
+    assert line.startswith(f'two.toml: study.vary."{key}": is one for all cases; ')

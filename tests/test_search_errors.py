@@ -25,7 +25,7 @@ class Body:
     slew_rate: float = 0.0
     start: float = 0.0
     half_angle: float = 0.0
-    range: float = inf
+    range: float | None = None
     slew_acceleration: float = inf
     silent: bool = False
 
@@ -78,7 +78,8 @@ def missing(a, b, sensor, r, v, times):
         length * cos(sensor.half_angle + body.half_angle) - way * (q * look).sum(axis=1)
         for body, look, way in ((a, one, 1.0), (b, other, -1.0))
     ]
-    return np.maximum(np.maximum(*seen), length - min(sensor.range, a.range, b.range))
+    longest = min(sensor.range if body.range is None else body.range for body in (a, b))
+    return np.maximum(np.maximum(*seen), length - longest)
 
 
 def first_lock(a, b, sensor, r, v):

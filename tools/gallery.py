@@ -26,6 +26,7 @@ EXAMPLES = {
         "s04": "histogram",
         "s04_counterexample": "manoeuvres",
         "h03": "histogram",
+        "robustness": "histogram",
         "swarm": "view-6",
     },
     "One craft passes others": {
@@ -56,7 +57,6 @@ HEAD = """# Gallery
 
 Every example in `examples/` that flies, what it shows, and the command for it. Each leaves a folder with its
 report, pictures and tables; files are short, a good place to begin one of your own ([scenario](scenario.md)).
-Only `robustness.toml` is not here: it asks for what is [not built yet](certified.md).
 """
 TAIL = """
 ## Real orbits

@@ -3,7 +3,6 @@
 from pathlib import Path
 
 HERE = Path(__file__).parent
-NOT_YET = {"robustness"}  # some of its keys are not built
 
 
 def folder() -> Path:
@@ -14,7 +13,7 @@ def folder() -> Path:
 
 def names() -> list[str]:
     """Scenarios to start from, in order."""
-    return sorted({file.stem for file in folder().glob("*.toml")} - NOT_YET)
+    return sorted({file.stem for file in folder().glob("*.toml")})
 
 
 def text(name: str) -> str:

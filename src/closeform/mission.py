@@ -38,6 +38,7 @@ from closeform.scenario import (
     load,
 )
 from closeform.search.gather_result import Gathering, who_is_left
+from closeform.search.search_errors import between
 from closeform.single_stage import avoid, transfer
 from closeform.stage_start import StageStart
 
@@ -158,7 +159,9 @@ def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
 
     search, pairs, names = start.scenario.plan, start.scenario.opposite, start.scenario.names
     relative = start.states[pairs[:, 1]] - start.states[pairs[:, 0]]
-    found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:]))
+    craft = start.scenario.search_errors
+    errors = None if craft is None else between(craft, pairs)
+    found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:], errors))
     failure = None
     if never := [f"{names[i]} - {names[j]}" for i, j in found.missing]:
         some = ", ".join(never[:NAMED]) + ", ..." * (len(never) > NAMED)

@@ -1,9 +1,12 @@
-"""Draws: the initial states of a study's cases, the same for case K whichever range it is drawn in.
+"""Draws: what varies in a study's cases, the same for case K whichever range it is drawn in.
 
 Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the
-key's name; craft c of N in case K takes the block of counter K N + c from it.  So a case depends
-neither on other cases nor on other keys.
+key's name; craft c of N in case K takes the block of counter K N + c from it, and for the event e of
+that craft the same block of the e-th part of the stream.  So a case depends neither on other cases
+nor on other keys, and may draw for as many events as it has.
 """
+
+from __future__ import annotations
 
 from dataclasses import replace
 from typing import Any
@@ -12,10 +15,10 @@ import numpy as np
 from scipy.special import ndtri
 
 from closeform.arrays import Floats
-from closeform.scenario import Scenario, ScenarioError
-from closeform.scenario.study import Draw
+from closeform.scenario import Craft, Scenario, ScenarioError
+from closeform.scenario.study import SEARCHED, STATES, Draw
+from closeform.search.search_errors import SearchErrors, first_of
 
-PARTS = {"craft.position": slice(0, 3), "craft.velocity": slice(3, 6)}  # of a state
 WORDS = 4  # random numbers in one block of Philox
 
 
@@ -23,30 +26,74 @@ def drawn(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
     """States (last - first, N, 6) of the craft in the cases from `first` to `last`, without that one."""
     nominal = scenario.states(scenario.orbit.build())
     states = np.repeat(nominal[None], last - first, axis=0)
-    for key, draw in (scenario.study.vary if scenario.study is not None else {}).items():
-        random = uniform(seed, key, len(nominal), first, last)
-        values = spread(draw, draw.numbers(key), random)
-        part = states[..., PARTS[key]]
-        part[...] = values if draw.choice is not None else part + values
+    for key, draw in varied(scenario).items():
+        if key in STATES:
+            random = uniform(seed, key, len(nominal), first, last)
+            part = states[..., 3 * STATES.index(key) :][..., :3]
+            values = spread(draw, draw.numbers(key), random, 3)
+            part[...] = values if draw.choice is not None else part + values
     return states
 
 
-def uniform(seed: int, key: str, blocks: int, first: int, last: int) -> Floats:
-    """Random numbers (last - first, blocks, 4) above 0 and below 1, of a key in some cases."""
+def varied(scenario: Scenario) -> dict[str, Draw]:
+    """The draws of a scenario's study, by key."""
+    return scenario.study.vary if scenario.study is not None else {}
+
+
+def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> Any:
+    """What a key that is no state is for each craft in some cases: (C, N), of vectors (C, N, 3)."""
+    given = np.array(scenario.given(key))
+    count, size = len(scenario.craft), 3 if given.ndim > 1 else 1
+    draw = varied(scenario).get(key)
+    if draw is None:
+        return np.broadcast_to(given, (last - first, count, *given.shape[1:]))
+    random = uniform(seed, key, count, first, last)
+    found = spread(draw, draw.numbers(key), random, size)
+    return found if draw.choice is not None or draw.chance is not None else given + found
+
+
+def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErrors | None:
+    """How far the craft (C, N) are off what a search asks of them in some cases; None where nobody is."""
+    keys = varied(scenario)
+    if scenario.sensor is None or scenario.search is None:
+        return None
+    if not any(craft.astray for craft in scenario.craft) and not {*SEARCHED} & {*keys}:
+        return None
+
+    def of(key: str) -> Any:
+        return values(scenario, seed, key, first, last)
+
+    pace = of("search.slew_rate") / scenario.search.slew_rate
+    ranged = scenario.sensor.range is not None or "sensor.range" in keys
+    return SearchErrors(
+        of("craft.pointing_error"),
+        (1.0 + of("craft.slew_rate_error")) * pace - 1.0,
+        of("craft.start_offset"),
+        of("sensor.half_angle") - scenario.sensor.half_angle,
+        of("sensor.range") if ranged else None,
+        silent=of("craft.silent"),
+    )
+
+
+def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Floats:
+    """Random numbers (last - first, blocks, 4) above 0 and below 1, of a key in some cases, for an event."""
     stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
-    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=first * blocks)
+    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=[first * blocks, event, 0, 0])
     words = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
     return np.asarray(((words >> np.uint64(11)) + 0.5) * 2.0**-53)
 
 
-def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats) -> Floats:
-    """Vectors (..., 3) of a distribution from random numbers (..., 4)."""
+def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> Any:
+    """Numbers (...) or vectors (..., 3), by `size`, of a distribution from random numbers (..., 4)."""
+    some = random[..., 0] if size == 1 else random[..., :3]
+    if draw.chance is not None:
+        return random[..., 0] < numbers[0]
     if draw.choice is not None:
         return np.asarray(np.array(numbers)[(random[..., 0] * len(numbers)).astype(int)])
     if draw.uniform is not None:
-        return np.asarray(numbers[0] * (2.0 * random[..., :3] - 1.0))
+        return np.asarray(numbers[0] * (2.0 * some - 1.0))
     if draw.normal is not None:
-        return np.asarray(numbers[0] * ndtri(random[..., :3]))
+        return np.asarray(numbers[0] * ndtri(some))
     inner, outer = numbers if draw.shell is not None else (0.0, numbers[0])
     radius = np.cbrt(inner**3 + (outer**3 - inner**3) * random[..., 0])
     height, longitude = 2.0 * random[..., 1] - 1.0, 2.0 * np.pi * random[..., 2]
@@ -69,14 +116,31 @@ def case_of(scenario: Scenario, case: int) -> Scenario:
         raise ValueError(f"{scenario.file} draws errors, whose cases only a study flies; leave the case out")
     if lines := scenario.refused("run --case"):
         raise ScenarioError(scenario.file, lines)
-    states = drawn(scenario, scenario.study.seed, case, case + 1)[0].tolist()
-    craft = tuple(
-        one.model_copy(
-            update={"start": None, "states": None, "position": tuple(state[:3]), "velocity": tuple(state[3:])}
-        )
-        for one, state in zip(scenario.craft, states, strict=True)
-    )
-    found = replace(scenario, title=f"{scenario.title}: case {case}", craft=craft, case=case)
-    if lines := found.coincident():
+    found = one_case(scenario, scenario.study.seed, case)
+    if lines := found.coincident() if any(stage.searches for stage in found.stages) else ():
         raise ScenarioError(scenario.file, lines)
     return found
+
+
+def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
+    """The scenario with what one case of its study has drawn with a seed."""
+    states = drawn(scenario, seed, case, case + 1)[0]
+    columns = {"position": states[:, :3], "velocity": states[:, 3:]}
+    for key in varied(scenario):
+        section, name = key.split(".")
+        if section == "craft" and key not in STATES:
+            columns[field_of(name)] = values(scenario, seed, key, case, case + 1)[0]
+    craft = []
+    for k, one in enumerate(scenario.craft):
+        cells = {name: column[k].tolist() for name, column in columns.items()}
+        drawn_now = {name: tuple(cell) if isinstance(cell, list) else cell for name, cell in cells.items()}
+        craft.append(one.model_copy(update={"start": None, "states": None, **drawn_now}))
+    errors = searching(scenario, seed, case, case + 1)
+    title = f"{scenario.title}: case {case}"
+    astray = None if errors is None else first_of(errors)
+    return replace(scenario, title=title, craft=tuple(craft), case=case, astray=astray)
+
+
+def field_of(key: str) -> str:
+    """The field of a craft that a key of [craft] fills."""
+    return next(name for name in Craft.model_fields if Craft.key_of(name) == key)

@@ -11,7 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import Chunks
-from closeform.campaign.draws import drawn
+from closeform.campaign.draws import drawn, searching
 from closeform.campaign.ends import NAMES, ended, named
 from closeform.campaign.search_campaign import Campaign
 from closeform.campaign.tally import Settled
@@ -20,6 +20,7 @@ from closeform.scenario import Scenario, ScenarioError
 from closeform.search.locks import lock_times
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
+from closeform.search.search_errors import between
 from closeform.zones.pair_zones import portions
 
 PAIRS_AT_ONCE = 100_000  # in a chunk; some megabytes
@@ -58,7 +59,9 @@ class LockCases(Cases):
         """First locks of all A-B pairs."""
         states = drawn(self.scenario, self.seed, first, last)
         moves = apart(self.scenario, states, self.pairs, first).reshape(-1, 6)
-        found = lock_times(self.search, moves[:, :3], moves[:, 3:])
+        craft = searching(self.scenario, self.seed, first, last)
+        errors = None if craft is None else between(craft, self.pairs)
+        found = lock_times(self.search, moves[:, :3], moves[:, 3:], errors)
         columns = dict(zip(NAMES, moves.T, strict=True)) | {"time_s": found.time, "leg": found.leg}
         for step in self.steps:
             time, leg = sampled_times(self.search, moves[:, :3], moves[:, 3:], step)

@@ -11,14 +11,14 @@ from closeform.motion.duration import flaw
 from closeform.motion.orbit import Orbit
 from closeform.scenario.asked import doubted, drifting
 from closeform.scenario.clear_ends import ends, zones
-from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.errors import did_you_mean, dotted, key_of, meant_by
+from closeform.scenario.craft import SearchTable, SensorTable
+from closeform.scenario.errors import did_you_mean, key_of, meant_by
 from closeform.scenario.flown import in_field, too_blind
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import Drifting
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
-from closeform.scenario.study import BUILT, draw_error, readers
+from closeform.scenario.studied import study
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
 MOST_SAMPLES = 1e7
@@ -293,35 +293,3 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
                 name = "for" if key == "length" else key
                 yield f"stage[{number}].{name}: {wrong}; give another time"
-
-
-def drawn_errors(scenario: Scenario) -> Iterator[str]:
-    """Errors that are to be drawn where there are none, or where nobody could meet."""
-    if not scenario.uncertain:
-        yield (
-            "study.draws: no craft has errors; add for example "
-            f"covariance = {Craft.examples()['covariance']} to [craft]"
-        )
-    if any(craft.execution is not None and craft.execution.noise for craft in scenario.craft):
-        yield "study.draws: white noise cannot be drawn; remove noise from execution"
-    if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
-        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
-    if len(scenario.craft) < 2:
-        yield "study.draws: needs another craft; add one"
-
-
-def study(scenario: Scenario) -> Iterator[str]:
-    """Draws for keys that cannot vary, or of the wrong kind."""
-    if scenario.study is None:
-        return
-    if scenario.study.draws == "errors":
-        yield from drawn_errors(scenario)
-    known = readers()
-    for key, draw in scenario.study.vary.items():
-        place = dotted(("study", "vary", key))
-        if key not in known:
-            yield f"{place}: cannot vary; {did_you_mean(key, BUILT)}"
-        elif wrong := draw_error(key, draw):
-            yield f"{place}: {wrong}"
-        elif key.startswith(("sensor.", "search.")) and getattr(scenario, key.split(".")[0]) is None:
-            yield f"{place}: there is no [{key.split('.')[0]}]; add that table or remove the draw"

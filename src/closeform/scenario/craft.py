@@ -1,7 +1,7 @@
 """What the formation is made of: [craft], [sensor], [search]."""
 
 from collections.abc import Iterator
-from math import inf, nan, pi
+from math import hypot, inf, nan, pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
 Matrix = tuple[Vector, Vector, Vector]
+MOST_TURN = pi / 2.0  # rad, of a body: more is no error of its pointing
 
 
 class Craft(Table):
     """One craft of [craft]."""
 
-    not_built = ("pointing_error", "slew_rate_error", "start_offset", "silent")
     name: Name = Field(examples=['["F1", "F2"]'])
     group: Literal["A", "B"] | None = Field(None, examples=['["A", "B"]'])
     position: Position | None = Field(None, examples=['["0 0 0 m", "0 100 0 m"]'])
@@ -130,6 +130,10 @@ class Craft(Table):
                 f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
                 "give less of it"
             )
+        if hypot(*self.pointing_error) >= MOST_TURN:
+            yield 'pointing_error must be below 90 deg; write for example "0.5 0 0 deg"'
+        if self.slew_rate_error <= -1.0:
+            yield 'slew_rate_error must be above -100 %; write for example "0.1 %"'
         if self.covariance is not None and self.keep_out is not None and self.keep_out.of_errors:
             yield (
                 "covariance and a keep_out that is one both say where the craft may be; "
@@ -141,6 +145,11 @@ class Craft(Table):
         craft = self.model_copy()
         craft._place = (place, count)
         return craft
+
+    @property
+    def astray(self) -> bool:
+        """Whether it is off what a search asks of it."""
+        return any((*self.pointing_error, self.slew_rate_error, self.start_offset, self.silent))
 
     def known_at(self, state: Floats) -> Self:
         """The craft with its state (6,) at the start, where that is inertial or in a file."""

@@ -78,8 +78,7 @@ def message(found: Any, table: type[Table]) -> str:
     if kind == "missing":
         return f"missing; add for example {example}"
     if kind == "extra_forbidden":
-        built = [one for one in keys if owner is None or one not in owner.not_built]
-        return f"unknown key; {did_you_mean(key, built)}"
+        return f"unknown key; {did_you_mean(key, list(keys))}"
     if kind == "value_error":
         return str(context["error"])
     if kind == "literal_error":

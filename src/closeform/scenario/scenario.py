@@ -19,7 +19,7 @@ from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather
-from closeform.scenario.study import BUILT, Study
+from closeform.scenario.study import SEARCHED, STATES, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from closeform.exchange.chief import Chief
     from closeform.field.field import Field
     from closeform.search.schedule import Search
+    from closeform.search.search_errors import SearchErrors
 
 LIMITS = ("max_thrust", "acceleration", "delta_v_budget", "propellant")  # fields of a Craft
 
@@ -51,7 +52,8 @@ class Scenario:
     study: Study | None = None
     feedback: FeedbackTable | None = None
     navigation: NavigationTable | None = None
-    case: int | None = None  # of the study, if the craft's states are those of one
+    case: int | None = None  # of the study, if this is one
+    astray: "SearchErrors | None" = None  # (N,), how the craft search, where a case has drawn it
     chief: "Chief | None" = None
     inputs: Inputs | None = None  # the files that it names
 
@@ -169,6 +171,24 @@ class Scenario:
             raise ValueError("search: needs [sensor] and [search]; add both")
         return self.search.build(self.sensor.build())
 
+    def given(self, key: str) -> tuple[Any, ...]:
+        """What stands in the file for a key of [craft], of each; of [sensor] and [search], once."""
+        section, name = key.split(".")
+        tables = self.craft if section == "craft" else (getattr(self, section),)
+        fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
+        return tuple(getattr(table, fields[name]) for table in tables)
+
+    @property
+    def search_errors(self) -> "SearchErrors | None":
+        """How far the craft (N,) are off what a search asks of them; None where nobody is."""
+        if self.astray is not None or not any(craft.astray for craft in self.craft):
+            return self.astray
+        from closeform.search.search_errors import SearchErrors
+
+        keys = ("pointing_error", "slew_rate_error", "start_offset", "silent")
+        pointing, slew_rate, start, silent = (self.given(f"craft.{key}") for key in keys)
+        return SearchErrors(pointing, slew_rate, start, silent=silent)
+
     @property
     def groups(self) -> tuple[Literal["A", "B"], ...]:
         """The craft's groups in a search; A where none is given."""
@@ -205,12 +225,10 @@ class Scenario:
 
     def unbuilt(self) -> tuple[str, ...]:
         """What every command would need and this version does not have, one line each."""
-        lines = [
-            f"craft.{key}: is not built yet; remove it"
-            for key in Craft.not_built
-            if any(np.any(getattr(craft, key)) for craft in self.craft)
-        ]
-        return tuple(dict.fromkeys(lines))
+        if not any(isinstance(stage, Gather) for stage in self.stages):
+            return ()
+        craft = (key for key in SEARCHED if key.startswith("craft.") and any(map(np.any, self.given(key))))
+        return tuple(f"{key}: a gathering cannot have it yet; remove it, or look for locks" for key in craft)
 
     def unbuilt_study(self) -> tuple[str, ...]:
         """What a study, or one case of it, would need beyond that, one line each."""
@@ -224,11 +242,13 @@ class Scenario:
                 )
         if sum(stage.searches for stage in self.stages) > 1:
             lines.append("stage: a study of more than one search is not built yet; keep one lock or gather")
-        lines += [
-            f"study.vary.{shown(key)}: is not built yet; remove it, this version varies {', '.join(BUILT)}"
-            for key in self.study.vary
-            if key not in BUILT
-        ]
+        gathers = any(isinstance(stage, Gather) for stage in self.stages)
+        for key in self.study.vary:
+            place = f"study.vary.{shown(key)}"
+            if key in SEARCHED and gathers:
+                lines.append(f"{place}: a gathering cannot have it yet; remove it, or look for locks")
+            elif key not in STATES + SEARCHED:
+                lines.append(f"{place}: is one for all cases; run the study for each value")
         return tuple(lines)
 
     @property

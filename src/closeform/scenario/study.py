@@ -13,7 +13,17 @@ from closeform.scenario.table import Table
 
 Pair = Annotated[tuple[str, str], Field(strict=False)]
 DRAWS = ("uniform", "normal", "ball", "shell", "chance", "choice")
-BUILT = ("craft.position", "craft.velocity")  # keys whose draws this version flies
+STATES = ("craft.position", "craft.velocity")
+SEARCHED = (  # how each craft searches
+    "craft.pointing_error",
+    "craft.slew_rate_error",
+    "craft.start_offset",
+    "craft.silent",
+    "sensor.half_angle",
+    "sensor.range",
+    "search.slew_rate",
+)
+NORMAL_REACH = 8.3  # sigmas: no random number of 53 bits is beyond
 ROW = re.compile(r"source|at once|never|(IPS|OPS|mOPS|NFS) [1-9][0-9]*")
 Step = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
 
@@ -39,10 +49,10 @@ class Draw(Table):
         return next(name for name in DRAWS if getattr(self, name) is not None)
 
     def numbers(self, key: str) -> tuple[Any, ...]:
-        """What it says for this key, which is a quantity, in SI units: sizes, or the values of a choice."""
+        """What it says for this key in SI units: sizes, the values of a choice, a chance."""
         reader = readers()[key]
         if reader is None:
-            raise TypeError(f"{key} is no quantity")
+            return (self.chance,)
         if self.choice is not None:
             return tuple(reader(value) for value in self.choice)
         given = getattr(self, self.kind)
@@ -60,7 +70,7 @@ def readers() -> dict[str, Reader | None]:
                 notes += getattr(part, "__metadata__", ())
             for note in notes:
                 if isinstance(reader := getattr(note, "func", None), Reader):
-                    found[f"{section}.{name}"] = reader
+                    found[f"{section}.{table.key_of(name)}"] = reader
     return found
 
 

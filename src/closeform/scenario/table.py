@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Iterator
 from math import inf
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
@@ -28,7 +28,6 @@ ALL, EACH = "<all>", "<each>"  # which of its two forms a key has: a table for a
 class Table(BaseModel):
     """A frozen table; a key that it does not know is an error."""
 
-    not_built: ClassVar[tuple[str, ...]] = ()  # keys whose work is still to come, which nobody is led to
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_alias=True
     )
@@ -70,8 +69,7 @@ class Table(BaseModel):
             yield f"{' and '.join(given)} exclude each other; keep one"
         if not given:
             first = f"{keys[names[0]]} = {self.examples()[keys[names[0]]]}"
-            built = [key for key in keys.values() if key not in self.not_built]
-            yield f"needs one of {', '.join(built)}; add for example {first}"
+            yield f"needs one of {', '.join(keys.values())}; add for example {first}"
 
     def only_with(self, key: str, *names: str) -> Iterator[str]:
         """A flaw where `key` was given and none of the keys that give it a meaning."""

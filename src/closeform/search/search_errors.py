@@ -34,8 +34,8 @@ class SearchErrors:
         By how much the craft begins late; until then it waits in its start attitude.
     half_angle : array_like of shape (...) [rad], default 0
         What its sensor has more than the search's.
-    range : array_like of shape (...) [m], default inf
-        Of its own sensor, where that is shorter than the search's; of two sensors the shorter counts.
+    range : array_like of shape (...) [m], optional
+        Of its own sensor; that of the search's unless given.  Of two sensors the shorter counts.
     slew_acceleration : array_like of shape (...) [rad/s^2], default inf
         With which a turn gains its rate and loses it: it takes longer by the rate over this.
     silent : array_like of bool of shape (...), default False
@@ -55,7 +55,7 @@ class SearchErrors:
     slew_rate: Floats
     start: Floats
     half_angle: Floats
-    range: Floats
+    range: Floats | None
     slew_acceleration: Floats
     silent: Any
 
@@ -65,7 +65,7 @@ class SearchErrors:
         slew_rate: ArrayLike = 0.0,
         start: ArrayLike = 0.0,
         half_angle: ArrayLike = 0.0,
-        range: ArrayLike = inf,
+        range: ArrayLike | None = None,
         slew_acceleration: ArrayLike = inf,
         silent: ArrayLike = False,
     ) -> None:
@@ -79,7 +79,7 @@ class SearchErrors:
             slew_rate=_within("slew_rate", slew_rate, -1.0, inf),
             start=_within("start", start, -inf, inf),
             half_angle=_within("half_angle", half_angle, -pi, pi),
-            range=_positive("range", range),
+            range=None if range is None else _positive("range", range),
             slew_acceleration=_positive("slew_acceleration", slew_acceleration),
             silent=mute,
         )
@@ -89,7 +89,8 @@ class SearchErrors:
     @property
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each field, without the vectors' own axis."""
-        return {name: getattr(self, name).shape for name in FIELDS} | {"pointing": self.pointing.shape[:-1]}
+        shapes = {name: np.shape(getattr(self, name)) for name in FIELDS}
+        return shapes | {"pointing": self.pointing.shape[:-1]}
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -124,10 +125,31 @@ def craft_of(errors: SearchErrors, sensor: Sensor, some: slice, count: int) -> F
         raise ValueError(f"errors: half_angle leaves {wrong:g} rad; it must stay between 0 and pi")
     cosine = np.cos(half_angle)
     out[..., COSINE] = np.where(abs(cosine) > 1e-15, cosine, 0.0)
-    out[..., LONGEST] = np.minimum(sensor.range, of_pairs("range"))
+    out[..., LONGEST] = sensor.range if errors.range is None else of_pairs("range")
     out[..., LONGEST][of_pairs("silent")] = -inf
     out[..., ACCELERATION] = of_pairs("slew_acceleration")
     return out
+
+
+def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
+    """The errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,), or in some cases (C, N)."""
+    shape = errors.shape
+
+    def of_pairs(name: str) -> Any:
+        values, vector = getattr(errors, name), name == "pointing"
+        if np.ndim(values) == vector:
+            return values  # alike for all
+        craft = np.broadcast_to(values, (*shape, *(3,) * vector))
+        return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *(3,) * vector)
+
+    return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
+
+
+def first_of(errors: SearchErrors) -> SearchErrors:
+    """The errors of the craft (N,) in the first of some cases (C, N)."""
+    every = {name: getattr(errors, name) for name in FIELDS}
+    alike = {name: np.ndim(one) == (name == "pointing") for name, one in every.items()}
+    return SearchErrors(**{name: one if alike[name] else one[0] for name, one in every.items()})
 
 
 def boresights(turn: Floats) -> Floats:

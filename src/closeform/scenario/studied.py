@@ -1,0 +1,81 @@
+"""What of [study] does not fit the other tables: draws for keys that cannot vary, or that lead too far."""
+
+from collections.abc import Iterator
+from math import hypot, inf, pi
+from typing import Any
+
+from closeform.scenario.craft import MOST_TURN, Craft
+from closeform.scenario.errors import did_you_mean, dotted
+from closeform.scenario.scenario import Scenario
+from closeform.scenario.study import NORMAL_REACH, SEARCHED, Draw, draw_error, readers
+
+WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # what readers do not bound
+
+
+def study(scenario: Scenario) -> Iterator[str]:
+    """Draws for keys that cannot vary, of the wrong kind, or out of a key's domain."""
+    if scenario.study is None:
+        return
+    if scenario.study.draws == "errors":
+        yield from drawn_errors(scenario)
+    astray = any(craft.astray for craft in scenario.craft) or {*SEARCHED} & {*scenario.study.vary}
+    if scenario.study.sampled and astray:
+        yield "study.sampled: samples look at searches without errors; remove sampled, or those"
+    for key, draw in scenario.study.vary.items():
+        place, known = dotted(("study", "vary", key)), readers()
+        section = key.split(".")[0]
+        if key not in known:
+            yield f"{place}: cannot vary; {did_you_mean(key, known)}"
+        elif wrong := draw_error(key, draw):
+            yield f"{place}: {wrong}"
+        elif section != "craft" and getattr(scenario, section) is None:
+            yield f"{place}: there is no [{section}]; add that table or remove the draw"
+        elif wrong := too_far(scenario, key, draw):
+            yield f"{place}: {wrong}"
+
+
+def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
+    """Why some case of a draw is beyond what the key may be; None where none is."""
+    reader, numbers = readers()[key], draw.numbers(key)
+    if reader is None:
+        return None
+    given = scenario.given(key)
+    if key == "craft.pointing_error":
+        return too_much_turn(given, draw, numbers)
+    if reader.size != 1:
+        return None
+    if draw.choice is None and None in given:
+        return f"there is no {key} to add to; give it, or draw a choice"
+    reach = {"choice": 0.0, "normal": NORMAL_REACH}.get(draw.kind, 1.0) * max(numbers)
+    ends = numbers if draw.choice is not None else given
+    least, most = WITHIN.get(key, (-inf if reader.least == "any" else 0.0, inf))
+    low, high = min(ends) - reach, max(ends) + reach
+    if (low > least and high < most) or (reader.least == "zero" and low == least):
+        return None
+    worst = high if high >= most else low
+    return f"some case has {worst:.6g} in SI units, beyond what {key} may be; draw less"
+
+
+def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
+    """Why a body may be turned too far to speak of an error."""
+    if draw.choice is not None:
+        most = max(hypot(*value) for value in numbers)
+    else:
+        corner = {"uniform": 3.0**0.5, "normal": 3.0**0.5 * NORMAL_REACH}.get(draw.kind, 1.0)
+        most = max(hypot(*value) for value in given) + corner * numbers[-1]
+    return None if most < MOST_TURN else "some body is turned by 90 deg or more; draw less"
+
+
+def drawn_errors(scenario: Scenario) -> Iterator[str]:
+    """Errors that are to be drawn where there are none, or where nobody could meet."""
+    if not scenario.uncertain:
+        yield (
+            "study.draws: no craft has errors; add for example "
+            f"covariance = {Craft.examples()['covariance']} to [craft]"
+        )
+    if any(craft.execution is not None and craft.execution.noise for craft in scenario.craft):
+        yield "study.draws: white noise cannot be drawn; remove noise from execution"
+    if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
+        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+    if len(scenario.craft) < 2:
+        yield "study.draws: needs another craft; add one"
