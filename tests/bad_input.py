@@ -2157,6 +2157,21 @@ CALLS = (
         "zones: zones of 2 craft for 3 paths",
     ),
     Call(
+        "an ellipse that is none",
+        "cf.EccentricOrbit(1.1e-3, 1.2)",
+        "eccentricity: must be at least 0 and below 1, got 1.2",
+    ),
+    Call(
+        "a bound of delta-v beside an ellipse",
+        "cf.delta_v_bound(cf.EccentricOrbit(1.1e-3, 0.02), start, end, 900.0)",
+        "orbit: expected Orbit, got EccentricOrbit(mean_motion=0.0011, eccentricity=0.02, anomal",
+    ),
+    Call(
+        "coasts that are asked for beyond rounding",
+        "cf.coast(start, cf.Field(chief), 900.0, within=1e-9)",
+        "within: must be at least 1e-06 m, got 1e-09",
+    ),
+    Call(
         "a horizon shorter than the time between measurements",
         "cf.Feedback(every=60.0, horizon=30.0)",
         "horizon: 30 s is shorter than the 60 s between measurements; give a longer one",

@@ -328,6 +328,16 @@ CALLS = {
         ballistics=np.array([0.01, 0.02]),
     ),
     "Field.chief_states": turned(self=cf.Field(LOW), times=np.array([0.0, 60.0])),
+    "EccentricOrbit": turned(mean_motion=1.1e-3, eccentricity=0.02, anomaly=0.5),
+    "EccentricOrbit.from_elements": turned(elements=ELEMENTS, mu=4e14),
+    "EccentricOrbit.transition": turned(
+        self=cf.EccentricOrbit(1.1e-3, 0.02), duration=np.array([[1.0, 2.0]]), start=np.array([[3.0, 4.0]])
+    ),
+    "EccentricOrbit.coast": turned(
+        self=cf.EccentricOrbit(1.1e-3, 0.02), state=START, duration=900.0, start=5.0, within=0.01
+    ),
+    "coast": turned(states=START, field=cf.Field(LOW), duration=900.0, start=5.0, within=0.01),
+    "transition": turned(field=cf.Field(LOW), duration=np.array([[1.0, 2.0]]), start=5.0),
     "Feedback": turned(every=60.0, horizon=600.0, impulses=0),
     "Navigation": turned(position=0.1, velocity=3e-4, position_bias=0.1, velocity_bias=1e-4),
     "tube": turned(

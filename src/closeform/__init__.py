@@ -6,6 +6,7 @@ from typing import Any
 # Loaded at first use: `import closeform` costs nothing, and the command line starts at once.
 _NAMES = {
     "motion.orbit": "Orbit",
+    "motion.eccentric": "EccentricOrbit",
     "motion.path": "Path",
     "motion.joining": "join stack",
     "zones.zone": "Zone",
@@ -74,6 +75,7 @@ _NAMES = {
     "field.flight_result": "Flight",
     "field.fitted": "FittedMargin fit_margin",
     "field.room": "Room room",
+    "field.natural": "coast transition",
     "field.tube": "Tube tube",
     "field.validity": "Validity validity",
     "reopened": "LoadedRun LoadedStage LoadedStudy load",

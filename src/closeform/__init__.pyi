@@ -39,6 +39,7 @@ from closeform.field.flight import fly as fly
 from closeform.field.flight_result import Flight as Flight
 from closeform.field.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
 from closeform.field.room import Room as Room, room as room
+from closeform.field.natural import coast as coast, transition as transition
 from closeform.field.tube import Tube as Tube, tube as tube
 from closeform.field.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
@@ -118,6 +119,7 @@ from closeform.motion.frames import (
     relative_from_inertial as relative_from_inertial,
 )
 from closeform.planning.limits import propellant as propellant
+from closeform.motion.eccentric import EccentricOrbit as EccentricOrbit
 from closeform.motion.orbit import Orbit as Orbit
 from closeform.motion.joining import join as join, stack as stack
 from closeform.motion.path import Path as Path

@@ -188,28 +188,33 @@ class Field:
         given = np.ravel(checked("times", times))
         if self.chief.ephemeris is not None:
             return self.chief.states(given)
-        out = np.empty((len(given), 6))
-        for some in (np.flatnonzero(given >= 0.0), np.flatnonzero(given < 0.0)):
-            some = some[np.argsort(np.abs(given[some]), kind="stable")]
-            out[some] = self._flown(given[some])
+        return self._craft_states(self.chief.state, self._chief_ballistic, 0.0, given)
+
+    def _craft_states(self, start: Floats, ballistic: float, begin: float, times: Floats) -> Floats:
+        """Inertial states (T, 6) of a craft that is in `start` (6,) at `begin` [s], at times (T,) [s]."""
+        since = times - begin
+        out = np.empty((len(times), 6))
+        for some in (np.flatnonzero(since >= 0.0), np.flatnonzero(since < 0.0)):
+            some = some[np.argsort(np.abs(since[some]), kind="stable")]
+            out[some] = self._flown(start, ballistic, begin, since[some])
         return out
 
-    def _flown(self, times: Floats) -> Floats:
-        """The chief's states at times that go away from 0."""
-        out, start = np.empty((len(times), 6)), self.chief.state
-        if not len(times):
+    def _flown(self, start: Floats, ballistic: float, begin: float, since: Floats) -> Floats:
+        """States so long after `begin` (T,) [s], at times that go away from it."""
+        out = np.empty((len(since), 6))
+        if not len(since):
             return out
         if self.acceleration is None:
-            fly(self._constants, self._chief_ballistic, start, times, LONGEST, TABLEAU, out)
+            fly(self._constants, ballistic, start, since, LONGEST, TABLEAU, out)
             return out
 
         def rates(t: float, s: Floats) -> Floats:
-            return np.concatenate([s[3:], self.accelerations(np.array(t), s)])
+            return np.concatenate([s[3:], self.accelerations(np.array(begin + t), s)])
 
-        span = (0.0, float(times[-1]))
+        span = (0.0, float(since[-1]))
         if span[1] == 0.0:
-            return np.tile(start, (len(times), 1))
-        done = solve_ivp(rates, span, start, "DOP853", times, rtol=TIGHT, atol=TIGHT * np.abs(start).max())
+            return np.tile(start, (len(since), 1))
+        done = solve_ivp(rates, span, start, "DOP853", since, rtol=TIGHT, atol=TIGHT * np.abs(start).max())
         return np.asarray(done.y.T)
 
 

@@ -97,7 +97,7 @@ def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
     """
     a, u, ex, ey, inclination, node = ellipse("elements", elements)
     mu = checked("mu", number("mu", mu), positive=True)
-    f = _eccentric_latitude(u, ex, ey)
+    f = eccentric_latitude(u, ex, ey)
     cos, sin = np.cos(f), np.sin(f)
     beta = 1.0 / (1.0 + np.sqrt(1.0 - ex * ex - ey * ey))
     xx, xy, yy = 1.0 - beta * ey * ey, beta * ex * ey, 1.0 - beta * ex * ex
@@ -133,7 +133,7 @@ def _plane(node: Any, inclination: Any) -> tuple[Floats, Floats]:
     return to_node, np.stack([-sin * tilt, cos * tilt, np.sin(inclination)], axis=-1)
 
 
-def _eccentric_latitude(u: Any, ex: Any, ey: Any) -> Any:
+def eccentric_latitude(u: Any, ex: Any, ey: Any) -> Any:
     """Eccentric anomaly plus w: the root f of u = f - ex sin f + ey cos f (Kepler's equation)."""
     perigee = np.arctan2(ey, ex)
     # Danby's start: M + 0.85 e on the side of M, from which Newton's method converges.
