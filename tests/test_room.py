@@ -73,6 +73,19 @@ def test_errors_of_each_craft():
     assert (off.max(axis=(0, 2))[2:] > 0.5 * room.greatest[2:]).all()
 
 
+def test_errors_of_a_filter():
+    """Correlated for five intervals they do more; the tube says how much, and flights show it."""
+    path, filtered = formation(), cf.Navigation(0.1, 3e-4, correlation=300.0)
+    wide, white = (cf.tube(ORBIT, cf.Feedback(), sight).noise for sight in (filtered, SIGHT))
+    assert wide > 2.0 * white
+    off = deviations(path, cf.fly(path, FIELD, navigation=filtered, seeds=300))
+    assert off[..., 120:, :].std(axis=(0, 1, 2)).max() == pytest.approx(wide, rel=0.06)  # drawn: 3 %
+    for long, alike in ((1e9, cf.Navigation(position_bias=0.1)), (1e-3, cf.Navigation(position=0.1))):
+        limit = cf.tube(ORBIT, cf.Feedback(), cf.Navigation(position=0.1, correlation=long))
+        other = cf.tube(ORBIT, cf.Feedback(), alike)
+        assert limit.noise == pytest.approx(other.noise + other.bias, rel=0.05)
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 

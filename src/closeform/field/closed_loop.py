@@ -89,7 +89,7 @@ class ClosedLoop:
         if wrong is not None:
             answers = self._answers(wrong)
             taken, left = answers @ self.late, self.moved + answers
-        kept = np.exp(-self.every / sight.correlation) if sight.correlation > 0.0 else 0.0
+        kept = sight._kept(self.every)  # theory (91)
         white = np.diag(np.repeat([sight.position, sight.velocity], 3) ** 2)
         step, new = np.zeros((12, 12)), np.zeros((12, 12))
         step[:6, :6], step[:6, 6:], step[6:, 6:] = left[-1], taken[-1], kept * np.eye(6)

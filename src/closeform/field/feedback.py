@@ -100,6 +100,10 @@ class Navigation:
         for name in ("position", "velocity", "position_bias", "velocity_bias", "correlation"):
             object.__setattr__(self, name, float(nonnegative(name, number(name, getattr(self, name)))))
 
+    def _kept(self, seconds: float) -> float:
+        """Which share of a random error is left after some time."""
+        return float(np.exp(-seconds / self.correlation)) if self.correlation > 0.0 else 0.0
+
 
 def nonnegative(name: str, value: ArrayLike) -> Floats:
     """An argument as finite numbers, none below 0."""

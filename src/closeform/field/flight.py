@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -36,7 +37,7 @@ def fly(
     thrust_error: ArrayLike = (0.0, 0.0),
     max_acceleration: ArrayLike | None = None,
     minimum_bit: float = 0.0,
-    seeds: int = 1,
+    seeds: int | Sequence[int] = 1,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
 
@@ -67,8 +68,8 @@ def fly(
         That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses.
     minimum_bit : float [m/s], default 0
         The least impulse that is fired.
-    seeds : int, default 1
-        How many flights; a flight's errors are the same however many others there are.
+    seeds : int or sequence of int, default 1
+        How many flights, or the seed of each: its errors are the same however many others there are.
 
     Returns
     -------
@@ -117,7 +118,7 @@ def fly(
     )
     if not least >= 0.0:
         raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
-    flights, believed = whole("seeds", seeds, 1), known or field
+    each, believed = _seeds(seeds), known or field
     commands = commands_of(
         paths, law if control == "track" else None, believed if cancel else None, limit, least
     )
@@ -126,7 +127,9 @@ def fly(
     if cancel and fires:
         theirs = frame if believed is field else ChiefFrame.of(believed, table.times)
         commands = retargeted(commands, believed, theirs)
-    draws = [_drawn(seed, len(paths), table.measurements + 1, sight, sizes) for seed in range(flights)]
+    apart = (table.times[-1] - table.times[0]) / max(table.measurements, 1)
+    kept = sight._kept(apart)
+    draws = [_drawn(seed, len(paths), table.measurements + 1, sight, sizes, kept) for seed in each]
     wrong, errors = (np.stack([one[k] for one in draws]) for k in (0, 1))
     done = flown(commands, field, frame, wrong, errors)
     times, planned = table.shown_times, np.array(paths.delta_v)
@@ -162,10 +165,22 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Any:
     return limit
 
 
+def _seeds(seeds: int | Sequence[int]) -> list[int]:
+    """The seed of each flight."""
+    if not isinstance(seeds, list | tuple | range | np.ndarray):
+        return list(range(whole("seeds", seeds, 1)))
+    if not len(seeds):
+        raise ValueError("seeds: give one at least")
+    return [whole("seeds", one) for one in seeds]
+
+
 def _drawn(
-    seed: int, count: int, measurements: int, sight: Navigation, sizes: Floats
+    seed: int, count: int, measurements: int, sight: Navigation, sizes: Floats, kept: float
 ) -> tuple[Floats, Floats]:
-    """Errors of measurements (N, M, 6) and of thrust (N, 4) of one flight: its own stream of Philox."""
+    """Errors of measurements (N, M, 6) and of thrust (N, 4) of one flight: its own stream of Philox.
+
+    Of each measurement's error so much is `kept` by the next.                                # theory (91)
+    """
     draws = np.random.Generator(np.random.Philox(key=seed))
     ways = draws.normal(size=(count, 3, 3))
     ways /= np.linalg.norm(ways, axis=2, keepdims=True)
@@ -173,5 +188,7 @@ def _drawn(
     errors = np.hstack([shares[:, :1], shares[:, 1:] * ways[:, 2]])
     stays = ways[:, :2] * np.array([sight.position_bias, sight.velocity_bias])[:, None]
     white = draws.normal(size=(measurements, count, 6)).swapaxes(0, 1)
+    for k in range(1, measurements if kept else 0):
+        white[:, k] = kept * white[:, k - 1] + np.sqrt(1.0 - kept * kept) * white[:, k]
     white = white * np.repeat([sight.position, sight.velocity], 3)
     return np.ascontiguousarray(white + stays.reshape(count, 1, 6)), errors
