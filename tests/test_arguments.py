@@ -339,7 +339,9 @@ CALLS = {
     "coast": turned(states=START, field=cf.Field(LOW), duration=900.0, start=5.0, within=0.01),
     "transition": turned(field=cf.Field(LOW), duration=np.array([[1.0, 2.0]]), start=5.0),
     "Feedback": turned(every=60.0, horizon=600.0, impulses=0),
-    "Navigation": turned(position=0.1, velocity=3e-4, position_bias=0.1, velocity_bias=1e-4),
+    "Navigation": turned(
+        position=0.1, velocity=3e-4, position_bias=0.1, velocity_bias=1e-4, correlation=300.0
+    ),
     "tube": turned(
         orbit=ORBIT, feedback=cf.Feedback(), navigation=cf.Navigation(), residual=np.array([1e-6, 2e-6]),
         thrust_error=np.array([1e-6, 2e-6]), sigmas=3.0,
