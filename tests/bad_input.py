@@ -1434,6 +1434,27 @@ class Misuse:
 
 MISUSES = (
     Misuse(
+        "flights of a folder that is not there",
+        "fly nowhere",
+        "nowhere: no such folder; give the folder that a run left",
+    ),
+    Misuse(
+        "flights of what no run left",
+        "fly done",
+        "done: was left by an earlier version or another command; run it again, or give another folder",
+    ),
+    Misuse(
+        "flights with navigation of one kind",
+        'fly done --navigation "10 cm"',
+        '--navigation: "10 cm" is not a length, a comma and a speed; write for example "10 cm, 0.3 mm/s"',
+    ),
+    Misuse(
+        "flights with errors of thrust without units",
+        'fly done --thrust-error "1, 1"',
+        '--thrust-error: "1" has no unit; use %, ppm, for example "10 %"',
+    ),
+    Misuse("no flight at all", "fly done --seeds 0", "--seeds: 0 is below 1; give for example --seeds 100"),
+    Misuse(
         "an export of a folder that is not there",
         "export nowhere --to oem",
         "nowhere: no such folder; give the folder that a run left",
@@ -1543,8 +1564,8 @@ MISUSES = (
     Misuse("unfinished results", "view folder", "folder: holds no finished results; run the scenario first"),
     Misuse(
         "an unknown command",
-        "fly good.toml",
-        'closeform: Unknown command "fly". Available commands: run, check, screen, encounter, study, view, new, completion; see closeform --help',
+        "hover good.toml",
+        'closeform: Unknown command "hover". Available commands: run, check, fly, screen, encounter, study, view, new; see closeform --help',
     ),
     Misuse(
         "an unknown option",

@@ -126,13 +126,8 @@ def test_inertial_starts_are_in_the_frame_of_flights():
 
 
 def test_each_craft_has_its_own_errors_and_limit():
-    mission = fly(
-        parse(
-            swap(
-                craft='thrust_error = ["0 %, 0 deg", "5 %, 0 deg"]\nmax_acceleration = ["5 mm/s^2", "8 mm/s^2"]'
-            )
-        )
-    )
+    own = 'thrust_error = ["0 %, 0 deg", "5 %, 0 deg"]\nmax_acceleration = ["5 mm/s^2", "8 mm/s^2"]'
+    mission = fly(parse(swap(craft=own)))
     told, (stage,) = mission.scenario.flight, mission.results
     assert told["max_acceleration"].tolist() == [5e-3, 8e-3]
     one = cf.fly(stage.after.paths, mission.scenario.field, "open", **told, seeds=5)

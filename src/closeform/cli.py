@@ -23,6 +23,7 @@ from closeform.console import (
     tell_run,
     tell_study,
 )
+from closeform.flights import fly as fly_run
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.numba_import import collect_rarely, import_numba
 from closeform.screens import encounter, export, screen
@@ -186,6 +187,7 @@ def check(scenario: Path, /) -> int:
     return BAD_INPUT
 
 
+app.command(fly_run, name="fly", sort_key=1)
 app.command(screen, sort_key=2)
 app.command(encounter, sort_key=2)
 

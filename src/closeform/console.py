@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from closeform.report.encounter import EncounterReport
     from closeform.report.error_study import ErrorStudyReport
+    from closeform.report.flight import FlightReport
     from closeform.report.run import RunReport
     from closeform.report.screening import ScreenReport
     from closeform.report.study import StudyReport
@@ -155,7 +156,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
-def tell_screen(report: "ScreenReport | EncounterReport", place: Path) -> None:
+def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: Path) -> None:
     """Print what a screening found, or what a conjunction message comes to."""
     console = stdout()
     say(console, *report.opening, *report.lines)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
     from closeform.report.encounter import EncounterReport
+    from closeform.report.flight import FlightReport
     from closeform.report.picture import Shot
     from closeform.report.repeat import Command
     from closeform.report.screening import ScreenReport
@@ -130,7 +131,9 @@ def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
     return place
 
 
-def left(made: "Callable[[], ScreenReport | EncounterReport]", place: Path, overwrite: bool) -> int:
+def left(
+    made: "Callable[[], ScreenReport | EncounterReport | FlightReport]", place: Path, overwrite: bool
+) -> int:
     """Make a report, leave its results and print it; the exit status."""
     from closeform.publishing import folder
     from closeform.result_folder import written

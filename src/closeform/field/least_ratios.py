@@ -24,18 +24,21 @@ def least_ratios(
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     first, second = np.triu_indices(len(states), 1)
     pairs = np.stack([first, second], axis=1)
-    which = np.zeros(len(pairs), dtype=np.int64)
-    shapes: Sequence[Zone]
-    if isinstance(zones, Zone):
-        shapes = (zones,)
-    else:
-        which, shapes = pair_zones("zones", zones, len(states)).which(first, second), zones.zones
+    which, shapes = zones_of(first, second, len(states), zones)
     least = np.full(len(pairs), np.inf)
     for k, some in by_zone(which):
         i, j = first[some], second[some]
         before = states[i] - states[j] if arrivals is states else arrivals[i] - arrivals[j]
         least[some] = least_norms(states[i] - states[j], before, times, shapes[k])
     return pairs[which != NONE], least[which != NONE]
+
+
+def zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tuple[Any, Sequence[Zone]]:
+    """Which zone each pair (P,) of so many craft keeps, and the zones."""
+    if isinstance(zones, Zone):
+        return np.zeros(len(first), dtype=np.int64), (zones,)
+    which = pair_zones("zones", zones, count).which(first, second)
+    return which, zones.zones
 
 
 def least_norms(motions: Floats, arrivals: Floats, times: Floats, zone: Zone) -> Floats:
@@ -62,3 +65,14 @@ def cubic(one: Floats, two: Floats, step: Floats) -> Floats:
     a, b, va, vb = one[:, None, :3], two[:, None, :3], step * one[:, None, 3:], step * two[:, None, 3:]
     ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * a + s * s * (3.0 - 2.0 * s) * b
     return np.asarray(ends + s * (1.0 - s) ** 2 * va - s * s * (1.0 - s) * vb)
+
+
+def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
+    """The least norm of all pairs of `states` (N, T, 6) at each time (T,); inf without any zone."""
+    first, second = np.triu_indices(len(states), 1)
+    which, shapes = zones_of(first, second, len(states), zones)
+    least = np.full(states.shape[1], np.inf)
+    for k, some in by_zone(which):
+        apart = states[first[some], :, :3] - states[second[some], :, :3]
+        least = np.minimum(least, shapes[k].norm(apart).min(axis=0))
+    return least

@@ -26,6 +26,10 @@ HOLDS = {  # files of results, in the order in which they are listed
     "burns.parquet": "every burn",
     "burns.csv": "every burn, as text",
     "paths.parquet": "states and thrust accelerations, at equal steps",
+    "flights.parquet": "how far off each craft ends in each flight, and what it spends",
+    "ends.parquet": "the same at the end of each stage",
+    "ratios.parquet": "how near each pair comes in each flight",
+    "commanded.parquet": "the thrust to command in the field, and what is left out along the plan",
     "states.parquet": "states in the common frame, at every epoch",
     "events.parquet": "every lock and burn of a gathering",
     "sets.parquet": "who is in which set when a gathering ends",
@@ -70,7 +74,7 @@ class Command:
     @cached_property
     def inputs(self) -> dict[str, str]:
         """What was read, with its hashes."""
-        return hashed([*self.files, *self.also])
+        return hashed([file for file in (*self.files, *self.also) if not file.is_dir()])
 
     @property
     def figures(self) -> dict[str, Any]:

@@ -60,7 +60,11 @@ class FeedbackTable(Table):
     every: Seconds = Field(60.0, examples=['"60 s"'])
     horizon: Seconds = Field(600.0, examples=['"10 min"'])
 
+    impulses: Annotated[int, Field(ge=0)] = Field(0, examples=["6"])
+
     def flaws(self) -> Iterator[str]:
+        if self.impulses == 1:
+            yield "impulses is 0, thrust that lasts, or two or more; write for example impulses = 6"
         if self.horizon < self.every:
             yield (
                 f"horizon of {self.horizon:g} s is shorter than the {self.every:g} s from one measurement to "
@@ -71,7 +75,7 @@ class FeedbackTable(Table):
         """That of the core."""
         from closeform.field.feedback import Feedback
 
-        return Feedback(self.every, self.horizon)
+        return Feedback(self.every, self.horizon, self.impulses)
 
 
 class NavigationTable(Table):

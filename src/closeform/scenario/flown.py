@@ -40,10 +40,11 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Navigation that leaves pairs farther off than their zones reach."""
     if scenario.field is None or scenario.navigation is None:
         return
+    from closeform.field.feedback import Feedback
     from closeform.field.tube import tube
 
     told = scenario.flight
-    room = tube(orbit, told["feedback"], told["navigation"])
+    room = tube(orbit, told["feedback"] or Feedback(), told["navigation"])
     zones = [zone for zone in scenario.zones.zones if np.isfinite(zone.extents).all()]
     least = min((float(np.min(zone.extents)) for zone in zones), default=np.inf)
     if room.of_a_pair > least:

@@ -102,7 +102,7 @@ class Scenario:
         """What `fly` is to be told beside the paths and the field."""
         most = np.array([craft.max_acceleration for craft in self.craft])
         return {
-            "feedback": (self.feedback or FeedbackTable.model_validate({})).build(),
+            "feedback": None if self.feedback is None else self.feedback.build(),
             "navigation": (self.navigation or NavigationTable.model_validate({})).build(),
             "thrust_error": np.array([craft.thrust_error for craft in self.craft]),
             "max_acceleration": most if np.isfinite(most).any() else None,

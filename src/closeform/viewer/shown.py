@@ -21,6 +21,7 @@ from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, which runs can spare
     from closeform.report.encounter import EncounterReport
+    from closeform.report.flight import FlightReport
     from closeform.report.screening import ScreenReport
 
 COARSE = 33  # instants of each stage at which a first look tells how large the scene is
@@ -32,6 +33,10 @@ class Screening(StageTable):
 
 class Encounter(StageTable):
     """What a conjunction message is told as."""
+
+
+class InField(StageTable):
+    """What the worst flight of a run in its field is told as."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,16 +86,21 @@ class Shown:
         )
 
     @classmethod
-    def of_report(cls, report: "ScreenReport | EncounterReport") -> Self:
-        """Ephemerides in the frame of the first, or the two of a conjunction message, as one stage."""
+    def of_report(cls, report: "ScreenReport | EncounterReport | FlightReport") -> Self:
+        """Ephemerides in the frame of the first, the two of a message, or a worst flight, as one stage."""
+        from closeform.report.flight import FlightReport
         from closeform.report.screening import ScreenReport
 
         kind: type[StageTable]
+        epoch: Epoch | None
         warnings: tuple[str, ...] = ()
         if isinstance(report, ScreenReport):
             kind, frame, found = Screening, report.frame, report.uncertain
             epoch, flight, zones = Epoch(frame.epoch, frame.time_system), report.flight, report.zones
             sigmas, errors = (None, ()) if found is None else (found.sigmas, frame.errors)
+        elif isinstance(report, FlightReport):
+            kind, epoch, flight, zones, found = InField, report.epoch, report.flight, report.zones, None
+            sigmas, errors = None, ()
         else:
             kind, met, found = Encounter, report.encounter, None
             epoch, warnings = Epoch(report.message.tca, "UTC"), met.warnings

@@ -1,0 +1,142 @@
+"""What the command line does with a run that is to be flown in its field: `fly`."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from closeform.given import UsageError, quantity
+from closeform.screens import left
+
+if TYPE_CHECKING:
+    from closeform.report.flight import FlightReport
+    from closeform.scenario.quantity import Parts
+
+RESULTS, FLIGHTS = "-results", "-flights"  # ends of the names of folders
+
+
+def fly(
+    directory: Path,
+    /,
+    *,
+    every: str | None = None,
+    horizon: str | None = None,
+    navigation: str | None = None,
+    thrust_error: str | None = None,
+    control: Literal["track", "open"] = "track",
+    seeds: int = 100,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Fly what a run planned in the field of its scenario, many times, with errors as they are.
+
+    Parameters
+    ----------
+    directory
+        Result folder of a run whose [orbit] has a field.
+    every
+        From one measurement to the next: "60 s"; the scenario's unless given.
+    horizon
+        In which a deviation would be brought to zero: "10 min".
+    navigation
+        Standard deviations of each axis that is measured: "10 cm, 0.3 mm/s".
+    thrust_error
+        By how much thrust is off at most, in size and direction: "1 %, 1 deg".
+    control
+        track: measure and come back; open: thrust as commanded, nobody measures.
+    seeds
+        How many flights.
+    out
+        Folder for the results; NAME-flights next to where you are by default.
+    overwrite
+        Replace finished results.
+    """
+    from closeform.reopened import LoadedRun, load
+    from closeform.result_folder import SUMMARY, check_free
+
+    given = {"every": every, "horizon": horizon, "navigation": navigation, "thrust-error": thrust_error}
+    asked = Asked.of(given)
+    if seeds < 1:
+        raise UsageError(f"--seeds: {seeds} is below 1; give for example --seeds 100")
+    place = out or Path(f"{directory.resolve().name.removesuffix(RESULTS)}{FLIGHTS}")
+    check_free(place, overwrite)
+    run = load(directory)
+    if not isinstance(run, LoadedRun):
+        raise UsageError(f"{directory}: is of a study; give the folder of a run")
+    if run.scenario.field is None:
+        remedy = "add field, with epoch and chief, to [orbit], and run it again"
+        raise UsageError(f"{directory}: its scenario has no field; {remedy}")
+    if not run.flown:
+        raise UsageError(
+            f"{directory}: nothing was flown, {run.stopped}; change the scenario, and run it again"
+        )
+    told = asked.instead_of(run.scenario.flight)
+    from closeform.report.repeat import Command
+
+    options = {**given, "control": None if control == "track" else control, "seeds": seeds}
+    command = Command("fly", [directory], options, [directory / SUMMARY])
+
+    def report() -> "FlightReport":
+        from closeform.flown_run import FlownRun
+        from closeform.report.flight import FlightReport
+
+        field = run.scenario.field
+        assert field is not None
+        try:
+            return FlightReport(FlownRun.of(run, field, control, told, seeds), command)
+        except ValueError as error:
+            raise UsageError(f"{directory}: {error}") from None
+
+    return left(report, place, overwrite)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What options ask for in place of the scenario's: [s], [m, m/s], and as a share and [rad]; or None."""
+
+    every: float | None
+    horizon: float | None
+    navigation: tuple[float, ...] | None
+    thrust_error: tuple[float, ...] | None
+
+    @classmethod
+    def of(cls, given: dict[str, str | None]) -> "Asked":
+        """By the options' names."""
+        from closeform.scenario.field import as_navigation, as_thrust_error
+        from closeform.scenario.quantity import TIME
+
+        return cls(
+            quantity("every", TIME, given["every"]),
+            quantity("horizon", TIME, given["horizon"]),
+            parts("navigation", as_navigation, given["navigation"]),
+            parts("thrust-error", as_thrust_error, given["thrust-error"]),
+        )
+
+    def instead_of(self, told: dict[str, Any]) -> dict[str, Any]:
+        """What `fly` is to be told: what the scenario says, but for what was given."""
+        from closeform.field.feedback import Feedback
+
+        times = {key: value for key in ("every", "horizon") if (value := getattr(self, key)) is not None}
+        found = dict(told)
+        if times:
+            try:
+                found["feedback"] = replace(told["feedback"] or Feedback(), **times)
+            except ValueError as error:
+                raise UsageError(f"--{error}") from None
+        if self.navigation is not None:
+            position, velocity = self.navigation
+            found["navigation"] = replace(told["navigation"], position=position, velocity=velocity)
+        if self.thrust_error is not None:
+            found["thrust_error"] = self.thrust_error
+        return found
+
+
+def parts(option: str, read: "Parts", text: str | None) -> tuple[float, ...] | None:
+    """Quantities with commas between them that an option gives."""
+    if text is None:
+        return None
+    try:
+        return read(text)
+    except ValueError as error:
+        raise UsageError(f"--{option}: {error}") from None

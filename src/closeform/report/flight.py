@@ -1,0 +1,259 @@
+"""The report of a run that was flown in its field: how far off, how near, what it cost."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import degrees
+from typing import Any
+
+import numpy as np
+
+from closeform.campaign.shares import estimate
+from closeform.conflicts.flight import WatchedFlight
+from closeform.exchange.epochs import Epoch
+from closeform.field.field import described
+from closeform.flown_run import FlownRun
+from closeform.report import conflicts, flown, results
+from closeform.report.page import Head
+from closeform.report.picture import Picture, Progress
+from closeform.report.repeat import Command
+from closeform.report.section import Section
+from closeform.report.stamps import Stamps
+from closeform.report.table import STATE_COLUMNS, Table, counted
+from closeform.result_folder import Folder
+from closeform.verdict import MET, NOT_MET
+from closeform.zones.pair_zones import PairZones
+
+
+@dataclass(frozen=True)
+class Entered:
+    """How many of all flights enter a zone; the `least` ratio of all, None without zones."""
+
+    count: int
+    flights: int
+    least: float | None
+
+    @property
+    def ok(self) -> bool:
+        """Whether none does."""
+        return self.count == 0
+
+    @property
+    def status(self) -> int:
+        """The exit status."""
+        return MET if self.ok else NOT_MET
+
+    def __str__(self) -> str:
+        flights = counted(self.flights, "flight")
+        if self.least is None:
+            return f"flown: {flights}, there is no zone to enter"
+        share = estimate(self.count, self.flights)
+        range_ = f"95 % between {100 * share.low:.2g} and {100 * share.high:.2g} %"
+        found = (
+            "clear: no zone is entered in" if self.ok else f"violated: zones are entered in {self.count} of"
+        )
+        return f"{found} {flights} ({range_}), least {self.least:.4f} x zone"
+
+
+@dataclass(frozen=True, eq=False)
+class FlightReport:
+    """What there is to say of a run that was `flown`, and of the command that asked for it."""
+
+    flown: FlownRun
+    command: Command
+
+    @property
+    def title(self) -> str:
+        """What was flown."""
+        return f"{self.flown.run.scenario.title}: flown in the field"
+
+    @property
+    def flight(self) -> WatchedFlight:
+        """The worst one, for the page in which it moves."""
+        return self.flown.worst
+
+    @property
+    def zones(self) -> PairZones:
+        """Who keeps which zone with whom."""
+        return self.flown.zones
+
+    @property
+    def epoch(self) -> Epoch | None:
+        """The instant of time 0."""
+        return self.flown.run.scenario.epoch
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """What was flown, where, how."""
+        one, told = self.flown, self.flown.told
+        count = counted(len(one.flight.states), "flight")
+        stages = counted(len(one.stages), "stage")
+        first = f"{self.title}: {count} of {len(one.names)} craft, {stages}"
+        where = f"Field: {described(one.field)}, known; thrust corrected for it"
+        if one.control == "open":
+            return first, f"{where}; nobody measures", *self.thrust_errors
+        law, sight = told["feedback"], told["navigation"]
+        how = f"measured every {law.every:g} s, brought back within {law.horizon:g} s"
+        if law.impulses:
+            how += f" by impulses, of {law.impulses}"
+        seen = f"measured to {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s"
+        biased = ""
+        if sight.position_bias or sight.velocity_bias:
+            biased = f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
+        return first, where, f"Feedback: {how}; {seen} (1 sigma){biased}", *self.thrust_errors
+
+    @property
+    def thrust_errors(self) -> tuple[str, ...]:
+        """By how much thrust is off."""
+        size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
+        if not size and not angle:
+            return ()
+        return (
+            f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight",
+        )
+
+    @cached_property
+    def verdict(self) -> Entered:
+        """Whether any zone is entered."""
+        flight = self.flown.flight
+        count = round(flight.violated * len(flight.states)) if flight.ratios.size else 0
+        return Entered(count, len(flight.states), flight.least_ratio if flight.ratios.size else None)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The worst flight, certified; what the tube says."""
+        flight, room, near = self.flown.flight, self.flown.tube, self.flight.closest
+        told = []
+        if near is not None:
+            told.append(
+                f"Worst flight, {flight.worst}: {near.first} and {near.second} at {near.ratio:.4f} x zone "
+                f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
+            )
+        if room is not None:
+            least = f"{np.max(room.radius):.3g} m ({room.sigmas:g} sigmas)"
+            told.append(
+                f"Tube: a craft is off its path by at most {least}, {flight.greatest_deviation:.3g} m flown; "
+                f"zones of pairs need {room.of_a_pair:.3g} m beyond"
+            )
+        return tuple(told)
+
+    @cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """Stages, what everybody spends, the worst flights."""
+        return flown.tables(self.flown)
+
+    @cached_property
+    def chapters(self) -> tuple[Section, ...]:
+        """What the page tells, but for how to repeat it."""
+        found = (*self.lines, *self.worst[0])
+        whole = Section(
+            "What was found", found, (*self.tables, *self.worst[1]), pictures=tuple(self.pictures)
+        )
+        return (
+            Section("What was asked", self.opening[1:], (self.command.table,)),
+            whole,
+            flown.sure(self.flown),
+        )
+
+    @property
+    def worst(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
+        """Conflicts of the worst flight."""
+        if not self.flight.conflicts:
+            return (), ()
+        return conflicts.listed("Conflicts of the worst flight", self.flight)
+
+    @property
+    def pictures(self) -> Iterator[Picture]:
+        """Deviations, ratios, delta-v and paths."""
+        return iter(())
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Every figure printed, in full and in SI units, for `summary.json`."""
+        one, verdict, told = self.flown, self.verdict, self.flown.told
+        law, sight, room = told["feedback"], told["navigation"], one.tube
+        found = {
+            "kind": "flight",
+            "title": self.title,
+            **self.command.figures,
+            "status": verdict.status,
+            "verdict": str(verdict),
+            "field": described(one.field),
+            "control": one.control,
+            "feedback": {"every_s": law.every, "horizon_s": law.horizon, "impulses": law.impulses},
+            "navigation": {
+                "position_m": sight.position,
+                "velocity_m_s": sight.velocity,
+                "position_bias_m": sight.position_bias,
+                "velocity_bias_m_s": sight.velocity_bias,
+            },
+            "thrust_error": np.atleast_2d(told["thrust_error"]).tolist(),
+            "flights": verdict.flights,
+            "violated": verdict.count,
+            "worst": one.flight.worst,
+            "craft": list(one.names),
+            "stages": self.tables[0].records,
+            "spent": self.tables[1].records,
+            "worst_flights": self.tables[2].records,
+            "worst_flight": conflicts.figures(self.flight),
+        }
+        if room is not None:
+            found["tube"] = {"radius_m": np.ravel(room.radius).tolist(), "of_a_pair_m": room.of_a_pair}
+        return found
+
+    @property
+    def stored(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        """The tables of the folder."""
+        flight, names = self.flown.flight, np.array(self.flown.names)
+        columns = flight.columns()
+        yield "flights", {**columns, "craft": names[columns["craft"]]}
+        if flight.ratios.size:
+            seeds, pairs = flight.ratios.shape
+            yield (
+                "ratios",
+                {
+                    "seed": np.repeat(np.arange(seeds), pairs),
+                    "first": np.tile(names[flight.pairs[:, 0]], seeds),
+                    "second": np.tile(names[flight.pairs[:, 1]], seeds),
+                    "ratio": flight.ratios.ravel(),
+                },
+            )
+        stages = self.flown.stages
+        yield (
+            "ends",
+            {
+                "stage": np.concatenate([np.full(one.ends.size, one.number) for one in stages]),
+                "seed": np.concatenate([np.repeat(np.arange(len(one.ends)), len(names)) for one in stages]),
+                "craft": np.concatenate([np.tile(names, len(one.ends)) for one in stages]),
+                "end_m": np.concatenate([one.ends.ravel() for one in stages]),
+            },
+        )
+        count, worst = len(flight.times), flight.states[flight.worst]
+        yield (
+            "paths",
+            {
+                "craft": np.repeat(names, count),
+                "time_s": np.tile(flight.times, len(names)),
+                **(
+                    {}
+                    if self.epoch is None
+                    else {"time_utc": Stamps(self.epoch).column(flight.times, len(names))}
+                ),
+                **dict(zip(STATE_COLUMNS, worst.reshape(-1, 6).T, strict=True)),
+            },
+        )
+        parts = [one.columns() for one in self.flown.commanded]
+        numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
+        told = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        yield "commanded", {"stage": np.concatenate(numbers), **told, "craft": names[told["craft"]]}
+
+    def leave(
+        self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
+    ) -> None:
+        """Fill a result folder with all that flights leave; `viewer` writes the page of the worst."""
+        progress("writing tables")
+        folder.scenario(self.flown.run.scenario)
+        for name, columns in self.stored:
+            folder.table(name, columns)
+        head = Head(self.title, self.opening[1:], str(self.verdict), self.verdict.ok)
+        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)

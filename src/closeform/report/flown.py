@@ -1,0 +1,143 @@
+"""The tables of a run that was flown in its field: stages, what everybody spends, the worst flights."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from closeform.field.field import described
+from closeform.flown_run import FlownRun, FlownStage
+from closeform.report.section import Section
+from closeform.report.table import PAIR, Column, Table
+
+WORST = 10  # flights that are told one by one
+STAGES = (
+    Column("stage", "number"),
+    Column("does", "do", words=True),
+    Column("to [s]", "end_s", "{:.1f}".format),
+    Column("ends off, median [m]", "end_median_m", "{:.3g}".format),
+    Column("95 % [m]", "end_95_m", "{:.3g}".format),
+    Column("most [m]", "end_most_m", "{:.3g}".format),
+    Column("least", "ratio", "{:.4f} x zone".format),
+    PAIR,
+    Column("in flight", "seed"),
+    Column("entered [%]", "violated", "{:.4g}".format, scale=100.0),
+)
+SPENT = (
+    Column("craft", "craft", words=True),
+    Column("plan [m/s]", "plan_m_s", "{:.6g}".format),
+    Column("field [m/s]", "field_m_s", "{:+.3g}".format),
+    Column("feedback, median [m/s]", "feedback_m_s", "{:+.3g}".format),
+    Column("most [m/s]", "feedback_most_m_s", "{:+.3g}".format),
+    Column("in all, most [m/s]", "delta_v_m_s", "{:.6g}".format),
+    Column("at its limit [%]", "limited", "{:.3g}".format, scale=100.0),
+)
+FLIGHTS = (
+    Column("flight", "seed"),
+    Column("least", "ratio", "{:.4f} x zone".format),
+    PAIR,
+    Column("ends off [m]", "end_m", "{:.3g}".format),
+    Column("at most off [m]", "deviation_m", "{:.3g}".format),
+    Column("delta-v of all [m/s]", "delta_v_m_s", "{:.6g}".format),
+)
+TUBE = (
+    Column("off its path by", "cause", words=True),
+    Column("at most [m]", "most_m", "{:.3g}".format),
+)
+
+
+def tables(flown: FlownRun) -> tuple[Table, ...]:
+    """Stages, what everybody spends, the worst flights."""
+    return (
+        Table(
+            "Stages, each from where the one before was flown to",
+            STAGES,
+            [stage(flown, one) for one in flown.stages],
+        ),
+        Table("What each craft spends", SPENT, [*spent(flown)]),
+        Table("The worst flights", FLIGHTS, [flight(flown, seed) for seed in order(flown)[:WORST]]),
+    )
+
+
+def stage(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
+    """A row of STAGES."""
+    worst = one.ends.max(axis=1)
+    least: tuple[Any, ...] = (None, None, None, None)
+    if one.nearest is not None:
+        seed, row = one.nearest
+        share = float((one.ratios < 1.0).any(axis=1).mean())
+        least = float(one.ratios[seed, row]), pair(flown, row), seed, share
+    ends = (float(v) for v in (np.median(worst), np.quantile(worst, 0.95), worst.max()))
+    return one.number, one.verb, one.end, *ends, *least
+
+
+def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
+    """Rows of SPENT."""
+    told, limits = flown.flight, flown.told["max_acceleration"]
+    back = told.feedback_delta_v
+    for k, name in enumerate(flown.names):
+        yield (
+            name,
+            float(told.planned_delta_v[k]),
+            float(told.field_delta_v[k]),
+            float(np.median(back[:, k])),
+            float(back[:, k].max()),
+            float(told.delta_v[:, k].max()),
+            None if limits is None else float(told.limited[:, k].max()),
+        )
+
+
+def order(flown: FlownRun) -> list[int]:
+    """The flights, the worst first."""
+    told = flown.flight
+    by = told.ratios.min(axis=1) if told.ratios.size else -told.ends.max(axis=1)
+    return [int(k) for k in np.argsort(by, kind="stable")]
+
+
+def flight(flown: FlownRun, seed: int) -> tuple[Any, ...]:
+    """A row of FLIGHTS."""
+    told, ratio, both = flown.flight, None, None
+    if told.ratios.size:
+        k = int(np.argmin(told.ratios[seed]))
+        ratio, both = float(told.ratios[seed, k]), pair(flown, k)
+    off, cost = told.deviations[seed], float(told.delta_v[seed].sum())
+    return seed, ratio, both, float(off[:, -1].max()), float(off.max()), cost
+
+
+def pair(flown: FlownRun, row: int) -> tuple[str, str]:
+    """The names of a pair by its row."""
+    i, j = flown.flight.pairs[row]
+    return flown.names[i], flown.names[j]
+
+
+def sure(flown: FlownRun) -> Section:
+    """What is certified, what sampled, and what the tube takes for granted."""
+    room = flown.tube
+    rows = [
+        (
+            "Least ratios of flights",
+            "at instants at most some seconds apart, and on the cubics between them; of the worst flight "
+            "certified between its states",
+        ),
+        (
+            "Field",
+            f"{described(flown.field)}, integrated by Runge and Kutta's method; known to "
+            "who thrusts, so that what is left are errors of measurements and thrust",
+        ),
+        (
+            "Errors",
+            "white from one measurement to the next unless they are biases, which stay through a flight, "
+            "as errors of thrust do; each flight has a stream of its own",
+        ),
+    ]
+    tables = [
+        Table("How sure it is", (Column("figure", words=True), Column("how sure it is", words=True)), rows)
+    ]
+    if room is not None:
+        parts = [("the field, not known", room.model), ("thrust that is off", room.thrust)]
+        parts += [("biases", room.bias), (f"noise, {room.sigmas:g} sigmas", room.sigmas * room.noise)]
+        parts += [("all of it", room.radius), ("all of it, of a pair", room.of_a_pair)]
+        tables.append(
+            Table("The tube, said beforehand", TUBE, [(one, float(np.max(part))) for one, part in parts])
+        )
+    return Section("Limits of what was flown", (), tuple(tables))

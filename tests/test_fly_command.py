@@ -1,0 +1,151 @@
+"""closeform fly: all stages of a run in one flight, in its field, against another integrator."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from closeform.cli import main
+from field_scenario import swap
+from test_field import axes_of, textbook
+
+COAST = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
+NAVIGATION = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What a run of two stages left: two craft pass at the edge of their zone, then they coast."""
+    place = tmp_path_factory.mktemp("flown")
+    (place / "swap.toml").write_text(swap(more=COAST + NAVIGATION))
+    assert main(["run", str(place / "swap.toml"), "--out", str(place / "swap-results"), "--no-viewer"]) == 0
+    return place / "swap-results"
+
+
+def flown(run: Path, place: Path, *options: str) -> tuple[int, dict, dict[str, dict[str, np.ndarray]]]:
+    """The status, the summary, and the tables of flights."""
+    shutil.rmtree(place, ignore_errors=True)
+    status = main(["fly", str(run), "--out", str(place), *options])
+    tables = {}
+    for file in place.glob("*.parquet"):
+        read = pyarrow.parquet.read_table(file)
+        tables[file.stem] = {name: read[name].to_numpy() for name in read.column_names}
+    return status, json.loads((place / "summary.json").read_text()), tables
+
+
+def test_the_table_that_is_left_flies_the_plan(run: Path, tmp_path: Path):
+    """Its thrust by DOP853 in a textbook's J2, both stages: the plan's end to some millimetres."""
+    _, _, tables = flown(run, tmp_path / "out", "--seeds", "2")
+    loaded, rows = cf.load(run), tables["commanded"]
+    origin = loaded.scenario.chief.state
+    start = cf.inertial_from_relative(origin, loaded.paths.state(0.0), acceleration=textbook(origin[:3]))
+    state = np.vstack([origin, start]).ravel()
+    for stage in loaded.results:
+        mine = [(rows["craft"] == name) & (rows["stage"] == stage.number) for name in loaded.names]
+        times = rows["time_s"][mine[0]]
+        table = np.array([[rows[f"u{axis}_m_s2"][some] for axis in "xyz"] for some in mine])
+
+        def rates(t, y, times=times, table=table):
+            states = y.reshape(-1, 6)
+            felt = textbook(states[:, :3])
+            now = np.array([[np.interp(t, times, axis) for axis in craft] for craft in table])
+            felt[1:] += now @ axes_of(states[0])
+            return np.hstack([states[:, 3:], felt]).ravel()
+
+        span = stage.start, stage.end
+        state = solve_ivp(rates, span, state, "DOP853", rtol=1e-11, atol=1e-6, max_step=20.0).y[:, -1]
+    states = state.reshape(-1, 6)
+    place = (states[1:, :3] - states[0, :3]) @ axes_of(states[0]).T
+    off = np.linalg.norm(place - loaded.paths.position(stage.end), axis=1)
+    assert off.max() < 0.02  # m; as planned it is 2 m, and a table of 10 s is read linearly
+
+
+def test_a_stage_begins_where_the_one_before_was_flown_to(run: Path, tmp_path: Path):
+    options = ("--control", "open", "--thrust-error", "2 %, 1 deg", "--seeds", "3")
+    _, summary, tables = flown(run, tmp_path / "out", *options)
+    loaded = cf.load(run)
+    first = cf.fly(
+        loaded.results[0].after.paths,
+        loaded.scenario.field,
+        "open",
+        thrust_error=(0.02, np.radians(1)),
+        seeds=3,
+    )
+    ends = tables["ends"]
+    assert ends["end_m"][ends["stage"] == 1] == pytest.approx(first.ends.ravel(), abs=1e-3)
+    assert first.ends.max() > 0.5
+    later = ends["end_m"][ends["stage"] == 2].reshape(3, 2)
+    off = first.states[:, :, -1] - loaded.results[0].after.paths.state(first.times[-1:])[:, -1]
+    drifted = off @ loaded.orbit.transition(600.0).T  # Hill's equations of what is off
+    assert later == pytest.approx(np.linalg.norm(drifted[..., :3], axis=-1), rel=0.02)
+    assert [one["number"] for one in summary["stages"]] == [1, 2]
+    assert tables["flights"]["end_m"] == pytest.approx(later.ravel(), rel=1e-12)
+
+
+def test_entered_zones_are_counted_and_the_status_is_1(run: Path, tmp_path: Path, capsys):
+    status, summary, tables = flown(run, tmp_path / "out", "--seeds", "30")
+    ratios = tables["ratios"]
+    entered = np.unique(ratios["seed"][ratios["ratio"] < 1.0])
+    assert 5 < len(entered) < 30  # they touch as planned: a coin's chance
+    assert (status, summary["status"], summary["violated"]) == (1, 1, len(entered))
+    assert summary["worst"] == ratios["seed"][np.argmin(ratios["ratio"])]
+    worst = cf.closest_approach(*two(tables["paths"], cf.load(run)), cf.Sphere(30.0))
+    assert ratios["ratio"].min() == pytest.approx(worst.ratio, abs=1e-6)
+    printed = capsys.readouterr().out
+    assert f"violated: zones are entered in {len(entered)} of 30 flights" in printed
+    assert f"{ratios['ratio'].min():.4f} x zone" in printed
+
+
+def two(rows: dict[str, np.ndarray], loaded: cf.LoadedRun) -> list[cf.Path]:
+    """The paths of both craft through the states of a table."""
+    columns = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
+    found = []
+    for name in loaded.names:
+        mine = rows["craft"] == name
+        states = np.stack([rows[key][mine] for key in columns], axis=1)
+        found.append(loaded.orbit.sampled(rows["time_s"][mine], states))
+    return found
+
+
+def test_larger_zones_than_the_tube_are_kept(run: Path, tmp_path: Path):
+    """Planned at the zone plus what the tube says, flown against the zone itself."""
+    loaded = cf.load(run)
+    room = cf.tube(loaded.orbit, cf.Feedback(), loaded.scenario.flight["navigation"]).of_a_pair
+    place = tmp_path / "swap.toml"
+    place.write_text(swap(more=COAST + NAVIGATION).replace('"30 m"', f'"{30.0 + room} m"'))
+    main(["run", str(place), "--out", str(tmp_path / "roomy"), "--no-viewer"])
+    _, summary, tables = flown(tmp_path / "roomy", tmp_path / "out", "--seeds", "30")
+    assert (tables["ratios"]["ratio"] * (30.0 + room)).min() > 30.0
+    assert summary["tube"]["of_a_pair_m"] == pytest.approx(room)
+
+
+def test_options_stand_for_what_the_scenario_says(run: Path, tmp_path: Path, capsys):
+    _, plain, _ = flown(run, tmp_path / "out", "--seeds", "2")
+    options = ("--every", "2 min", "--navigation", "1 m, 1 mm/s", "--thrust-error", "1 %, 1 deg")
+    _, changed, _ = flown(run, tmp_path / "out", "--seeds", "2", *options)
+    assert plain["navigation"]["position_m"] == 0.1
+    assert plain["feedback"] == {"every_s": 60.0, "horizon_s": 600.0, "impulses": 0}
+    assert (changed["feedback"]["every_s"], changed["feedback"]["horizon_s"]) == (120.0, 600.0)
+    assert (changed["navigation"]["position_m"], changed["navigation"]["velocity_m_s"]) == (1.0, 1e-3)
+    assert changed["thrust_error"] == [[0.01, pytest.approx(np.radians(1.0))]]
+    assert 'closeform fly swap-results --every "2 min"' in changed["command"]
+    capsys.readouterr()
+    assert main(["fly", str(run), "--horizon", "30 s"]) == 2
+    said = "--horizon: 30 s is shorter than the 60 s between measurements; give a longer one\n"
+    assert capsys.readouterr().err == said
+
+
+def test_a_run_without_a_field_is_refused(tmp_path: Path, capsys):
+    text = swap().replace("field = { zonals = 2 }\n", "")
+    (tmp_path / "plain.toml").write_text(text)
+    main(["run", str(tmp_path / "plain.toml"), "--out", str(tmp_path / "plain"), "--no-viewer"])
+    capsys.readouterr()
+    assert main(["fly", str(tmp_path / "plain"), "--out", str(tmp_path / "flights")]) == 2
+    remedy = "add field, with epoch and chief, to [orbit], and run it again"
+    assert capsys.readouterr().err == f"{tmp_path / 'plain'}: its scenario has no field; {remedy}\n"
+    assert not (tmp_path / "flights").exists()
