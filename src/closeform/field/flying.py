@@ -217,7 +217,9 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
                         there[k] = course.places[node, k] + middle[k]
                         there[3 + k] = course.speeds[node, k] + middle[3 + k]
                     weight = h / 6.0 if stage in (0, 3) else h / 3.0
-                    push(course, i, step, half, deviation, error, used, weight, thrust)
+                    if stage != 2:  # in the middle twice the same
+                        counted = h / 6.0 if stage != 1 else h / 1.5
+                        push(course, i, step, half, deviation, error, used, counted, thrust)
                     pull(constants, course.ballistics[i], there, force)
                     for k in range(3):
                         rate[k], rate[3 + k] = middle[3 + k], force[k] - course.felt[node, k] + thrust[k]

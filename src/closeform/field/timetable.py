@@ -11,7 +11,7 @@ from closeform.field.feedback import Feedback
 from closeform.motion.arc import IMPULSE, START
 from closeform.motion.path import Path
 
-STEP, COAST = 5.0, 20.0  # s: steps at most, in which thrust may begin to turn, or nothing but gravity does
+STEP, COAST = 10.0, 20.0  # s: steps at most, in which thrust may begin to turn, or nothing but gravity does
 SHOWN = 20_000  # instants of which states are kept, about
 BESIDE = 1e-6  # of a step: on this side of where thrust jumps
 SAME = 1e-6  # s after a measurement, by which steps may differ that share a row of the law
