@@ -2198,6 +2198,11 @@ CALLS = (
         "horizon: 30 s is shorter than the 60 s between measurements; give a longer one",
     ),
     Call(
+        "thrust that answers later than the next measurement",
+        "cf.Feedback(every=60.0, delay=61.0)",
+        "delay: 0 s to the 60 s between measurements, got 61 s",
+    ),
+    Call(
         "a margin below zero",
         "cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(9.0), margin=-0.1)",
         "margin: metres, 0 or more, finite and symmetric, got -0.1",

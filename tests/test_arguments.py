@@ -338,7 +338,7 @@ CALLS = {
     ),
     "coast": turned(states=START, field=cf.Field(LOW), duration=900.0, start=5.0, within=0.01),
     "transition": turned(field=cf.Field(LOW), duration=np.array([[1.0, 2.0]]), start=5.0),
-    "Feedback": turned(every=60.0, horizon=600.0, impulses=0),
+    "Feedback": turned(every=60.0, horizon=600.0, impulses=0, delay=5.0),
     "Navigation": turned(
         position=0.1, velocity=3e-4, position_bias=0.1, velocity_bias=1e-4, correlation=300.0
     ),

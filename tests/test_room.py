@@ -86,6 +86,36 @@ def test_errors_of_a_filter():
         assert limit.noise == pytest.approx(other.noise + other.bias, rel=0.05)
 
 
+@pytest.mark.parametrize("delay", [7.0, 20.0, 60.0])
+def test_thrust_that_answers_late(delay):
+    """A part of the interval, and all of it: noise and pushes as the tube says, and more than without."""
+    path, late = formation(), cf.Feedback(60.0, 600.0, delay=delay)
+    tubes = [cf.tube(ORBIT, law, SIGHT, 1e-5) for law in (cf.Feedback(), late)]
+    assert tubes[1].noise > tubes[0].noise
+    assert tubes[1].model > tubes[0].model
+    flights = cf.fly(path, FIELD, feedback=late, navigation=SIGHT, seeds=200)
+    spread = deviations(path, flights)[..., 120:, :].std(axis=(0, 1, 2)).max()
+    assert spread == pytest.approx(tubes[1].noise, rel=0.05)  # drawn: 2 %
+    pushed = cf.fly(path, FIELD, feedback=late, cancel=False)
+    expected = cf.room(path, FIELD, late, cancel=False)
+    found = at(expected, expected.shift, pushed.times) - deviations(path, pushed)[0]
+    plain = deviations(path, cf.fly(path, FIELD, cancel=False))[0]
+    assert np.abs(found).max() < 0.02 * np.abs(deviations(path, pushed)).max()
+    assert np.abs(at(expected, expected.shift, pushed.times) - plain).max() > 3.0 * np.abs(found).max()
+    most = cf.tube(ORBIT, late, cf.Navigation(), cf.validity(path, FIELD).residual)
+    assert (np.abs(deviations(path, pushed)[0]).max(axis=(1, 2)) < most.radius).all()
+
+
+def test_a_state_is_predicted_over_a_delay():
+    """Without errors and pushes nothing is off, and what was off is brought back as without a delay."""
+    path = formation(0.5)
+    kept = cf.fly(path, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=45.0))
+    assert kept.greatest_deviation < 1e-3
+    long = ORBIT.coast(np.zeros(6), 40 * ORBIT.period)  # flown in several stretches
+    short = cf.fly(long, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=25.0), navigation=SIGHT)
+    assert short.greatest_deviation < 6.0 * cf.tube(ORBIT, cf.Feedback(60.0, 600.0, delay=25.0), SIGHT).noise
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 

@@ -42,9 +42,13 @@ class ClosedLoop:
         """Of a feedback, of intervals of another length, at so many steps."""
         since = np.linspace(0.0, every, steps + 1)
         if not feedback.impulses:
-            return cls(orbit, feedback.delay, since, *way_back(orbit, feedback.horizon, since))
+            return cls(orbit, min(feedback.delay, every), since, *way_back(orbit, feedback.horizon, since))
         return cls(
-            orbit, feedback.delay, since, *left_of(orbit, feedback, since), np.zeros((len(since), 3, 6))
+            orbit,
+            min(feedback.delay, every),
+            since,
+            *left_of(orbit, feedback, since),
+            np.zeros((len(since), 3, 6)),
         )
 
     @property

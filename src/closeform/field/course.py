@@ -11,7 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.drag import ballistics_of
-from closeform.field.feedback import Feedback, kicks_back, way_back
+from closeform.field.feedback import Feedback, delayed, kicks_back, way_back
 from closeform.field.field import Field
 from closeform.field.flying import FACET, THRUSTER, Course, fly_all
 from closeform.field.residual import residuals
@@ -66,7 +66,8 @@ def flown(commands: Commands, field: Field, frame: ChiefFrame, wrong: Floats, er
     first = commands.path.arcs[commands.path.offsets[:-1]]
     begin = first[:, STATE : STATE + 6].copy()
     begin[:, 3:] -= first[:, IMPULSE : IMPULSE + 3]
-    now = np.ascontiguousarray(np.broadcast_to(begin, (flights, count, 6)))
+    now = np.zeros((flights, count, 18))
+    now[..., :6] = begin
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
     impulses = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
@@ -140,11 +141,13 @@ def _course(
         left_out *= commands.cancelled[:, None, None]
         for k, first in enumerate((slice(None, -2, 2), slice(1, None, 2), slice(2, None, 2))):
             commanded[:, :, k] -= left_out[:, first]
-    which = [part[nodes].copy() for part in (table.looks, table.kicks, table.fires, table.shown)]
+    which = [
+        part[nodes].copy() for part in (table.looks, table.answers, table.kicks, table.fires, table.shown)
+    ]
     if steps.stop < len(table.rows):  # the next stretch begins with what is done here
         for part in which:
             part[-1] = -1
-    looks, kicks, fires, shown = which
+    looks, answers, kicks, fires, shown = which
     if commands.law is None:
         looks[:], kicks[:] = -1, -1
     jumps = np.zeros((count, len(fires), 3))
@@ -161,5 +164,8 @@ def _course(
     ]
     bounds = ballistics_of(field.drag, count), commands.limits, commands.bits
     anywhere = np.zeros((count, 0, THRUSTER)), np.zeros((count, 0, FACET)), np.zeros((count, len(fires)))
-    rules_of = looks, table.rows[steps], rules, kicks, gains, shown, fires
+    late = np.stack([np.eye(6), np.zeros((6, 6))])
+    if commands.law is not None and commands.law.delay > 0.0:
+        late = np.stack(delayed(path.orbit, commands.law, table.interval))
+    rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires
     return Course(*(*floats, *rules_of, *bounds, *anywhere))

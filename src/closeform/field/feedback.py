@@ -61,6 +61,8 @@ class Feedback:
         object.__setattr__(self, "delay", checked("delay", number("delay", self.delay)))
         if not 0.0 <= self.delay <= self.every:
             raise ValueError(f"delay: 0 s to the {self.every:g} s between measurements, got {self.delay:g} s")
+        if self.delay > 0.0 and self.impulses:
+            raise ValueError("delay: goes with thrust that lasts; leave it out, or give 0 impulses")
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,17 @@ def kicks_back(orbit: Orbit, law: Feedback) -> tuple[Floats, Floats]:
         )
     wanted = np.linalg.solve(gramian, scale[:, None] * orbit.transition(law.horizon))
     return times, -np.asarray(np.einsum("jik,il->jkl", pushed, wanted))
+
+
+def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
+    """What is made of a measurement (6, 6) when it counts, and of that which counted until then (6, 6).
+
+    The state as predicted: after a coast, and with what the last answer has thrust meanwhile.  # theory (92)
+    """
+    wait = min(law.delay, every)
+    left, moved, _ = way_back(orbit, law.horizon, np.array([every - wait, every]))
+    late = np.asarray(orbit.transition(wait))
+    return late, np.asarray(left[1] - moved[1] - late @ (left[0] - moved[0]))
 
 
 def left_of(orbit: Orbit, law: Feedback, times: Floats) -> tuple[Floats, Floats]:

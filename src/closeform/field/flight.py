@@ -127,8 +127,7 @@ def fly(
     if cancel and fires:
         theirs = frame if believed is field else ChiefFrame.of(believed, table.times)
         commands = retargeted(commands, believed, theirs)
-    apart = (table.times[-1] - table.times[0]) / max(table.measurements, 1)
-    kept = sight._kept(apart)
+    kept = sight._kept(table.interval)
     draws = [_drawn(seed, len(paths), table.measurements + 1, sight, sizes, kept) for seed in each]
     wrong, errors = (np.stack([one[k] for one in draws]) for k in (0, 1))
     done = flown(commands, field, frame, wrong, errors)

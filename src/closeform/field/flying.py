@@ -31,6 +31,8 @@ class Course(NamedTuple):
     jumps: Floats  # (N, K + 1, 3) [m/s], in the same
     planned: Floats  # (N, K + 1, 6) [m, m/s], after jumps
     looks: Any  # (K + 1,) which measurement is made, or -1
+    answers: Any  # (K + 1,) which measurement begins to count, or -1
+    late: Floats  # (2, 6, 6): what is made then of what was measured, and of what counted before
     rows: Any  # (K,) of the law, at the begin of each step
     law: Floats  # (L, 3, 6): thrust at begin, middle and end of a step, of what was measured
     kicks: Any  # (K + 1,) which gain makes an impulse, or -1
@@ -49,7 +51,8 @@ NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1]
 FOUR = float64[:, :, :, ::1]
 COURSE = types.NamedTuple(
     (
-        *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, BLOCKS, BLOCKS, WHICH, WHICH, BLOCKS),
+        *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, BLOCKS, BLOCKS, WHICH),
+        *(WHICH, BLOCKS, WHICH, BLOCKS),
         *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, NUMBERS, BLOCKS, BLOCKS, ROWS),
     ),
     Course,
@@ -171,9 +174,23 @@ def kick(course, i, node, deviation, error, spent, y, fired):
         fired[k] = way_back[k]
 
 
+@kernel()
+def answer(course, seen, counted):
+    """Make what was `seen` (6,) what is `counted`, as far on as it is by now: with what that has thrust."""
+    found = stack_vector(6)
+    for axis in range(6):
+        found[axis] = 0.0
+        for k in range(6):
+            found[axis] += course.late[0, axis, k] * seen[k] + course.late[1, axis, k] * counted[k]
+    for k in range(6):
+        counted[k] = found[k]
+
+
 @kernel(void(float64[::1], COURSE, FOUR, BLOCKS, BLOCKS, FOUR, FOUR, BLOCKS))
 def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
-    """Fly S times, from states `now` (S, N, 6) before jumps in the chief's axes, which become the last ones.
+    """Fly S times, on from `now` (S, N, 18), which becomes what is last.
+
+    That is states before jumps in the chief's axes, which deviations count for feedback, and which were seen.
 
     Fills `states` (S, N, T, 6) at nodes that are shown, after `impulses` (S, N, Q, 3) [m/s], and adds to
     `spent` (S, N, 2) the delta-v [m/s] and how long thrust was at its limit [s].  By Runge and Kutta's method
@@ -185,21 +202,24 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
     states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
     steps, fired = len(course.steps), stack_vector(3)
     y, middle, force, thrust = stack_vector(6), stack_vector(6), stack_vector(3), stack_vector(3)
-    rate, total, deviation, there = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
+    rate, total, there = stack_vector(6), stack_vector(6), stack_vector(6)
     for flight in range(len(now)):
         for i in range(len(course.ballistics)):
             error, used = errors[flight, i], spent[flight, i]
             inertial(course, 0, now[flight, i], y)
-            for k in range(6):
-                deviation[k] = 0.0
+            deviation, seen = now[flight, i, 6:12], now[flight, i, 12:]
             for step in range(steps + 1):
+                if course.answers[step] >= 0 and course.answers[step] != course.looks[step]:
+                    answer(course, seen, deviation)
                 if course.looks[step] >= 0:
                     relative(course, 2 * step, y, middle)
                     for k in range(6):
-                        deviation[k] = middle[k] - course.planned[i, step, k]
-                        deviation[k] += wrong[flight, i, course.looks[step], k]
+                        seen[k] = middle[k] - course.planned[i, step, k]
+                        seen[k] += wrong[flight, i, course.looks[step], k]
                     for k in range(3):
-                        deviation[3 + k] += course.jumps[i, step, k]
+                        seen[3 + k] += course.jumps[i, step, k]
+                    if course.answers[step] == course.looks[step]:
+                        answer(course, seen, deviation)
                 if course.fires[step] >= 0:
                     kick(course, i, step, deviation, error, used, y, fired)
                     for k in range(3):

@@ -22,7 +22,8 @@ from closeform.result import Result
 from closeform.zones.padding import gap
 from closeform.zones.pair_zones import PairZones
 
-STEPS = 6  # from one measurement to the next: those at which a craft is looked at
+STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends with one
+NEAR = 0.02  # of a step
 TURNS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)  # (3, 3, 3), small turns about axes
 
 
@@ -160,8 +161,9 @@ def room(
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
     start, end = float(paths.start[0]), float(paths.end[0])
     intervals = int(np.ceil((end - start) / law.every))  # of equal length, as flown
-    times = np.linspace(start, end, STEPS * intervals + 1)
-    loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, STEPS)
+    steps = _steps(min(law.delay / (end - start) * intervals, 1.0))
+    times = np.linspace(start, end, steps * intervals + 1)
+    loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, steps)
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     flown = paths.thrust(times) - (left_out if cancel else 0.0)
     pushes = [left_out * (not cancel), flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
@@ -171,6 +173,12 @@ def room(
     beyond = loop.beyond(errors, np.broadcast_to(unknown, count), sight, (more, np.stack(turning, axis=-1)))
     noise = loop.spread(sight, errors)
     return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, beyond, noise, k)
+
+
+def _steps(delay: float) -> int:
+    """How many of an interval a `delay` fits, a share of it."""
+    some = range(STEPS, MOST, 2)
+    return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)
 
 
 def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats, Floats]:

@@ -23,6 +23,7 @@ class Timetable(NamedTuple):
 
     times: Floats  # (2 K + 1,) [s], half steps
     looks: Any  # (K + 1,) which measurement, or -1
+    answers: Any  # (K + 1,) which measurement begins to count, or -1
     kicks: Any  # (K + 1,) which impulse after a measurement, or -1
     fires: Any  # (K + 1,) which row of impulses, or -1
     shown: Any  # (K + 1,) which row of states, or -1
@@ -49,6 +50,11 @@ class Timetable(NamedTuple):
         """How many."""
         return int(self.looks.max()) + 1
 
+    @property
+    def interval(self) -> float:
+        """From one measurement to the next [s]."""
+        return float(self.times[-1] - self.times[0]) / max(self.measurements, 1)
+
     @classmethod
     def of(cls, path: Path, law: Feedback | None, offsets: Floats, edges: Floats, fired: Floats) -> Timetable:
         """For paths (N,) of one span; with nodes at `edges`, too, and at impulses `fired` [s].
@@ -67,28 +73,39 @@ class Timetable(NamedTuple):
         inside = offsets[offsets < (end - start) / looks * (1.0 - BESIDE)]
         kicked = measured[:, None] + inside
         firing = np.unique(np.concatenate([kicked.ravel(), fired]))
-        nodes = np.unique(np.concatenate([base, firing, edges]))
+        wait = 0.0 if law is None else min(law.delay, (end - start) / looks)
+        answered = _joined(measured + wait, base)
+        nodes = np.unique(np.concatenate([base, firing, edges, answered]))
         times = np.empty(2 * len(nodes) - 1)
         times[::2], times[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:])
         shown = np.unique(np.concatenate([base[::thin], firing]))
         table = cls(
             times,
             _numbered(nodes, measured if law else nodes[:0], np.arange(looks)),
+            _numbered(nodes, answered if law else nodes[:0], np.arange(len(answered))),
             _numbered(nodes, kicked, np.arange(len(inside))),
             _numbered(nodes, firing, np.arange(len(firing))),
             _numbered(nodes, shown, np.arange(len(shown))),
             np.zeros(len(nodes) - 1, dtype=np.int64),
             np.zeros(3),
         )
-        return table if law is None or law.impulses else table._measured(nodes, measured)
+        return table if law is None or law.impulses else table._measured(nodes, answered)
 
-    def _measured(self, nodes: Floats, measured: Floats) -> Timetable:
-        """With the rows of a law, one for each kind of step."""
-        begin = nodes[:-1] - measured[np.searchsorted(measured, nodes[:-1], side="right") - 1]
+    def _measured(self, nodes: Floats, answered: Floats) -> Timetable:
+        """With the rows of a law, one for each kind of step; before the first measurement counts any does."""
+        last = np.maximum(np.searchsorted(answered, nodes[:-1], side="right") - 1, 0)
+        begin = np.maximum(nodes[:-1] - answered[last], 0.0)
         kinds = np.round(np.stack([begin, np.diff(nodes)], axis=1) / SAME).astype(np.int64)
         _, first, which = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
         since = begin[first][:, None] + np.diff(nodes)[first][:, None] * np.array([0.0, 0.5, 1.0])
         return self._replace(rows=3 * which.ravel(), since=since.ravel())
+
+
+def _joined(times: Floats, base: Floats) -> Floats:
+    """Times before the end of a base, and those of its that differ from them by rounding."""
+    near = base[np.minimum(np.searchsorted(base, times - SAME), len(base) - 1)]
+    times = np.where(np.abs(times - near) <= SAME, near, times)
+    return np.asarray(times[times < base[-1] - SAME])
 
 
 def _numbered(nodes: Floats, times: Floats, numbers: Any) -> Any:
