@@ -35,6 +35,7 @@ SECTIONS = {
     "probability": None,
     "planning": 1,
     "field": None,
+    "basilisk": 1,
     "start": None,
     "viewer": None,
     "exchange": 1,
@@ -138,7 +139,8 @@ closeform's in the same table. Compilation is left out, except where a table say
     pip install -e '.[benchmark]'
     python benchmarks/run.py
 
-V-BAR needs Python 3.12; on 3.11 its table says that it was left out.
+V-BAR needs Python 3.12; on 3.11 its table says that it was left out, and so does
+that of Basilisk without the extra `basilisk`.
 """
     return head + "\n" + "\n".join(as_markdown(table) for table in tables)
 

@@ -76,7 +76,7 @@ def cores() -> int:
 
 def machine() -> str:
     """One line on the machine and the versions that matter."""
-    names = ("closeform", "numpy", "numba", "scipy", "clarabel", "vbar")
+    names = ("closeform", "numpy", "numba", "scipy", "clarabel", "vbar", "bsk")
     versions = []
     for name in names:
         try:

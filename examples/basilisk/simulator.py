@@ -131,10 +131,11 @@ class TurningEarth(sysModel.SysModel):
         self.said.write(told, now, self.moduleID)
 
 
-def fly(start: np.ndarray, law: Law, duration: float, world: World, step: float = 10.0) -> Flown:
+def fly(start: np.ndarray, law: Law | None, duration: float, world: World, step: float = 10.0) -> Flown:
     """Fly a chief and N craft from inertial states (N + 1, 6) through a multiple of the step [s].
 
-    `law` is asked at the start of each step for what the craft (N, 3) are to thrust in the middle of it.
+    `law` is asked at the start of each step for what the craft (N, 3) are to thrust in the middle of it;
+    without one nobody thrusts, and only the first and last states are told.
     """
     steps = round(duration / step)
     if abs(duration - steps * step) > 1e-6:  # Basilisk would stop early, without a word
@@ -151,16 +152,9 @@ def fly(start: np.ndarray, law: Law, duration: float, world: World, step: float 
         earth.planetBodyInMsg.subscribeTo(turning.said)
         run.AddModelToTask("flight", turning, EARTH)
     craft = [of_state(state, f"craft {k}", earth) for k, state in enumerate(start)]
-    commander = Commander(craft, law, step, earth)
-    run.AddModelToTask("flight", commander, COMMANDS)
+    told = [start] if law is None else command(run, Commander(craft, law, step, earth), craft, kept)
     if world.density > 0.0:
         breathe(run, craft, world, kept)
-    for one, force in zip(craft[1:], commander.forces, strict=True):
-        pusher = extForceTorque.ExtForceTorque()
-        pusher.cmdForceInertialInMsg.subscribeTo(force)
-        one.addDynamicEffector(pusher)
-        kept.append(pusher)
-        run.AddModelToTask("flight", pusher, FORCES)
     for one in craft:
         run.AddModelToTask("flight", one, CRAFT)
     run.InitializeSimulation()
@@ -169,8 +163,21 @@ def fly(start: np.ndarray, law: Law, duration: float, world: World, step: float 
     run.ExecuteSimulation()
     seconds = process_time() - begin
     last = [one.scStateOutMsg.read() for one in craft]
-    commander.states.append(np.array([[*said.r_BN_N, *said.v_BN_N] for said in last]))
-    return Flown(step * np.arange(steps + 1), np.array(commander.states), seconds)
+    told.append(np.array([[*said.r_BN_N, *said.v_BN_N] for said in last]))
+    return Flown(np.linspace(0.0, steps * step, len(told)), np.array(told), seconds)
+
+
+def command(run: Any, commander: Commander, craft: list[Any], kept: list[Any]) -> list[np.ndarray]:
+    """Craft are pushed as the commander says; returns where it will note their states."""
+    run.AddModelToTask("flight", commander, COMMANDS)
+    kept.append(commander)
+    for one, force in zip(craft[1:], commander.forces, strict=True):
+        pusher = extForceTorque.ExtForceTorque()
+        pusher.cmdForceInertialInMsg.subscribeTo(force)
+        one.addDynamicEffector(pusher)
+        kept.append(pusher)
+        run.AddModelToTask("flight", pusher, FORCES)
+    return commander.states
 
 
 def pulling(world: World, kept: list[Any]) -> Any:
