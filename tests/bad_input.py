@@ -2233,6 +2233,16 @@ CALLS = (
         "feedback: 2 impulses, 2838.49 s apart, cannot steer to all sides; give more of them, or another horizon",
     ),
     Call(
+        "a limit beside thrusters in flight",
+        "cf.fly(plan, cf.Field(chief), thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), max_acceleration=1.0)",
+        "thrusters: have limits and bits of their own, and lead back by impulses; leave out max_acceleration, minimum_bit and cancel, and give Feedback(impulses=...)",
+    ),
+    Call(
+        "a mass without thrusters that burn it",
+        "cf.thrust(plan, cf.Field(chief), mass=100.0)",
+        "mass: is of thrusters that burn; give them, too",
+    ),
+    Call(
         "flights in the field of a function",
         "cf.fly(plan, cf.Field(chief, acceleration=lambda times, states: -9e-7 * states[:, :3]))",
         "field: flights are compiled, and cannot call a function; give zonals and drag",

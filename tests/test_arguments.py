@@ -365,12 +365,13 @@ CALLS = {
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),
-        thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, seeds=2,
+        thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, thrusters=None, seeds=2,
     ),
     "Flight.path": turned(self=cf.fly(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0),
     "thrust": turned(
         plan=LOW.orbit.transfer(START[0], START[1], 900.0), field=cf.Field(LOW), every=60.0,
-        max_acceleration=1.0,
+        max_acceleration=1.0, thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), mass=100.0,
+        specific_impulse=200.0,
     ),
     "validity": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), zones=BALL

@@ -369,6 +369,81 @@ def test_impulses_under_feedback():
     assert sizes[sizes > 1e-9].min() < 0.01
 
 
+# --- pulses -------------------------------------------------------------------------------------
+
+BY_PULSES = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-4, period=60.0)
+
+
+def test_pulses_fly_the_plan_in_the_field():
+    """Pulse by pulse by DOP853: they lead where it is told, and as near the plan as in Hill's equations."""
+    orbit = chief().orbit
+    start, final, duration = task(orbit, 7, count=2, turns=0.4)
+    path = orbit.transfer(start, final, duration)
+    table = cf.thrust(path, cf.Field(chief()), thrusters=BY_PULSES)
+    fires = table.firing
+    plain = cf.fire(path, BY_PULSES)
+    assert table.deviation == pytest.approx(fires.deviation, rel=0.05)  # that of the same pulses in Hill's
+    assert (table.deviation <= 1.02 * fires.deviation_bound).all()
+    assert table.delta_v == pytest.approx(plain.delta_v, rel=0.01)
+    for craft in range(1, 2):
+        own = fires.pulses[fires.pulses.craft == craft]
+        ends = np.unique(np.concatenate([[0.0, duration], own.start, own.start + own.duration]))
+        origin = chief().state
+        axes, turn = axes_of(origin), turn_of(origin)
+        swung = start[craft, 3:] + np.cross(turn, start[craft, :3])
+        both = np.concatenate([origin, origin[:3] + start[craft, :3] @ axes, origin[3:] + swung @ axes])
+        for begin, over in zip(ends[:-1], ends[1:], strict=True):
+            on = (own.start <= begin) & (own.start + own.duration >= over)
+            push = (own.direction * (own.impulse / own.duration)[:, None])[on].sum(axis=0)
+
+            def rates(t, y, push=push):
+                states = y.reshape(2, 6)
+                felt = textbook(states[:, :3])
+                felt[1] += push @ axes_of(states[0])
+                return np.hstack([states[:, 3:], felt]).ravel()
+
+            both = solve_ivp(rates, (begin, over), both, "DOP853", rtol=1e-9, atol=1e-4).y[:, -1]
+        end = axes_of(both[:6]) @ (both[6:9] - both[:3])
+        assert table.path[craft].position(duration) == pytest.approx(end, abs=5e-3)  # m
+        assert np.linalg.norm(end - final[craft, :3]) <= table.deviation[craft] + 5e-3
+
+
+def test_pulses_of_impulses_are_burns():
+    """Those changed for the field are fired; burns at the ends of the plan stick out of it."""
+    orbit = chief().orbit
+    start, final, duration = task(orbit, 7, count=2)
+    path = orbit.two_impulse(start, final, duration)
+    strong = cf.Thrusters.rtn(acceleration=1.0)
+    table = cf.thrust(path, cf.Field(chief()), thrusters=strong)
+    assert table.path.start[0] < 0.0
+    assert table.path.end[0] > duration
+    assert (table.deviation < cf.thrust(path, cf.Field(chief())).deviation + 0.1).all()
+    whole = [np.abs(table.impulses.impulse[table.impulses.craft == k]).sum() for k in range(2)]
+    assert table.delta_v == pytest.approx(whole, rel=1e-6)  # along each axis a thruster
+
+
+def test_pulses_under_feedback():
+    """They are led back by thrusters: along these only, a bit or more at a time."""
+    orbit, field = chief().orbit, cf.Field(chief())
+    start, final, duration = task(orbit, 7, count=2)
+    path, seen = orbit.transfer(start, final, duration), cf.Navigation(0.1, 3e-4)
+    coarse = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-3, period=60.0)
+    for thrusters in (BY_PULSES, coarse):
+        blind = cf.fly(path, field, "open", thrusters=thrusters, thrust_error=(0.002, 0.002), seeds=10)
+        led = cf.fly(path, field, thrusters=thrusters, thrust_error=(0.002, 0.002), navigation=seen, seeds=10)
+        table = cf.thrust(path, field, thrusters=thrusters)
+        assert led.ends.mean() < 0.5 * blind.ends.mean()
+        assert led.greatest_deviation < table.deviation.max() + 8.0
+        jumps = (led.states - led.arrivals)[..., 3:]
+        exact = cf.fly(path, field, thrusters=thrusters, navigation=seen, seeds=3)
+        sizes = np.abs((exact.states - exact.arrivals)[..., 3:])
+        assert sizes[sizes > 1e-8].min(initial=1.0) >= thrusters.minimum_bit.min() * (1.0 - 1e-6)
+        assert (exact.delta_v >= sizes.sum(axis=(2, 3))).all()
+        assert jumps.any()
+    fixed = cf.Thrusters.rtn("inertial", 0.02, 1e-4, 60.0)
+    assert cf.fly(path, field, thrusters=fixed, navigation=seen).greatest_end < 3.0
+
+
 # --- feedback ---------------------------------------------------------------------------------
 
 

@@ -27,17 +27,14 @@ from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission import run as run
 from closeform.exchange.chief import Chief as Chief
-from closeform.field.commanded import (
-    CommandedThrust as CommandedThrust,
-    Retargeted as Retargeted,
-    thrust as thrust,
-)
+from closeform.field.commanded import CommandedThrust as CommandedThrust, thrust as thrust
 from closeform.field.drag import Drag as Drag
 from closeform.field.feedback import Feedback as Feedback, Navigation as Navigation
 from closeform.field.field import Field as Field
 from closeform.field.flight import fly as fly
 from closeform.field.flight_result import Flight as Flight
 from closeform.field.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
+from closeform.field.retargeted import Retargeted as Retargeted
 from closeform.field.room import Room as Room, room as room
 from closeform.field.natural import coast as coast, transition as transition
 from closeform.field.tube import Tube as Tube, tube as tube

@@ -2,55 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import commands_of, flown
+from closeform.field.course import exactly
 from closeform.field.field import Field, described
-from closeform.field.flown_plan import paths_to_fly
+from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.residual import residuals
-from closeform.field.retargeted import retargeted
-from closeform.field.timetable import impulses_of
-from closeform.motion.joining import stack
+from closeform.field.retargeted import Retargeted, changed_impulses
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.result import Rows
 
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Retargeted(Rows):
-    """Impulses of craft, changed for a field, in order of craft and time: M rows; made by `thrust`.
-
-    Attributes
-    ----------
-    craft : array of int of shape (M,)
-        Whose each is, by index.
-    time : array of shape (M,) [s]
-        Since the chief's epoch.
-    impulse : array of shape (M, 3) [m/s]
-        Radial, along-track and cross-track, in the chief's axes.
-    planned : array of shape (M, 3) [m/s]
-        Those of the plan, in the same axes.
-    """
-
-    _columns: ClassVar = {
-        "craft": "craft",
-        "time": "time_s",
-        "impulse": "vx_m_s vy_m_s vz_m_s",
-        "planned": "planned_vx_m_s planned_vy_m_s planned_vz_m_s",
-    }
-
-    craft: Any
-    time: Floats
-    impulse: Floats
-    planned: Floats
-
-    def __len__(self) -> int:
-        return len(self.time)
+if TYPE_CHECKING:
+    from closeform.fuel.firing import Firing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,6 +55,9 @@ class CommandedThrust(Rows):
         `screen` certifies it.
     deviation : array of shape (N,) [m]
         How far that is from the plan at most, at these samples.
+    firing : Firing or None
+        The pulses of thrusters; then `path` is what these fly, and its `deviation_bound` holds in Hill's
+        equations: in a field it grows by as small a share as the path's other acceleration is of thrust.
     """
 
     _columns: ClassVar = {
@@ -104,6 +79,7 @@ class CommandedThrust(Rows):
     impulses: Retargeted
     path: Path
     deviation: Floats
+    firing: Firing | None
 
     @property
     def craft(self) -> Any:
@@ -122,7 +98,13 @@ class CommandedThrust(Rows):
 
 
 def thrust(
-    plan: Any, field: Field, every: float = 10.0, max_acceleration: float | None = None
+    plan: Any,
+    field: Field,
+    every: float = 10.0,
+    max_acceleration: float | None = None,
+    thrusters: Thrusters | Sequence[Thrusters] | None = None,
+    mass: ArrayLike | None = None,
+    specific_impulse: ArrayLike | None = None,
 ) -> CommandedThrust:
     """The thrust that flies planned paths in a field as they are, and with them all that is certified.
 
@@ -139,6 +121,12 @@ def thrust(
         Between rows of the table, at most; each arc of thrust begins one.
     max_acceleration : float [m/s^2], optional
         What each craft can give.
+    thrusters : Thrusters or sequence of Thrusters, optional
+        Of all craft, or of each, which fire it as pulses: `fire` says how.
+    mass : array_like of shape () or (N,) [kg], optional
+        Of the craft at the start, as for `fire`.
+    specific_impulse : array_like of shape () or (N,) [s], optional
+        With `mass`.
 
     Returns
     -------
@@ -180,7 +168,7 @@ def thrust(
     planned = paths.thrust(times)
     frame = ChiefFrame.of(field, times)
     left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
-    impulses, path, deviation = _retargeted(paths, field)
+    impulses, path, deviation = changed_impulses(paths, field)
     fires = np.isin(np.arange(len(paths)), impulses.craft)
     commanded = planned - left_out * ~fires[:, None, None]
     size = np.linalg.norm(commanded, axis=2)
@@ -189,25 +177,18 @@ def thrust(
     before = np.array(paths.delta_v)
     spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
     told = described(field), times, commanded, planned, left_out, spent, before, size.max(axis=1) > limit
-    return CommandedThrust(*told, impulses, path, deviation)
+    if thrusters is None:
+        if mass is not None or specific_impulse is not None:
+            raise ValueError("mass: is of thrusters that burn; give them, too")
+        return CommandedThrust(*told, impulses, path, deviation, None)
+    from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
 
-
-def _retargeted(paths: Path, field: Field) -> tuple[Retargeted, Path, Floats]:
-    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m]."""
-    craft, times, planned = impulses_of(paths)
-    deviation = np.zeros(len(paths))
-    if not len(craft):
-        return Retargeted(craft, times, planned, planned), paths, deviation
-    plain = commands_of(paths, None, field)
-    frame = ChiefFrame.of(field, plain.table.times)
-    commands = retargeted(plain, field, frame)
-    still = np.zeros((1, len(paths), 1, 6)), np.zeros((1, len(paths), 4))
-    done = flown(commands, field, frame, *still)
-    when = plain.table.shown_times
-    changed = commands.jumps[craft, np.searchsorted(plain.table.fired_times, times)]
-    fires = np.unique(craft)
-    off = done.states[0, ..., :3] - paths.position(when)
-    deviation[fires] = np.linalg.norm(off, axis=2).max(axis=1)[fires]
-    own = paths.orbit._through(when, done.states[0], done.arrivals[0])
-    path = stack([own[k] if k in fires else paths[k] for k in range(len(paths))])
-    return Retargeted(craft, times, changed, planned), path, deviation
+    jumps = impulses.craft, impulses.time, impulses.impulse
+    firing = fired_in(paths, jumps, field, thrusters, mass, specific_impulse)
+    when, done = flown_pulses(
+        firing, field, field, None, lambda table: exactly(len(paths), table.measurements)
+    )
+    path = paths.orbit._through(when, done.states[0])
+    off = done.states[0, ..., :3] - spanning(paths, when).position(when)
+    told = *told[:-3], np.asarray(firing.delta_v), *told[-2:]
+    return CommandedThrust(*told, impulses, path, np.linalg.norm(off, axis=2).max(axis=1), firing)

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback, delayed, kicks_back, way_back
 from closeform.field.field import Field
 from closeform.field.flying import FACET, THRUSTER, Course, fly_all
 from closeform.field.residual import residuals
-from closeform.field.timetable import BESIDE, Timetable, edges_of, impulses_of
+from closeform.field.timetable import BESIDE, COAST, STEP, Timetable, edges_of, impulses_of
 from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
 STRETCH = 20_000  # steps that are in memory together, about
+
+
+class Nozzles(NamedTuple):
+    """Thrusters as kernels know them, see `field/flying.py`; `turns` where they are fixed inertially."""
+
+    thrusters: Floats  # (J, 5)
+    facets: Floats  # (F, 12)
+    turns: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +36,7 @@ class Commands:
     `known` is the field against which they thrust, or None, and `cancelled` (N,) who does; `jumps` (N, Q, 3)
     are planned impulses, one for each of the table's.  `reference` (N, T, 6) are the states that feedback
     leads back to, at those that are shown, if these are not the path's; `limits` and `bits` (N,) bound
-    thrust and impulses.
+    thrust and impulses.  `nozzles` fire what leads back, of one craft.
     """
 
     path: Path
@@ -41,6 +48,8 @@ class Commands:
     law: Feedback | None
     limits: Floats
     bits: Floats
+    ballistics: Floats
+    nozzles: Nozzles | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +93,19 @@ def flown(commands: Commands, field: Field, frame: ChiefFrame, wrong: Floats, er
 
 
 def commands_of(
-    path: Path, law: Feedback | None, known: Field | None, limit: Any = np.inf, bit: float = 0.0
+    path: Path,
+    law: Feedback | None,
+    known: Field | None,
+    ballistics: Floats,
+    limit: Any = np.inf,
+    bit: float = 0.0,
+    nozzles: Nozzles | None = None,
 ) -> Commands:
     """What planned paths (N,) ask for, their impulses as planned."""
     craft, when, sizes = impulses_of(path)
     offsets = np.zeros(0) if law is None or not law.impulses else kicks_back(path.orbit, law)[0]
-    table = Timetable.of(path, law, offsets, edges_of(path), when)
+    coasts = not path.peak_thrust.any() and (law is None or law.impulses) and nozzles is None
+    table = Timetable.of(path, law, offsets, edges_of(path), when, COAST if coasts else STEP)
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
     jumps[craft, np.searchsorted(table.fired_times, when)] = sizes
@@ -97,7 +113,12 @@ def commands_of(
     if law is not None and law.impulses:
         lasting &= path.peak_thrust > 0.0
     limits, bits = np.full(count, limit), np.full(count, bit)
-    return Commands(path, table, known, lasting, jumps, None, law, limits, bits)
+    return Commands(path, table, known, lasting, jumps, None, law, limits, bits, ballistics, nozzles)
+
+
+def exactly(count: int, measurements: int) -> tuple[Floats, Floats]:
+    """No errors of measurements (1, N, M, 6) and of thrust (1, N, 4), of one flight."""
+    return np.zeros((1, count, measurements, 6)), np.zeros((1, count, 4))
 
 
 def courses(commands: Commands, field: Field, frame: ChiefFrame) -> Iterator[Course]:
@@ -149,7 +170,7 @@ def _course(
             part[-1] = -1
     looks, answers, kicks, fires, shown = which
     if commands.law is None:
-        looks[:], kicks[:] = -1, -1
+        looks[:], answers[:], kicks[:] = -1, -1, -1
     jumps = np.zeros((count, len(fires), 3))
     jumps[:, fires >= 0] = commands.jumps[:, fires[fires >= 0]]
     planned = path.state(table.nodes[nodes])
@@ -162,10 +183,12 @@ def _course(
     floats = [
         np.ascontiguousarray(part, dtype=float) for part in (lengths, *chief, commanded, jumps, planned)
     ]
-    bounds = ballistics_of(field.drag, count), commands.limits, commands.bits
-    anywhere = np.zeros((count, 0, THRUSTER)), np.zeros((count, 0, FACET)), np.zeros((count, len(fires)))
+    bounds = commands.ballistics, commands.limits, commands.bits
+    fire = commands.nozzles or Nozzles(np.zeros((0, THRUSTER)), np.zeros((0, FACET)), False)
+    angles = path.orbit.mean_motion * table.nodes[nodes] * fire.turns
+    sides = (np.broadcast_to(one, (count, *one.shape)).copy() for one in (*fire[:2], angles))
     late = np.stack([np.eye(6), np.zeros((6, 6))])
     if commands.law is not None and commands.law.delay > 0.0:
         late = np.stack(delayed(path.orbit, commands.law, table.interval))
     rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires
-    return Course(*(*floats, *rules_of, *bounds, *anywhere))
+    return Course(*(*floats, *rules_of, *bounds, *sides))

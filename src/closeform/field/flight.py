@@ -11,12 +11,15 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, number, numbers, shown, whole
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import commands_of, flown
+from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback, Navigation, thrust_errors
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
-from closeform.field.flown_plan import paths_to_fly
+from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.least_ratios import least_ratios
-from closeform.field.retargeted import retargeted
+from closeform.field.retargeted import changed_impulses, retargeted
+from closeform.field.timetable import Timetable
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import IMPULSE
 from closeform.motion.mean_motion import checked
 from closeform.zones.pair_zones import PairZones
@@ -37,6 +40,7 @@ def fly(
     thrust_error: ArrayLike = (0.0, 0.0),
     max_acceleration: ArrayLike | None = None,
     minimum_bit: float = 0.0,
+    thrusters: Thrusters | Sequence[Thrusters] | None = None,
     seeds: int | Sequence[int] = 1,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
@@ -51,7 +55,7 @@ def fly(
         Measure and come back to the planned path, or play the thrust as commanded.
     feedback : Feedback, optional
         How often, within which horizon, and by what; each minute and within ten of them by thrust that lasts
-        unless given, for plans that have impulses by one each five minutes and six within half an hour.
+        unless given, for impulses or thrusters by one each five minutes, of six in half an hour.
     navigation : Navigation, optional
         How well they are measured; exactly unless given.
     zones : Zone or PairZones, optional
@@ -68,6 +72,9 @@ def fly(
         That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses.
     minimum_bit : float [m/s], default 0
         The least impulse that is fired.
+    thrusters : Thrusters or sequence of Thrusters, optional
+        Of all craft, or of each, which fire what `thrust` says, and lead back by impulses in their directions
+        that are a bit or more.
     seeds : int or sequence of int, default 1
         How many flights, or the seed of each: its errors are the same however many others there are.
 
@@ -85,8 +92,8 @@ def fly(
     Notes
     -----
     Steps are of 5 s, or of 20 s where nothing but gravity, air and impulses act, and one ends wherever thrust
-    jumps.  Feedback leads craft with impulses back to what their changed impulses fly without errors, others
-    to the plan.
+    jumps.  Feedback leads craft with impulses or thrusters back to what these fly without errors in the field
+    that is known, others to the plan.
 
     References
     ----------
@@ -108,30 +115,44 @@ def fly(
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
     fires = bool(paths.arcs[:, IMPULSE : IMPULSE + 3].any())
-    usual = BY_IMPULSES if fires else Feedback()
+    usual = BY_IMPULSES if fires or thrusters is not None else Feedback()
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, len(paths))
-    limit, least = (
-        _limit(max_acceleration, fires, len(paths)),
-        checked("minimum_bit", number("minimum_bit", minimum_bit)),
-    )
-    if not least >= 0.0:
+    limit, least = _limit(max_acceleration, fires, len(paths)), number("minimum_bit", minimum_bit)
+    if not checked("minimum_bit", least) >= 0.0:
         raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
     each, believed = _seeds(seeds), known or field
-    commands = commands_of(
-        paths, law if control == "track" else None, believed if cancel else None, limit, least
-    )
-    table = commands.table
-    frame = ChiefFrame.of(field, table.times)
-    if cancel and fires:
-        theirs = frame if believed is field else ChiefFrame.of(believed, table.times)
-        commands = retargeted(commands, believed, theirs)
-    kept = sight._kept(table.interval)
-    draws = [_drawn(seed, len(paths), table.measurements + 1, sight, sizes, kept) for seed in each]
-    wrong, errors = (np.stack([one[k] for one in draws]) for k in (0, 1))
-    done = flown(commands, field, frame, wrong, errors)
-    times, planned = table.shown_times, np.array(paths.delta_v)
+    followed, cancelled = law if control == "track" else None, believed if cancel else None
+
+    def wrong(table: Timetable) -> tuple[Floats, Floats]:
+        kept = sight._kept(table.interval)
+        draws = [_drawn(seed, len(sizes), table.measurements + 1, sight, sizes, kept) for seed in each]
+        return np.stack([one for one, _ in draws]), np.stack([one for _, one in draws])
+
+    planned = np.array(paths.delta_v)
+    if thrusters is None:
+        own = ballistics_of(field.drag, len(paths))
+        commands = commands_of(paths, followed, cancelled, own, limit, least)
+        table = commands.table
+        frame = ChiefFrame.of(field, table.times)
+        if cancel and fires:
+            theirs = frame if believed is field else ChiefFrame.of(believed, table.times)
+            commands = retargeted(commands, believed, theirs)
+        times = table.shown_times
+        done = flown(commands, field, frame, *wrong(table))
+    else:
+        if not cancel or limit.min() < np.inf or least > 0.0 or (followed and not law.impulses):
+            raise ValueError(
+                "thrusters: have limits and bits of their own, and lead back by impulses; leave out "
+                "max_acceleration, minimum_bit and cancel, and give Feedback(impulses=...)"
+            )
+        from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
+
+        jumps, _, _ = changed_impulses(paths, believed)
+        firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), believed, thrusters)
+        times, done = flown_pulses(firing, field, believed, followed, wrong)
+        paths = spanning(paths, times)
     found = [
         least_ratios(one, before, times, zones)
         for one, before in zip(done.states, done.arrivals, strict=True)
@@ -140,7 +161,7 @@ def fly(
         times,
         done.states,
         done.arrivals,
-        done.spent - done.asked + planned + (done.asked - planned) * cancel,
+        done.spent if cancel else done.spent - done.asked + planned,
         planned,
         (done.asked - planned) * cancel,
         done.limited / (times[-1] - times[0]),
@@ -150,10 +171,10 @@ def fly(
     )
 
 
-def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Any:
-    """What thrust never exceeds () or (N,) [m/s^2], of plans that have impulses or none."""
+def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:
+    """What thrust never exceeds (N,) [m/s^2], of plans that have impulses or none."""
     if max_acceleration is None:
-        return np.inf
+        return np.full(count, np.inf)
     limit = numbers("max_acceleration", max_acceleration)
     if limit.shape not in ((), (count,)) or not (limit > 0.0).all():
         raise ValueError(f"max_acceleration: must be positive, got {shown(max_acceleration)}")
@@ -161,7 +182,7 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Any:
         raise ValueError(
             "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns"
         )
-    return limit
+    return np.broadcast_to(limit, count).copy()
 
 
 def _seeds(seeds: int | Sequence[int]) -> list[int]:

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import instance
+from closeform.arrays import Floats, instance
 from closeform.field.field import Field
+from closeform.motion.joining import stack
 from closeform.motion.path import Path, path_of
 from closeform.planning.plan import Avoidance, Plan
 
@@ -33,3 +34,10 @@ def paths_to_fly(plan: Any, field: Field) -> Path:
     if np.ptp(starts) > 0.0 or np.ptp(ends) > 0.0:
         raise ValueError("plan: paths begin or end apart; carry them on by coasts to common times")
     return path_of(path.orbit, path.arcs, path.offsets, (len(starts),))
+
+
+def spanning(paths: Path, times: Floats) -> Path:
+    """Paths (N,), with coasts where times (T,) are before or after them."""
+    from closeform.fuel.pulses import extended  # which only burns at the ends of plans need
+
+    return stack([extended(paths[k], float(times[0]), float(times[-1])) for k in range(len(paths))])

@@ -2,21 +2,79 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Commands, flown
+from closeform.field.course import Commands, commands_of, exactly, flown
+from closeform.field.drag import ballistics_of
 from closeform.field.field import Field
+from closeform.field.timetable import impulses_of
+from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
+from closeform.result import Rows
 
 ROUNDS = 30
 MET = 1e-6  # m, by which a round still changes what is met
 ALONG = 64  # places along the path that are kept
 HARD = 1e4  # how much the end counts, beside a place before it
 FREE = 1e-7  # how little a change of impulses counts, as the length that it leads to in a radian of the orbit
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Retargeted(Rows):
+    """Impulses of craft, changed for a field, in order of craft and time: M rows; made by `thrust`.
+
+    Attributes
+    ----------
+    craft : array of int of shape (M,)
+        Whose each is, by index.
+    time : array of shape (M,) [s]
+        Since the chief's epoch.
+    impulse : array of shape (M, 3) [m/s]
+        Radial, along-track and cross-track, in the chief's axes.
+    planned : array of shape (M, 3) [m/s]
+        Those of the plan, in the same axes.
+    """
+
+    _columns: ClassVar = {
+        "craft": "craft",
+        "time": "time_s",
+        "impulse": "vx_m_s vy_m_s vz_m_s",
+        "planned": "planned_vx_m_s planned_vy_m_s planned_vz_m_s",
+    }
+
+    craft: Any
+    time: Floats
+    impulse: Floats
+    planned: Floats
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Floats]:
+    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m]."""
+    craft, times, planned = impulses_of(paths)
+    deviation = np.zeros(len(paths))
+    if not len(craft):
+        return Retargeted(craft, times, planned, planned), paths, deviation
+    plain = commands_of(paths, None, field, ballistics_of(field.drag, len(paths)))
+    frame = ChiefFrame.of(field, plain.table.times)
+    commands = retargeted(plain, field, frame)
+    done = flown(commands, field, frame, *exactly(len(paths), 1))
+    when = plain.table.shown_times
+    changed = commands.jumps[craft, np.searchsorted(plain.table.fired_times, times)]
+    fires = np.unique(craft)
+    off = done.states[0, ..., :3] - paths.position(when)
+    deviation[fires] = np.linalg.norm(off, axis=2).max(axis=1)[fires]
+    own = paths.orbit._through(when, done.states[0], done.arrivals[0])
+    path = stack([own[k] if k in fires else paths[k] for k in range(len(paths))])
+    return Retargeted(craft, times, changed, planned), path, deviation
 
 
 def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
@@ -26,7 +84,7 @@ def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
     with Hill's transition, which is that of the field to some parts in a thousand.           # theory (89)
     """
     table, orbit = commands.table, commands.path.orbit
-    still = np.zeros((1, len(commands.path), table.measurements, 6)), np.zeros((1, len(commands.path), 4))
+    still = exactly(len(commands.path), 1)
     alone = replace(commands, known=None, law=None)
     times = table.shown_times
     fired = table.fired_times

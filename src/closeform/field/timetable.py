@@ -56,14 +56,15 @@ class Timetable(NamedTuple):
         return float(self.times[-1] - self.times[0]) / max(self.measurements, 1)
 
     @classmethod
-    def of(cls, path: Path, law: Feedback | None, offsets: Floats, edges: Floats, fired: Floats) -> Timetable:
-        """For paths (N,) of one span; with nodes at `edges`, too, and at impulses `fired` [s].
+    def of(
+        cls, path: Path, law: Feedback | None, offsets: Floats, edges: Floats, fired: Floats, longest: float
+    ) -> Timetable:
+        """For paths (N,) of one span, in steps of at most `longest` [s]; one ends at all `edges` and `fired`.
 
         Measured from the start on, at equal intervals of at most the law's; `offsets` (J,) [s] after each
         measurement impulses are fired.
         """
         start, end = float(path.start[0]), float(path.end[0])
-        longest = COAST if not path.peak_thrust.any() and (law is None or law.impulses) else STEP
         looks = 1 if law is None else int(np.ceil((end - start) / law.every - SAME))
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))

@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path, ends_of
 from closeform.motion.steering import fix_inertially
@@ -110,10 +110,17 @@ def flown(
     arcs[:, PUSH : PUSH + 3] = np.where(on[:, None], np.cumsum(push, axis=0), 0.0)[:-1]
     if thrusters.frame == "inertial":
         fix_inertially(orbit.mean_motion, arcs)
+    return linked(orbit, arcs, state)
+
+
+def linked(orbit: Orbit, arcs: Floats, state: Floats) -> Path:
+    """The path of one craft, from a `state` (6,) before impulses, by arcs (M, 30) whose states are filled."""
+    arcs[:, STATE : STATE + 6] = 0.0
     alone = Path(orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
     gained = alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]
     moved = orbit.transition(arcs[:, END] - arcs[:, START])
     for k in range(len(arcs)):
         arcs[k, STATE : STATE + 6] = state
-        state = moved[k] @ state + gained[k]
+        arcs[k, STATE + 3 : STATE + 6] += arcs[k, IMPULSE : IMPULSE + 3]
+        state = moved[k] @ arcs[k, STATE : STATE + 6] + gained[k]
     return Path(orbit, arcs, np.array([0, len(arcs)]), ())
