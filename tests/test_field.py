@@ -232,6 +232,19 @@ def test_deviation_grows_with_eccentricity():
     assert (np.array(ends) < 2.0 * np.array(rule)).all()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_prediction_beside_a_chief_of_one_percent(seed):
+    """Tens of metres off: how far to a hundredth, and how near pairs come to 10 cm, as flown."""
+    wide, zone = chief(0.01), cf.Sphere(100.0)
+    start, final, duration = task(wide.orbit, 40 + seed, count=3)
+    path = wide.orbit.transfer(start, final, duration)
+    found = cf.validity(path, cf.Field(wide), zone)
+    real = cf.fly(path, cf.Field(wide), "open", cancel=False, zones=zone)
+    assert found.ends.max() > 10.0
+    assert found.ends == pytest.approx(real.ends[0], rel=0.01)
+    assert 100.0 * found.flown == pytest.approx(100.0 * real.ratios[0], abs=0.1)
+
+
 def test_least_ratio_as_flown():
     """Against dense sampling of the plan with the deviations that were predicted."""
     orbit, zone = chief().orbit, cf.Sphere(30.0)

@@ -23,6 +23,7 @@ from closeform.zones.zone import Zone
 
 STEPS = 300  # for each orbit, of the quadrature: Simpson's rule over two of them
 FEWEST = 60
+PASSES, WITHIN = 8, 0.005  # along a path that deviates, until the next would change so much [m]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -99,7 +100,8 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
 
     Notes
     -----
-    What is left out is taken along the planned path, and then once more along the path as it deviates.
+    What is left out is taken along the planned path, and again along the path as it deviates until another
+    time would change less than some millimetres.
     With the thrust that `thrust` commands there are no deviations.
 
     References
@@ -125,7 +127,13 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     left_out = residuals(field, frame, states, orbit.mean_motion)
     greatest = np.linalg.norm(left_out, axis=2).max(axis=1)
     off = deviations_of(orbit, times, left_out)
-    off = deviations_of(orbit, times, residuals(field, frame, states + off, orbit.mean_motion))
+    size = np.abs(off).max()
+    for _ in range(PASSES):
+        before, kept = size, off
+        off = deviations_of(orbit, times, residuals(field, frame, states + off, orbit.mean_motion))
+        size = np.abs(off - kept).max()
+        if size * size <= WITHIN * before:  # what the next would change, as they fall by equal shares
+            break
     deviations = off[:, ::2]
     coarse = states[:, ::2]
     pairs, planned = least_ratios(coarse, coarse, times[::2], zones)
