@@ -42,6 +42,7 @@ SECTIONS = {
 }  # cores; None: all
 LIMIT = 600  # seconds a section may take
 TESTS = Path(__file__).parents[1] / "tests"  # formations fixed before the planner was tuned
+TOOLS = Path(__file__).parents[1] / "tools"  # crowds
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
 
@@ -90,7 +91,7 @@ def measure_here(section: str, quick: bool, result: Path) -> None:
     share = SECTIONS[section]
     if share and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-share:])
-    sys.path.append(str(TESTS))
+    sys.path += [str(TESTS), str(TOOLS)]
     report = importlib.import_module(f"sections.{section}").measure(quick)
     result.write_text(json.dumps(report.plain()))
 

@@ -1,9 +1,10 @@
-"""All pairs of a thousand craft on all cores: time and memory after a warm-up."""
+"""All pairs of a thousand craft, and of up to a hundred thousand: time and memory after a warm-up."""
 
 import resource
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from swarm import crowd
 
 import closeform as cf
 from cases import MEAN_MOTION, PERIOD, ZONE, cluster
@@ -14,6 +15,9 @@ from tables import Figure, Report, Table, seconds, times
 from timing import cores, side_by_side
 
 VECTOR = "1 s sampling, table, vectorised"
+CROWDS = {1_000: 5, 3_000: 5, 10_000: 5, 30_000: 3, 100_000: 1}  # craft, and how often they are screened
+QUICK = {1_000: 1, 3_000: 1}
+ASKED = {10_000: 4.0, 100_000: 60.0}  # s
 
 
 def measure(quick: bool) -> Report:
@@ -58,4 +62,32 @@ def measure(quick: bool) -> Report:
         Figure("1,000 craft, all pairs", "<= 1 s", seconds(base), base <= 1.0 if not quick else None),
         Figure("1,000 craft, memory", "< 500 MB", f"{memory / 1e6:.0f} MB", memory < 500e6),
     ]
-    return Report([table], figures)
+    growth, more = grown(QUICK if quick else CROWDS)
+    return Report([table, growth], figures + more)
+
+
+def grown(crowds: dict[int, int]) -> tuple[Table, list[Figure]]:
+    """Crowds of equal density: what a screening of one orbit takes."""
+    orbit, ball = cf.Orbit(MEAN_MOTION), cf.Sphere(20.0)
+    cf.screen(orbit.coast(crowd(2000, MEAN_MOTION), PERIOD), ball)
+    rows, figures = [], []
+    for count, repeats in crowds.items():
+        paths, found = orbit.coast(crowd(count, MEAN_MOTION), PERIOD), []
+        screened = lambda paths=paths, found=found: found.append(cf.screen(paths, ball))  # noqa: E731
+        took = side_by_side({f"{count:,} craft": screened}, repeats)[f"{count:,} craft"].median
+        memory = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6:.0f} MB"
+        cells = [seconds(took), f"{took / count * 1e6:.0f} µs", memory, f"{len(found[-1]):,}"]
+        rows.append([f"{count:,}", f"{pairs_among(count, count):,}", *cells])
+        if count in ASKED:
+            name = f"{count:,} craft, one orbit, all pairs"
+            figures.append(Figure(name, f"<= {ASKED[count]:g} s", seconds(took), took <= ASKED[count]))
+    if 100_000 in crowds:
+        few = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 < 4e9
+        figures.append(Figure("100,000 craft, memory", "< 4 GB", memory, few))
+    notes = [
+        "Closed relative orbits, 10,000 craft in a cube of 50 km at the start (`tools/swarm.py`).",
+        "A larger swarm of equal density moves faster within itself: stays grow faster than craft.",
+        "Memory is the most of the whole process up to there, with the peer's of the table above.",
+    ]
+    columns = ["craft", "pairs", "time", "for each craft", "memory", "stays in a zone"]
+    return Table("Crowds of equal density, one orbit, spheres of 20 m", columns, rows, notes), figures

@@ -104,6 +104,16 @@ def grow(boxes, count, depth, nodes):
 
 
 @kernel()
+def follow_order(tracks, k, boxes, count, chords):
+    """The chords of interval k in the order of the boxes, so that those of neighbours lie side by side."""
+    for row in range(count):
+        who = int(boxes[row, 6])
+        for part in range(4):
+            for side in range(2):
+                chords[row, part, side] = tracks[who, part, k + side]
+
+
+@kernel()
 def overlap(boxes, i, others, j):
     return (
         (boxes[i, 0] <= others[j, 3])
@@ -116,7 +126,7 @@ def overlap(boxes, i, others, j):
 
 
 @kernel()
-def compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count):
+def compare(chords, total, boxes, number, depth, nodes, one, two, codes, count):
     """Append who of a leaf may meet who of another, or of the same: the new count, and how many overlap."""
     overlaps = 0
     for i in range(first_of(one, number, depth), first_of(one + 1, number, depth)):
@@ -126,9 +136,9 @@ def compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count):
         for j in range(begin, first_of(two + 1, number, depth)):
             if overlap(boxes, i, boxes, j):
                 overlaps += 1
-                own, other = int(boxes[i, 6]), int(boxes[j, 6])
-                if count_near(tracks, own, tracks, other, k, k + 1) > 0:
-                    codes[count] = min(own, other) * len(tracks) + max(own, other)
+                if count_near(chords, i, chords, j, 0, 1) > 0:
+                    own, other = int(boxes[i, 6]), int(boxes[j, 6])
+                    codes[count] = min(own, other) * total + max(own, other)
                     count += 1
     return count, overlaps
 
@@ -139,6 +149,7 @@ def compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count):
         int64,
         int64[::1],
         float64[:, ::1],
+        float64[:, :, ::1],
         float64[:, ::1],
         int64[:, ::1],
         int64[::1],
@@ -146,19 +157,21 @@ def compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count):
         int64[::1],
     )
 )
-def meeting(tracks, k, craft, boxes, nodes, waiting, state, most, codes):
+def meeting(tracks, k, craft, boxes, chords, nodes, waiting, state, most, codes):
     """Pairs of craft that may be in the unit ball around each other in interval k, as i N + j with i < j.
 
     As many as fit in `codes`: returns how many.  `state` tells how many nodes are left in `waiting`, to go
     on with in another call (-1 to begin), and how many boxes overlapped; beyond `most` of them it ends.
     """
-    tracks, boxes, nodes, codes = borrowed(tracks), borrowed(boxes), borrowed(nodes), borrowed(codes)
+    tracks, boxes, chords = borrowed(tracks), borrowed(boxes), borrowed(chords)
+    nodes, codes = borrowed(nodes), borrowed(codes)
     number, depth, count = len(craft), 0, 0
     while number > LEAF << depth:
         depth += 1
     if state[0] < 0:
         enclose(tracks, k, craft, boxes)
         grow(boxes, number, depth, nodes)
+        follow_order(tracks, k, boxes, number, chords)
         waiting[0, 0], waiting[0, 1] = 1, 1
         state[0], state[1] = 1, 0
     left = state[0]
@@ -168,8 +181,10 @@ def meeting(tracks, k, craft, boxes, nodes, waiting, state, most, codes):
         if one != two and not overlap(nodes, one, nodes, two):
             continue
         if one >= 1 << depth:
-            count, overlaps = compare(tracks, k, boxes, number, depth, nodes, one, two, codes, count)
-            state[1] += overlaps
+            count, overlaps = compare(
+                chords, len(tracks), boxes, number, depth, nodes, one, two, codes, count
+            )
+            state[1] += more
             continue
         for half in range(2):
             for other_half in range(half if one == two else 0, 2):

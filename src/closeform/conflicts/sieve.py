@@ -29,6 +29,7 @@ CROWDED = 8  # overlaps for each craft in an interval from which on it is halved
 SHARE = 8  # the sieve pays where fewer than one in so many pairs overlap in an interval
 MOST = 1 << 24  # overlaps in an interval: beyond, pairs are looked at one by one, in less memory
 ANY = 1 << 62
+SOME = 1000  # craft that tell how far they move
 LOOKS = 3  # intervals that tell whether it pays
 ROOM = 1 << 16  # pairs that a look finds at once
 
@@ -97,29 +98,33 @@ class Sieve:
         fill_tracks(self.paths.arcs, self.paths.offsets, self.matrix, times, tracks)
         tracks[:, OFF_CHORD] += self.margins[:, None]
         boxes, codes = np.empty((number, WIDTH)), np.empty(ROOM, dtype=np.int64)
+        chords = np.empty((number, 4, 2))
         nodes = np.empty((4 * max(1, number // LEAF), 6))
         waiting, state = np.empty((OPEN, 2), dtype=np.int64), np.empty(2, dtype=np.int64)
         for k in range(len(times) - 1):
             craft = np.flatnonzero((self.starts <= times[k + 1]) & (self.ends >= times[k]))
-            middle = 0.5 * (times[k] + times[k + 1])
-            halved = times[k] < middle < times[k + 1] and self._far(tracks[:, :, k : k + 2], craft)
+            middles = 0.5 * (times[k:-1] + times[k + 1 :])
+            halved = times[k] < middles[0] < times[k + 1] and self._far(tracks[:, :, k : k + 2], craft)
             most = CROWDED * len(craft) if halved else ANY
             state[:] = -1, 0
             found = []
             while state[0] and state[1] <= most:
                 before = int(state[1])
-                count = meeting(tracks, k, craft, boxes, nodes, waiting, state, most, codes)
+                count = meeting(tracks, k, craft, boxes, chords, nodes, waiting, state, most, codes)
                 found.append((codes[:count].copy(), int(state[1]) - before))
-            if state[1] <= most:
-                yield from found
-            else:
-                yield from self._looks(np.array([times[k], middle, times[k + 1]]))
+            if state[1] > most:  # so will those be that follow
+                finer = np.sort(np.concatenate([times[k:], middles]))
+                for begin in range(0, len(finer) - 1, AT_ONCE):
+                    yield from self._looks(finer[begin : begin + AT_ONCE + 1])
+                return
+            yield from found
 
     def _far(self, tracks: Floats, craft: Any) -> bool:
         """Whether craft move further in an interval than they have to keep apart."""
-        moved = np.abs(tracks[craft, :3, 1] - tracks[craft, :3, 0]).max(axis=1)
-        margins = self.margins[craft]
-        return bool((0.5 * moved + tracks[craft, OFF_CHORD, 0] - margins).sum() > (0.5 + margins).sum())
+        some = craft[:: max(1, len(craft) // SOME)]
+        moved = np.abs(tracks[some, :3, 1] - tracks[some, :3, 0]).max(axis=1)
+        margins = self.margins[some]
+        return bool((0.5 * moved + tracks[some, OFF_CHORD, 0] - margins).sum() > (0.5 + margins).sum())
 
 
 def in_unit_ball(zones: Zone | PairZones, number: int) -> tuple[Floats, Floats] | None:
