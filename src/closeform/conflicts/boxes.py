@@ -181,9 +181,7 @@ def meeting(tracks, k, craft, boxes, chords, nodes, waiting, state, most, codes)
         if one != two and not overlap(nodes, one, nodes, two):
             continue
         if one >= 1 << depth:
-            count, overlaps = compare(
-                chords, len(tracks), boxes, number, depth, nodes, one, two, codes, count
-            )
+            count, more = compare(chords, len(tracks), boxes, number, depth, nodes, one, two, codes, count)
             state[1] += more
             continue
         for half in range(2):
