@@ -38,6 +38,30 @@ seed = 1
 do = "coast"
 for = "0.2 orbits"
 """
+MISSIONS = """\
+closeform = 1
+title = "Past a station"
+
+[orbit]
+altitude = "550 km"
+
+[craft]
+name = ["<i>A</i>", "B"]
+position = ["0 0 0 m", "0 60 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "20 m" }
+
+[study]
+cases = 3
+seed = 1
+vary = { "craft.position" = { normal = "1 m" } }
+
+[[stage]]
+do = "avoid"
+craft = "<i>A</i>"
+to = { position = "0 120 0 m", velocity = "0 0 0 m/s" }
+within = "0.2 orbits"
+"""
 LOCKS = """\
 closeform = 1
 title = "Two lost craft"
@@ -188,6 +212,7 @@ def answers() -> dict[str, Any]:
         **loaded(),
         "WatchedFlight": mission.results[0].after,
         "ErrorCampaign": errors,
+        "MissionCampaign": flown(parse(MISSIONS, "missions.toml", "study")),
         "LockCampaign": locked,
         "GatherCampaign": flown(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),
     }

@@ -48,6 +48,7 @@ CALLS = {
         "paths": COAST, "names": ["a", "b", "c"], "limits": np.ones(3), "masses": np.ones(3),
         "on_off": np.ones(3, dtype=bool),
     },
+    "plots.distribution": {"values": np.array([1.0, 2.0]), "what": "delta-v [m/s]"},
     "plots.histogram": {"times": np.array([1.0, 2.0]), "search": SEARCH, "bin": 60.0, "what": "pairs lock"},
     "plots.in_plane_search": {"search": SEARCH},
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},

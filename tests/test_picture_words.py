@@ -57,6 +57,7 @@ PICTURES = {
     "thrust": lambda names: plots.thrust(AFTER[:2], names[:2]),
     "two ways": lambda names: plots.two_ways(BEFORE[0], BEFORE[6], BALL, name=names[1]),
     "histogram": lambda names: plots.histogram(LATE, SEARCH),
+    "distribution": lambda names: plots.distribution([*LATE, np.nan], "delta-v of all craft [m/s]"),
 }
 STAGE = 'Stage 12 "around and back again": reconfigure failed: thrust limit exceeded; these are direct paths'
 PLAIN = [f"F{k}" for k in range(1, 13)]

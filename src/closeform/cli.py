@@ -30,6 +30,7 @@ from closeform.screens import encounter, export, screen
 
 if TYPE_CHECKING:
     from closeform.report.error_study import ErrorStudyReport
+    from closeform.report.mission_study import MissionStudyReport
     from closeform.report.picture import Shot
     from closeform.report.study import StudyReport
     from closeform.result_folder import Folder
@@ -203,12 +204,12 @@ def study(
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scheduler: str | None = None,
 ) -> int:
-    """Fly many cases of a search or of a mission's errors: who is found or met when, in how many of them.
+    """Fly many cases of a scenario, each with its own draws: who is found or met when, in how many of them.
 
     Parameters
     ----------
     scenario
-        TOML file with a [study] table: one stage, lock or gather, or draws = "errors".
+        TOML file with a [study] table.
     cases
         How many cases, instead of the file's.
     seed
@@ -266,12 +267,18 @@ def study(
     return MET if campaign.ok else NOT_MET
 
 
-def study_report(campaign: Any, scenario: "Scenario") -> "StudyReport | ErrorStudyReport":
+def study_report(
+    campaign: Any, scenario: "Scenario"
+) -> "StudyReport | ErrorStudyReport | MissionStudyReport":
     """The report of a campaign, by what was drawn."""
     if scenario.study is not None and scenario.study.draws == "errors":
         from closeform.report.error_study import ErrorStudyReport
 
         return ErrorStudyReport(campaign)
+    if not scenario.searches_alone:
+        from closeform.report.mission_study import MissionStudyReport
+
+        return MissionStudyReport(campaign)
     from closeform.report.study import StudyReport
 
     return StudyReport(campaign)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from closeform.report.encounter import EncounterReport
     from closeform.report.error_study import ErrorStudyReport
     from closeform.report.flight import FlightReport
+    from closeform.report.mission_study import MissionStudyReport
     from closeform.report.run import RunReport
     from closeform.report.screening import ScreenReport
     from closeform.report.study import StudyReport
@@ -166,7 +167,7 @@ def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: 
     console.print(f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
-def tell_study(report: "StudyReport | ErrorStudyReport", place: Path) -> None:
+def tell_study(report: "StudyReport | ErrorStudyReport | MissionStudyReport", place: Path) -> None:
     """Print what a study found."""
     console = stdout()
     say(console, *report.opening)

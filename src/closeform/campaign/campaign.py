@@ -115,6 +115,10 @@ def kind_of(scenario: Scenario, seed: int) -> Cases:
         from closeform.campaign.error_cases import ErrorCases  # whose kernels searches can spare
 
         return ErrorCases.of(scenario, seed)
+    if not scenario.searches_alone:
+        from closeform.campaign.mission_cases import MissionCases  # whose plans searches can spare
+
+        return MissionCases(scenario, seed)
     try:
         return FLIES[type(scenario.stages[0])](scenario, seed)
     except ScenarioError:

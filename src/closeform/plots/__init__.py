@@ -21,6 +21,7 @@ _HOMES = {
     "formation_animation": "flying",
     "formation_paths": "fleet",
     "formation_thrust": "thrusting",
+    "distribution": "distributions",
     "histogram": "lockings",
     "in_plane_search": "attitudes",
     "lemma_2": "hyperbola",

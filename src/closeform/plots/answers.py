@@ -156,6 +156,12 @@ def _proof(result: Any) -> Figure:
     return intervals(["proven", "not proven"], volume, [0.0, 0.0], volume, "share of the box", said)
 
 
+def _missions(result: Any) -> Figure:
+    from closeform.plots.distributions import distribution
+
+    return distribution(result.column("delta_v_m_s"), "delta-v of all craft [m/s]")
+
+
 def _errors(result: Any) -> Figure:
     inside = [np.count_nonzero(pair.inside) for pair in (*result.zones, *result.bodies)]
     names = [f"{pair.first} - {pair.second}, zone" for pair in result.zones]
@@ -165,11 +171,13 @@ def _errors(result: Any) -> Figure:
 
 
 def _loaded_study(result: Any) -> Figure:
-    """Times of searches, or of errors what is so in how many cases."""
+    """Times of searches, delta-v of missions, or of errors what is so in how many cases."""
     from closeform import plots
 
     if "time_s" in result.cases:
         return plots.histogram(result.cases["time_s"].astype(float), what="cases end")
+    if "status" in result.cases:
+        return plots.distribution(result.cases["delta_v_m_s"], "delta-v of all craft [m/s]")
     met = {name: values for name, values in result.cases.items() if values.dtype.kind == "b"}
     counts = [np.count_nonzero(values) for values in met.values()]
     count = len(result.cases["case"])
@@ -283,6 +291,7 @@ PICTURES: dict[str, Drawer] = {
     "LockCampaign": _lock_campaign,
     "GatherCampaign": _gather_campaign,
     "ErrorCampaign": _errors,
+    "MissionCampaign": _missions,
     "Validity": _validity,
     "CommandedThrust": _commanded,
     "Tube": _tube,

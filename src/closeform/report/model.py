@@ -29,7 +29,8 @@ DEVIATIONS = (
 SURE = Column("figure", "figure", words=True), Column("how sure it is", "words", words=True)
 LOCKS = (
     "Who finds whom",
-    "certified for ideal attitudes and clocks: no lock is missed however short; turns have no errors",
+    "certified for the attitudes and clocks as given, ideal where no errors are: no lock is missed, however "
+    "short",
 )
 
 

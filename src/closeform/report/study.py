@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from closeform.report.section import Section
 from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
 from closeform.search.gather_result import listed
+
+if TYPE_CHECKING:  # whose plans searches can spare
+    from closeform.campaign.mission_cases import MissionCampaign
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,14 +206,14 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     return (Table("How long", columns, rows),) if rows else ()
 
 
-def draws(campaign: Campaign) -> dict[str, Any]:
+def draws(campaign: "Campaign | MissionCampaign") -> dict[str, Any]:
     """What was drawn, as the file says it."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
-def draw_table(campaign: Campaign) -> tuple[Table, ...]:
+def draw_table(campaign: "Campaign | MissionCampaign") -> tuple[Table, ...]:
     """The same as a table."""
     rows = [(key, " ".join(draw), str(next(iter(draw.values())))) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")

@@ -235,21 +235,22 @@ class Scenario:
         if self.study is None or self.study.draws == "errors":
             return ()
         lines = []
-        for number, stage in enumerate(self.stages, 1):
-            if not stage.searches:
-                lines.append(
-                    f'stage[{number}].do: a study of "{stage.verb}" is not built yet; remove the stage'
-                )
-        if sum(stage.searches for stage in self.stages) > 1:
-            lines.append("stage: a study of more than one search is not built yet; keep one lock or gather")
         gathers = any(isinstance(stage, Gather) for stage in self.stages)
         for key in self.study.vary:
             place = f"study.vary.{shown(key)}"
             if key in SEARCHED and gathers:
                 lines.append(f"{place}: a gathering cannot have it yet; remove it, or look for locks")
-            elif key not in STATES + SEARCHED:
+            elif key in SEARCHED and not any(stage.searches for stage in self.stages):
+                lines.append(f"{place}: nobody searches here; remove it")
+            elif key not in SEARCHED and not key.startswith("craft."):
                 lines.append(f"{place}: is one for all cases; run the study for each value")
         return tuple(lines)
+
+    @property
+    def searches_alone(self) -> bool:
+        """Whether it is one search, of which only states and errors of the search vary."""
+        vary = self.study.vary if self.study is not None else {}
+        return len(self.stages) == 1 and self.stages[0].searches and {*vary} <= {*STATES, *SEARCHED}
 
     @property
     def scattered(self) -> bool:

@@ -4,8 +4,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.campaign.error_cases import ErrorCampaign
+from closeform.campaign.mission_cases import STOPPED, WORDS, MissionCampaign
+from closeform.campaign.mission_cases import UNMET as UNMET_MISSION
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.result_folder import REPORT, Folder
@@ -26,13 +30,13 @@ class Replay(NamedTuple):
     why: str
 
 
-def leave(campaign: Campaign | ErrorCampaign, folder: Folder) -> tuple[Replay, ...]:
+def leave(campaign: Campaign | ErrorCampaign | MissionCampaign, folder: Folder) -> tuple[Replay, ...]:
     """Write a page of each case worth looking at into a folder; of errors, of the mission as planned."""
     if isinstance(campaign, ErrorCampaign):
         write(campaign.mission, folder, PLANNED)
         return (Replay(PLANNED, "the mission as planned", "without errors"),)
     reasons: dict[int, list[str]] = {}
-    for case, why in worst(campaign):
+    for case, why in missions(campaign) if isinstance(campaign, MissionCampaign) else worst(campaign):
         reasons.setdefault(case, []).append(why)
     seeded = with_seed(campaign.scenario, campaign.seed)
     found = tuple(
@@ -64,6 +68,18 @@ def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
         yield case, f"{campaign.done} last, at {time:.1f} s"
     if isinstance(campaign, GatherCampaign):
         yield from extremes(campaign)
+
+
+def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
+    """Missions in which something is not met, that cost most, and in which two came nearest."""
+    for status in (UNMET_MISSION, STOPPED):
+        for case in np.flatnonzero(campaign.statuses == status)[:UNMET].tolist():
+            yield case, WORDS[status]
+    for spread in [*campaign.spreads.values()][:1]:
+        cost, case = spread.worst[0]
+        yield case, f"most delta-v, {cost:.4g} m/s"
+    if campaign.nearest is not None:
+        yield campaign.nearest[1], f"two came nearest, {campaign.nearest[0]:.4g} times their zone"
 
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:

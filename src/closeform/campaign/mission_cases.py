@@ -1,0 +1,232 @@
+"""Cases of a whole mission, each with its own plan, and what they came to."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import nan
+from typing import Any, ClassVar
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.chunks import Chunks
+from closeform.campaign.draws import one_case
+from closeform.campaign.search_campaign import CampaignStatus
+from closeform.campaign.spread import Spread
+from closeform.mission import fly
+from closeform.mission_result import Mission
+from closeform.result import Result
+from closeform.scenario import Scenario, ScenarioError
+
+AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft
+MET, UNMET, STOPPED, REFUSED = "met", "unmet", "stopped", "refused"
+STATUSES = (MET, UNMET, STOPPED, REFUSED)
+WORDS = {
+    MET: "all that was asked for is met",
+    UNMET: "flown, but not all that was asked for is met",
+    STOPPED: "stopped in a stage",
+    REFUSED: "cannot be flown",
+}
+NAMED = 10  # cases that are named
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
+
+
+@dataclass(frozen=True, eq=False)
+class MissionCases(Cases):
+    """Cases with a row each: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`.
+
+    `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
+    numbers are nan.
+    """
+
+    @property
+    def at_once(self) -> int:
+        """Cases in a chunk."""
+        return AT_ONCE
+
+    def fly(self, first: int, last: int) -> Columns:
+        """All stages of each case, as a run of it flies them."""
+        rows = [self.row(case) for case in range(first, last)]
+        return {name: np.array([row[name] for row in rows]) for name in self.names}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns of `fly`."""
+        craft = (of_craft(name) for name in self.scenario.names)
+        stages = (of_stage(number) for number, _ in enumerate(self.scenario.stages, 1))
+        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts"
+
+    def row(self, case: int) -> dict[str, Any]:
+        """What became of one case."""
+        row: dict[str, Any] = dict.fromkeys(self.names, nan) | {"conflicts": -1}
+        try:
+            mission = fly(one_case(self.scenario, self.seed, case))
+        except ScenarioError as error:
+            reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
+            return row | {"status": REFUSED, "reason": reason}
+        verdict = mission.verdict
+        status = STOPPED if verdict.stopped is not None else MET if verdict.ok else UNMET
+        row |= {"status": status, "reason": "" if verdict.ok else str(verdict)}
+        return row | figures(mission)
+
+    def good(self, columns: Columns) -> Any:
+        """In which cases all is met."""
+        return columns["status"] == MET
+
+    def campaign(self, chunks: Chunks) -> MissionCampaign:
+        """What became of them."""
+        return MissionCampaign(self, chunks)
+
+
+def figures(mission: Mission) -> dict[str, Any]:
+    """What a mission came to, in numbers: of the stages that were flown."""
+    flown = mission.flown
+    each = np.array([result.delta_v for result in flown]).reshape(-1, len(mission.scenario.craft))
+    ratios = [pair.ratio for result in flown for pair in result.after.approaches]
+    return {
+        "end_s": flown[-1].end if mission.stopped is None else nan,
+        "delta_v_m_s": each.sum() if flown else nan,
+        **dict(zip(map(of_craft, mission.scenario.names), each.sum(axis=0), strict=True)),
+        **{of_stage(result.number): spent.sum() for result, spent in zip(flown, each, strict=True)},
+        "least_ratio": min(ratios, default=nan),
+        "conflicts": sum(len(result.after.conflicts) for result in flown),
+    }
+
+
+def of_craft(name: str) -> str:
+    """The column of what a craft spends."""
+    return f"{name}_delta_v_m_s"
+
+
+def of_stage(number: int) -> str:
+    """The column of what all spend in a stage."""
+    return f"stage_{number}_delta_v_m_s"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MissionCampaign(Result):
+    """What became of C cases of a mission, drawn with a seed, as `chunks` hold it.
+
+    As arrays (C,), read when they are asked for: `column` of any name that the files of cases have, of which
+    `statuses` are "met", "unmet", "stopped" or "refused", all of them counted.
+    """
+
+    kind: MissionCases
+    chunks: Chunks
+    _told: ClassVar = ("title", "seed", "status", "reason")
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was flown."""
+        return self.kind.scenario
+
+    @property
+    def seed(self) -> int:
+        """With which the cases were drawn."""
+        return self.kind.seed
+
+    @property
+    def title(self) -> str:
+        """That of its scenario."""
+        return self.scenario.title
+
+    def __len__(self) -> int:
+        return self.chunks.count
+
+    def column(self, name: str) -> Any:
+        """One column of all cases."""
+        return np.concatenate([part[name] for _, part in self.chunks.read(name)])
+
+    @cached_property
+    def statuses(self) -> Any:
+        """How each case ended."""
+        return self.column("status").astype(str)
+
+    @cached_property
+    def counts(self) -> dict[str, int]:
+        """How many cases ended how, in the order of STATUSES."""
+        return {status: int(np.count_nonzero(self.statuses == status)) for status in STATUSES}
+
+    @cached_property
+    def good(self) -> Any:
+        """In which cases (C,) all is met."""
+        return self.statuses == MET
+
+    @property
+    def failed(self) -> Any:
+        """The numbers (F,) of the cases in which it is not."""
+        return np.flatnonzero(~self.good)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all is met in every case."""
+        return bool(self.good.all())
+
+    @property
+    def status(self) -> CampaignStatus:
+        """How it ended."""
+        if self.ok:
+            return CampaignStatus.COMPLETE
+        never = self.counts[STOPPED] + self.counts[REFUSED]
+        return CampaignStatus.INCOMPLETE if never else CampaignStatus.UNMET
+
+    @property
+    def reason(self) -> str | None:
+        """How many cases ended badly, and which come first; None where none did."""
+        parts = []
+        for status, count in self.counts.items():
+            if count and status != MET:
+                cases = np.flatnonzero(self.statuses == status)[:NAMED].tolist()
+                named = ", ".join(map(str, cases)) + ", ..." * (count > len(cases))
+                parts.append(f"{count} of {len(self)} cases {WORDS[status]}: {named}")
+        return "; ".join(parts) or None
+
+    @cached_property
+    def causes(self) -> list[tuple[str, int, int]]:
+        """Why cases ended badly, numbers left out: how many did, and the first of them; most often first."""
+        count: Counter[str] = Counter()
+        first: dict[str, int] = {}
+        for case, reason in enumerate(self.column("reason").tolist()):
+            if reason:
+                cause = NUMBER.sub("...", str(reason))
+                count[cause] += 1
+                first.setdefault(cause, case)
+        return [(cause, many, first[cause]) for cause, many in count.most_common(NAMED)]
+
+    @cached_property
+    def spreads(self) -> dict[str, Spread]:
+        """Of the delta-v [m/s] in all, by stage and by craft, and of the end [s], where it was all flown."""
+        named = {"delta-v of all craft [m/s]": "delta_v_m_s"}
+        if len(self.scenario.stages) > 1:
+            stages = enumerate(self.scenario.stages, 1)
+            named |= {f"stage {number}, {stage.verb} [m/s]": of_stage(number) for number, stage in stages}
+        named |= {f"delta-v of {name} [m/s]": of_craft(name) for name in self.scenario.names}
+        named["end [s]"] = "end_s"
+        found = {words: self.spread(name) for words, name in named.items()}
+        return {words: spread for words, spread in found.items() if spread is not None}
+
+    def spread(self, name: str) -> Spread | None:
+        """Of one column, of the cases that were flown to the end."""
+
+        def values() -> Iterator[tuple[Floats, Any]]:
+            first = 0
+            for _, part in self.chunks.read(name, "end_s"):
+                counts = ~np.isnan(part["end_s"])
+                yield part[name][counts], first + np.flatnonzero(counts)
+                first += len(counts)
+
+        return Spread.of(values)
+
+    @cached_property
+    def nearest(self) -> tuple[float, int] | None:
+        """The least ratio of any pair in terms of its zone, and in which case; None where nobody has one."""
+        ratio = self.column("least_ratio")
+        if np.isnan(ratio).all():
+            return None
+        case = int(np.nanargmin(ratio))
+        return float(ratio[case]), case

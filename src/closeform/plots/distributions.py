@@ -1,0 +1,75 @@
+"""How a number is spread over many cases: a histogram, and the share of cases up to each value."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from closeform.arrays import instance, numbers
+from closeform.plots.letters import plain
+from closeform.plots.look import AFTER, INK, OTHER, SMALL, TEXT, WIDTH, area, dress, headline, sheet
+
+BINS = 60
+MARKS = (0.5, 0.95)  # shares whose values are marked
+
+
+def distribution(values: ArrayLike, what: str) -> Figure:
+    """How many cases lie in each bin, and the share of all that is not above each value.
+
+    Dashed lines are the median and the value that 95 % of cases are not above.
+
+    Parameters
+    ----------
+    values : array_like of shape (M,)
+        One of each case, in any unit; nan where a case has none, which counts in the headline only.
+    what : str
+        What they are, with the unit: "delta-v [m/s]".
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If `values` are of another shape, infinite or all nan, or an argument is of another kind.
+
+    References
+    ----------
+    docs/scenario.md.
+    """
+    given = numbers("values", values)
+    instance("what", what, str)
+    if given.ndim != 1:
+        raise ValueError(f"values: expected shape (M,), got {given.shape}")
+    found = np.sort(given[~np.isnan(given)])
+    if not len(found) or not np.isfinite(found).all():
+        raise ValueError("values: expected finite numbers, nan where a case has none; got none, or infinity")
+    figure = sheet(5.4)
+    axes = area(figure, 0.95, 0.7, WIDTH - 0.95 - 1.0, 4.05)
+    dress(axes)
+    low, high = float(found[0]), float(found[-1])
+    room = 0.02 * (high - low) or 0.01 * max(abs(high), 1.0)
+    counts, edges = np.histogram(found, BINS, (low - room, high + room))
+    axes.stairs(counts, edges, fill=True, color=OTHER, zorder=3)
+    axes.set_xlim(low - room, high + room)
+    axes.set_xlabel(what, fontsize=TEXT, color=INK)
+    axes.set_ylabel("cases", fontsize=TEXT, color=INK)
+    right = axes.twinx()
+    share = 100.0 * np.arange(len(found) + 1) / len(found)
+    right.plot([low, *found], share, color=AFTER, linewidth=2.2, drawstyle="steps-post", zorder=4)
+    right.set_ylim(0.0, 103.0)
+    right.set_ylabel("not above [%]", fontsize=TEXT, color=AFTER)
+    right.tick_params(labelsize=SMALL, colors=AFTER, length=3)
+    for side in ("top", "left", "bottom", "right"):
+        right.spines[side].set_visible(False)
+    middle, most = (float(np.quantile(found, one, method="inverted_cdf")) for one in MARKS)
+    for value in (middle, most):
+        axes.axvline(value, color=INK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=5)
+    without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""
+    name, _, unit = what.partition(" [")
+    said = f"{name} of {len(found)} cases{without}: median {middle:.4g}, 95 % {most:.4g} {unit.rstrip(']')}"
+    plain(headline(figure, f"{said[0].upper()}{said[1:]}".rstrip()))
+    return figure

@@ -1,0 +1,142 @@
+"""The report of a study of missions: how cases ended, why, and what they spent."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from closeform.campaign.mission_cases import WORDS, MissionCampaign
+from closeform.campaign.shares import estimate
+from closeform.campaign.spread import Spread
+from closeform.report import asked, model, results, worst
+from closeform.report.cases import SHARES, Replays, percent, repeated, studied
+from closeform.report.page import Head
+from closeform.report.picture import Picture
+from closeform.report.section import Section
+from closeform.report.study import draw_table, draws, spread
+from closeform.report.table import Column, Table, counted
+from closeform.result_folder import Folder
+
+ENDED = Column("how cases ended", words=True), Column("cases"), *percent("share [%]")
+WHY = Column("why, numbers left out", words=True), Column("cases"), Column("first")
+SPREAD = (
+    Column("of the cases flown to the end", words=True),
+    *map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in case")),
+)
+DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".format)
+
+
+@dataclass(frozen=True, eq=False)
+class MissionStudyReport:
+    """What there is to say of a campaign of missions."""
+
+    campaign: MissionCampaign
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """What was flown."""
+        campaign, scenario = self.campaign, self.campaign.scenario
+        craft = counted(len(scenario.craft), "craft", "craft")
+        stages = ", ".join(stage.verb for stage in scenario.stages)
+        return scenario.title, f"{len(campaign)} cases of {craft}, seed {campaign.seed}; stages: {stages}"
+
+    @property
+    def verdict(self) -> str:
+        """The last line."""
+        return self.campaign.reason or f"in all {len(self.campaign)} cases {WORDS['met']}"
+
+    @property
+    def drawn_alike(self) -> bool:
+        """Whether the file's own seed draws the same cases."""
+        study = self.campaign.scenario.study
+        return study is not None and study.seed == self.campaign.seed
+
+    @property
+    def hint(self) -> tuple[str, ...]:
+        """How to see a case in which something is not met."""
+        if self.campaign.ok or not self.drawn_alike:
+            return ()
+        first = int(self.campaign.failed[0])
+        return (f"closeform run {self.campaign.scenario.file} --case {first} shows the first of them",)
+
+    @cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """How cases ended, why, what they spent, and the ten that spent most."""
+        campaign = self.campaign
+        ended = []
+        for status, count in campaign.counts.items():
+            if count:
+                share = estimate(count, len(campaign))
+                ended.append((WORDS[status], count, share, share))
+        found = [Table("How cases ended", ENDED, ended)]
+        if campaign.causes:
+            found.append(Table("Why", WHY, campaign.causes))
+        if campaign.spreads:
+            found.append(
+                Table("What they spent", SPREAD, [self.row(*one) for one in campaign.spreads.items()])
+            )
+            dearest = next(iter(campaign.spreads.values())).worst
+            rows = [(case, spent) for spent, case in dearest]
+            found.append(Table("The cases that spent most", DEAREST, rows))
+        if campaign.nearest is not None:
+            columns = Column("closest of any pair, in terms of its zone"), Column("in case")
+            ratio, case = campaign.nearest
+            found.append(Table("", columns, [(f"{ratio:.6f}", case)]))
+        return tuple(found)
+
+    @staticmethod
+    def row(name: str, found: Spread) -> tuple[Any, ...]:
+        """A row of SPREAD."""
+        form = ("{:.1f}" if name.startswith("end") else "{:.4f}").format
+        numbers = [found.mean, *(one.value for one in found.quantiles.values()), found.worst[0][0]]
+        return name, *map(form, numbers), found.worst[0][1]
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Every figure printed, in full."""
+        campaign, scenario = self.campaign, self.campaign.scenario
+        every = len(campaign)
+        shares = {one: vars(estimate(count, every)) for one, count in campaign.counts.items()}
+        return {
+            **studied(campaign, self.verdict),
+            "craft": list(scenario.names),
+            "stages": [stage.verb for stage in scenario.stages],
+            "draws": draws(campaign),
+            "ended": {one: {"cases": count} | shares[one] for one, count in campaign.counts.items()},
+            "causes": [{"cause": why, "cases": many, "first": case} for why, many, case in campaign.causes],
+            "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
+            "least_ratio": None if campaign.nearest is None else campaign.nearest[0],
+        }
+
+    def leave(self, folder: Folder, replays: Replays = ()) -> None:
+        """Fill a result folder; `replays` are pages in it."""
+        campaign = self.campaign
+        folder.scenario(campaign.scenario)
+        title, *lines = self.opening
+        head = Head(title, lines, self.verdict, campaign.ok)
+        results.leave(folder, head, self.chapters(replays), partial(repeated, campaign), self.summary)
+
+    def chapters(self, replays: Replays) -> Sequence[Section]:
+        """What the page tells, but for how to repeat it."""
+        scenario = self.campaign.scenario
+        request = asked.section(scenario)
+        file = Path(scenario.file).name if self.drawn_alike else None
+        return (
+            Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
+            Section("What was found", self.hint, self.tables, pictures=self.pictures),
+            *worst.section(replays, file),
+            Section("Limits of the model", tables=(model.certain([SHARES]),)),
+        )
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """How the delta-v is spread."""
+        spent = self.campaign.column("delta_v_m_s")
+        flown = spent[~np.isnan(self.campaign.column("end_s"))]
+        if not len(flown):
+            return ()
+        caption = "What all craft spend together"
+        return (Picture("delta-v", caption, "distribution", (flown, "delta-v of all craft [m/s]")),)

@@ -1,0 +1,189 @@
+"""Studies of missions: each case is the run of that case, failures are rows, nothing depends on the chunk."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from scipy.special import ndtri
+
+import closeform as cf
+from closeform.campaign import case_of, flown
+from closeform.campaign.mission_cases import MissionCases
+from closeform.cli import main
+from closeform.mission import fly
+from closeform.scenario import ScenarioError, parse
+
+PASS = """\
+closeform = 1
+title = "Past a station that is not where it should be"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["A", "B", "C"]
+position = ["0 -200 0 m", "0 0 0 m", "10 400 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "25 m" }
+mass = "100 kg"
+max_thrust = "1 N"
+
+[[stage]]
+do = "coast"
+for = "2 min"
+
+[[stage]]
+do = "avoid"
+craft = "A"
+to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }
+within = "0.3 orbits"
+
+[study]
+cases = 24
+seed = 11
+
+[study.vary]
+"craft.position" = { normal = "8 m" }
+"craft.velocity" = { ball = "5 mm/s" }
+"craft.mass" = { uniform = "20 kg" }
+"""
+# B and C are drawn about the place where A is to stop: in some cases it cannot stop there.
+BLOCKED = PASS.replace('"0 0 0 m", "10 400 0 m"', '"0 200 0 m", "0 250 0 m"').replace(
+    '"craft.position" = { normal = "8 m" }', '"craft.position" = { uniform = "60 m" }'
+)
+
+
+@pytest.fixture(scope="module")
+def missions():
+    return flown(parse(PASS, "pass.toml"))
+
+
+@pytest.fixture(scope="module")
+def blocked():
+    return flown(parse(BLOCKED, "blocked.toml"), 40)
+
+
+def test_each_case_is_what_a_run_of_it_flies(missions, blocked):
+    for campaign in (missions, blocked):
+        for case in (0, 7, 23, *campaign.failed[:3].tolist()):
+            try:
+                mission = fly(case_of(campaign.scenario, case))
+            except ScenarioError:
+                assert campaign.statuses[case] == "refused"
+                continue
+            verdict = mission.verdict
+            stopped = verdict.stopped is not None
+            assert campaign.statuses[case] == ("stopped" if stopped else "met" if verdict.ok else "unmet")
+            assert campaign.column("reason")[case] == ("" if verdict.ok else str(verdict))
+            spent = mission.spent_of_each[0]
+            assert campaign.column("delta_v_m_s")[case] == pytest.approx(spent.sum(), rel=1e-14)
+            assert [campaign.column(f"{name}_delta_v_m_s")[case] for name in "ABC"] == pytest.approx(
+                spent.tolist(), rel=1e-14
+            )
+            ends = mission.results[-1].end
+            np.testing.assert_equal(campaign.column("end_s")[case], np.nan if stopped else ends)
+
+
+def test_draws_of_a_case_are_those_of_its_blocks(missions):
+    """By NumPy's generator itself: craft c of 3 in case K takes block 3 K + c of each key's stream."""
+    scenario, case = missions.scenario, 5
+    found = case_of(scenario, case)
+    for key, size in (("craft.position", 3), ("craft.mass", 1)):
+        stream = np.random.SeedSequence(11, spawn_key=tuple(key.encode()))
+        philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=3 * case)
+        random = ((philox.random_raw(12).reshape(3, 4) >> np.uint64(11)) + 0.5) * 2.0**-53
+        for c in range(3):
+            one, nominal = found.craft[c], scenario.craft[c]
+            if size == 3:
+                truth = np.array(nominal.position) + 8.0 * ndtri(random[c, :3])
+                np.testing.assert_array_equal(one.position, truth)
+            else:
+                assert one.mass == 100.0 + 20.0 * (2.0 * random[c, 0] - 1.0)
+
+
+def test_a_case_does_not_depend_on_its_chunk(missions):
+    kind = MissionCases(missions.scenario, 11)
+    parts = [kind.fly(0, 3), kind.fly(3, 8)]
+    for name in kind.names:
+        np.testing.assert_array_equal(
+            np.concatenate([part[name] for part in parts]), missions.column(name)[:8]
+        )
+
+
+def test_what_cannot_be_flown_stays_in_the_denominator(blocked):
+    assert len(blocked) == 40 == sum(blocked.counts.values()) == len(blocked.statuses)
+    assert blocked.counts["met"] >= 1
+    assert blocked.counts["stopped"] >= 1
+    assert not blocked.ok
+    assert len(blocked.failed) == 40 - blocked.counts["met"]
+    assert f"{blocked.counts['stopped']} of 40 cases stopped in a stage: " in blocked.reason
+    assert sum(many for _, many, _ in blocked.causes) == len(blocked.failed)
+    flown_all = ~np.isnan(blocked.column("end_s"))
+    assert blocked.spreads["delta-v of all craft [m/s]"].count == flown_all.sum()
+    (worst, case), *_ = blocked.spreads["delta-v of all craft [m/s]"].worst
+    assert worst == blocked.column("delta_v_m_s")[flown_all].max() == blocked.column("delta_v_m_s")[case]
+
+
+def test_the_command_leaves_a_row_for_each_case(tmp_path, capsys, blocked):
+    file, place = tmp_path / "blocked.toml", tmp_path / "out"
+    file.write_text(BLOCKED)
+    assert main(["study", str(file), "--cases", "40", "--out", str(place)]) == 1
+    printed = capsys.readouterr().out
+    assert "cases stopped in a stage: " in printed
+    assert f"--case {blocked.failed[0]} shows the first of them" in printed
+    rows = pyarrow.parquet.read_table(place / "cases").to_pydict()
+    assert rows["case"] == list(range(40))
+    assert rows["status"] == blocked.statuses.tolist()
+    assert [k for k, end in enumerate(rows["end_s"]) if end is None] == np.flatnonzero(
+        np.isnan(blocked.column("end_s"))
+    ).tolist()
+    summary = json.loads((place / "summary.json").read_text())
+    assert summary["status"] == 1
+    assert {one: row["cases"] for one, row in summary["ended"].items()} == blocked.counts
+    for name in ("report.html", "delta-v.png"):
+        assert (place / name).stat().st_size > 10_000
+    loaded = cf.load(place)
+    np.testing.assert_array_equal(loaded.cases["status"], blocked.statuses)
+    assert cf.plot(loaded) is not None
+
+
+def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
+    """Lost craft are found, then take their places; a silent one would never be."""
+    monkeypatch.chdir(tmp_path)
+    examples = Path(__file__).parents[1] / "examples"
+    text = (examples / "find_then_fly.toml").read_text()
+    study = '\n[study]\ncases = 4\nseed = 2\n[study.vary]\n"craft.velocity" = { ball = "1 mm/s" }\n'
+    campaign = flown(parse(text + study, "find.toml"))
+    assert set(campaign.statuses) <= {"met", "unmet", "stopped"}
+    assert (campaign.column("stage_1_delta_v_m_s") > 0.0).any()
+    assert {"stage 1, gather [m/s]", "stage 2, reconfigure [m/s]"} <= set(campaign.spreads)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            '{ uniform = "20 kg" }',
+            '{ uniform = "100 kg" }',
+            "some case has 0 in SI units, beyond",
+        ),
+        (
+            '{ uniform = "20 kg" }',
+            '{ normal = "13 kg" }',
+            "some case has -7.9 in SI units, beyond",
+        ),
+        ('"craft.mass"', '"craft.silent"', "is true or false; write { chance = 0.01 }"),
+        ('"craft.mass" = { uniform = "20 kg" }', '"craft.silent" = { chance = 0.1 }', "nobody searches here"),
+        (
+            '"craft.mass"',
+            '"craft.propellant"',
+            "there is no craft.propellant to add to; give it",
+        ),
+    ],
+)
+def test_draws_that_do_not_fit_are_refused(old, new, told):
+    with pytest.raises(ScenarioError, match=re.escape(told)):
+        flown(parse(PASS.replace(old, new), "pass.toml", "study"))
