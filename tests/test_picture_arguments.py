@@ -91,7 +91,7 @@ def fits(name, argument, bad):
         return default in (None, ())
     if isinstance(bad, bool):
         return isinstance(good, float) or argument == "on_off"
-    if argument == "times":
+    if argument in ("times", "values"):
         return isinstance(bad, list) and bad == [3]
     if isinstance(good, str) or argument == "file":
         return isinstance(bad, str)

@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -29,12 +29,8 @@ from closeform.numba_import import collect_rarely, import_numba
 from closeform.screens import encounter, export, screen
 
 if TYPE_CHECKING:
-    from closeform.report.error_study import ErrorStudyReport
-    from closeform.report.mission_study import MissionStudyReport
     from closeform.report.picture import Shot
-    from closeform.report.study import StudyReport
     from closeform.result_folder import Folder
-    from closeform.scenario import Scenario
 
 NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
 
@@ -233,6 +229,7 @@ def study(
         return BAD_INPUT
     from closeform.campaign import asked, stored_study
     from closeform.campaign.chunks import ChunkError, Stored
+    from closeform.report.any_study import report_of
     from closeform.scenario import ScenarioError
     from closeform.verdict import MET, NOT_MET
     from closeform.viewer import replays
@@ -249,7 +246,7 @@ def study(
                     campaign = stored_study.fly(
                         chunks, stored_study.local, lambda done, met: bar.update(task, completed=done)
                     )
-            report = study_report(campaign, loaded)
+            report = report_of(campaign, loaded)
             under_way.known.update(chunks.digests)
             with notes.status("writing results"), written(place):
                 report.leave(under_way, replays.leave(campaign, under_way))
@@ -265,23 +262,6 @@ def study(
     with kept(place):
         tell_study(report, place)
     return MET if campaign.ok else NOT_MET
-
-
-def study_report(
-    campaign: Any, scenario: "Scenario"
-) -> "StudyReport | ErrorStudyReport | MissionStudyReport":
-    """The report of a campaign, by what was drawn."""
-    if scenario.study is not None and scenario.study.draws == "errors":
-        from closeform.report.error_study import ErrorStudyReport
-
-        return ErrorStudyReport(campaign)
-    if not scenario.searches_alone:
-        from closeform.report.mission_study import MissionStudyReport
-
-        return MissionStudyReport(campaign)
-    from closeform.report.study import StudyReport
-
-    return StudyReport(campaign)
 
 
 @app.command(sort_key=4)

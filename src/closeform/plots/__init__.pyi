@@ -7,6 +7,7 @@ from closeform.plots.clearances import clearance as clearance
 from closeform.plots.closest import closest_pairs as closest_pairs
 from closeform.plots.collisions import collision as collision
 from closeform.plots.cones import complementary_cones as complementary_cones
+from closeform.plots.distributions import distribution as distribution
 from closeform.plots.drifts import drift_ratios as drift_ratios
 from closeform.plots.fans import drift_fan as drift_fan
 from closeform.plots.film import animation as animation

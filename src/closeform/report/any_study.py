@@ -1,0 +1,20 @@
+"""The report of a study of any kind."""
+
+from typing import Any
+
+from closeform.scenario import Scenario
+
+
+def report_of(campaign: Any, scenario: Scenario) -> Any:
+    """The report of a campaign, by what was drawn; only its own kind is loaded."""
+    if scenario.study is not None and scenario.study.draws == "errors":
+        from closeform.report.error_study import ErrorStudyReport
+
+        return ErrorStudyReport(campaign)
+    if not scenario.searches_alone:
+        from closeform.report.mission_study import MissionStudyReport
+
+        return MissionStudyReport(campaign)
+    from closeform.report.study import StudyReport
+
+    return StudyReport(campaign)
