@@ -21,8 +21,8 @@ def distribution(values: ArrayLike, what: str) -> Figure:
 
     Parameters
     ----------
-    values : array_like of shape (M,)
-        One of each case, in any unit; nan where a case has none, which counts in the headline only.
+    values : array_like of shape (M,), no unit
+        One of each case, in the unit that `what` says; nan where a case has none, which is told above.
     what : str
         What they are, with the unit: "delta-v [m/s]".
 
