@@ -265,6 +265,10 @@ CALLS = {
         search=SEARCH, low=np.append(PLACE, SPEED) - 1e-3, high=np.append(PLACE, SPEED) + 1e-3,
         pointing_error=0.01, timing_error=1.0, rate_error=0.001, latest=8000.0, nodes=9,
     ),
+    "longest_lock": turned(
+        search=SEARCH, low=np.append(PLACE, SPEED) - 1e-3, high=np.append(PLACE, SPEED) + 1e-3, seed=2,
+        nodes=9,
+    ),
     "theorem_case": turned(search=SEARCH, position=PLACE, velocity=SPEED),
     "cone_regions": turned(search=SEARCH, position=PLACES[:2], mops=1),
     "cone_crossings": turned(search=SEARCH, position=PLACE, velocity=SPEED),

@@ -57,6 +57,7 @@ _NAMES = {
     "search.search_errors": "SearchErrors",
     "search.locks": "Locks lock_times",
     "search.lock_proof": "LockProof prove_locks",
+    "search.longest_lock": "LongestLock longest_lock",
     "search.margins": "LockMargins lock_margins",
     "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",
     "search.gather_result": "Event EventKind GatherStatus Gathering Gatherings",

@@ -142,6 +142,7 @@ from closeform.search.gather_result import (
 )
 from closeform.search.locks import Locks as Locks, lock_times as lock_times
 from closeform.search.lock_proof import LockProof as LockProof, prove_locks as prove_locks
+from closeform.search.longest_lock import LongestLock as LongestLock, longest_lock as longest_lock
 from closeform.search.margins import LockMargins as LockMargins, lock_margins as lock_margins
 from closeform.search.leg import Leg as Leg
 from closeform.search.schedule import Search as Search

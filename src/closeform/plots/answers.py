@@ -162,6 +162,12 @@ def _missions(result: Any) -> Figure:
     return distribution(result.column("delta_v_m_s"), "delta-v of all craft [m/s]")
 
 
+def _longest(result: Any) -> Figure:
+    from closeform import plots
+
+    return plots.histogram(np.array([result.time if np.isfinite(result.time) else np.nan]))
+
+
 def _errors(result: Any) -> Figure:
     inside = [np.count_nonzero(pair.inside) for pair in (*result.zones, *result.bodies)]
     names = [f"{pair.first} - {pair.second}, zone" for pair in result.zones]
@@ -286,6 +292,7 @@ PICTURES: dict[str, Drawer] = {
     "Locks": _locks,
     "LockMargins": _margins,
     "LockProof": _proof,
+    "LongestLock": _longest,
     "Gathering": _gathering,
     "Gatherings": _gatherings,
     "LockCampaign": _lock_campaign,

@@ -177,10 +177,13 @@ def verdict_of(
 
 def roots(search: Search, low: Floats, high: Floats) -> StateBoxes:
     """The boxes to begin with: the faces of one that holds the origin, where lengths scale, or itself."""
-    scales = search.sensor.offset == 0.0 and search.sensor.range == inf
-    if scales and (low <= 0.0).all() and (high >= 0.0).all():
-        return StateBoxes.faces(low, high)
-    return StateBoxes.of(low, high)
+    return StateBoxes.faces(low, high) if scales(search, low, high) else StateBoxes.of(low, high)
+
+
+def scales(search: Search, low: Floats, high: Floats) -> bool:
+    """Whether pairs lock as their multiples do, and the faces of a box hold one of each of its states."""
+    of_all_sizes = search.sensor.offset == 0.0 and search.sensor.range == inf
+    return of_all_sizes and bool((low <= 0.0).all() and (high >= 0.0).all())
 
 
 def looks_of(search: Search, until: float, pointing: float, timing: float, rate: float) -> Floats:

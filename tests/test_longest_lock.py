@@ -1,0 +1,106 @@
+"""The adversary's latest locks: seen by an independent model of the turns, never beaten, bounded by proofs."""
+
+from math import inf, radians
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.mission import fly
+from closeform.scenario import parse
+from turns import Turning, first_lock, turns
+
+RATE, LIMIT = radians(0.25), radians(25)
+S04 = cf.Search.modified(cf.Sensor(radians(70)), RATE, LIMIT)
+DRAWN = np.array([1000.0, 1000.0, 1000.0, 0.4, 0.4, 0.4])
+FOURTH_REGION = S04.legs[12].end  # s, 7589.9: the second mOPS has region IV in its cone
+SCENARIO = """\
+closeform = 1
+title = "The latest lock"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["A", "B"]
+group = ["A", "B"]
+position = ["0 0 0 m", "{} {} {} m"]
+velocity = ["0 0 0 m/s", "{} {} {} m/s"]
+
+[sensor]
+half_angle = "70 deg"
+
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+
+[[stage]]
+do = "lock"
+"""
+
+
+def test_s04s_latest_lock_is_where_the_second_mops_has_region_four():
+    """Found within 0.01 s of it; all but a ten-millionth of the box is proven to lock a minute after."""
+    longest = cf.longest_lock(S04, -DRAWN, DRAWN, seed=1)
+    assert FOURTH_REGION - 0.01 < longest.time <= FOURTH_REGION
+    assert longest.phase == "mOPS 2"
+    assert longest.proof.open < 1e-5
+    assert not len(longest.proof.counterexamples)
+    turning = Turning(turns("modified", radians(70)), RATE)
+    pair = longest.position, longest.velocity
+    assert first_lock(turning, *pair, radians(70)) == pytest.approx(longest.time, abs=1e-3)
+    text = SCENARIO.format(*(repr(float(one)) for one in np.concatenate(pair)))
+    (stage,) = fly(parse(text, "latest.toml", "run")).results
+    assert stage.result.locks.time[0] == longest.time
+    later = cf.prove_locks(S04, -DRAWN, DRAWN, latest=FOURTH_REGION + 60.0, nodes=120_000)
+    assert later.open < 1e-7
+    assert not len(later.counterexamples)
+
+
+def test_nobody_drawn_near_by_is_later():
+    """Not among 100 000 around the latest pair of a small box, which does not hold the origin."""
+    low = np.array([-20.0, -300.0, 500.0, -0.01, 0.1, -0.4])
+    high = np.array([20.0, -100.0, 700.0, 0.01, 0.2, -0.3])
+    longest = cf.longest_lock(S04, low, high, nodes=1000)
+    state = np.concatenate([longest.position, longest.velocity])
+    assert ((state >= low) & (state <= high)).all()
+    assert longest.time > FOURTH_REGION - 0.01
+    draw = np.random.Generator(np.random.Philox(3))
+    size = 10.0 ** draw.uniform(-9.0, 0.0, (100_000, 1))
+    around = np.clip(state + (high - low) * size * draw.normal(size=(100_000, 6)), low, high)
+    assert cf.lock_times(S04, around[:, :3], around[:, 3:]).time.max() <= longest.time + 1e-3
+
+
+def test_a_pair_that_never_locks_is_later_than_all():
+    """H03's sensors see no farther than their near field; a narrow cone leaves most of the sky out."""
+    for sensor in (cf.Sensor(radians(70), offset=7.5, range=900.0), cf.Sensor(radians(12))):
+        search = cf.Search.basic(sensor, RATE, LIMIT)
+        longest = cf.longest_lock(search, -DRAWN, DRAWN, nodes=1000)
+        assert longest.time == inf
+        assert longest.phase == "never"
+        assert cf.lock_times(search, longest.position, longest.velocity).leg[0] == -1
+        assert not longest.proof.ok
+
+
+def test_all_at_once():
+    low, high = np.array([200.0, -20, -20, 0, 0, 0]), np.array([300.0, 20, 20, 0, 0, 0])
+    longest = cf.longest_lock(S04, low, high, nodes=100)
+    assert (longest.time, longest.phase) == (0.0, "IPS 1")
+    assert longest.proof.ok
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"low": np.zeros(6), "high": [0, 0, 0, 1, 1, 1]}, "high: all pairs of the box start at one place"),
+        ({"low": 2 * np.ones(6)}, "low: component 0 of 2 is above 1 of high"),
+        ({"seed": -1}, "seed: expected a whole number from 0 on, got -1"),
+        ({"nodes": 0}, "nodes: expected a whole number from 1 on, got 0"),
+        ({"search": None}, "search: expected Search"),
+    ],
+)
+def test_bad_input(arguments, message):
+    given = {"search": S04, "low": -np.ones(6), "high": np.ones(6)} | arguments
+    with pytest.raises(ValueError, match=message):
+        cf.longest_lock(**given)
