@@ -181,8 +181,8 @@ def climbed(
         times[better] = found[rows, which][better]
         idle = 0 if times.max() > latest + GAIN else idle + 1
         latest = max(latest, times.max())
-    best = int(times.argmax())
-    return states[best], float(times[best])
+    winner = int(times.argmax())
+    return states[winner], float(times[winner])
 
 
 def steps(states: Floats, width: Floats, random: Any) -> Floats:
@@ -194,4 +194,4 @@ def steps(states: Floats, width: Floats, random: Any) -> Floats:
     home = MEMBERS * (np.arange(len(states)) // MEMBERS)[:, None]
     one, other = home + random.integers(MEMBERS, size=(2, *shape))
     along = (states[one] - states[other]) * 10.0 ** random.uniform(-2.0, 0.3, (*shape, 1))
-    return np.where(random.random((*shape, 1)) < 0.5, anyhow, along)
+    return np.asarray(np.where(random.random((*shape, 1)) < 0.5, anyhow, along))
