@@ -19,6 +19,11 @@ KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
 NEAR = REST.orbit.coast([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], REST.end)
 MEETING = cf.collision_probability(NEAR, REST, BALL, cf.Errors(np.eye(6)))
 LATER = COAST.orbit.coast(COAST.state(COAST.end.max()), 100.0, COAST.end.max())
+CHIEF = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
+PAIR = CHIEF.orbit.transfer(
+    [[0, 100, 0, 0, 0, 0], [0, 180, 0, 0, 0, 0]], [[0, 0, 50, 0, 0, 0], [50, 80, 0, 0, 0, 0]], 900.0
+)
+FLOWN = cf.fly(PAIR, cf.Field(CHIEF), navigation=cf.Navigation(0.1, 3e-4), zones=BALL, seeds=3)
 CALLS = {
     "plots.animation": {
         "gathering": GATHERED, "file": io.BytesIO(), "craft": 0, "names": ["a", "b", "c"],
@@ -37,6 +42,10 @@ CALLS = {
     "plots.drift_ratios": {
         "path": [MOVE], "other": [STAYS], "zone": [BALL], "until": 1800.0, "labels": ["a"]
     },
+    "plots.flight_costs": {"flight": FLOWN, "names": ["a", "b"]},
+    "plots.flight_deviations": {"flight": FLOWN, "tube": None, "names": ["a", "b"]},
+    "plots.flight_paths": {"flight": FLOWN, "names": ["a", "b"]},
+    "plots.flight_ratios": {"flight": FLOWN, "zone": BALL, "names": ["a", "b"]},
     "plots.formation_animation": {
         "paths": COAST, "file": io.BytesIO(), "names": ["a", "b", "c"], "zone": BALL, "frames": 3,
         "progress": lambda done, total: None,

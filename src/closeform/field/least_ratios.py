@@ -76,3 +76,14 @@ def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
         apart = states[first[some], :, :3] - states[second[some], :, :3]
         least = np.minimum(least, shapes[k].norm(apart).min(axis=0))
     return least
+
+
+def nearest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
+    """The two craft whose norm is the least, of `states` (N, 6) at an instant."""
+    first, second = np.triu_indices(len(states), 1)
+    which, shapes = zones_of(first, second, len(states), zones)
+    norms = np.full(len(first), np.inf)
+    for k, some in by_zone(which):
+        norms[some] = shapes[k].norm(states[first[some], :3] - states[second[some], :3])
+    k = int(np.argmin(norms))
+    return int(first[k]), int(second[k])

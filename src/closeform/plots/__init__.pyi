@@ -13,6 +13,10 @@ from closeform.plots.fans import drift_fan as drift_fan
 from closeform.plots.film import animation as animation
 from closeform.plots.firings import pulses as pulses
 from closeform.plots.fleet import formation_paths as formation_paths
+from closeform.plots.flight_tracks import flight_paths as flight_paths
+from closeform.plots.flights import flight_costs as flight_costs
+from closeform.plots.flights import flight_deviations as flight_deviations
+from closeform.plots.flights import flight_ratios as flight_ratios
 from closeform.plots.flying import formation_animation as formation_animation
 from closeform.plots.formation import three_views as three_views
 from closeform.plots.hyperbola import lemma_2 as lemma_2

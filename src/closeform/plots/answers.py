@@ -252,6 +252,14 @@ def _commanded(result: Any, names: Any = None) -> Figure:
     return curves(result.times, commanded, f"thrust [{unit.name}]", said, names, planned)
 
 
+def _flight(result: Any, zone: Any = None, names: Any = None) -> Figure:
+    from closeform import plots
+
+    if zone is None:
+        return plots.flight_deviations(result, names=names)
+    return plots.flight_ratios(result, zone, names)
+
+
 def _tube(result: Any) -> Figure:
     from closeform.plots.intervals import intervals
 
@@ -302,5 +310,6 @@ PICTURES: dict[str, Drawer] = {
     "Validity": _validity,
     "CommandedThrust": _commanded,
     "Tube": _tube,
+    "Flight": _flight,
     "LoadedStudy": _loaded_study,
 }

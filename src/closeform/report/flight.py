@@ -165,7 +165,16 @@ class FlightReport:
     @property
     def pictures(self) -> Iterator[Picture]:
         """Deviations, ratios, delta-v and paths."""
-        return iter(())
+        flight, names = self.flown.flight, {"names": self.flown.names}
+        if flight.ratios.size:
+            caption = "How near pairs come in every flight, and a close look at the nearest"
+            yield Picture("flights-ratios", caption, "flight_ratios", (flight, self.zones), names)
+        caption = "How far off the plan craft are in every flight, and the tube that was said beforehand"
+        yield Picture("flights-deviations", caption, "flight_deviations", (flight, self.flown.tube), names)
+        caption = "The paths as planned, and as flown about them, with deviations enlarged"
+        yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
+        caption = "What each craft spends on the plan, on the field and on feedback"
+        yield Picture("flights-costs", caption, "flight_costs", (flight,), names)
 
     @property
     def figures(self) -> dict[str, Any]:

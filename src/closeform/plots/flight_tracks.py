@@ -1,0 +1,120 @@
+"""Paths as flown about the paths as planned, with deviations so many times as large that they are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from closeform.arrays import instance
+from closeform.field.flight_result import Flight
+from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
+from closeform.plots.letters import plain, short_names
+from closeform.plots.look import (
+    CONFLICT,
+    HALO,
+    INK,
+    SMALL,
+    area,
+    dress,
+    headline,
+    legend,
+    length_unit,
+    sheet,
+)
+from closeform.plots.names import dark
+from closeform.plots.tracks import colours
+
+DRAWN = 60  # flights beside the worst, the first ones
+POINTS = 240  # of each line
+SHARE = 0.06  # of what is shown, that the greatest deviation may take
+STEPS = (1.0, 2.0, 5.0)
+NAMED = 12  # craft up to which each has its name
+
+
+def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
+    """The paths of all flights about those of the plan, with deviations drawn many times as large.
+
+    Lines in the colours of the craft are planned, pale ones flown, red ones those of the worst flight; the
+    picture says how many times as large deviations are.
+
+    Parameters
+    ----------
+    flight : Flight
+        What `fly` answered.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If names are not as many as craft, or an argument is of another kind.
+    """
+    instance("flight", flight, Flight)
+    count = flight.states.shape[1]
+    called, tints = short_names(names, count), colours(count)
+    some = np.unique(np.linspace(0, len(flight.times) - 1, POINTS).astype(int))
+    planned = flight.planned.position(flight.times[some])
+    seeds = [*range(min(DRAWN, len(flight.states))), flight.worst]
+    off = flight.states[seeds][:, :, some, :3] - planned
+    low, top = planned.reshape(-1, 3).min(axis=0), planned.reshape(-1, 3).max(axis=0)
+    most = (top - low).max() or 1.0
+    gain = _gain(SHARE * most, float(np.abs(off).max()))
+    middle, span = (low + top) / 2, 1.2 * np.maximum(top - low, FLAT * most)
+    unit = length_unit(float(span.max()))
+    size, (across, high), corners = beside(span)
+    figure = sheet(high, across)
+    for (right, up, _), corner in zip(PLANES, corners, strict=True):
+        pair = [right, up]
+        axes = area(figure, *corner, *(size * span[pair]))
+        limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
+        axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
+        dress(axes)
+        scaled(axes, pair, unit, size * span[pair], owned(corner, corners))
+        flown = (planned + gain * off)[..., pair] / unit.size
+        for k, tint in enumerate(tints):
+            pale = [*tint[:3], 0.18]
+            axes.add_collection(LineCollection(list(flown[:-1, k]), colors=[pale], linewidths=0.6))
+            axes.plot(*(planned[k][:, pair].T / unit.size), color=tint, linewidth=1.8)
+            axes.plot(*flown[-1, k].T, color=CONFLICT, linewidth=0.9)
+            axes.plot(*(planned[k, -1, pair] / unit.size), "o", color=tint, markersize=5.0)
+            if count <= NAMED and pair == [1, 2]:
+                look: dict[str, Any] = {"color": dark(tint), "fontsize": SMALL, "path_effects": HALO}
+                spot = tuple(planned[k, -1, pair] / unit.size)
+                plain(axes.annotate(called[k], spot, (6, 4), textcoords="offset points", **look))
+    handles = [
+        Line2D([], [], color=INK, linewidth=1.8),
+        Line2D([], [], color=INK, linewidth=0.6, alpha=0.4),
+        Line2D([], [], color=CONFLICT, linewidth=0.9),
+        Line2D([], [], color=INK, linestyle="", marker="o", markersize=5.0),
+    ]
+    legend(figure, handles, ["planned", "flown", f"the worst, flight {flight.worst}", "end"], ncols=4)
+    told = (
+        f"Deviations are drawn {gain:g} times as large" if gain != 1.0 else "Deviations are drawn as they are"
+    )
+    figure.text(SIDE / across, 1.0 - 0.55 / high, told, fontsize=SMALL, color=INK)
+    many = f"{len(flight.states)} flight{'s' * (len(flight.states) != 1)}"
+    headline(figure, f"{many} of {count} craft, off the plan by at most {_length(flight.greatest_deviation)}")
+    return figure
+
+
+def _gain(room: float, most: float) -> float:
+    """By how much deviations are enlarged: 1, 2 or 5 times a power of ten, and 1 at least."""
+    if not most > 0.0 or room <= most:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(room / most))
+    return float(max(step for step in STEPS if step * power <= room / most) * power)
+
+
+def _length(size: float) -> str:
+    unit = length_unit(size)
+    return f"{size / unit.size:.3g} {unit.name}"

@@ -1,0 +1,324 @@
+"""Flights in a field: how far off craft are, how near pairs come, what it costs; the worst is named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from closeform.arrays import Floats, instance
+from closeform.field.flight_result import Flight
+from closeform.field.least_ratios import FINER, cubic, nearest_pair, nearest_pairs
+from closeform.field.tube import Tube
+from closeform.plots.closest import ratio_axis
+from closeform.plots.letters import plain, short_names
+from closeform.plots.look import (
+    ABOVE,
+    AFTER,
+    ALTERNATIVE,
+    BEFORE,
+    CONFLICT,
+    DASHED,
+    HALO,
+    INK,
+    LEFT,
+    SMALL,
+    TEXT,
+    WIDTH,
+    ZONE,
+    Clock,
+    area,
+    clock,
+    column,
+    dress,
+    headline,
+    legend,
+    length_unit,
+    sheet,
+    speed,
+    speed_unit,
+    time_axes,
+)
+from closeform.zones.pair_zones import PairZones
+from closeform.zones.zone import Zone
+
+PALE = "#9ec5df"
+DRAWN = 300  # flights that are drawn, the first and the worst
+MOST = 24  # craft whose cost is shown: those that spend most
+WIDER = 3.0  # times the spread of the least ratios, above the planned least, that the close look shows
+SPACE = 0.22  # of the close look, below the least and above the zone
+
+
+def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[str] | None = None) -> Figure:
+    """How far off the plan craft are in every flight, against time, and the tube that was said beforehand.
+
+    Each pale line is the craft that is farthest off in one flight; in blue the median of all flights, in
+    red that in which a craft is farthest off.
+
+    Parameters
+    ----------
+    flight : Flight
+        What `fly` answered.
+    tube : Tube, optional
+        What `tube` says of it.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If names are not as many as craft, or an argument is of another kind.
+    """
+    instance("flight", flight, Flight)
+    instance("tube", tube, Tube, type(None))
+    called = short_names(names, flight.states.shape[1])
+    off, ticks = flight.deviations.max(axis=1), _clock(flight)
+    seed, craft, step = (
+        int(k) for k in np.unravel_index(int(np.argmax(flight.deviations)), flight.deviations.shape)
+    )
+    radius = 0.0 if tube is None else float(np.max(tube.radius))
+    unit = length_unit(max(float(off.max()), radius))
+    figure = sheet(5.8)
+    (axes,) = column(figure, [1.0], 1.1)
+    dress(axes)
+    _all(axes, ticks, flight.times, off / unit.size, seed)
+    if tube is not None:
+        axes.axhline(radius / unit.size, color=ZONE, linewidth=2.0, linestyle=DASHED)
+        _word(axes, ticks(flight.times[0]), radius / unit.size, f"tube: {_length(radius)}", (6, -16))
+    axes.set_ylim(0.0, 1.12 * max(float(off.max()), radius) / unit.size or 1.0)
+    axes.set_ylabel(f"off the plan [{unit.name}]", fontsize=TEXT, color=INK)
+    _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, f"flight {seed}: {called[craft]}", 8)
+    time_axes([axes], ticks, float(flight.times[0]), float(flight.times[-1]))
+    most = f"Off by at most {_length(float(off.max()))} in {_flights(flight)}"
+    inside = ""
+    if tube is not None:
+        inside = f"; tube {_length(radius)}, {tube.sigmas:g} sigmas along any direction"
+    _meanings(figure, ("each flight, its craft farthest off", "median", "the worst"))
+    plain(headline(figure, f"{most}{inside}"))
+    return figure
+
+
+def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
+    """How near pairs come in every flight, against time: all of it, and a close look at the nearest.
+
+    Each pale line is the least ratio of all pairs in one flight, the dashed one that of the plan; in blue
+    the median of all flights, in red the worst.  Below 1 a zone is entered.
+
+    Parameters
+    ----------
+    flight : Flight
+        What `fly` answered.
+    zone : Zone or PairZones
+        Of all pairs, or of each.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two craft or no pair has a zone, names are not as many, or an argument is of
+        another kind.
+    """
+    instance("flight", flight, Flight)
+    instance("zone", zone, Zone, PairZones)
+    count = flight.states.shape[1]
+    called = short_names(names, count)
+    if count < 2:
+        raise ValueError("flight: of one craft, which comes near nobody; give one of more")
+    least = np.stack([nearest_pairs(one, zone) for one in flight.states])
+    if not np.isfinite(least).any():
+        raise ValueError("zone: no pair has one; give a zone")
+    planned = nearest_pairs(flight.planned.state(flight.times), zone)
+    seed, step = (int(k) for k in np.unravel_index(int(np.argmin(least)), least.shape))
+    pair = " and ".join(called[k] for k in nearest_pair(flight.states[seed, :, step], zone))
+    figure, ticks = sheet(8.6), _clock(flight)
+    top, close = _two(figure)
+    for axes in (top, close):
+        dress(axes)
+        axes.axhspan(-1.0, 1.0, color=ZONE, alpha=0.25, linewidth=0)
+        axes.axhline(1.0, color=ZONE, linewidth=1.6)
+        axes.set_ylabel("least of all pairs [× zone]", fontsize=SMALL, color=INK)
+    _all(top, ticks, flight.times, least, seed)
+    top.plot(ticks(flight.times), planned, color=INK, linewidth=1.4, linestyle=DASHED)
+    ratio_axis(top, float(least.min()), float(least.max()))
+    time_axes([top], ticks, float(flight.times[0]), float(flight.times[-1]))
+    some = _near(least, planned, step)
+    fine, nearer, asked = _finely(flight, zone, some)
+    _all(close, ticks, fine, nearer, seed)
+    close.plot(ticks(fine), asked, color=INK, linewidth=1.4, linestyle=DASHED)
+    low, high = min(float(least.min()), 1.0), _top(least, planned)
+    close.set_ylim(low - SPACE * (high - low), high)
+    time_axes([close], Clock(ticks.unit, None), float(fine[0]), float(fine[-1]))
+    now = int(np.argmin(nearer[seed]))
+    lowest = float(nearer[seed, now])
+    _dot(close, ticks, float(fine[now]), lowest, f"flight {seed}: {pair}, {lowest:.4f} × zone")
+    _meanings(figure, ("each flight", "median", "the worst", "planned"))
+    entered = int((least.min(axis=1) < 1.0).sum())
+    found = (
+        f"{entered} of {_flights(flight)} enter a zone"
+        if entered
+        else f"No zone is entered in {_flights(flight)}"
+    )
+    plain(headline(figure, f"{found}; least {lowest:.4f} × zone flown, {asked.min():.4f} planned"))
+    return figure
+
+
+def flight_costs(flight: Flight, names: Sequence[str] | None = None) -> Figure:
+    """What each craft spends: on the plan, on the field, and on feedback in every flight.
+
+    Of many craft those that spend most.
+
+    Parameters
+    ----------
+    flight : Flight
+        What `fly` answered.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+
+    Returns
+    -------
+    Figure
+        Of matplotlib; save it with its `savefig`.
+
+    Raises
+    ------
+    ValueError
+        If names are not as many as craft, or an argument is of another kind.
+    """
+    instance("flight", flight, Flight)
+    called = short_names(names, flight.states.shape[1])
+    who = np.argsort(-flight.delta_v.max(axis=0), kind="stable")[:MOST]
+    who = np.sort(who)
+    back = np.asarray(flight.feedback_delta_v)[:, who]
+    rows = np.arange(len(who))[::-1]
+    high = 0.42 * len(who) + 0.4
+    figure = sheet(high + 1.4)
+    wide = (WIDTH - LEFT - 0.9) / 3.0
+    parts = (flight.planned_delta_v[who], flight.field_delta_v[who], back)
+    for k, (part, what, tint) in enumerate(
+        zip(parts, ("plan", "field", "feedback"), (BEFORE, ALTERNATIVE, AFTER), strict=True)
+    ):
+        axes = area(figure, LEFT + k * (wide + 0.3), 0.75, wide, high)
+        dress(axes)
+        unit = speed_unit(float(np.abs(part).max()))
+        middle = np.median(part, axis=0) if part.ndim > 1 else part
+        axes.barh(rows, middle / unit.size, height=0.62, color=tint, alpha=0.55 if part.ndim > 1 else 0.9)
+        if part.ndim > 1:
+            spread = np.linspace(-0.24, 0.24, len(part))
+            for row, some in zip(rows, part.T, strict=True):
+                axes.plot(some / unit.size, row + spread, ".", color=tint, markersize=3.0, alpha=0.6)
+        axes.axvline(0.0, color=INK, linewidth=0.8)
+        axes.set_ylim(-0.6, len(who) - 0.4)
+        axes.set_yticks(rows, [called[j] for j in who] if k == 0 else [""] * len(who), fontsize=SMALL)
+        for words in axes.get_yticklabels():
+            plain(words)
+        axes.set_xlabel(f"{what}{', each flight' * (part.ndim > 1)} [{unit.name}]", fontsize=TEXT, color=INK)
+    total, planned = float(flight.delta_v.sum(axis=1).mean()), float(flight.planned_delta_v.sum())
+    extra = f" ({100.0 * (total / planned - 1.0):+.2g} %)".replace("-", "−") if planned else ""
+    plain(
+        headline(
+            figure, f"{speed(total)} flown on average, {speed(planned)} planned{extra}, of {_flights(flight)}"
+        )
+    )
+    return figure
+
+
+def _clock(flight: Flight) -> Clock:
+    return clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
+
+
+def _flights(flight: Flight) -> str:
+    count = len(flight.states)
+    return f"{count} flight{'s' * (count != 1)}"
+
+
+def _length(size: float) -> str:
+    unit = length_unit(size)
+    return f"{size / unit.size:.3g} {unit.name}"
+
+
+def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> None:
+    """Every flight (S, T), the median of all, and the worst."""
+    some = np.stack([np.broadcast_to(ticks(times), values[:DRAWN].shape), values[:DRAWN]], axis=-1)
+    axes.add_collection(LineCollection(list(some), colors=PALE, linewidths=0.6, alpha=0.6))
+    if len(values) > 1:
+        axes.plot(ticks(times), np.median(values, axis=0), color=AFTER, linewidth=1.8)
+    axes.plot(ticks(times), values[seed], color=CONFLICT, linewidth=1.4)
+
+
+def _meanings(figure: Figure, words: Sequence[str]) -> None:
+    """What the lines are."""
+    looks: list[dict[str, Any]] = [
+        {"color": PALE, "linewidth": 1.2},
+        {"color": AFTER, "linewidth": 1.8},
+        {"color": CONFLICT, "linewidth": 1.4},
+        {"color": INK, "linewidth": 1.4, "linestyle": DASHED},
+    ]
+    legend(figure, [Line2D([], [], **look) for look in looks[: len(words)]], words, ncols=4)
+
+
+def _dot(axes: Axes, ticks: Clock, time: float, height: float, words: str, away: int = -20) -> None:
+    """The worst, with its name."""
+    axes.plot([ticks(time)], [height], "o", color=CONFLICT, markersize=7.0, zorder=5)
+    _word(axes, float(ticks(time)), height, words, (0, away), "center")
+
+
+def _word(axes: Axes, x: Any, y: float, words: str, offset: tuple[int, int], side: str = "left") -> None:
+    look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK, "ha": side}
+    look["path_effects"] = HALO
+    plain(axes.annotate(words, (float(x), y), offset, **look))
+
+
+def _two(figure: Figure) -> tuple[Axes, Axes]:
+    """Axes above each other, each with a time axis of its own."""
+    wide, high = (float(side) for side in figure.get_size_inches())
+    tall = (high - ABOVE - 2.0) / 2.0
+    below, above = 1.1, 1.1 + tall + 0.9
+    made = [area(figure, LEFT, low, wide - LEFT - 0.3, tall) for low in (above, below)]
+    for axes in made:
+        axes.yaxis.set_label_coords(-0.72 / (wide - LEFT - 0.3), 0.5)
+    return made[0], made[1]
+
+
+def _top(least: Floats, planned: Floats) -> float:
+    """Up to which ratio the close look goes."""
+    each = least.min(axis=1)
+    spread = max(float(each.max() - each.min()), 1e-3)
+    return max(float(planned.min()), float(each.max())) + WIDER * spread
+
+
+def _near(least: Floats, planned: Floats, step: int) -> slice:
+    """The instants about a step at which any flight is below that."""
+    near = least.min(axis=0) <= _top(least, planned)
+    before, after = np.flatnonzero(~near[:step]), np.flatnonzero(~near[step:])
+    first = int(before[-1]) if len(before) else 0
+    last = step + int(after[0]) if len(after) else len(near) - 1
+    return slice(max(0, first - 1), min(len(near), last + 2))
+
+
+def _finely(flight: Flight, zone: Zone | PairZones, some: slice) -> tuple[Floats, Floats, Floats]:
+    """Times (K,), least ratios of flights (S, K) and of the plan (K,), on the cubics between some states."""
+    times, step = flight.times[some], np.diff(flight.times[some])
+    begin, end = flight.states[:, :, some][:, :, :-1], flight.arrivals[:, :, some][:, :, 1:]
+    seeds, count, parts = begin.shape[:3]
+    steps = np.broadcast_to(step, (seeds, count, parts)).reshape(-1, 1, 1)
+    places = cubic(begin.reshape(-1, 6), end.reshape(-1, 6), steps)[:, :-1]
+    places = places.reshape(seeds, count, -1, 3)
+    fine = (times[:-1, None] + step[:, None] * np.arange(FINER) / FINER).ravel()
+    least = np.stack([nearest_pairs(one, zone) for one in places])
+    return fine, least, nearest_pairs(flight.planned.position(fine), zone)
