@@ -86,6 +86,17 @@ def test_burns_are_those_of_the_table(moved) -> None:
     assert len(move.burns["craft"]) > 0
 
 
+@pytest.mark.parametrize("flown", ["moved", "gathered"])
+def test_burns_of_all_stages_are_those_of_the_run(flown, request) -> None:
+    """Impulses on joining a set too: the same columns, to the last bit."""
+    mission, place = request.getfixturevalue(flown)
+    burns = cf.load(place).burns
+    assert list(burns) == list(mission.burns)
+    for name, column in mission.burns.items():
+        assert burns[name].tolist() == column, name
+    assert len(burns["stage"]) > 0
+
+
 def test_a_gathering_comes_back_with_its_search_and_sets(gathered) -> None:
     mission, place = gathered
     run = cf.load(place)

@@ -8,6 +8,7 @@ import numpy as np
 
 from closeform.mission_result import Mission, StageResult
 from closeform.report import conflicts, effort, search
+from closeform.report.burns import StageBurns
 from closeform.report.picture import Film, Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PHASE, Column, Table, minutes
@@ -52,7 +53,7 @@ def section(mission: Mission, result: Gathered) -> Section:
         closing=unjudged(mission, gathering),
         pictures=pictures(gathering, names, result.stage.animation),
         figures={"search": search.figures(once), "gathering": figures(result, knew)},
-        files={"events": history, "sets": spent},
+        files={"events": history, "sets": spent} | StageBurns(mission, result).files,
     )
 
 
