@@ -348,7 +348,7 @@ CALLS = {
     ),
     "tube": turned(
         orbit=ORBIT, feedback=cf.Feedback(), navigation=cf.Navigation(), residual=np.array([1e-6, 2e-6]),
-        thrust_error=np.array([1e-6, 2e-6]), sigmas=3.0,
+        thrust_error=np.array([1e-6, 2e-6]), sigmas=3.0, minimum_bit=0.0,
     ),
     "Tube.of_pairs": turned(
         self=cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4)), craft=2, fixed=1
@@ -364,7 +364,7 @@ CALLS = {
         ),
         field=cf.Field(LOW), zones=cf.Sphere(3.0), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), obstacles=[], cancel=True,
-        residual=1e-7, thrust_error=np.array([0.0, 0.0]), sigmas=3.0,
+        residual=1e-7, thrust_error=np.array([0.0, 0.0]), sigmas=3.0, max_acceleration=1.0,
     ),
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",

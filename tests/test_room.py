@@ -116,6 +116,32 @@ def test_a_state_is_predicted_over_a_delay():
     assert short.greatest_deviation < 6.0 * cf.tube(ORBIT, cf.Feedback(60.0, 600.0, delay=25.0), SIGHT).noise
 
 
+def test_thrust_that_a_limit_allows():
+    """What is asked for is never reached in flights; a limit a bit lower stops all craft now and then."""
+    path = formation()
+    room = cf.room(path, FIELD, navigation=SIGHT, thrust_error=OFF)
+    ways = {"navigation": SIGHT, "thrust_error": OFF, "seeds": 60}
+    assert not cf.fly(path, FIELD, max_acceleration=room.thrust, **ways).limited.any()
+    assert cf.fly(path, FIELD, max_acceleration=0.93 * room.thrust, **ways).limited.any(axis=0).all()
+
+
+def test_impulses_that_are_not_fired():
+    """Of flights without noise that a difference of drag moves: within the tube, and no wide one."""
+    law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
+    lag = cf.Field(CHIEF, 0, cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.03, 0.01], 0.02, spin=0.0))
+    states = np.zeros((3, 6))
+    states[:, 1] = [0.0, 50.0, -50.0]
+    path = CHIEF.orbit.coast(states, 3.0 * ORBIT.period)
+    flights = cf.fly(path, lag, feedback=law, minimum_bit=bit, cancel=False)
+    unknown = cf.validity(path, lag).residual
+    room = cf.tube(ORBIT, law, cf.Navigation(), unknown, minimum_bit=bit)
+    fine = cf.tube(ORBIT, law, cf.Navigation(), unknown)
+    off = flights.deviations.max(axis=(0, 2))
+    assert (off <= room.radius).all()
+    assert (off > fine.radius).any()
+    assert (off > 0.1 * room.radius).any()
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 
@@ -164,6 +190,22 @@ def test_beside_an_obstacle_that_is_known():
     )
     assert found.fits
     assert found.greatest == pytest.approx(cf.tube(ORBIT, cf.Feedback(), SIGHT).radius, rel=0.02)
+
+
+def test_no_thrust_for_feedback():
+    start, zone = swap(), cf.Sphere(30.0)
+
+    def planned(margin):
+        return cf.reconfigure(ORBIT, start, start[[1, 0, 2]], 0.4 * ORBIT.period, zone, margin=margin)
+
+    free = cf.fit_margin(planned, FIELD, zone, navigation=SIGHT)
+    limit = 0.99 * free.room.thrust.max()
+    found = cf.fit_margin(planned, FIELD, zone, navigation=SIGHT, max_acceleration=limit)
+    assert not found.fits
+    assert "with feedback, its limit is" in found.reason
+    assert "plan within" in found.reason
+    enough = cf.fit_margin(planned, FIELD, zone, navigation=SIGHT, max_acceleration=1.01 * limit / 0.99)
+    assert enough.fits
 
 
 def test_no_room_between_ends():

@@ -103,12 +103,13 @@ class ClosedLoop:
         thrust = np.concatenate([self.law, self.law @ self.late], axis=2)
         return _greatest(seen, held), _greatest(thrust, held)
 
-    def spread(self, sight: Navigation, errors: Floats) -> float:
-        """The standard deviation [m] of positions, at the worst of errors of thrust (N, 2)."""
+    def spread(self, sight: Navigation, errors: Floats) -> tuple[float, float]:
+        """As `noise`, at the worst of errors of thrust (N, 2)."""
         most = errors.max(axis=0)
         if not most.any():
-            return self.noise(sight)[0]
-        return max(self.noise(sight, corner * np.repeat(most, [1, 3]))[0] for corner in CORNERS)
+            return self.noise(sight)
+        found = [self.noise(sight, corner * np.repeat(most, [1, 3])) for corner in CORNERS]
+        return max(one[0] for one in found), max(one[1] for one in found)
 
     def _answers(self, wrong: Floats) -> Floats:
         """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
@@ -158,11 +159,27 @@ class ClosedLoop:
             pushed = self.left[-1] @ pushed
         return COARSE * float(sums[0].max()), COARSE * float(sums[1].max())
 
+    def missed(self, fired: Floats) -> float:
+        """How far off [s] impulses that are not fired bring a craft, `fired` (J,) [s] after measurements.
+
+        In the worst directions, all of them: the sum over all that were before.           # theory (94)
+        """
+        when = fired[fired < self.every]
+        each = self.orbit.transition(np.maximum(self.since[:, None] - when, 0.0))[..., :3, 3:]
+        own = (np.linalg.norm(each, 2, axis=(2, 3)) * (self.since[:, None] >= when)).sum(axis=1)
+        pushed, total = self.orbit.transition(self.every - when)[..., 3:], own
+        added = np.ones(1)
+        while added.max() > FADED * total.max():
+            added = np.linalg.norm(self.left[:, None, :3] @ pushed, 2, axis=(2, 3)).sum(axis=1)
+            total, pushed = total + added, self.left[-1] @ pushed
+        return COARSE * float(total.max())
+
     def beyond(
         self, errors: Floats, unknown: Floats, sight: Navigation, brought: tuple[Floats, Floats]
-    ) -> Floats:
+    ) -> tuple[Floats, Floats]:
         """How far off craft are at most (N,) [m], beside what is followed along their plans and noise.
 
+        And how large the thrust is that answers (N,) [m/s^2], but to noise and to errors of what is planned.
         By accelerations that nobody knows, biases, and `errors` (N, 2) of the thrust that answers to these
         and to the errors of what is planned, `brought` (N, T, 3) and (N, T, 3, 3).
         """
@@ -174,7 +191,7 @@ class ClosedLoop:
         turned = np.linalg.norm(brought[1], 2, axis=(-2, -1))
         first = (share * stretched.T + (1.0 + share) * angle * turned.T).max(axis=0)
         thrust = (first + echo * unknown + answer) / np.maximum(1.0 - wrong * echo, np.finfo(float).tiny)
-        return np.asarray(gain * (unknown + wrong * thrust) + bias)
+        return gain * (unknown + wrong * thrust) + bias, thrust
 
 
 def _greatest(rows: Floats, held: Floats) -> float:

@@ -74,6 +74,7 @@ def fit_margin(
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = (0.0, 0.0),
     sigmas: float = 4.0,
+    max_acceleration: ArrayLike | None = None,
 ) -> FittedMargin:
     """A plan with the margin that its own flight needs: made, looked at, and made anew until it fits.
 
@@ -100,11 +101,14 @@ def fit_margin(
         As of `room`.
     sigmas : float, no unit, default 4
         As of `room`.
+    max_acceleration : array_like of shape (N,) or () [m/s^2], optional
+        What each craft can give, for its plan, the field and feedback together.
 
     Returns
     -------
     FittedMargin
-        Not `fits` where no plan was found with the margin that was needed.
+        Not `fits` where no plan was found with the margin that was needed, or one asks for more thrust than a
+        craft has.
 
     Raises
     ------
@@ -119,7 +123,7 @@ def fit_margin(
 
     References
     ----------
-    docs/theory.md (90).
+    docs/theory.md (93).
 
     Examples
     --------
@@ -142,6 +146,7 @@ def fit_margin(
     fixed = len(others) if others is not None else 0
     sight = Navigation() if navigation is None else navigation
     least = tube(orbit, law, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
+    limit = np.inf if max_acceleration is None else nonnegative("max_acceleration", max_acceleration)
     margin: Any = np.asarray(least.radius if fixed else least.of_a_pair)
     for made in range(1, ROUNDS + 1):
         plan = instance("planned", planned(margin), Plan, Avoidance)
@@ -156,6 +161,14 @@ def fit_margin(
             sigmas=sigmas,
         )
         craft, paths = len(found.shift), paths_to_fly(plan, field)
+        if np.shape(limit) not in ((), (craft,)):
+            raise ValueError(
+                f"max_acceleration: one number, or one for each of {craft} craft, got {shown(max_acceleration)}"
+            )
+        beyond = np.flatnonzero(found.thrust > limit)
+        if len(beyond):
+            why = _too_weak(found, np.ravel(paths.peak_thrust), int(beyond[0]), limit)
+            return FittedMargin(plan, found, margin, False, made, why)
         each = [paths[k] for k in range(craft)] + [others[k] for k in range(fixed) if others is not None]
         bodies = stack(each)
         margin = np.broadcast_to(margin, (craft + fixed, craft + fixed)).copy()
@@ -168,6 +181,14 @@ def fit_margin(
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
     why = f"still short of room after {made} plans, with a margin of {margin.max():.3g} m"
     return FittedMargin(plan, found, margin, False, made, why)
+
+
+def _too_weak(found: Room, peaks: Floats, craft: int, limit: Any) -> str:
+    """Which craft is asked for more than it has, and within what to plan."""
+    has, asked = float(np.broadcast_to(limit, found.thrust.shape)[craft]), float(found.thrust[craft])
+    within = has - asked + float(peaks[craft])
+    remedy = f"plan within {within:.3g} m/s²" if within > 0.0 else "feedback alone needs more"
+    return f"craft {craft} is asked for {asked:.3g} m/s² with feedback, its limit is {has:.3g} m/s²; {remedy}"
 
 
 def _told(margin: Floats, made: int) -> str:

@@ -36,7 +36,8 @@ class Room(Result):
     times : array of shape (T,) [s]
         Since the chief's epoch.
     shift : array of shape (N, T, 3) [m]
-        Where they are expected to be off: by what is known of the field and not commanded against.
+        Where they are expected to be off: by what is known of the field and not commanded
+        against; in the chief's axes.
     stretch : array of shape (N, T, 3) [m]
         How much further for thrust that is larger by the whole of itself, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
@@ -50,9 +51,11 @@ class Room(Result):
         The standard deviation, in the worst direction, from measurements that are off at random.
     sigmas : float, no unit
         As many of which count.
+    thrust : array of shape (N,) [m/s^2]
+        The most that each is asked for, with what feedback adds; with a lower limit no room is known.
     """
 
-    _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas")
+    _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")
 
     times: Floats
     shift: Floats
@@ -62,6 +65,7 @@ class Room(Result):
     rest: Floats
     noise: float
     sigmas: float
+    thrust: Floats
 
     @property
     def radius(self) -> Floats:
@@ -126,11 +130,12 @@ def room(
     Notes
     -----
     Errors of thrust that is planned are followed along it, as the plan knows how large it is when; those
-    of thrust that feedback adds are bounded, and change what noise makes.  Thrust has no limit here.
+    of thrust that feedback adds are bounded, and change what noise makes.  Thrust keeps no limit here:
+    `Room.thrust` says which it keeps.
 
     References
     ----------
-    docs/theory.md (86) and (90).
+    docs/theory.md (86) and (93).
 
     Examples
     --------
@@ -169,10 +174,14 @@ def room(
     pushes = [left_out * (not cancel), flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
     off, brought = loop.follow(deviations_of(paths.orbit, times, np.concatenate(pushes)))
     shift, stretch, *turned = off.reshape(5, count, -1, 3)
-    _, more, *turning = brought.reshape(5, count, -1, 3)
-    beyond = loop.beyond(errors, np.broadcast_to(unknown, count), sight, (more, np.stack(turning, axis=-1)))
-    noise = loop.spread(sight, errors)
-    return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, beyond, noise, k)
+    steady, more, *turning = brought.reshape(5, count, -1, 3)
+    rest, answer = loop.beyond(
+        errors, np.broadcast_to(unknown, count), sight, (more, np.stack(turning, axis=-1))
+    )
+    noise, shaking = loop.spread(sight, errors)
+    asked = np.linalg.norm(flown, axis=-1).max(axis=1) + np.linalg.norm(steady, axis=-1).max(axis=1)
+    asked = asked + answer + k * shaking
+    return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, rest, noise, k, asked)
 
 
 def _steps(delay: float) -> int:
@@ -185,7 +194,7 @@ def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats
     """Pairs (P, 2) with a zone, how far they are off it as planned (P, T), and how far they need to be [m].
 
     `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be.  What
-    is needed counts along the zone's normal where the pair is.                                # theory (90)
+    is needed counts along the zone's normal where the pair is.                                # theory (93)
     """
     places, craft = paths.position(found.times), len(found.shift)
     pairs, left, needed = [], [], []

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.field.closed_loop import ClosedLoop
-from closeform.field.feedback import Feedback, Navigation, nonnegative
+from closeform.field.feedback import Feedback, Navigation, kicks_back, nonnegative
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 
@@ -96,6 +96,7 @@ def tube(
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = 0.0,
     sigmas: float = 4.0,
+    minimum_bit: float = 0.0,
 ) -> Tube:
     """How far craft are off their planned paths at any time, under feedback.
 
@@ -116,10 +117,13 @@ def tube(
     sigmas : float, no unit, default 4
         Of the noise, which count.
 
+    minimum_bit : float [m/s], default 0
+        The least impulse that is fired, of feedback by impulses: those below are missed.
+
     Returns
     -------
     Tube
-        By cause.
+        By cause; missed impulses count as thrust.
 
     Raises
     ------
@@ -149,5 +153,11 @@ def tube(
     k = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown, off = nonnegative("residual", residual), nonnegative("thrust_error", thrust_error)
     loop = ClosedLoop.of(orbit, feedback, feedback.every, BETWEEN)
-    gain = loop.gains[0]
-    return Tube(gain * unknown[()], gain * off[()], loop.biased(navigation)[0], loop.noise(navigation)[0], k)
+    gain, missed = loop.gains[0], float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
+    if missed > 0.0:
+        if not feedback.impulses:
+            raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
+        missed *= loop.missed(kicks_back(orbit, feedback)[0])
+    return Tube(
+        gain * unknown[()], gain * off[()] + missed, loop.biased(navigation)[0], loop.noise(navigation)[0], k
+    )
