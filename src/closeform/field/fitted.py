@@ -163,7 +163,7 @@ def fit_margin(
         craft, paths = len(found.shift), paths_to_fly(plan, field)
         if np.shape(limit) not in ((), (craft,)):
             raise ValueError(
-                f"max_acceleration: one number, or one for each of {craft} craft, got {shown(max_acceleration)}"
+                f"max_acceleration: one, or one for each of {craft} craft, got {shown(max_acceleration)}"
             )
         beyond = np.flatnonzero(found.thrust > limit)
         if len(beyond):
