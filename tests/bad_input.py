@@ -2233,6 +2233,11 @@ CALLS = (
         "feedback: 2 impulses, 2838.49 s apart, cannot steer to all sides; give more of them, or another horizon",
     ),
     Call(
+        "new plans in flight around no zones",
+        'cf.fly(plan, cf.Field(chief), "replan")',
+        "control: new plans are around zones, of thrust that lasts, less the residual, at once; give zones, and leave out impulses, thrusters, cancel and delay",
+    ),
+    Call(
         "a limit beside thrusters in flight",
         "cf.fly(plan, cf.Field(chief), thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), max_acceleration=1.0)",
         "thrusters: have limits and bits of their own, and lead back by impulses; leave out max_acceleration, minimum_bit and cancel, and give Feedback(impulses=...)",

@@ -577,6 +577,64 @@ def test_deviations_under_impulses_spread_as_the_tube_says():
     assert np.linalg.norm(off, axis=-1).max() < 6.0 * room.noise
 
 
+# --- new plans in flight ------------------------------------------------------------------------
+
+
+def crossing(margin: float, turns: float = 0.6):
+    """Two craft that change sides, at 30 m from each other and so much more, and their zone."""
+    orbit, zone = chief().orbit, cf.Sphere(30.0)
+    start = np.array([[0, 0, 120.0, 0, 0, 0], [0, 0, -120.0, 0, 0, 0]])
+    return cf.reconfigure(orbit, start, start[::-1], turns * orbit.period, zone, margin=margin), zone
+
+
+def test_new_plans_keep_zones_where_tracking_enters_them():
+    """Of a plan that leaves no room for errors: tracked, some flights enter; planned anew, none."""
+    plan, zone = crossing(0.0)
+    field, seen = cf.Field(chief()), cf.Navigation(0.1, 3e-4)
+    tracked = cf.fly(plan, field, navigation=seen, zones=zone, seeds=10)
+    flights = cf.fly(plan, field, "replan", navigation=seen, zones=zone, seeds=10)
+    assert tracked.violated > 0.0 == flights.violated
+    assert (flights.replans == 8).all()  # of 12 intervals the last ones are tracked
+    room = 4.0 * np.sqrt(2.0) * np.hypot(0.1, 300.0 * 3e-4)
+    assert flights.greatest_end < room
+    assert not len(cf.screen(flights.path(flights.worst), zone).pairs)
+
+
+def test_poor_navigation_is_cheaper_with_new_plans():
+    """Tracking fights each measurement, a plan takes it as it is."""
+    plan, zone = crossing(12.0)
+    field, seen = cf.Field(chief()), cf.Navigation(1.0, 1e-3)
+    tracked, flights = (
+        cf.fly(plan, field, control, navigation=seen, zones=zone, seeds=5) for control in ("track", "replan")
+    )
+    assert flights.delta_v.sum() < 0.9 * tracked.delta_v.sum()
+    assert flights.violated == 0.0
+
+
+def test_a_plan_that_there_is_not_is_told():
+    """Of craft that are measured within the room around a zone; the last plan is kept."""
+    orbit, zone = chief().orbit, cf.Sphere(30.0)
+    start = np.array([[0, 20.0, 0, 0, 0, 0], [0, -11.0, 0, 0, 0, 0]])  # a metre beside each other's zone
+    path, seen = orbit.coast(start, 2400.0), cf.Navigation(3.0, 1e-3)
+    flights = cf.fly(path, cf.Field(chief()), "replan", navigation=seen, zones=zone, seeds=2)
+    assert (flights.replans < 4).any()
+    seed, time, why = flights.refused[0]
+    assert seed in (0, 1)
+    assert time in (300.0, 600.0, 900.0, 1200.0, 1500.0)
+    assert why.startswith("2 of the room: craft 0 and craft 1")
+    assert flights.greatest_deviation < 30.0  # m: tracked all the same
+
+
+def test_a_plan_that_is_measured_once_flies():
+    """Briefer than from one measurement to the next, with or without new plans."""
+    plan, zone = crossing(2.0, 0.3)
+    law = cf.Feedback(4000.0, 5000.0)
+    one, other = (cf.fly(plan, cf.Field(chief()), way, law, zones=zone) for way in ("track", "replan"))
+    assert one.greatest_end < 1e-3
+    assert (other.states == one.states).all()
+    assert other.replans.tolist() == [0]
+
+
 # --- long flights -----------------------------------------------------------------------------
 
 

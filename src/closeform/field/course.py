@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from closeform.field.feedback import Feedback, delayed, kicks_back, way_back
 from closeform.field.field import Field
 from closeform.field.flying import FACET, THRUSTER, Course, fly_all
 from closeform.field.residual import residuals
-from closeform.field.timetable import BESIDE, COAST, STEP, Timetable, edges_of, impulses_of
+from closeform.field.timetable import BESIDE, COAST, PULSED, STEP, Timetable, edges_of, impulses_of
 from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
@@ -66,15 +66,26 @@ class Flown:
     limited: Floats
 
 
-def flown(commands: Commands, field: Field, frame: ChiefFrame, wrong: Floats, errors: Floats) -> Flown:
-    """Flights with errors of measurements (S, N, M, 6) and of thrust (S, N, 4), in a field."""
+def flown(
+    commands: Commands,
+    field: Field,
+    frame: ChiefFrame,
+    wrong: Floats,
+    errors: Floats,
+    begin: Floats | None = None,
+) -> Flown:
+    """Flights with errors of measurements (S, N, M, 6) and of thrust (S, N, 4), in a field.
+
+    From states `begin` (N, 6) before impulses, unless from those of the path.
+    """
     if field.acceleration is not None:
         raise ValueError("field: flights are compiled, and cannot call a function; give zonals and drag")
     table, count = commands.table, len(commands.path)
     flights = len(errors)
-    first = commands.path.arcs[commands.path.offsets[:-1]]
-    begin = first[:, STATE : STATE + 6].copy()
-    begin[:, 3:] -= first[:, IMPULSE : IMPULSE + 3]
+    if begin is None:
+        first = commands.path.arcs[commands.path.offsets[:-1]]
+        begin = first[:, STATE : STATE + 6].copy()
+        begin[:, 3:] -= first[:, IMPULSE : IMPULSE + 3]
     now = np.zeros((flights, count, 18))
     now[..., :6] = begin
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
@@ -100,12 +111,16 @@ def commands_of(
     limit: Any = np.inf,
     bit: float = 0.0,
     nozzles: Nozzles | None = None,
+    span: tuple[float, float] | None = None,
 ) -> Commands:
-    """What planned paths (N,) ask for, their impulses as planned."""
+    """What planned paths (N,) ask for, their impulses as planned; or in a span that has none."""
     craft, when, sizes = impulses_of(path)
     offsets = np.zeros(0) if law is None or not law.impulses else kicks_back(path.orbit, law)[0]
-    coasts = not path.peak_thrust.any() and (law is None or law.impulses) and nozzles is None
-    table = Timetable.of(path, law, offsets, edges_of(path), when, COAST if coasts else STEP)
+    longest = STEP if nozzles is None else PULSED
+    if nozzles is None and not path.peak_thrust.any() and (law is None or law.impulses):
+        longest = COAST
+    span = span or (float(path.start[0]), float(path.end[0]))
+    table = Timetable.of(span, law, offsets, edges_of(path), when, longest)
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
     jumps[craft, np.searchsorted(table.fired_times, when)] = sizes
@@ -114,6 +129,13 @@ def commands_of(
         lasting &= path.peak_thrust > 0.0
     limits, bits = np.full(count, limit), np.full(count, bit)
     return Commands(path, table, known, lasting, jumps, None, law, limits, bits, ballistics, nozzles)
+
+
+def together(parts: Sequence[Flown], axis: int) -> Flown:
+    """Flights of the same times, one after another: of other seeds (0) or other craft (1)."""
+    names = "states", "arrivals", "spent", "limited"
+    joined = (np.concatenate([getattr(one, name) for one in parts], axis=axis) for name in names)
+    return replace(parts[0], **dict(zip(names, joined, strict=True)))
 
 
 def exactly(count: int, measurements: int) -> tuple[Floats, Floats]:
@@ -134,7 +156,8 @@ def courses(commands: Commands, field: Field, frame: ChiefFrame) -> Iterator[Cou
         believed = frame if commands.known is field else ChiefFrame.of(commands.known, table.times)
     ends = np.flatnonzero((table.shown if law is None else table.looks)[:-1] >= 0)[1:]
     last = 0
-    for here, after in zip([*ends, len(table.rows)], [*ends[1:], len(table.rows), np.inf], strict=True):
+    stops = [*ends.tolist(), len(table.rows)]
+    for here, after in zip(stops, [*stops[1:], np.inf], strict=True):
         if after - last > STRETCH:
             yield _course(commands, field, frame, believed, rules, gains, slice(last, int(here)))
             last = int(here)

@@ -141,7 +141,7 @@ def kicks_back(orbit: Orbit, law: Feedback) -> tuple[Floats, Floats]:
     The least sum of squares that brings it to zero in the horizon.                           # theory (88)
     """
     times = np.asarray(np.arange(law.impulses) * (law.horizon / law.impulses), dtype=float)
-    scale = np.repeat([1.0, 1.0 / orbit.mean_motion], 3)  # velocities as lengths
+    scale = np.repeat([1.0, law.horizon], 3)  # velocities as lengths
     pushed = orbit.transition(law.horizon - times)[:, :, 3:] * scale[:, None]
     gramian = np.einsum("jik,jlk->il", pushed, pushed)
     if np.linalg.cond(gramian) > BLIND:

@@ -25,13 +25,14 @@ from closeform.motion.mean_motion import checked
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
+BY_PLANS = Feedback(300.0, 900.0)  # unless given, for plans that are made anew
 BY_IMPULSES = Feedback(300.0, 1800.0, 6)  # unless given, for plans that have impulses
 
 
 def fly(
     plan: Any,
     field: Field,
-    control: Literal["track", "open"] = "track",
+    control: Literal["track", "replan", "open"] = "track",
     feedback: Feedback | None = None,
     navigation: Navigation | None = None,
     zones: Zone | PairZones | None = None,
@@ -51,8 +52,9 @@ def fly(
         Of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         In which they fly.
-    control : {"track", "open"}, default "track"
-        Measure and come back to the planned path, or play the thrust as commanded.
+    control : {"track", "replan", "open"}, default "track"
+        Measure and come back to the planned path; or make a new plan around the `zones` from where craft are
+        measured to be, by `reconfigure`; or play the thrust as commanded.
     feedback : Feedback, optional
         How often, within which horizon, and by what; each minute and within ten of them by thrust that lasts
         unless given, for impulses or thrusters by one each five minutes, of six in half an hour.
@@ -91,7 +93,7 @@ def fly(
 
     Notes
     -----
-    Steps are of 5 s, or of 20 s where nothing but gravity, air and impulses act, and one ends wherever thrust
+    Steps are of 10 s, of 20 s where only impulses thrust and of 5 s where pulses do; one ends wherever thrust
     jumps.  Feedback leads craft with impulses or thrusters back to what these fly without errors in the field
     that is known, others to the plan.
 
@@ -109,13 +111,15 @@ def fly(
     True
     """
     paths = paths_to_fly(plan, field)
-    if not isinstance(control, str) or control not in ("track", "open"):
-        raise ValueError(f'control: "track" or "open", got {shown(control)}')
+    if not isinstance(control, str) or control not in ("track", "replan", "open"):
+        raise ValueError(f'control: "track", "replan" or "open", got {shown(control)}')
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
     fires = bool(paths.arcs[:, IMPULSE : IMPULSE + 3].any())
     usual = BY_IMPULSES if fires or thrusters is not None else Feedback()
+    if control == "replan":
+        usual = BY_PLANS
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, len(paths))
@@ -123,25 +127,26 @@ def fly(
     if not checked("minimum_bit", least) >= 0.0:
         raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
     each, believed = _seeds(seeds), known or field
-    followed, cancelled = law if control == "track" else None, believed if cancel else None
+    followed = None if control == "open" else law
 
     def wrong(table: Timetable) -> tuple[Floats, Floats]:
         kept = sight._kept(table.interval)
         draws = [_drawn(seed, len(sizes), table.measurements + 1, sight, sizes, kept) for seed in each]
         return np.stack([one for one, _ in draws]), np.stack([one for _, one in draws])
 
-    planned = np.array(paths.delta_v)
-    if thrusters is None:
-        own = ballistics_of(field.drag, len(paths))
-        commands = commands_of(paths, followed, cancelled, own, limit, least)
-        table = commands.table
-        frame = ChiefFrame.of(field, table.times)
-        if cancel and fires:
-            theirs = frame if believed is field else ChiefFrame.of(believed, table.times)
-            commands = retargeted(commands, believed, theirs)
-        times = table.shown_times
-        done = flown(commands, field, frame, *wrong(table))
-    else:
+    planned, made, refused = np.array(paths.delta_v), [0] * len(each), []
+    if control == "replan":
+        if zones is None or not cancel or law.impulses or law.delay or fires or thrusters is not None:
+            raise ValueError(
+                "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
+                "zones, and leave out impulses, thrusters, cancel and delay"
+            )
+        from closeform.field.replanned import Replanning, room_of  # which loads all of planning
+
+        room = room_of(sight, law.every, np.hypot(*sizes.T) * paths.peak_thrust)
+        times, done, made, why = Replanning(paths, zones, room, field, believed, law, limit).flights(wrong)
+        refused = [(seed, *one) for seed, some in zip(each, why, strict=True) for one in some]
+    elif thrusters is not None:
         if not cancel or limit.min() < np.inf or least > 0.0 or (followed and not law.impulses):
             raise ValueError(
                 "thrusters: have limits and bits of their own, and lead back by impulses; leave out "
@@ -153,6 +158,14 @@ def fly(
         firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), believed, thrusters)
         times, done = flown_pulses(firing, field, believed, followed, wrong)
         paths = spanning(paths, times)
+    else:
+        own = ballistics_of(field.drag, len(paths))
+        commands = commands_of(paths, followed, believed if cancel else None, own, limit, least)
+        frame = ChiefFrame.of(field, commands.table.times)
+        if cancel and fires:
+            theirs = frame if believed is field else ChiefFrame.of(believed, commands.table.times)
+            commands = retargeted(commands, believed, theirs)
+        times, done = commands.table.shown_times, flown(commands, field, frame, *wrong(commands.table))
     found = [
         least_ratios(one, before, times, zones)
         for one, before in zip(done.states, done.arrivals, strict=True)
@@ -168,6 +181,8 @@ def fly(
         found[0][0],
         np.array([ratio for _, ratio in found]),
         paths,
+        np.array(made),
+        tuple(refused),
     )
 
 

@@ -43,6 +43,10 @@ class Flight(Rows):
         The least of each pair and flight, at these times and between them.
     planned : Path
         What was to be flown.
+    replans : array of int of shape (S,)
+        How many new plans were flown.
+    refused : tuple of (int, float [s], str)
+        New plans that there were not: the seed, the time, and with how much of the room and why.
     """
 
     _columns: ClassVar = {
@@ -64,6 +68,8 @@ class Flight(Rows):
     pairs: Any
     ratios: Floats
     planned: Path
+    replans: Any
+    refused: tuple[tuple[int, float, str], ...]
 
     @property
     def orbit(self) -> Orbit:

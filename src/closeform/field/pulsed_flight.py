@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Flown, Nozzles, commands_of, exactly, flown
+from closeform.field.course import Flown, Nozzles, commands_of, exactly, flown, together
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback
 from closeform.field.field import Field
@@ -113,9 +113,4 @@ def flown_pulses(
             commands = replace(commands, reference=alone.states[0])
         measured, thrust = (part[:, k : k + 1].copy() for part in wrong(table))
         each.append(flown(replace(commands, ballistics=own[k : k + 1]), field, frame, measured, thrust))
-    states, arrivals, spent, limited = (
-        np.concatenate([getattr(one, name) for one in each], axis=1)
-        for name in ("states", "arrivals", "spent", "limited")
-    )
-    asked = np.concatenate([one.asked for one in each])
-    return table.shown_times, Flown(states, arrivals, spent, asked, limited)
+    return table.shown_times, replace(together(each, 1), asked=np.concatenate([one.asked for one in each]))

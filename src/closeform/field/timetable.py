@@ -11,7 +11,7 @@ from closeform.field.feedback import Feedback
 from closeform.motion.arc import IMPULSE, START
 from closeform.motion.path import Path
 
-STEP, COAST = 10.0, 20.0  # s: steps at most, in which thrust may begin to turn, or nothing but gravity does
+PULSED, STEP, COAST = 5.0, 10.0, 20.0  # s: steps at most, of pulses, of thrust that lasts, of impulses alone
 SHOWN = 20_000  # instants of which states are kept, about
 BESIDE = 1e-6  # of a step: on this side of where thrust jumps
 SAME = 1e-6  # s after a measurement, by which steps may differ that share a row of the law
@@ -57,14 +57,21 @@ class Timetable(NamedTuple):
 
     @classmethod
     def of(
-        cls, path: Path, law: Feedback | None, offsets: Floats, edges: Floats, fired: Floats, longest: float
+        cls,
+        span: tuple[float, float],
+        law: Feedback | None,
+        offsets: Floats,
+        edges: Floats,
+        fired: Floats,
+        longest: float,
     ) -> Timetable:
-        """For paths (N,) of one span, in steps of at most `longest` [s]; one ends at all `edges` and `fired`.
+        """From start to end [s], in steps of at most `longest` [s], of which some end at `edges` and `fired`.
 
         Measured from the start on, at equal intervals of at most the law's; `offsets` (J,) [s] after each
         measurement impulses are fired.
         """
-        start, end = float(path.start[0]), float(path.end[0])
+        start, end = span
+        edges = edges[(edges > start) & (edges < end)]
         looks = 1 if law is None else int(np.ceil((end - start) / law.every - SAME))
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))

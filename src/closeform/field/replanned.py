@@ -1,0 +1,121 @@
+"""Replanning in flight: new plans around the zones, from where craft are measured to be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.field.chief_frame import ChiefFrame
+from closeform.field.course import Flown, commands_of, exactly, flown, together
+from closeform.field.drag import ballistics_of
+from closeform.field.feedback import Feedback, Navigation
+from closeform.field.field import Field
+from closeform.field.timetable import Timetable
+from closeform.motion.path import Path
+from closeform.planning.reconfigure import reconfigure
+from closeform.zones.pair_zones import PairZones
+from closeform.zones.zone import Zone
+
+SIGMAS = 4.0
+PADDED = (2.0, 1.0, 0.5)  # times the room, in this order: where craft are measured inside there is no plan
+
+
+@dataclass(frozen=True, eq=False)
+class Replanning:
+    """What S flights that plan anew share: planned `paths` (N,), `zones`, and the `room` [m] around these.
+
+    Thrust is less the residual of the field that is `believed`, and no more than `limits` (N,); `law` holds
+    craft on the last plan that there was.
+    """
+
+    paths: Path
+    zones: Zone | PairZones
+    room: float
+    field: Field
+    believed: Field
+    law: Feedback
+    limits: Floats
+
+    @property
+    def instants(self) -> Floats:
+        """When plans are made, and the end (M + 1,) [s]."""
+        start, end = float(self.paths.start[0]), float(self.paths.end[0])
+        return np.linspace(start, end, int(np.ceil((end - start) / self.law.every)) + 1)
+
+    def flights(
+        self, wrong: Callable[[Timetable], tuple[Floats, Floats]]
+    ) -> tuple[Floats, Flown, list[int], list[list[tuple[float, str]]]]:
+        """All, with times that are shown, how many plans each flew, and when and why others were refused."""
+        own = ballistics_of(self.field.drag, len(self.paths))
+        asked = commands_of(self.paths, self.law, self.believed, own, self.limits)
+        each = [self.flight(*one) for one in zip(*wrong(asked.table), strict=True)]
+        frame = ChiefFrame.of(self.field, asked.table.times)
+        alone = flown(replace(asked, law=None), self.field, frame, *exactly(len(self.paths), 1))
+        done = replace(together([one[1] for one in each], 0), asked=alone.asked)
+        return each[0][0], done, [one[2] for one in each], [one[3] for one in each]
+
+    def flight(self, wrong: Floats, errors: Floats) -> tuple[Floats, Flown, int, list[tuple[float, str]]]:
+        """One, with errors of measurements (N, M, 6) and of thrust (N, 4).
+
+        With the times that are shown, how many plans it flew, and when and why others were refused.
+        """
+        instants, last = self.instants, self.paths
+        now, parts, times, made = last.state(instants[0]), [], [], 0
+        refused: list[tuple[float, str]] = []
+        law = replace(self.law, every=float(instants[1] - instants[0]))
+        ballistics = ballistics_of(self.field.drag, len(last))
+        for k, (begin, over) in enumerate(zip(instants[:-1], instants[1:], strict=True)):
+            if k > 0 and instants[-1] - begin >= law.horizon:
+                path, why = self.plan(now + wrong[:, k], float(begin))
+                refused += [(float(begin), one) for one in why]
+                if path is not None:
+                    last, made = path, made + 1
+            span = float(begin), float(over)
+            commands = commands_of(last, law, self.believed, ballistics, self.limits, span=span)
+            frame = ChiefFrame.of(self.field, commands.table.times)
+            done = flown(commands, self.field, frame, wrong[None, :, k : k + 1].copy(), errors[None], now)
+            now = done.states[0, :, -1].copy()
+            rest = slice(None) if over == instants[-1] else slice(-1)
+            parts.append(replace(done, states=done.states[:, :, rest]))
+            times.append(commands.table.shown_times[rest])
+        states = np.concatenate([one.states for one in parts], axis=2)
+        spent, limited = (
+            np.sum([getattr(one, name) for one in parts], axis=0) for name in ("spent", "limited")
+        )
+        done = Flown(states, states, spent, parts[0].asked, limited)
+        return np.concatenate(times), done, made, refused
+
+    def plan(self, states: Floats, begin: float) -> tuple[Path | None, list[str]]:
+        """Paths (N,) from measured states (N, 6), and why others were refused."""
+        end = float(self.paths.end[0])
+        limits = self.limits if np.isfinite(self.limits).all() else None
+        why: list[str] = []
+        for share in PADDED:
+            plan = reconfigure(
+                self.paths.orbit,
+                states,
+                self.paths.state(end),
+                end - begin,
+                self.zones,
+                start=begin,
+                max_acceleration=limits,
+                if_blocked=("more sides",),
+                margin=share * self.room,
+            )
+            if plan.ok:
+                return plan.paths, why
+            why.append(f"{share:g} of the room: {plan.reason}")
+        return None, why
+
+
+def room_of(sight: Navigation, every: float, pushes: Floats) -> float:
+    """By how much two craft that fly blind so long [s] can be off their distance [m].
+
+    By 4 sigmas of noise, all of what is constant, and accelerations of (N,) [m/s^2] that nobody asked for.
+    """
+    noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
+    constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)
+    return float(noise + constant + np.sort(pushes)[-2:].sum() * every**2 / 2.0)
