@@ -1,7 +1,7 @@
 """Basilisk, a simulator of spacecraft by others, as `examples/basilisk` sets it up: J2, steps of 10 s.
 
 What is timed is its run alone, on the processor, without what sets a simulation up (closeform's call has all
-of it). Thrust and feedback are a Python module that is asked at each step; `coasting` is the physics alone, in
+of it). Thrust and feedback are a Python module that is asked at each step; `coasting` is physics alone, in
 C++. Attitude is left out, and nothing is recorded.
 """
 

@@ -46,8 +46,8 @@ def measure(quick: bool) -> Report:
             )
         )
     note = (
-        f"Eight craft and their chief, one orbit, J2, steps of 10 s by both; of {flights} flights in one call each "
-        "counts. Basilisk's physics is C++, its thrust and feedback a Python module, asked at each step."
+        f"Eight craft and their chief, one orbit, J2, steps of 10 s by both; {flights} flights are one call. "
+        "Basilisk's physics is C++, its thrust and feedback a Python module, asked at each step."
     )
     columns = ["", "fly, one", f"fly, of {flights} each", "Basilisk", "takes"]
     return Report([Table("Flights in Basilisk", columns, rows, [note])], figures)

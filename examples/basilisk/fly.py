@@ -19,8 +19,8 @@ from closeform.field.field import EARTH_ZONALS, GRAVITY_RADIUS
 
 EPOCH = "2026-11-22T12:00:00"
 AIR = 5.2e-13, 500e3, 60e3  # kg/m^3 at m, m: about mean sun
-EGM96 = coefficients(Path(__file__).with_name("egm96.csv"))
-HIGHER = 1e-4  # of n^2 times distance: what degrees 3 and 4 make at most, in orbits as these
+EGM96 = coefficients(Path(__file__).with_name("egm96.csv"), degree=4)
+HIGHER = 1.7e-4  # of n^2 times distance: what degrees 3 and 4 make, the greatest of 4000 places
 SIGHT, FEEDBACK = cf.Navigation(0.1, 3e-4), cf.Feedback(60.0, 600.0)
 
 

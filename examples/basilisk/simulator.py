@@ -55,14 +55,13 @@ class Flown(NamedTuple):
     seconds: float  # of the processor, without what sets it up
 
 
-def coefficients(file: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine and sine coefficients (D + 1, D + 1) of a table: degree, order, C, S."""
-    degree, order, c, s = np.loadtxt(file, delimiter=",", skiprows=1, unpack=True)
-    size = int(degree.max()) + 1
-    cosines, sines = np.zeros((2, size, size))
+def coefficients(file: Path, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine and sine coefficients (degree + 1, degree + 1) of a table: degree, order, C, S."""
+    cosines, sines = np.zeros((2, degree + 1, degree + 1))
     cosines[0, 0] = 1.0
-    cosines[degree.astype(int), order.astype(int)] = c
-    sines[degree.astype(int), order.astype(int)] = s
+    for n, m, c, s in np.loadtxt(file, delimiter=",", skiprows=1):
+        if n <= degree:
+            cosines[int(n), int(m)], sines[int(n), int(m)] = c, s
     return cosines, sines
 
 
