@@ -93,6 +93,10 @@ seed = 1
 [[stage]]
 do = "lock"
 """
+SWEEP = """
+[study.sweep]
+"sensor.half_angle" = ["70 deg", "75 deg"]
+"""
 
 
 def loaded() -> dict[str, Any]:
@@ -213,6 +217,7 @@ def answers() -> dict[str, Any]:
         **loaded(),
         "WatchedFlight": mission.results[0].after,
         "ErrorCampaign": errors,
+        "SweepCampaign": flown(parse(LOCKS + SWEEP, "sweep.toml", "study")),
         "MissionCampaign": flown(parse(MISSIONS, "missions.toml", "study")),
         "LockCampaign": locked,
         "GatherCampaign": flown(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),

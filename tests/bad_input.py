@@ -891,6 +891,18 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'study.vary."sensor.range": there is no sensor.range to add to; give it, or draw a choice',
     ),
     lost(
+        "a sweep over what is not there",
+        'vary = { "craft.velocity" = { ball = "6 cm/s" } }',
+        'sweep = { "camera.range" = ["1 km", "2 km"] }',
+        "study.sweep: camera.range: there is no camera in the file; add it, or name a key that is there",
+    ),
+    lost(
+        "a sweep that leads too far",
+        'vary = { "craft.velocity" = { ball = "6 cm/s" } }',
+        'sweep = { "sensor.half_angle" = ["70 deg", "60 deg"] }',
+        "study.sweep: with sensor.half_angle = 60 deg: search.sun_limit: a half-angle of 60 deg needs tips of 35.264 deg, the limit is 25 deg; a half-angle of 67.0902 deg would do",
+    ),
+    lost(
         "a body that is turned around",
         '"craft.velocity" = { ball = "6 cm/s" }',
         '"craft.pointing_error" = { ball = "95 deg" }',

@@ -58,6 +58,10 @@ CALLS = {
         "on_off": np.ones(3, dtype=bool),
     },
     "plots.distribution": {"values": np.array([1.0, 2.0]), "what": "delta-v [m/s]"},
+    "plots.sweep": {
+        "values": np.array([1.0, 2.0]), "share": np.array([[0.5, 0.6]]), "low": np.array([[0.4, 0.5]]),
+        "high": np.array([[0.6, 0.7]]), "what": "range [m]", "names": ["a"],
+    },
     "plots.histogram": {"times": np.array([1.0, 2.0]), "search": SEARCH, "bin": 60.0, "what": "pairs lock"},
     "plots.in_plane_search": {"search": SEARCH},
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},

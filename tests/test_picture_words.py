@@ -57,6 +57,9 @@ PICTURES = {
     "thrust": lambda names: plots.thrust(AFTER[:2], names[:2]),
     "two ways": lambda names: plots.two_ways(BEFORE[0], BEFORE[6], BALL, name=names[1]),
     "histogram": lambda names: plots.histogram(LATE, SEARCH),
+    "sweep": lambda names: plots.sweep(
+        np.arange(3.0), np.full((12, 3), 0.5), np.zeros((12, 3)), np.ones((12, 3)), "range [m]", names
+    ),
     "distribution": lambda names: plots.distribution([*LATE, np.nan], "delta-v of all craft [m/s]"),
 }
 STAGE = 'Stage 12 "around and back again": reconfigure failed: thrust limit exceeded; these are direct paths'

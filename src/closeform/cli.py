@@ -102,6 +102,7 @@ def run(
     *,
     out: Path | None = None,
     case: int | None = None,
+    point: int | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     no_viewer: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -115,6 +116,8 @@ def run(
         Folder for the results; NAME-results next to where you are by default.
     case
         One case of the study, counted from 0, instead of the nominal values.
+    point
+        One point of the study's sweep, counted from 0.
     overwrite
         Replace finished results.
     no_viewer
@@ -123,12 +126,14 @@ def run(
     from closeform.publishing import folder
     from closeform.result_folder import check_free, written
 
-    name = scenario.stem if case is None else f"{scenario.stem}-case-{case}"
+    name = scenario.stem
+    for what, number in (("point", point), ("case", case)):
+        name += "" if number is None else f"-{what}-{number}"
     place = out if out is not None else Path(f"{name}-results")
     check_free(place, overwrite)
     loaded = read(scenario, "run" if case is None else "run --case")
     if loaded is not None:
-        loaded = one_case(loaded, case)
+        loaded = one_case(loaded, case, point)
     if loaded is None:
         return BAD_INPUT
     from closeform.mission import fly

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from closeform.report.run import RunReport
     from closeform.report.screening import ScreenReport
     from closeform.report.study import StudyReport
+    from closeform.report.sweep_study import SweepReport
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of a terminal's output
@@ -167,7 +168,9 @@ def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: 
     console.print(f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
-def tell_study(report: "StudyReport | ErrorStudyReport | MissionStudyReport", place: Path) -> None:
+def tell_study(
+    report: "StudyReport | ErrorStudyReport | MissionStudyReport | SweepReport", place: Path
+) -> None:
     """Print what a study found."""
     console = stdout()
     say(console, *report.opening)

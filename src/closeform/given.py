@@ -66,11 +66,18 @@ def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "Com
         raise UsageError(str(error)) from None
 
 
-def one_case(scenario: "Scenario", case: int | None) -> "Scenario | None":
-    """The scenario with the states of one case of its study, or as it is where none was asked for.
+def one_case(scenario: "Scenario", case: int | None, point: int | None = None) -> "Scenario | None":
+    """The scenario with what one case of its study draws, or as it is where none was asked for.
+
+    Of a sweep at one of its points.
 
     None after saying why there is no such case, or why it cannot be flown.
     """
+    if point is not None:
+        if not 0 <= point < len(scenario.points):
+            last = f"points 0 to {len(scenario.points) - 1}" if scenario.points else "no [study.sweep]"
+            raise UsageError(f"--point: {scenario.file} has {last}, got {point}; give one of them, or none")
+        scenario = scenario.points[point]
     if case is not None:
         from closeform.campaign import case_of
         from closeform.scenario import ScenarioError

@@ -106,7 +106,17 @@ def asked(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Case
     if lines := scenario.refused("study"):
         raise ScenarioError(scenario.file, lines)
     count = whole("cases", scenario.study.cases if cases is None else cases, 1, MOST_CASES)
-    return kind_of(scenario, whole("seed", scenario.study.seed if seed is None else seed, 0, None)), count
+    chosen = whole("seed", scenario.study.seed if seed is None else seed, 0, None)
+    if not scenario.points:
+        return kind_of(scenario, chosen), count
+    from closeform.campaign.sweep_cases import SweepCases
+
+    if count * len(scenario.points) > MOST_CASES:
+        most = MOST_CASES // len(scenario.points)
+        line = f"{count} at each of {len(scenario.points)} points are too many; give {most} at most"
+        raise ScenarioError(scenario.file, [f"study.cases: {line}"])
+    kinds = tuple(kind_of(point, chosen) for point in scenario.points)
+    return SweepCases(scenario, chosen, kinds, count), count * len(kinds)
 
 
 def kind_of(scenario: Scenario, seed: int) -> Cases:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from sys import maxsize
 from typing import Any, Protocol
 
 from closeform.campaign.cases import Cases, Columns
@@ -27,8 +28,11 @@ class Chunks(Protocol):
         """How many cases."""
         ...
 
-    def read(self, *names: str) -> Iterator[tuple[int, Columns]]:
-        """Some columns, those of them that there are, chunk after chunk with the number of its first case."""
+    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
+        """Some columns, those of them that there are, chunk after chunk with the number of its first case.
+
+        Of the chunks with cases `within` a range only, where that is given.
+        """
         ...
 
 
@@ -46,9 +50,10 @@ class Held:
             name: values for name, values in columns.items() if name not in self.cases.drawn
         }
 
-    def read(self, *names: str) -> Iterator[tuple[int, Columns]]:
+    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
         """Some columns of each chunk."""
-        for first, columns in sorted(self.columns.items()):
+        for first in touching(self.columns, self.cases.at_once, within):
+            columns = self.columns[first]
             yield first, {name: columns[name] for name in names if name in columns}
 
 
@@ -132,10 +137,16 @@ class Stored:
         append(self.manifest, entry)
         self.whole[chunk.first] = entry
 
-    def read(self, *names: str) -> Iterator[tuple[int, Columns]]:
+    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
         """Some columns of each chunk, from its file."""
-        for first in sorted(self.whole):
+        for first in touching(self.whole, self.cases.at_once, within):
             yield first, decoded(self.folder / name_of(first), names)
+
+
+def touching(chunks: Iterable[int], size: int, within: Range | None) -> list[int]:
+    """Of the chunks of a size, by their first cases, those with cases in a range; in order."""
+    begin, end = within or (0, maxsize)
+    return [first for first in sorted(chunks) if first < end and first + size > begin]
 
 
 def name_of(first: int) -> str:

@@ -37,6 +37,7 @@ _HOMES = {
     "ratios": "nearness",
     "sigmas": "sigma_curves",
     "three_views": "formation",
+    "sweep": "sweeps",
     "thrust": "thrusting",
     "trade": "primers",
     "tube": "tubes",

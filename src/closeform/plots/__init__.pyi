@@ -29,6 +29,7 @@ from closeform.plots.primers import trade as trade
 from closeform.plots.sides import two_ways as two_ways
 from closeform.plots.sigma_curves import sigmas as sigmas
 from closeform.plots.space import before_after as before_after
+from closeform.plots.sweeps import sweep as sweep
 from closeform.plots.thrusting import formation_thrust as formation_thrust
 from closeform.plots.thrusting import thrust as thrust
 from closeform.plots.timelines import distances as distances

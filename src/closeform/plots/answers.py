@@ -156,6 +156,14 @@ def _proof(result: Any) -> Figure:
     return intervals(["proven", "not proven"], volume, [0.0, 0.0], volume, "share of the box", said)
 
 
+def _sweep(result: Any) -> Figure:
+    """Shares of cases in which all is met, of each point."""
+    names = [", ".join(point.values.values()) for point in result.points]
+    counts = [point.met_cases for point in result.points]
+    said = f"{len(result)} cases at each of {len(names)} points"
+    return _shares(names, counts, len(result), "share of cases in which all is met", said)
+
+
 def _missions(result: Any) -> Figure:
     from closeform.plots.distributions import distribution
 
@@ -307,6 +315,7 @@ PICTURES: dict[str, Drawer] = {
     "GatherCampaign": _gather_campaign,
     "ErrorCampaign": _errors,
     "MissionCampaign": _missions,
+    "SweepCampaign": _sweep,
     "Validity": _validity,
     "CommandedThrust": _commanded,
     "Tube": _tube,

@@ -7,6 +7,10 @@ from closeform.scenario import Scenario
 
 def report_of(campaign: Any, scenario: Scenario) -> Any:
     """The report of a campaign, by what was drawn; only its own kind is loaded."""
+    if scenario.points:
+        from closeform.report.sweep_study import SweepReport
+
+        return SweepReport(campaign)
     if scenario.study is not None and scenario.study.draws == "errors":
         from closeform.report.error_study import ErrorStudyReport
 

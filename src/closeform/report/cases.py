@@ -18,6 +18,7 @@ from closeform.verdict import MET, NOT_MET
 if TYPE_CHECKING:
     from closeform.campaign.error_cases import ErrorCampaign
     from closeform.campaign.mission_cases import MissionCampaign
+    from closeform.campaign.sweep_cases import SweepCampaign
 
 
 Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
@@ -42,7 +43,9 @@ def percent(heading: str) -> tuple[Column, Column]:
     )
 
 
-def studied(campaign: "Campaign | ErrorCampaign | MissionCampaign", verdict: str) -> dict[str, Any]:
+def studied(
+    campaign: "Campaign | ErrorCampaign | MissionCampaign | SweepCampaign", verdict: str
+) -> dict[str, Any]:
     """What was studied, and what it has come to."""
     scenario = campaign.scenario
     return {
@@ -61,7 +64,9 @@ def digests(scenario: Scenario) -> dict[str, str]:
     return {name: f"sha256:{digest}" for name, digest in scenario.digests.items()}
 
 
-def repeated(campaign: "Campaign | ErrorCampaign | MissionCampaign", beside: Sequence[str]) -> Section:
+def repeated(
+    campaign: "Campaign | ErrorCampaign | MissionCampaign | SweepCampaign", beside: Sequence[str]
+) -> Section:
     """How to repeat a study."""
     scenario = campaign.scenario
     name, study = Path(scenario.file).name, scenario.study

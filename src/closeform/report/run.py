@@ -143,7 +143,8 @@ class RunReport:
         """How to repeat it, and what lies beside the page."""
         scenario = self.mission.scenario
         case = "" if scenario.case is None else f" --case {scenario.case}"
-        command = f"closeform run {Path(scenario.file).name}{case}"
+        point = "" if scenario.place is None else f" --point {scenario.place}"
+        command = f"closeform run {Path(scenario.file).name}{point}{case}"
         return repeat.section(command, self.inputs, beside, seed=self.seed)
 
     @property

@@ -34,6 +34,7 @@ from closeform.search.gather_result import listed
 
 if TYPE_CHECKING:  # whose plans searches can spare
     from closeform.campaign.mission_cases import MissionCampaign
+    from closeform.campaign.sweep_cases import SweepCampaign
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,14 +207,14 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     return (Table("How long", columns, rows),) if rows else ()
 
 
-def draws(campaign: "Campaign | MissionCampaign") -> dict[str, Any]:
+def draws(campaign: "Campaign | MissionCampaign | SweepCampaign") -> dict[str, Any]:
     """What was drawn, as the file says it."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
-def draw_table(campaign: "Campaign | MissionCampaign") -> tuple[Table, ...]:
+def draw_table(campaign: "Campaign | MissionCampaign | SweepCampaign") -> tuple[Table, ...]:
     """The same as a table."""
     rows = [(key, " ".join(draw), str(next(iter(draw.values())))) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")

@@ -4,6 +4,8 @@ import os
 import re
 import sys
 import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,6 +23,7 @@ from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import STAGES, Unknown
 from closeform.scenario.study import Study
+from closeform.scenario.sweep import points, words
 from closeform.scenario.table import FLAWED, Table
 
 FORMAT = 1
@@ -54,12 +57,38 @@ def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
     Raises ScenarioError, with one line for each thing that is wrong, and then also for what is not built yet
     of that which a `command` needs.
     """
-    reading = Reading(toml(text, file))
+    raw = toml(text, file)
+    scenario = told(raw, text, file, command)
+    if scenario.study is None or not scenario.study.sweep:
+        return scenario
+    return replace(scenario, points=tuple(swept(raw, scenario, command)))
+
+
+def told(raw: dict[str, Any], text: str, file: str, command: str) -> Scenario:
+    """The scenario that the tables of a file describe."""
+    reading = Reading(raw)
     scenario = Scenario(file, text, **reading.sections())
     scenario = located(scenario, Inputs(Path(file).parent), reading.lines, reading.complain)
     if lines := reading.lines + check(scenario, reading.lines, command):
         raise ScenarioError(file, lines)
     return scenario
+
+
+def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Scenario]:
+    """The scenario at each point of its sweep; ScenarioError at the first that is none."""
+    file, same = scenario.file, [stage.verb for stage in scenario.stages]
+    try:
+        for place, (chosen, changed) in enumerate(points(raw)):
+            point = told(changed, scenario.text, file, command)
+            if point.names != scenario.names or [stage.verb for stage in point.stages] != same:
+                raise ScenarioError(file, ["study.sweep: changes who flies, or what they do; leave that"])
+            yield replace(point, title=f"{scenario.title}: {words(chosen)}", point=chosen, place=place)
+    except ScenarioError as error:
+        line = error.lines[0].removeprefix(f"{file}: ")
+        at = "" if line.startswith("study.sweep") else f"study.sweep: with {words(chosen)}: "
+        raise ScenarioError(file, [f"{at}{line}"]) from None
+    except ValueError as error:
+        raise ScenarioError(file, [f"study.sweep: {error}"]) from None
 
 
 def toml(text: str, file: str) -> dict[str, Any]:

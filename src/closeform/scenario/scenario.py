@@ -1,7 +1,8 @@
 """Scenario: what a file says, read and checked."""
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import isnan
 from pathlib import Path
@@ -54,6 +55,9 @@ class Scenario:
     navigation: NavigationTable | None = None
     case: int | None = None  # of the study, if this is one
     astray: "SearchErrors | None" = None  # (N,), how the craft search, where a case has drawn it
+    points: "tuple[Scenario, ...]" = ()  # of its sweep
+    point: Mapping[str, Any] = field(default_factory=dict)  # of a sweep: the values by key
+    place: int | None = None  # of that point among all
     chief: "Chief | None" = None
     inputs: Inputs | None = None  # the files that it names
 

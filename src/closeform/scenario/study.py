@@ -81,13 +81,19 @@ class Study(Table):
     seed: Annotated[int, Field(ge=0)] = Field(examples=["1"])
     draws: Literal["vary", "errors"] = Field("vary", examples=['"errors"'])
     vary: dict[str, Draw] = Field(default_factory=dict, examples=['{ "craft.position" = { ball = "10 m" } }'])
+    sweep: dict[str, Annotated[tuple[Any, ...], Field(strict=False)]] = Field(
+        default_factory=dict, examples=['{ "sensor.half_angle" = ["65 deg", "70 deg"] }']
+    )
     sampled: Annotated[tuple[Step, ...], Field(strict=False)] = Field((), examples=['["1 s", "60 s"]'])
     published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
 
     def flaws(self) -> Iterator[str]:
-        for key in ("vary", "sampled", "published"):
+        for key in ("vary", "sweep", "sampled", "published"):
             if self.draws == "errors" and getattr(self, key):
                 yield f'{key} goes with draws = "vary" only; remove {key}'
+        for key, values in self.sweep.items():
+            if not values:
+                yield f"sweep has no values of {key}; give some, or remove it"
         if min(self.sampled, default=1.0) < 0.01:
             yield 'sampled has a step below 0.01 s; write for example sampled = ["1 s", "60 s"]'
         for row, text in self.published.items():

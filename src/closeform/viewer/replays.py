@@ -32,6 +32,8 @@ class Replay(NamedTuple):
 
 def leave(campaign: Campaign | ErrorCampaign | MissionCampaign, folder: Folder) -> tuple[Replay, ...]:
     """Write a page of each case worth looking at into a folder; of errors, of the mission as planned."""
+    if campaign.scenario.points:
+        return ()
     if isinstance(campaign, ErrorCampaign):
         write(campaign.mission, folder, PLANNED)
         return (Replay(PLANNED, "the mission as planned", "without errors"),)

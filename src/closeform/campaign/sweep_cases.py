@@ -1,0 +1,179 @@
+"""Cases of a sweep: the same ones at each of its points, one point after another, and what they came to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.chunk import column
+from closeform.campaign.chunks import Chunks, Range
+from closeform.campaign.mission_cases import MET, MissionCampaign
+from closeform.campaign.search_campaign import CampaignStatus
+from closeform.campaign.shares import Estimate, estimate
+from closeform.campaign.spread import Spread
+from closeform.result import Result
+from closeform.scenario import Scenario
+from closeform.scenario.sweep import text, words
+
+NAMED = 3  # points that are named where more are not met
+
+
+@dataclass(frozen=True, eq=False)
+class SweepCases(Cases):
+    """`each` cases at each point of a sweep: of one kind per point, drawn with the same numbers.
+
+    Files have a column `point`, and number the `case` within it.
+    """
+
+    kinds: tuple[Any, ...]
+    each: int
+
+    @property
+    def at_once(self) -> int:
+        """Cases in a chunk."""
+        return int(self.kinds[0].at_once)
+
+    def parts(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
+        """The points in a range of all cases, with the range of each within it."""
+        for point in range(first // self.each, (last - 1) // self.each + 1):
+            begin = point * self.each
+            yield point, max(first - begin, 0), min(last - begin, self.each)
+
+    def fly(self, first: int, last: int) -> Columns:
+        """What becomes of them, point after point."""
+        found = [self.kinds[point].flown(*some) for point, *some in self.parts(first, last)]
+        return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+
+    def good(self, columns: Columns) -> Any:
+        """In which cases all is met."""
+        return self.kinds[0].good(columns)
+
+    def stored(self, first: int, last: int, columns: Columns) -> Columns:
+        """The tables of the points, with their numbers."""
+        import pyarrow
+
+        rows = len(next(iter(columns.values()))) // (last - first)
+        tables, done = [], 0
+        for point, begin, end in self.parts(first, last):
+            some = slice(done * rows, (done + end - begin) * rows)
+            own = {name: values[some] for name, values in columns.items()}
+            own = self.kinds[point].stored(begin, end, own)
+            number = np.full((end - begin) * rows, point)
+            tables.append(
+                pyarrow.table({name: column(values) for name, values in {"point": number, **own}.items()})
+            )
+            done += end - begin
+        whole = pyarrow.concat_tables(tables).combine_chunks()
+        return {name: whole[name].chunk(0) for name in whole.column_names}
+
+    def campaign(self, chunks: Chunks) -> SweepCampaign:
+        """What became of them."""
+        return SweepCampaign(self, chunks)
+
+
+@dataclass(frozen=True, eq=False)
+class PointChunks:
+    """The chunks of one `point` of a sweep, of `count` cases."""
+
+    cases: SweepCases
+    chunks: Chunks
+    point: int
+
+    @property
+    def count(self) -> int:
+        """How many cases."""
+        return self.cases.each
+
+    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
+        """Some columns of its part of each chunk."""
+        begin = self.point * self.count
+        for first, columns in self.chunks.read(*names, within=(begin, begin + self.count)):
+            last = min(first + self.cases.at_once, self.chunks.count)
+            low, high = max(begin - first, 0), min(begin + self.count, last) - first
+            own = {}
+            for name, values in columns.items():
+                rows = len(values) // (last - first)
+                own[name] = values[low * rows : high * rows]
+            yield first + low - begin, own
+
+
+class Point(NamedTuple):
+    """What became of the cases at one point: its `values` by key, its `campaign`, in how many all is met.
+
+    `name` and `spread`: of the times or the delta-v of its cases; None where none was done.
+    """
+
+    values: dict[str, str]
+    campaign: Any
+    met: Estimate
+    met_cases: int
+    name: str | None
+    spread: Spread | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepCampaign(Result):
+    """What became of the cases of a sweep, drawn with a seed, at its `points`, by key, the last fastest."""
+
+    kind: SweepCases
+    chunks: Chunks
+    _told: ClassVar = ("title", "seed", "points", "status", "reason")
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was flown, but for what is swept."""
+        return self.kind.scenario
+
+    @property
+    def seed(self) -> int:
+        """With which the cases were drawn, the same at each point."""
+        return self.kind.seed
+
+    @property
+    def title(self) -> str:
+        """That of its scenario."""
+        return self.scenario.title
+
+    def __len__(self) -> int:
+        return self.kind.each
+
+    @cached_property
+    def points(self) -> tuple[Point, ...]:
+        """What became of the cases at each."""
+        found = []
+        for number, kind in enumerate(self.kind.kinds):
+            campaign = kind.campaign(PointChunks(self.kind, self.chunks, number))
+            missions = isinstance(campaign, MissionCampaign)
+            count = campaign.counts[MET] if missions else campaign.tally.good.count
+            name, spread = next(iter(campaign.spreads.items()), (None, None))
+            values = {key: text(value) for key, value in kind.scenario.point.items()}
+            found.append(Point(values, campaign, estimate(count, len(self)), count, name, spread))
+        return tuple(found)
+
+    @property
+    def ok(self) -> bool:
+        """Whether all is met in every case at every point."""
+        return all(point.met_cases == len(self) for point in self.points)
+
+    @property
+    def status(self) -> CampaignStatus:
+        """How it ended."""
+        found = {point.campaign.status for point in self.points}
+        for status in (CampaignStatus.INCOMPLETE, CampaignStatus.UNMET):
+            if status in found:
+                return status
+        return CampaignStatus.COMPLETE
+
+    @property
+    def reason(self) -> str | None:
+        """At how many points something is not met, and which come first; None where all is met."""
+        wrong = [point for point in self.points if point.met_cases < len(self)]
+        if not wrong:
+            return None
+        named = "; ".join(words(point.values) for point in wrong[:NAMED]) + "; ..." * (len(wrong) > NAMED)
+        return f"not met in every case at {len(wrong)} of {len(self.points)} points: {named}"

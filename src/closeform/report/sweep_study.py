@@ -1,0 +1,143 @@
+"""The report of a sweep: a row for each of its points, and one picture."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from closeform.campaign.sweep_cases import Point, SweepCampaign
+from closeform.report import asked, model, results
+from closeform.report.cases import SHARES, Replays, percent, repeated, studied
+from closeform.report.page import Head
+from closeform.report.picture import Picture
+from closeform.report.section import Section
+from closeform.report.study import draw_table, draws, spread
+from closeform.report.table import Column, Table
+from closeform.result_folder import Folder
+
+NUMBER = re.compile(r"(.*?)([-+]?\d[\d.]*(?:e[-+]?\d+)?)( ?\D.*|)")  # words, a number, its unit
+
+
+@dataclass(frozen=True, eq=False)
+class SweepReport:
+    """What there is to say of a sweep."""
+
+    campaign: SweepCampaign
+
+    @property
+    def opening(self) -> tuple[str, ...]:
+        """What was flown."""
+        campaign, scenario = self.campaign, self.campaign.scenario
+        points, stages = len(campaign.points), ", ".join(stage.verb for stage in scenario.stages)
+        count = f"{len(campaign)} cases at each of {points} points, seed {campaign.seed}; stages: {stages}"
+        return scenario.title, count
+
+    @property
+    def verdict(self) -> str:
+        """The last line."""
+        campaign = self.campaign
+        return campaign.reason or f"all is met in every case at all {len(campaign.points)} points"
+
+    @property
+    def hint(self) -> tuple[str, ...]:
+        """How to see a case."""
+        study, file = self.campaign.scenario.study, self.campaign.scenario.file
+        if study is None or study.seed != self.campaign.seed:
+            return ()
+        return (f"closeform run {file} --case K --point P shows a case, of the point in row P from 0 on",)
+
+    @cached_property
+    def tables(self) -> tuple[Table, ...]:
+        """A row for each point."""
+        points = self.campaign.points
+        keys = (Column(key.removeprefix("study.vary.")) for key in points[0].values)
+        what = next((point.name for point in points if point.name is not None), "time [s]")
+        columns = *keys, Column("met"), *percent("of cases [%]"), Column(f"median {what}"), Column("95 %")
+        return (Table("Points", (*columns, Column("greatest")), [self.row(point) for point in points]),)
+
+    @staticmethod
+    def row(point: Point) -> tuple[Any, ...]:
+        """The row of a point."""
+        found: tuple[str, ...] = ("-", "-", "-")
+        if point.spread is not None:
+            middle, most = (point.spread.quantiles[share].value for share in (0.5, 0.95))
+            found = tuple(f"{one:.6g}" for one in (middle, most, point.spread.worst[0][0]))
+        return *point.values.values(), point.met_cases, point.met, point.met, *found
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Every figure printed, in full."""
+        campaign = self.campaign
+        return {
+            **studied(campaign, self.verdict),
+            "craft": list(campaign.scenario.names),
+            "draws": draws(campaign),
+            "points": [
+                {
+                    "values": point.values,
+                    "met": {"cases": point.met_cases, **vars(point.met)},
+                    "spread": None if point.spread is None else {point.name: spread(point.spread)},
+                }
+                for point in campaign.points
+            ],
+        }
+
+    def leave(self, folder: Folder, replays: Replays = ()) -> None:
+        """Fill a result folder."""
+        campaign = self.campaign
+        folder.scenario(campaign.scenario)
+        title, *lines = self.opening
+        head = Head(title, lines, self.verdict, campaign.ok)
+        results.leave(folder, head, self.chapters, partial(repeated, campaign), self.summary)
+
+    @property
+    def chapters(self) -> Sequence[Section]:
+        """What the page tells, but for how to repeat it."""
+        request = asked.section(self.campaign.scenario)
+        return (
+            Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
+            Section("What was found", self.hint, self.tables, pictures=(self.picture,)),
+            Section("Limits of the model", tables=(model.certain([SHARES]),)),
+        )
+
+    @property
+    def picture(self) -> Picture:
+        """The shares against the values of the key with most of them."""
+        points = self.campaign.points
+        every = {key: list(dict.fromkeys(point.values[key] for point in points)) for key in points[0].values}
+        along = max(every, key=lambda key: len(every[key]))
+        lines: dict[str, dict[str, Point]] = {}
+        for point in points:
+            others = ", ".join(
+                f"{key.rpartition('.')[2]} {text}" for key, text in point.values.items() if key != along
+            )
+            lines.setdefault(others, {})[point.values[along]] = point
+        places, unit = numbered(every[along])
+        parts = [
+            [[getattr(line[value].met, part) for value in every[along]] for line in lines.values()]
+            for part in ("share", "low", "high")
+        ]
+        what = f"{along.removeprefix('study.vary.')} [{unit}]"
+        order = np.argsort(places, kind="stable")
+        arguments = (
+            np.array(places)[order],
+            *(np.array(part)[:, order] for part in parts),
+            what,
+            list(lines),
+        )
+        return Picture("sweep", "Shares of cases in which all is met", "sweep", arguments)
+
+
+def numbered(texts: Sequence[str]) -> tuple[list[float], str]:
+    """The numbers of quantities of one unit, and it; else the numbers of the values in their order."""
+    found = [NUMBER.fullmatch(text) for text in texts]
+    kinds = {(one[1], one[3]) for one in found if one is not None}
+    if None in found or len(kinds) != 1:
+        return [float(k) for k in range(len(texts))], "number of the value"
+    ((before, after),) = kinds
+    return [float(one[2]) for one in found if one is not None], f"{before}{after}".replace(
+        "  ", " "
+    ).strip() or "1"

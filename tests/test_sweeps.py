@@ -1,0 +1,155 @@
+"""Sweeps: each point is the study of the file with its values, row for row; what cannot be swept says so."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from closeform.campaign import flown
+from closeform.campaign.chunks import Held
+from closeform.campaign.sweep_cases import SweepCases
+from closeform.cli import main
+from closeform.report.sweep_study import numbered
+from closeform.scenario import ScenarioError, parse
+from closeform.scenario.sweep import points
+
+ROBUST = (Path(__file__).parents[1] / "examples" / "robustness.toml").read_text()
+SWEEP = """
+[study.sweep]
+"study.vary.craft.pointing_error" = [{ ball = "0.1 deg" }, { ball = "20 deg" }]
+"sensor.half_angle" = ["70 deg", "75 deg"]
+"""
+VALUES = [(size, angle) for size in ("0.1 deg", "20 deg") for angle in ("70 deg", "75 deg")]
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return flown(parse(ROBUST + SWEEP, "swept.toml"), 300)
+
+
+def alone(size: str, angle: str) -> str:
+    """The file of one point, written by hand."""
+    text = ROBUST.replace('half_angle = "70 deg"', f'half_angle = "{angle}"')
+    return text.replace('{ ball = "0.5 deg" }', f'{{ ball = "{size}" }}')
+
+
+def test_each_point_is_the_study_of_its_own_file(swept):
+    assert len(swept.points) == 4
+    assert len(swept) == 300
+    for (size, angle), point in zip(VALUES, swept.points, strict=True):
+        assert list(point.values.values()) == [f"ball {size}", angle]
+        truth = flown(parse(alone(size, angle), "alone.toml"), 300)
+        np.testing.assert_array_equal(point.campaign.time, truth.time)
+        np.testing.assert_array_equal(point.campaign.leg, truth.leg)
+        assert point.met_cases == truth.good.sum()
+        assert point.spread.worst == truth.spreads["time [s]"].worst
+    assert swept.points[0].met_cases > swept.points[2].met_cases  # 20 deg of pointing error
+
+
+def test_points_may_begin_within_chunks(swept, monkeypatch):
+    """Chunks of 128 of 4 x 300 cases: the third has cases of two points."""
+    monkeypatch.setattr(SweepCases, "at_once", 128)
+    kind = swept.kind
+    held = Held(kind, 1200)
+    for first in range(0, 1200, 128):
+        last = min(first + 128, 1200)
+        held.take(first, kind.fly(first, last))
+    again = kind.campaign(held)
+    for one, other in zip(again.points, swept.points, strict=True):
+        np.testing.assert_array_equal(one.campaign.time, other.campaign.time)
+    table = kind.stored(256, 384, kind.fly(256, 384))
+    assert table["point"].to_pylist() == [0] * 44 + [1] * 84
+    assert table["case"].to_pylist() == [*range(256, 300), *range(84)]
+
+
+def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys, swept):
+    monkeypatch.chdir(tmp_path)
+    Path("swept.toml").write_text(ROBUST + SWEEP)
+    assert main(["study", "swept.toml", "--cases", "300"]) == 1
+    printed = capsys.readouterr().out
+    assert "not met in every case at 4 of 4 points" in printed
+    rows = pyarrow.parquet.read_table("swept-results/cases").to_pydict()
+    assert rows["point"] == np.repeat(range(4), 300).tolist()
+    assert rows["case"] == [*range(300)] * 4
+    times = np.concatenate([point.campaign.time for point in swept.points])
+    np.testing.assert_array_equal(np.array(rows["time_s"], dtype=float), times)
+    summary = json.loads(Path("swept-results/summary.json").read_text())
+    assert [point["met"]["cases"] for point in summary["points"]] == [one.met_cases for one in swept.points]
+    assert Path("swept-results/sweep.png").stat().st_size > 10_000
+    case = int(np.argmin(swept.points[3].campaign.good))
+    assert main(["run", "swept.toml", "--point", "3", "--case", str(case), "--no-viewer"]) == 1
+    told = json.loads(Path(f"swept-point-3-case-{case}-results/summary.json").read_text())
+    assert "never lock" in told["verdict"]
+    assert main(["run", "swept.toml", "--point", "4", "--case", "0"]) == 2
+    assert (
+        capsys.readouterr().err == "--point: swept.toml has points 0 to 3, got 4; give one of them, or none\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "told"),
+    [
+        ("sensor.half_angel", '["70 deg"]', "sensor.half_angel: unknown key; did you mean half_angle?"),
+        (
+            "sensor.half_angle",
+            '["70 deg", "60 deg"]',
+            "half_angle = 60 deg: search.sun_limit: a half-angle of 60",
+        ),
+        (
+            "camera.range",
+            '["1 km"]',
+            "study.sweep: camera.range: there is no camera in the file; add it, or name",
+        ),
+        (
+            "stage[2].rounds",
+            "[1]",
+            "study.sweep: stage[2].rounds: there is no stage[2] in the file; add it, or",
+        ),
+        ("stage[1].do", '["gather"]', "study.sweep: changes who flies, or what they do; leave that"),
+        ("sensor.range", "[]", "study: sweep has no values of sensor.range; give some, or remove it"),
+        (
+            "search.sun_limit",
+            str([f"{20 + k / 100} deg" for k in range(1001)]),
+            "more than 1000 points; give fewer",
+        ),
+    ],
+)
+def test_what_cannot_be_swept_is_told(key, values, told):
+    with pytest.raises(ScenarioError, match=re.escape(told)) as refused:
+        parse(f'{ROBUST}\n[study.sweep]\n"{key}" = {values}\n', "swept.toml", "study")
+    assert len(refused.value.lines) == 1
+
+
+def test_stages_craft_and_draws_can_be_swept():
+    raw = {
+        "craft": {"keep_out": {"sphere": "1 m"}},
+        "stage": [{"within": "1 h"}, {"within": "2 h"}],
+        "study": {
+            "vary": {"craft.mass": {"normal": "1 kg"}},
+            "sweep": {
+                "stage[2].within": ["3 h"],
+                "craft.keep_out.sphere": ["2 m", "3 m"],
+                "study.vary.craft.mass": [{"normal": "2 kg"}],
+            },
+        },
+    }
+    (_, one), (chosen, other) = points(raw)
+    assert one["stage"] == other["stage"] == [{"within": "1 h"}, {"within": "3 h"}]
+    assert (one["craft"], other["craft"]) == (
+        {"keep_out": {"sphere": "2 m"}},
+        {"keep_out": {"sphere": "3 m"}},
+    )
+    assert other["study"] == {"vary": {"craft.mass": {"normal": "2 kg"}}}
+    assert chosen["craft.keep_out.sphere"] == "3 m"
+    assert raw["craft"] == {"keep_out": {"sphere": "1 m"}}
+
+
+def test_axes_of_pictures():
+    assert numbered(["1 deg", "2.5 deg"]) == ([1.0, 2.5], "deg")
+    assert numbered(["ball 1e-3 deg", "ball 2 deg"]) == ([0.001, 2.0], "ball deg")
+    assert numbered(["1 deg", "2 m"]) == ([0.0, 1.0], "number of the value")
+    assert numbered(["least", "half"]) == ([0.0, 1.0], "number of the value")
+    assert numbered(["1", "2"]) == ([1.0, 2.0], "1")
