@@ -2215,6 +2215,21 @@ CALLS = (
         "delay: 0 s to the 60 s between measurements, got 61 s",
     ),
     Call(
+        "navigation that is worse than the zones",
+        "cf.fit_margin(lambda margin: plan, cf.Field(chief), cf.Sphere(9.0), navigation=cf.Navigation(10.0, 0.01))",
+        "navigation: 20.7 m of room are needed for what it and the field leave, more than a zone of 9 m; measure better, or keep larger zones",
+    ),
+    Call(
+        "a margin that no function makes a plan of",
+        "cf.fit_margin(0.3, cf.Field(chief), cf.Sphere(9.0))",
+        "planned: a function of a margin that makes a plan, got 0.3",
+    ),
+    Call(
+        "a delay of impulses",
+        "cf.Feedback(every=600.0, horizon=2400.0, impulses=4, delay=10.0)",
+        "delay: goes with thrust that lasts; leave it out, or give 0 impulses",
+    ),
+    Call(
         "a margin below zero",
         "cf.avoid(plan, orbit.coast(start, 3000.0), cf.Sphere(9.0), margin=-0.1)",
         "margin: metres, 0 or more, finite and symmetric, got -0.1",

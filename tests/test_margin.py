@@ -125,6 +125,33 @@ def test_reconfigure_keeps_metres_of_each_pair(cost):
     assert cf.reconfigure(*asked, obstacles=still, cost=cost).spent < found.spent
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"cost": "delta-v"},
+        {"cost": "delta-v", "thrusters": cf.Thrusters.rtn(acceleration=1.0, period=90.0)},
+        {"cost": "delta-v", "max_acceleration": 0.02},
+        {"max_acceleration": 0.02},
+        {"method": "sauter-palmer"},
+        {"drift": 300.0},
+        {"prove": 0.2},
+        {"errors": cf.Errors(np.diag([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]))},
+    ],
+    ids=lambda asked: "-".join(asked),
+)
+def test_avoid_keeps_metres_whatever_else_is_asked(asked):
+    path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
+    client, zone = ORBIT.coast(np.zeros(6), 3000.0), cf.Sphere(30.0)
+    found = cf.avoid(path, client, zone, margin=1.5, **asked)
+    assert found.ok, found.reason
+    assert found.padding == 1.5
+    beyond = 3.0 * 0.5 if "errors" in asked else 0.0
+    assert cf.closest_approach(found.path, client, zone).ratio * 30.0 >= 31.5 + beyond - 1e-6
+    if "drift" in asked:
+        safe = cf.drift_approach(found.path, client, cf.Sphere(31.5), float(found.path.end) + 300.0)
+        assert safe.ratio >= 1.0 - 1e-9
+
+
 def test_one_after_another_keeps_metres():
     start = ring(4)
     asked = (ORBIT, start, -start, 0.3 * ORBIT.period, cf.Sphere(20.0))

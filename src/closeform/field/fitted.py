@@ -113,7 +113,7 @@ def fit_margin(
     Raises
     ------
     ValueError
-        If `planned` gives no plan, or as `room`.
+        If `planned` gives no plan, navigation is worse than a zone is large, or as `room`.
 
     Notes
     -----
@@ -148,6 +148,12 @@ def fit_margin(
     least = tube(orbit, law, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
     limit = np.inf if max_acceleration is None else nonnegative("max_acceleration", max_acceleration)
     margin: Any = np.asarray(least.radius if fixed else least.of_a_pair)
+    widest = _least_radius(zones)
+    if margin > widest:
+        raise ValueError(
+            f"navigation: {margin:.3g} m of room are needed for what it and the field leave, more than a "
+            f"zone of {widest:.3g} m; measure better, or keep larger zones"
+        )
     for made in range(1, ROUNDS + 1):
         plan = instance("planned", planned(margin), Plan, Avoidance)
         if not plan.ok:
@@ -181,6 +187,12 @@ def fit_margin(
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
     why = f"still short of room after {made} plans, with a margin of {margin.max():.3g} m"
     return FittedMargin(plan, found, margin, False, made, why)
+
+
+def _least_radius(zones: OwnZone | PairZones) -> float:
+    """The radius [m] of the least zone, as a ball about the craft that it holds."""
+    given = zones if isinstance(zones, PairZones) else pair_zones("zones", zones, 2)
+    return min((zone.inner_radius for zone in given.zones), default=np.inf)
 
 
 def _too_weak(found: Room, peaks: Floats, craft: int, limit: Any) -> str:
