@@ -347,6 +347,18 @@ def test_between_impulses_the_path_is_as_near_as_is_told():
     assert 0.5 * table.deviation[1] < off.max() <= 1.01 * table.deviation[1]
 
 
+@pytest.mark.parametrize(("e", "turns"), [(0.01, 5.3), (0.1, 5.3), (0.1, 20.2)])
+def test_impulses_are_changed_for_eccentric_chiefs_and_long_plans(e, turns):
+    """Where what impulses do is far from Hill's equations, too; the deviation between them is told."""
+    orbit, field = chief(e=e, a=7.5e6).orbit, cf.Field(chief(e=e, a=7.5e6))
+    start, final, duration = task(orbit, 7, count=3, turns=turns)
+    path = orbit.impulsive(start, final, duration)
+    flights = cf.fly(path, field, "open")
+    assert flights.greatest_end < 1e-2  # m
+    assert np.abs(flights.states[0, :, -1, 3:] - final[:, 3:]).max() < 1e-5  # m/s
+    assert cf.thrust(path, field).deviation.max() < 0.1 * e * 2e5
+
+
 def test_craft_with_impulses_beside_others():
     """Each is flown by what it has: the one that thrusts keeps its plan."""
     orbit = chief().orbit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -14,12 +15,12 @@ from closeform.field.drag import ballistics_of
 from closeform.field.field import Field
 from closeform.field.timetable import impulses_of
 from closeform.motion.joining import stack
-from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
 
-ROUNDS = 30
+ROUNDS = 12
 MET = 1e-6  # m, by which a round still changes what is met
+NUDGE = 1e-4  # m/s, by which impulses differ to see what they do
 ALONG = 64  # places along the path that are kept
 HARD = 1e4  # how much the end counts, beside a place before it
 FREE = 1e-7  # how little a change of impulses counts, as the length that it leads to in a radian of the orbit
@@ -80,46 +81,60 @@ def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Float
 def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
     """The same with impulses changed for a field, and what they fly in it as reference.
 
-    The state at the end is met, and places along the path as nearly as that leaves free.  By Newton's method
-    with Hill's transition, which is that of the field to some parts in a thousand.           # theory (89)
+    The state at the end is met, and places along the path as nearly as that leaves free.  By Newton's method:
+    what impulses do is flown, by craft whose impulses differ.                                # theory (89)
     """
-    table, orbit = commands.table, commands.path.orbit
-    still = exactly(len(commands.path), 1)
+    times, orbit = commands.table.shown_times, commands.path.orbit
+    free = FREE / orbit.mean_motion
     alone = replace(commands, known=None, law=None)
-    times = table.shown_times
-    fired = table.fired_times
     wanted = commands.path.state(times)
-    where = np.unique(np.linspace(0, len(times) - 1, ALONG + 1).astype(int)[1:])
+    along = np.unique(np.linspace(0, len(times) - 1, ALONG + 1).astype(int)[1:])
+    crafts = [np.flatnonzero(own.any(axis=1)) for own in commands.jumps]
+
+    def off(states: Floats) -> Floats:
+        """Places along the path, and the end as it counts, of states (..., T, 6)."""
+        end = HARD * states[..., -1, :] * np.repeat([1.0, 1.0 / orbit.mean_motion], 3)
+        return np.concatenate([states[..., along, :3].reshape(*states.shape[:-2], -1), end], axis=-1)
+
+    states = flown(alone, field, frame, *exactly(len(crafts), 1)).states[0]
+    did = [off(some - states[k]) / NUDGE for k, some in _nudged(alone, crafts, field, frame)]
     jumps = commands.jumps.copy()
-    crafts = [np.flatnonzero(own.any(axis=1)) for own in jumps]
-    pushes = [_responses(orbit, fired[own], times[where], float(times[-1])) for own in crafts]
     for _ in range(ROUNDS):
-        states = flown(replace(alone, jumps=jumps), field, frame, *still).states[0]
         moved = 0.0
-        for k, (own, push) in enumerate(zip(crafts, pushes, strict=True)):
+        for k, (own, responses) in enumerate(zip(crafts, did, strict=True)):
             if not len(own):
                 continue
-            off = states[k] - wanted[k]
-            end = HARD * off[-1] * np.repeat([1.0, 1.0 / orbit.mean_motion], 3)
-            change = (jumps[k] - commands.jumps[k])[own] * (FREE / orbit.mean_motion)
-            missed = np.concatenate([off[where, :3].ravel(), end, change.ravel()])
-            step = np.linalg.lstsq(push, -missed)[0].reshape(-1, 3)
+            pushed = np.vstack([responses.T, free * np.eye(3 * len(own))])
+            changed = free * (jumps[k] - commands.jumps[k])[own].ravel()
+            missed = np.concatenate([off(states[k] - wanted[k]), changed])
+            step = np.linalg.lstsq(pushed, -missed)[0].reshape(-1, 3)
             jumps[k, own] += step
             moved = max(moved, float(np.abs(step).max()) / orbit.mean_motion)
+        states = flown(replace(alone, jumps=jumps), field, frame, *exactly(len(crafts), 1)).states[0]
         if moved < MET:
             break
+    else:
+        raise ValueError(
+            "plan: no change of its impulses was found with which it ends in this field where it should; "
+            "plan in shorter stages, or burns"
+        )
     fires = np.array([len(own) > 0 for own in crafts])
     return replace(commands, jumps=jumps, reference=np.where(fires[:, None, None], states, wanted))
 
 
-def _responses(orbit: Orbit, fired: Floats, times: Floats, end: float) -> Floats:
-    """What impulses at times (M,) do to places at times (T,), to the end, and to themselves: (., 3 M)."""
-    n, count, rows = orbit.mean_motion, len(fired), 3 * len(times)
-    out = np.zeros((rows + 6 + 3 * count, 3 * count))
-    for j, time in enumerate(fired):
-        own = slice(3 * j, 3 * j + 3)
-        moved = orbit.transition(np.maximum(np.append(times, end) - time, 0.0))[..., 3:]
-        out[:rows, own] = moved[:-1, :3].reshape(-1, 3)
-        out[rows : rows + 6, own] = HARD * moved[-1] * np.repeat([1.0, 1.0 / n], 3)[:, None]
-        out[rows + 6 + 3 * j : rows + 9 + 3 * j, own] = FREE / n * np.eye(3)
-    return out
+def _nudged(
+    commands: Commands, crafts: list[Any], field: Field, frame: ChiefFrame
+) -> Iterator[tuple[int, Floats]]:
+    """Each craft, and states (3 M, T, 6) that it flies if one of its M impulses is larger along one axis."""
+    for k, own in enumerate(crafts):
+        which = np.full(3 * len(own), k)
+        jumps = commands.jumps[which]
+        jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
+        if not len(own):
+            yield k, np.zeros((0, *commands.path.state(commands.table.shown_times).shape[1:]))
+            continue
+        some = {
+            name: getattr(commands, name)[which] for name in ("cancelled", "limits", "bits", "ballistics")
+        }
+        beside = replace(commands, path=commands.path[which], jumps=jumps, **some)
+        yield k, flown(beside, field, frame, *exactly(len(which), 1)).states[0]
