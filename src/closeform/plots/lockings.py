@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +31,7 @@ from closeform.plots.look import (
 from closeform.search.schedule import Search
 
 CURVE = "#7a2a10"
+FINER = 12  # bins of the curve in one of the bars
 LETTER = 0.095  # inches of a letter
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
 
@@ -80,26 +83,75 @@ def histogram(
     longest = search.duration if search is not None else max(bin, float(found.max(initial=0.0)))
     if found.size and not (found.min() >= 0.0 and found.max() <= longest < np.inf):
         raise ValueError(f"times: must lie in the search, from 0 to {longest:g} s")
-    later = found[found > 0.0]
-    edges = bin * np.arange(int(np.ceil(longest / bin)) + 1)
-    counts, _ = np.histogram(later, edges)
+    return binned(Binned.of([given], longest, search, bin), search, what)
 
+
+@dataclass(eq=False)
+class Binned:
+    """How many of `every` times are 0 and how many lie in bins of length `bin` [s] and in finer ones.
+
+    `inside`: in each phase of a search; `last`: the greatest [s].
+    """
+
+    bin: float
+    counts: Any
+    finer: Any
+    inside: Any
+    every: int = 0
+    at_once: int = 0
+    last: float = 0.0
+
+    @classmethod
+    def of(cls, parts: Iterable[Floats], longest: float, search: Search | None, bin: float = 60.0) -> Self:
+        """Count times [s] up to the `longest`, nan where there is none, part after part."""
+        bins, phases = int(np.ceil(longest / bin)), search.phases if search is not None else ()
+        edges, finer = bin * np.arange(bins + 1), bin / FINER * np.arange(FINER * bins + 1)
+        ends = np.array([(start, end) for *_, start, end in phases]).reshape(-1, 2)
+        counts, inside = (np.zeros(size, dtype=np.int64) for size in (FINER * bins, len(phases)))
+        one = cls(bin, np.zeros(bins, dtype=np.int64), counts, inside)
+        for times in parts:
+            later = np.sort(times[times > 0.0])
+            one.counts += counted_in(later, edges)
+            one.finer += counted_in(later, finer)
+            one.inside += np.diff(np.searchsorted(later, ends, side="right"), axis=1).ravel()
+            one.every += len(times)
+            one.at_once += int(np.count_nonzero(times == 0.0))
+            one.last = max(one.last, float(later[-1]) if len(later) else 0.0)
+        return one
+
+    @property
+    def later(self) -> int:
+        """How many are neither 0 nor absent."""
+        return int(self.counts.sum())
+
+
+def counted_in(ordered: Floats, edges: Any) -> Any:
+    """How many of some times in order lie between edges, the last edge included."""
+    places = np.searchsorted(ordered, edges)
+    places[-1] = len(ordered)
+    return np.diff(places)
+
+
+def binned(times: Binned, search: Search | None = None, what: str = "pairs lock") -> Figure:
+    """The same picture of times that are counted."""
+    bin, counts = times.bin, times.counts
+    edges = bin * np.arange(len(counts) + 1)
     figure = sheet(5.8)
     axes = area(figure, 0.95, 0.7, WIDTH - 0.95 - 1.0, 4.45)
     dress(axes)
-    end = shown(search, float(later.max(initial=0.0))) if search is not None else float(edges[-1])
+    end = shown(search, times.last) if search is not None else float(edges[-1])
     unit = plain_unit(end)
     top = 6.0 * max(10.0, float(counts.max(initial=0)))
     axes.set_yscale("log")
     axes.set_ylim(0.7, top)
     axes.set_xlim(0.0, end / unit.size)
     if search is not None:
-        phases(axes, search, unit, later, end)
+        phases(axes, search, unit, times.inside, end)
     axes.stairs(counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
-    by_then(axes, found, len(given), unit, end)
+    by_then(axes, times, unit, end)
     axes.set_xlabel(f"time [{unit.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"{what.partition(' ')[0]} [1 per {bin:g} s]", fontsize=TEXT, color=INK)
-    headline(figure, counted(len(given), len(found), len(later), what))
+    headline(figure, counted(times.every, times.at_once + times.later, times.later, what))
     return figure
 
 
@@ -108,18 +160,18 @@ def shown(search: Search, last: float) -> float:
     return next((end for *_, end in search.phases if end >= last), search.duration)
 
 
-def phases(axes: Axes, search: Search, unit: Unit, later: Floats, until: float) -> None:
+def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) -> None:
     """Bands of the phases with their counts, and the ends of the turns within them.
 
     Names stand where there is room for them: in a second row where the first is taken.
     """
     inch = (WIDTH - 0.95 - 1.0) / until  # of a second
     free = [0.0, 0.0]  # from where on there is room in each row [inches]
-    for name, turn, start, end in search.phases:
+    for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
         colour = PHASE_COLOURS.get(name, OTHER)
         axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
         axes.axvline(end / unit.size, color=OTHER, linewidth=1.2)
-        inside = spaced(int(np.count_nonzero((later > start) & (later <= end))))
+        inside = spaced(count)
         middle, half = (start + end) / 2 * inch, LETTER * max(len(f"{name} {turn}"), len(inside)) / 2
         row = next((row for row in (0, 1) if middle - half >= free[row]), None)
         if start >= until or row is None or middle + half > until * inch + 0.1:
@@ -132,13 +184,12 @@ def phases(axes: Axes, search: Search, unit: Unit, later: Floats, until: float) 
         axes.axvline(leg.end / unit.size, ymax=0.76, color=BEFORE, linewidth=0.7, linestyle=(0, (3, 3)))
 
 
-def by_then(axes: Axes, found: Floats, everything: int, unit: Unit, end: float) -> None:
+def by_then(axes: Axes, times: Binned, unit: Unit, end: float) -> None:
     """The share of all that is done by each time, with an axis of its own."""
     right = axes.twinx()
-    times = np.concatenate([[0.0], np.sort(found), [end]]) / unit.size
-    at_once = np.count_nonzero(found == 0.0)
-    done = np.concatenate([[at_once], np.maximum(np.arange(1, len(found) + 1), at_once), [len(found)]])
-    right.plot(times, 100.0 * done / max(1, everything), color=CURVE, linewidth=2.2, drawstyle="steps-post")
+    ends = np.minimum(times.bin / FINER * np.arange(len(times.finer) + 1), end) / unit.size
+    done = times.at_once + np.concatenate([[0], np.cumsum(times.finer)])
+    right.plot(ends, 100.0 * done / max(1, times.every), color=CURVE, linewidth=2.2)
     right.set_ylim(0.0, 133.0)
     right.set_yticks(range(0, 101, 20))
     right.set_ylabel("by then, of all [%]", fontsize=TEXT, color=CURVE)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -21,7 +22,10 @@ class Shot(NamedTuple):
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture to be drawn: `plot` names the function of `closeform.plots` that gets the `arguments`."""
+    """A picture to be drawn: `plot` names the function of `closeform.plots` that gets the `arguments`.
+
+    Of one that is not public, with its module.
+    """
 
     name: str
     caption: str
@@ -38,7 +42,9 @@ class Picture:
         from closeform import plots
         from closeform.plots.look import banner
 
-        figure = getattr(plots, self.plot)(*self.arguments, **self.options)
+        home, _, name = self.plot.rpartition(".")
+        drawn = import_module(f"closeform.plots.{home}") if home else plots
+        figure = getattr(drawn, name)(*self.arguments, **self.options)
         if self.stage:
             banner(figure, "; ".join(filter(None, (self.stage, self.shows))), self.failed)
         return Shot(folder.picture(self.name, figure), self.caption, figure.get_suptitle())

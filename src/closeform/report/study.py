@@ -1,5 +1,7 @@
 """The report of a study: what became of its cases, the same for the terminal, the page and the files."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -7,9 +9,6 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from closeform.arrays import Floats
 from closeform.campaign import Campaign, Estimate
 from closeform.campaign.shares import estimate
 from closeform.campaign.spread import Spread
@@ -32,9 +31,10 @@ from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
 from closeform.search.gather_result import listed
 
-if TYPE_CHECKING:  # whose plans searches can spare
-    from closeform.campaign.mission_cases import MissionCampaign
+if TYPE_CHECKING:
+    from closeform.campaign.mission_cases import MissionCampaign  # whose plans searches can spare
     from closeform.campaign.sweep_cases import SweepCampaign
+    from closeform.plots.lockings import Binned
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,11 +125,14 @@ class StudyReport:
         results.leave(folder, head, self.chapters(replays), self.repeated, self.summary)
 
     @property
-    def times(self) -> Floats:
-        """When what the histogram shows happens [s]."""
+    def times(self) -> Binned:
+        """When what the histogram shows happens."""
+        from closeform.plots.lockings import Binned
+
         campaign = self.campaign
         parts = (part for _, part in campaign.chunks.read(*campaign.wanted))
-        return np.concatenate([campaign.settled(part).times for part in parts])
+        times = (campaign.settled(part).times for part in parts)
+        return Binned.of(times, campaign.search.duration, campaign.search)
 
     def chapters(self, replays: Replays) -> tuple[Section, ...]:
         """What the page tells, but for how to repeat it."""
@@ -138,7 +141,9 @@ class StudyReport:
         whole = search.facts(campaign.search, campaign.search.duration)
         request = asked.section(scenario)
         caption = f"When cases were {campaign.done}"
-        picture = Picture("histogram", caption, "histogram", (self.times, campaign.search), {"what": what})
+        picture = Picture(
+            "histogram", caption, "lockings.binned", (self.times, campaign.search), {"what": what}
+        )
         same = scenario.study is not None and scenario.study.seed == campaign.seed
         return (
             replace(request, tables=(*request.tables, whole, *draw_table(campaign))),
@@ -207,14 +212,14 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     return (Table("How long", columns, rows),) if rows else ()
 
 
-def draws(campaign: "Campaign | MissionCampaign | SweepCampaign") -> dict[str, Any]:
+def draws(campaign: Campaign | MissionCampaign | SweepCampaign) -> dict[str, Any]:
     """What was drawn, as the file says it."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
-def draw_table(campaign: "Campaign | MissionCampaign | SweepCampaign") -> tuple[Table, ...]:
+def draw_table(campaign: Campaign | MissionCampaign | SweepCampaign) -> tuple[Table, ...]:
     """The same as a table."""
     rows = [(key, " ".join(draw), str(next(iter(draw.values())))) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
