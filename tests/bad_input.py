@@ -1543,9 +1543,24 @@ MISUSES = (
         'silent.toml: study.vary."craft.silent": a gathering cannot have it yet; remove it, or look for locks',
     ),
     Misuse(
-        "a cluster",
-        "study lost.toml --scheduler tcp://here:8786",
-        "--scheduler: clusters are not built yet; leave --scheduler out",
+        "a scheduler that does not answer",
+        "study lost.toml --scheduler tcp://127.0.0.1:1",
+        "--scheduler: tcp://127.0.0.1:1 does not answer within 5 s; start it, or check the address",
+    ),
+    Misuse(
+        "a scheduler by a name alone",
+        "study lost.toml --scheduler here",
+        "--scheduler: here is no address; write tcp://HOST:PORT, tls://HOST:PORT, or the scheduler's file, *.json",
+    ),
+    Misuse(
+        "a scheduler's file that is not there",
+        "study lost.toml --scheduler none.json",
+        "--scheduler: none.json: no such file or directory; check the path",
+    ),
+    Misuse(
+        "a scheduler's file that is none",
+        "study lost.toml --scheduler lost.json",
+        "--scheduler: lost.json: is no file of a Dask scheduler; give that which --scheduler-file names",
     ),
     Misuse(
         "a study over finished results",

@@ -468,8 +468,8 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
     assert refused(capsys, ["study", "s04.toml", "--seed", "-1"]) == [
         "--seed: -1 is out of range; give at least 0"
     ]
-    assert refused(capsys, ["study", "s04.toml", "--scheduler", "tcp://a:1"]) == [
-        "--scheduler: clusters are not built yet; leave --scheduler out"
+    assert refused(capsys, ["study", "s04.toml", "--scheduler", "tcp://127.0.0.1:1"]) == [
+        "--scheduler: tcp://127.0.0.1:1 does not answer within 5 s; start it, or check the address"
     ]
     assert refused(capsys, ["study", "one.toml"]) == [
         "one.toml: study.vary: P and Q are at one place in case 0; draw their positions"

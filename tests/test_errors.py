@@ -90,6 +90,7 @@ def desk(tmp_path, monkeypatch):
         .replace("craft.velocity", "craft.position")
         .replace('cm/s" } }', 'm" } }')
     )
+    (tmp_path / "lost.json").write_text("{}")
     (tmp_path / "silent.toml").write_text(
         LOST.replace('"craft.velocity" = { ball = "6 cm/s" }', '"craft.silent" = { chance = 0.1 }')
     )

@@ -16,17 +16,16 @@ from closeform.console import (
     kept,
     one_line,
     open_output,
-    progress,
     say,
     stderr,
     stdout,
     tell_run,
-    tell_study,
 )
 from closeform.flights import fly as fly_run
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.numba_import import collect_rarely, import_numba
 from closeform.screens import encounter, export, screen
+from closeform.studies import study
 
 if TYPE_CHECKING:
     from closeform.report.picture import Shot
@@ -194,79 +193,7 @@ app.command(screen, sort_key=2)
 app.command(encounter, sort_key=2)
 
 
-@app.command(sort_key=3)
-def study(
-    scenario: Path,
-    /,
-    *,
-    cases: int | None = None,
-    seed: int | None = None,
-    out: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    scheduler: str | None = None,
-) -> int:
-    """Fly many cases of a scenario, each with its own draws: who is found or met when, in how many of them.
-
-    Parameters
-    ----------
-    scenario
-        TOML file with a [study] table.
-    cases
-        How many cases, instead of the file's.
-    seed
-        Seed of the draws, instead of the file's.
-    out
-        Folder for the results; NAME-results next to where you are by default.
-    overwrite
-        Replace finished results.
-    scheduler
-        Address of a Dask scheduler. Not built yet.
-    """
-    from closeform.publishing import workplace
-    from closeform.result_folder import CASES, FolderError, check_free, written
-
-    place = out if out is not None else Path(f"{scenario.stem}-results")
-    if scheduler is not None:
-        raise UsageError("--scheduler: clusters are not built yet; leave --scheduler out")
-    check_free(place, overwrite, study=True)
-    loaded = read(scenario, "study")
-    if loaded is None:
-        return BAD_INPUT
-    from closeform.campaign import asked, stored_study
-    from closeform.campaign.chunks import ChunkError, Stored
-    from closeform.report.any_study import report_of
-    from closeform.scenario import ScenarioError
-    from closeform.verdict import MET, NOT_MET
-    from closeform.viewer import replays
-
-    notes = stderr()
-    try:
-        kind, count = asked(loaded, cases, seed)
-        with workplace(place, overwrite) as under_way:
-            chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
-            with written(place):
-                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
-                with progress(notes) as bar:
-                    task = bar.add_task("cases", total=count)
-                    campaign = stored_study.fly(
-                        chunks, stored_study.local, lambda done, met: bar.update(task, completed=done)
-                    )
-            report = report_of(campaign, loaded)
-            under_way.known.update(chunks.digests)
-            with notes.status("writing results"), written(place):
-                report.leave(under_way, replays.leave(campaign, under_way))
-    except ScenarioError as error:
-        complain(*error.lines)
-        return BAD_INPUT
-    except FolderError:
-        raise
-    except ChunkError as error:
-        raise FolderError(f"{place}: {error}") from None
-    except ValueError as error:  # cases or seed
-        raise UsageError(f"--{error}") from None
-    with kept(place):
-        tell_study(report, place)
-    return MET if campaign.ok else NOT_MET
+app.command(study, sort_key=3)
 
 
 @app.command(sort_key=4)

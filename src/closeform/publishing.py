@@ -147,10 +147,8 @@ def goes_on(path: Path, private: Path) -> Iterator[None]:
         kept = f"{whole} of {every} chunks are kept in {path}"
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(f"{kept}, the same command goes on") from None
-        if isinstance(error.__cause__, OSError):
-            what = str(error).rpartition("; ")[0]
-            raise FolderError(f"{what}; {kept}: mend that, and the same command goes on") from error
-        raise
+        what = str(error).rpartition("; ")[0] if isinstance(error.__cause__, OSError) else str(error)
+        raise FolderError(f"{what}; {kept}, and the same command goes on") from error
     (private / manifest.NAME).unlink(missing_ok=True)
 
 

@@ -1,0 +1,186 @@
+"""Cluster: chunks flown by the workers of a Dask scheduler; nobody but this process writes them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import socket
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from closeform.campaign import task
+from closeform.campaign.cases import Cases
+from closeform.campaign.chunk import Chunk
+from closeform.campaign.chunks import Range, versions
+from closeform.campaign.task import Answer, Task
+from closeform.result_folder import FolderError
+from closeform.scenario import ScenarioError
+
+ANSWER = 5.0  # s in which a scheduler answers
+PATIENCE = 30.0  # s without any worker
+TOGETHER = 4  # chunks that a worker flies at a time
+AHEAD = 2  # tasks for each thread of the workers
+DEATHS = 3  # of workers at the same cases, each time as often as the scheduler allows
+
+ADDRESS = re.compile(r"(?:tcp|tls)://(\[[^]]+\]|[^:/]+):(\d{1,5})/?")
+Ranges = tuple[Range, ...]
+
+
+class ClusterError(FolderError):
+    """A scheduler or its workers that cannot be used, or are gone; one line with the remedy."""
+
+
+class Cluster:
+    """A Dask scheduler by its address, or by the file that it writes."""
+
+    def __init__(self, scheduler: str) -> None:
+        """Connect. Raises ClusterError where nobody answers, or a worker has other versions."""
+        address = address_of(scheduler)
+        try:
+            import dask
+            import distributed
+        except ImportError:
+            line = "needs dask.distributed; pip install 'closeform[cluster]'"
+            raise ClusterError(f"--scheduler: {line}") from None
+        self.name, self.distributed = scheduler, distributed
+        for name in ("distributed", *logging.root.manager.loggerDict):
+            if name.startswith("distributed"):
+                logging.getLogger(name).setLevel(logging.CRITICAL)  # what is wrong is said in a line of ours
+        tls = dask.config.get("distributed.comm.tls.ca-file", None)
+        if address.startswith("tls://") and not tls:
+            line = "needs certificates; name them in Dask's configuration, distributed.comm.tls"
+            raise ClusterError(f"--scheduler: {address} {line}")
+        try:
+            self.client = distributed.Client(address, timeout=2 * ANSWER, set_as_default=False)
+        except Exception as error:
+            what = " ".join(str(error).split())[:200]
+            raise ClusterError(f"--scheduler: {address}: {what}; is it a Dask scheduler?") from error
+        self.check()
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(Exception):
+            self.client.close(timeout=ANSWER)
+
+    def check(self) -> None:
+        """Refuse workers that would fly other cases."""
+        try:
+            told = self.client.run(versions, on_error="return")
+        except Exception as error:
+            raise self.gone() from error
+        for worker, theirs in told.items():
+            if not isinstance(theirs, dict):
+                what = f"worker {worker} cannot run closeform ({type(theirs).__name__})"
+                raise ClusterError(f"--scheduler: {what}; install the same version there")
+            if lines := task.unlike(versions(), theirs):
+                raise ClusterError(
+                    f"--scheduler: worker {worker} has {lines}; give all machines the same versions"
+                )
+
+    def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
+        """The chunks of some ranges of cases, as they are done; a worker that is lost costs time alone."""
+        what, waiting, again = Task.of(cases), iter(ranges), deque[Ranges]()
+        under_way: dict[Any, Ranges] = {}
+        deaths: dict[Ranges, int] = {}
+        alone = time.monotonic()
+        while True:
+            threads = self.threads()
+            alone = time.monotonic() if threads else alone
+            if time.monotonic() - alone > PATIENCE:
+                raise ClusterError(f"--scheduler: {self.name} has no workers; start some")
+            while len(under_way) < AHEAD * max(threads, 1):
+                some = again.popleft() if again else tuple(islice(waiting, TOGETHER))
+                if not some:
+                    break
+                under_way[self.client.submit(task.fly, what, some, pure=False)] = some
+            if not under_way:
+                return
+            for future in self.ended(under_way):
+                some = under_way.pop(future)
+                answer = self.answer(future)
+                if answer is None:
+                    deaths[some] = deaths.get(some, 0) + 1
+                    if deaths[some] >= DEATHS:
+                        which = f"cases {some[0][0]} to {some[-1][1] - 1}"
+                        raise ClusterError(f"--scheduler: workers die at {which}; look at their logs")
+                    again.append(some)
+                    continue
+                if answer.refused:
+                    raise refusal(cases, answer.refused)
+                yield from answer.chunks
+
+    def threads(self) -> int:
+        """How many threads the workers have together."""
+        try:
+            workers = self.client.scheduler_info()["workers"]
+        except Exception as error:
+            raise self.gone() from error
+        return sum(int(worker["nthreads"]) for worker in workers.values())
+
+    def ended(self, under_way: Iterable[Any]) -> list[Any]:
+        """The tasks that have ended since, well or not; none after a second."""
+        futures = list(under_way)
+        with suppress(Exception):  # a time-out, or whatever a lost scheduler makes of it
+            self.distributed.wait(futures, timeout=1.0, return_when="FIRST_COMPLETED")
+        if self.client.status != "running" or any(one.status in ("cancelled", "lost") for one in futures):
+            raise self.gone()
+        return [one for one in futures if one.status in ("finished", "error")]
+
+    def answer(self, future: Any) -> Answer | None:
+        """What a task came to; None where its worker died once too often."""
+        try:
+            found: Answer = future.result(timeout=10 * PATIENCE)
+            return found
+        except self.distributed.KilledWorker:
+            return None
+        except Exception as error:
+            if self.client.status != "running" or future.status in ("cancelled", "lost"):
+                raise self.gone() from error
+            what = " ".join(str(error).split())[:200]
+            raise ClusterError(f"--scheduler: a worker failed: {what}; look at its log") from error
+
+    def gone(self) -> ClusterError:
+        """What is said of a scheduler that no longer answers."""
+        return ClusterError(f"--scheduler: {self.name} no longer answers; start it again")
+
+
+def address_of(scheduler: str) -> str:
+    """The address of a scheduler, also by its file, where somebody answers. Raises ClusterError."""
+    if scheduler.endswith(".json"):
+        try:
+            address = str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
+        except OSError as error:
+            what = (error.strerror or "cannot be read").lower()
+            raise ClusterError(f"--scheduler: {scheduler}: {what}; check the path") from None
+        except (ValueError, KeyError, TypeError):
+            line = "is no file of a Dask scheduler; give that which --scheduler-file names"
+            raise ClusterError(f"--scheduler: {scheduler}: {line}") from None
+    else:
+        address = scheduler
+    parts = ADDRESS.fullmatch(address)
+    if parts is None:
+        line = "is no address; write tcp://HOST:PORT, tls://HOST:PORT, or the scheduler's file, *.json"
+        raise ClusterError(f"--scheduler: {address} {line}")
+    try:
+        socket.create_connection((parts[1].strip("[]"), int(parts[2])), ANSWER).close()
+    except (OSError, OverflowError):
+        line = f"does not answer within {ANSWER:g} s; start it, or check the address"
+        raise ClusterError(f"--scheduler: {address} {line}") from None
+    return address
+
+
+def refusal(cases: Cases, lines: tuple[str, ...]) -> Exception:
+    """What a worker would not fly, as it would be said here."""
+    file = cases.scenario.file
+    prefix = f"{file.rpartition('/')[2]}: "
+    if lines[0].startswith(prefix):
+        return ScenarioError(file, [line.removeprefix(prefix) for line in lines])
+    return ClusterError(f"--scheduler: {lines[0]}")

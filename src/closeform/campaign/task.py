@@ -1,0 +1,83 @@
+"""Task: what a worker elsewhere is told, text and numbers alone, and what it answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import NamedTuple
+
+from closeform.campaign import chunk
+from closeform.campaign.campaign import kind_of
+from closeform.campaign.cases import Cases
+from closeform.campaign.chunk import Chunk
+from closeform.campaign.chunks import versions
+from closeform.scenario import ScenarioError, parse
+
+_building = Lock()
+
+
+class Task(NamedTuple):
+    """A study: the `text` of a scenario, how its `file` is called, the files that it names, and the seed.
+
+    `made_with`: the versions of who asks.
+    """
+
+    text: str
+    file: str
+    inputs: tuple[tuple[str, bytes], ...]
+    seed: int
+    made_with: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, cases: Cases) -> Task:
+        """The task of flying some cases of a kind."""
+        one = cases.scenario
+        inputs = tuple(one.inputs.copies.items()) if one.inputs is not None else ()
+        return cls(one.text, Path(one.file).name, inputs, cases.seed, tuple(versions().items()))
+
+
+class Answer(NamedTuple):
+    """Chunks, or why there are none, line by line."""
+
+    chunks: tuple[Chunk, ...]
+    refused: tuple[str, ...] = ()
+
+
+def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Answer:
+    """The chunks of some ranges of cases, flown on this machine."""
+    if lines := unlike(dict(task.made_with), versions()):
+        return Answer((), (f"a worker has {lines}; give all the same versions",))
+    try:
+        with _building:
+            cases = cases_of(task)
+        found = (chunk.flown(cases, *one) for one in ranges)
+        return Answer(tuple(one._replace(data=one.data.to_pybytes()) for one in found))
+    except ScenarioError as error:
+        return Answer((), tuple(error.lines))
+
+
+def unlike(here: dict[str, str], there: dict[str, str]) -> str:
+    """What differs between two sets of versions, in words."""
+    return ", ".join(
+        f"{name} {there.get(name, 'missing')}, not {known}"
+        for name, known in here.items()
+        if there.get(name) != known
+    )
+
+
+@lru_cache(maxsize=4)
+def cases_of(task: Task) -> Cases:
+    """The cases of a task, built once for all of its chunks."""
+    with TemporaryDirectory(prefix="closeform-") as folder:
+        for name, held in task.inputs:
+            (Path(folder) / name).parent.mkdir(exist_ok=True)
+            (Path(folder) / name).write_bytes(held)
+        try:
+            scenario = parse(task.text, str(Path(folder) / task.file), "study")
+        except ScenarioError as error:
+            lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
+            raise ScenarioError(task.file, lines) from None
+        return kind_of(replace(scenario, file=task.file), task.seed)

@@ -1,0 +1,100 @@
+"""The command that flies a study: here or elsewhere, anew or from where it was stopped."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from closeform.console import complain, kept, progress, stderr, tell_study
+from closeform.given import BAD_INPUT, UsageError, read
+
+if TYPE_CHECKING:
+    from closeform.campaign.stored_study import Runner
+
+
+def study(
+    scenario: Path,
+    /,
+    *,
+    cases: int | None = None,
+    seed: int | None = None,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    scheduler: str | None = None,
+) -> int:
+    """Fly many cases of a scenario, each with its own draws: who is found or met when, in how many of them.
+
+    Parameters
+    ----------
+    scenario
+        TOML file with a [study] table.
+    cases
+        How many cases, instead of the file's.
+    seed
+        Seed of the draws, instead of the file's.
+    out
+        Folder for the results; NAME-results next to where you are by default.
+    overwrite
+        Replace finished results.
+    scheduler
+        Dask scheduler whose workers fly the cases: an address such as tcp://HOST:8786, or the file it writes.
+    """
+    from closeform.publishing import workplace
+    from closeform.result_folder import CASES, FolderError, check_free, written
+
+    place = out if out is not None else Path(f"{scenario.stem}-results")
+    check_free(place, overwrite, study=True)
+    loaded = read(scenario, "study")
+    if loaded is None:
+        return BAD_INPUT
+    from closeform.campaign import asked, stored_study
+    from closeform.campaign.chunks import ChunkError, Stored
+    from closeform.report.any_study import report_of
+    from closeform.scenario import ScenarioError
+    from closeform.verdict import MET, NOT_MET
+    from closeform.viewer import replays
+
+    notes = stderr()
+    try:
+        kind, count = asked(loaded, cases, seed)
+        with runner_of(scheduler) as runner, workplace(place, overwrite) as under_way:
+            chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
+            with written(place):
+                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
+                with progress(notes) as bar:
+                    task = bar.add_task("cases", total=count)
+                    campaign = stored_study.fly(
+                        chunks, runner, lambda done, met: bar.update(task, completed=done)
+                    )
+            report = report_of(campaign, loaded)
+            under_way.known.update(chunks.digests)
+            with notes.status("writing results"), written(place):
+                report.leave(under_way, replays.leave(campaign, under_way))
+    except ScenarioError as error:
+        complain(*error.lines)
+        return BAD_INPUT
+    except FolderError:
+        raise
+    except ChunkError as error:
+        raise FolderError(f"{place}: {error}") from None
+    except ValueError as error:  # cases or seed
+        raise UsageError(f"--{error}") from None
+    with kept(place):
+        tell_study(report, place)
+    return MET if campaign.ok else NOT_MET
+
+
+@contextmanager
+def runner_of(scheduler: str | None) -> "Iterator[Runner]":
+    """What flies chunks: this machine, or the workers of a scheduler."""
+    from closeform.campaign import stored_study
+
+    if scheduler is None:
+        yield stored_study.local
+        return
+    from closeform.campaign.cluster import Cluster
+
+    with Cluster(scheduler) as cluster:
+        yield cluster

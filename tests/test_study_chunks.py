@@ -1,0 +1,312 @@
+"""A study in chunks: it goes on where it stopped, mixes with no other, and counts what all cases come to."""
+
+import json
+import pickle
+import tracemalloc
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from closeform.campaign import case_of, chunk, chunks, flown, lock_cases, spread, task
+from closeform.campaign.campaign import kind_of
+from closeform.campaign.chunks import Stored
+from closeform.campaign.spread import Spread, order_statistics
+from closeform.campaign.task import Task
+from closeform.cli import main
+from closeform.plots.lockings import Binned
+from closeform.scenario import ScenarioError, load, parse
+from test_campaign import EXAMPLES, GATHERING, NARROW, S04
+
+STUDY = ["study", "narrow.toml", "--out", "out"]
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A study of six chunks of fifty cases."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(lock_cases, "PAIRS_AT_ONCE", 100)
+    (tmp_path / "narrow.toml").write_text(NARROW)
+    return tmp_path
+
+
+def stopped(monkeypatch: pytest.MonkeyPatch, after: int, error: BaseException) -> int:
+    """The status of the study when it stops after some chunks."""
+    take = Stored.take
+
+    def failing(self: Stored, one: chunk.Chunk) -> None:
+        if len(self.whole) == after:
+            raise error
+        take(self, one)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Stored, "take", failing)
+        return main(STUDY)
+
+
+def rows(place: Path) -> dict[str, bytes]:
+    """The files of cases."""
+    return {file.name: file.read_bytes() for file in sorted((place / "cases").iterdir())}
+
+
+def flown_ranges(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The first cases of the chunks that are flown from now on."""
+    found, fly = [], chunk.flown
+    monkeypatch.setattr(
+        chunk, "flown", lambda cases, first, last: (found.append(first), fly(cases, first, last))[1]
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (
+            KeyboardInterrupt(),
+            130,
+            "stopped by the keyboard; 3 of 6 chunks are kept in out, the same command",
+        ),
+        (
+            OSError(28, "No space left on device"),
+            2,
+            "out: no space left on device; 3 of 6 chunks are kept in out",
+        ),
+    ],
+)
+def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch, capsys) -> None:
+    assert main([*STUDY[:-1], "undisturbed"]) == 1
+    whole = rows(desk / "undisturbed")
+    assert list(whole) == [f"{first:09d}.parquet" for first in range(0, 300, 50)]
+    assert stopped(monkeypatch, 3, error) == status
+    assert said in capsys.readouterr().err
+    assert not (desk / "out" / "summary.json").exists()
+    assert main(["run", "narrow.toml", "--case", "1", "--out", "out"]) == 2  # nobody else takes its place
+    assert "out: holds an unfinished study; go on with it, add --overwrite" in capsys.readouterr().err
+    again = flown_ranges(monkeypatch)
+    assert main(STUDY) == 1
+    assert len(again) == 3
+    assert rows(desk / "out") == whole
+    both = [json.loads((desk / name / "summary.json").read_text()) for name in ("out", "undisturbed")]
+    assert both[0] == both[1]
+    assert sorted(file.name for file in desk.iterdir()) == ["narrow.toml", "out", "undisturbed"]
+    assert not (desk / "out" / ".unfinished").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        (["--seed", "8"], "seed 7, not 8"),
+        (["--cases", "200"], "cases 300, not 200"),
+        ([], "another scenario"),
+        (["versions"], "numpy 0.1, not"),
+    ],
+)
+def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) -> None:
+    assert stopped(monkeypatch, 2, KeyboardInterrupt()) == 130
+    if not options:
+        (desk / "narrow.toml").write_text(NARROW.replace("5 cm/s", "6 cm/s"))
+    manifest = desk / "out" / ".unfinished" / "manifest.jsonl"
+    if options == ["versions"]:
+        first, *others = manifest.read_text().splitlines(keepends=True)
+        manifest.write_text(json.dumps(json.loads(first) | {"numpy": "0.1"}) + "\n" + "".join(others))
+        options = []
+    before = rows(desk / "out" / ".unfinished" / "results"), manifest.read_text()
+    capsys.readouterr()
+    assert main([*STUDY, *options]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"out: holds 2 chunks of an unfinished study of {what}")
+    assert line.endswith("; give the same again to go on, or --overwrite to start anew")
+    assert before == (rows(desk / "out" / ".unfinished" / "results"), manifest.read_text())
+    assert main([*STUDY, *options, "--overwrite"]) == 1
+    assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == (
+        200 if "--cases" in options else 300
+    )
+
+
+def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
+    assert main([*STUDY[:-1], "undisturbed"]) == 1
+    assert stopped(monkeypatch, 4, KeyboardInterrupt()) == 130
+    private = desk / "out" / ".unfinished"
+    spoilt, *_ = sorted((private / "results" / "cases").iterdir())
+    data = bytearray(spoilt.read_bytes())
+    data[len(data) // 2] ^= 1
+    spoilt.write_bytes(data)
+    with (private / "manifest.jsonl").open("a") as manifest:
+        manifest.write('{"first": 2')  # a kill cut it off
+    capsys.readouterr()
+    again = flown_ranges(monkeypatch)
+    assert main(STUDY) == 1
+    assert capsys.readouterr().err == f"out: {spoilt.name} is damaged or missing, and flown anew\n"
+    assert len(again) == 3
+    assert int(spoilt.stem) in again
+    assert rows(desk / "out") == rows(desk / "undisturbed")
+
+
+def test_a_kill_while_results_move_up_loses_no_chunk(desk, monkeypatch) -> None:
+    """Half of the cases stand in their place already when the process is gone."""
+    assert main([*STUDY[:-1], "undisturbed"]) == 1
+    real, moved = Path.replace, []
+
+    def replace(self: Path, target: Path) -> Path:
+        if self.suffix == ".parquet" and len(moved) == 3:
+            raise SystemExit
+        moved.extend([self] * (self.suffix == ".parquet"))
+        return real(self, target)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", replace)
+        patched.setattr("closeform.publishing.remove_folders", lambda folders: None)
+        with pytest.raises(SystemExit):
+            main(STUDY)
+    private = desk / "out" / ".unfinished"
+    for name in ("000000000.parquet", "000000050.parquet"):  # as a kill would have left them
+        (desk / "out" / "cases").mkdir(exist_ok=True)
+        (private / "results" / "cases" / name).rename(desk / "out" / "cases" / name)
+    again = flown_ranges(monkeypatch)
+    assert main(STUDY) == 1
+    assert again == []
+    assert rows(desk / "out") == rows(desk / "undisturbed")
+
+
+# what files come to
+
+
+@pytest.mark.parametrize("text", [NARROW, GATHERING])
+def test_files_give_the_same_figures_as_arrays(text, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(lock_cases, "PAIRS_AT_ONCE", 100)
+    monkeypatch.setattr("closeform.campaign.gather_cases.AT_ONCE", 70)
+    scenario = parse(text)
+    held, kind = flown(scenario, 300, 5), kind_of(scenario, 5)
+    stored = Stored(kind, 300, tmp_path / "cases", tmp_path / "manifest.jsonl")
+    stored.begin()
+    for some in stored.missing:
+        stored.take(chunk.flown(kind, *some))
+    found = kind.campaign(stored)
+    np.testing.assert_array_equal(found.time, held.time)
+    np.testing.assert_array_equal(found.leg, held.leg)
+    np.testing.assert_array_equal(found.good, held.good)
+    assert (found.reason, found.spreads) == (held.reason, held.spreads)
+    time = held.time[held.leg >= 0]
+    told = held.spreads["time [s]"]
+    assert told.mean == pytest.approx(time.mean())
+    for share, one in told.quantiles.items():
+        assert one.value == pytest.approx(np.quantile(time, share), rel=1e-12)
+    assert told.worst[0] == (time.max(), int(np.nanargmax(held.time)))
+    assert [value for value, _ in told.worst] == sorted(time)[:-11:-1]
+    assert held.tally.good.count == held.good.sum()
+
+
+def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
+    """Though only a few values are ever held, and many are equal."""
+    monkeypatch.setattr(spread, "HELD", 40)
+    rng = np.random.default_rng(2)
+    values = np.round(np.exp(rng.normal(2.0, 3.0, 5000)), 2)
+    values[rng.random(5000) < 0.4] = 0.0
+    parts = [(values[k : k + 700], np.arange(k, min(k + 700, 5000))) for k in range(0, 5000, 700)]
+    ranks = {0, 1, 1999, 2000, 2500, 4749, 4994, 4999}
+    order = np.sort(values)
+    assert order_statistics(lambda: parts, ranks) == {rank: order[rank] for rank in ranks}
+
+
+def test_quantiles_have_the_confidence_that_they_say() -> None:
+    """Of 400 samples of 2000 each, the interval of each quantile holds the true one in 95 % at least."""
+    rng, truth = np.random.default_rng(3), stats.expon()
+    for share in (0.5, 0.95):
+        held = 0
+        for _ in range(400):
+            values = rng.exponential(size=2000)
+            one = Spread.of(lambda values=values: [(values, np.arange(2000))])
+            assert one is not None
+            quantile = one.quantiles[share]
+            assert quantile.low <= quantile.value <= quantile.high
+            held += quantile.low <= truth.ppf(share) <= quantile.high
+        assert stats.binom.cdf(held, 400, 0.95) > 1e-3
+        assert stats.binom.sf(held, 400, 0.975) > 1e-3  # and is no wider than whole ranks make it
+    few = Spread.of(lambda: [(np.arange(5.0), np.arange(5))])
+    assert few is not None
+    assert few.quantiles[0.999].high is None  # five values cannot say so much
+
+
+def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
+    campaign = flown(load(S04), 20_000)
+    times, search = campaign.time, campaign.search
+    parts = Binned.of(np.array_split(times, 7), search.duration, search)
+    later = times[times > 0.0]
+    edges = 60.0 * np.arange(len(parts.counts) + 1)
+    np.testing.assert_array_equal(parts.counts, np.histogram(later, edges)[0])
+    np.testing.assert_array_equal(parts.finer.reshape(-1, 12).sum(axis=1), parts.counts)
+    inside = [np.count_nonzero((later > start) & (later <= end)) for *_, start, end in search.phases]
+    np.testing.assert_array_equal(parts.inside, inside)
+    assert (parts.every, parts.at_once, parts.last) == (20_000, (times == 0.0).sum(), times.max())
+
+
+def test_memory_does_not_grow_with_cases(tmp_path, monkeypatch) -> None:
+    """Of what is counted from files: four times the chunks need no more."""
+    monkeypatch.setattr(lock_cases, "PAIRS_AT_ONCE", 10_000)
+    monkeypatch.setattr(spread, "HELD", 1000)
+    kind, peaks = kind_of(parse(NARROW.replace("cases = 300", "cases = 100")), 7), []
+    for count in (20_000, 80_000):
+        stored = Stored(kind, count, tmp_path / f"{count}", tmp_path / f"{count}.jsonl")
+        stored.begin()
+        for some in stored.missing:
+            stored.take(chunk.flown(kind, *some))
+        tracemalloc.start()
+        campaign = kind.campaign(stored)
+        assert campaign.tally.cases == count
+        assert len(campaign.spreads) == 2
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    small, large = peaks
+    assert large < 1.3 * small
+
+
+# elsewhere
+
+
+def test_a_task_is_text_and_numbers_and_gives_the_same_bytes() -> None:
+    kind = kind_of(parse(NARROW), 7)
+    sent = pickle.loads(pickle.dumps(Task.of(kind)))
+    answer = task.fly(sent, ((50, 100), (0, 50)))
+    assert answer.refused == ()
+    for one in answer.chunks:
+        here = chunk.flown(kind, one.first, one.last)
+        assert (one.data, one.digest, one.met) == (here.data.to_pybytes(), here.digest, here.met)
+    other = sent._replace(made_with=(("numpy", "0.1"),))
+    (line,) = task.fly(other, ((0, 50),)).refused
+    assert line.endswith(", not 0.1; give all the same versions")
+
+
+def test_what_a_worker_cannot_fly_is_said_as_here() -> None:
+    text = NARROW.replace('{ shell = ["50 m", "200 m"] }', '{ choice = ["1 2 3 m"] }')
+    kind = kind_of(parse(text, "one.toml"), 7)
+    with pytest.raises(ScenarioError) as here:
+        kind.flown(0, 10)
+    assert task.fly(Task.of(kind), ((0, 10),)).refused == here.value.lines
+
+
+def test_files_that_a_scenario_names_go_with_the_task(tmp_path) -> None:
+    """States from a file, which no other machine has."""
+    (tmp_path / "states.csv").write_text(
+        "craft,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s\nP,0,0,0,0,0,0\nQ,1,2,3,0,0,0\nR,10,0,0,0,0,0\n"
+    )
+    text = NARROW.replace(
+        'position = ["0 0 0 m", "0 0 0 m", "10 0 0 m"]\nvelocity = "0 0 0 m/s"\n',
+        'states = "states.csv"\n',
+    )
+    (tmp_path / "named.toml").write_text(text)
+    kind = kind_of(load(tmp_path / "named.toml"), 7)
+    sent = Task.of(kind)
+    (tmp_path / "states.csv").unlink()
+    (found,) = task.fly(sent, ((0, 20),)).chunks
+    assert found.digest == chunk.flown(kind, 0, 20).digest
+
+
+def test_chunks_meet_without_a_gap() -> None:
+    stored = Stored(kind_of(load(EXAMPLES / "h03.toml"), 1), 20_001, Path("none"), Path("none.jsonl"))
+    ranges = [*stored.missing]
+    assert all(one[1] == other[0] for one, other in pairwise(ranges))
+    assert (ranges[0][0], ranges[-1][1]) == (0, 20_001)
+    assert case_of(load(S04), 3).case == 3
+    assert chunks.name_of(3) == "000000003.parquet"
