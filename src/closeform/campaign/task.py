@@ -10,7 +10,7 @@ from threading import Lock
 from typing import NamedTuple
 
 from closeform.campaign import chunk
-from closeform.campaign.campaign import kind_of
+from closeform.campaign.campaign import asked
 from closeform.campaign.cases import Cases
 from closeform.campaign.chunk import Chunk
 from closeform.campaign.chunks import versions
@@ -22,13 +22,14 @@ _building = Lock()
 class Task(NamedTuple):
     """A study: the `text` of a scenario, how its `file` is called, the files that it names, and the seed.
 
-    `made_with`: the versions of who asks.
+    `each`: how many cases there are at each point of a sweep; `made_with`: the versions of who asks.
     """
 
     text: str
     file: str
     inputs: tuple[tuple[str, bytes], ...]
     seed: int
+    each: int
     made_with: tuple[tuple[str, str], ...]
 
     @classmethod
@@ -36,7 +37,14 @@ class Task(NamedTuple):
         """The task of flying some cases of a kind."""
         one = cases.scenario
         inputs = tuple(one.inputs.copies.items()) if one.inputs is not None else ()
-        return cls(one.text, Path(one.file).name, inputs, cases.seed, tuple(versions().items()))
+        return cls(
+            one.text,
+            Path(one.file).name,
+            inputs,
+            cases.seed,
+            getattr(cases, "each", 1),
+            tuple(versions().items()),
+        )
 
 
 class Answer(NamedTuple):
@@ -80,4 +88,4 @@ def cases_of(task: Task) -> Cases:
         except ScenarioError as error:
             lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
             raise ScenarioError(task.file, lines) from None
-        return kind_of(replace(scenario, file=task.file), task.seed)
+        return asked(replace(scenario, file=task.file), task.each, task.seed)[0]
