@@ -97,13 +97,12 @@ def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
         return np.concatenate([states[..., along, :3].reshape(*states.shape[:-2], -1), end], axis=-1)
 
     states = flown(alone, field, frame, *exactly(len(crafts), 1)).states[0]
-    did = [off(some - states[k]) / NUDGE for k, some in _nudged(alone, crafts, field, frame)]
+    did = {k: off(some - states[k]) / NUDGE for k, some in _nudged(alone, crafts, field, frame)}
     jumps = commands.jumps.copy()
     for _ in range(ROUNDS):
         moved = 0.0
-        for k, (own, responses) in enumerate(zip(crafts, did, strict=True)):
-            if not len(own):
-                continue
+        for k, responses in did.items():
+            own = crafts[k]
             pushed = np.vstack([responses.T, free * np.eye(3 * len(own))])
             changed = free * (jumps[k] - commands.jumps[k])[own].ravel()
             missed = np.concatenate([off(states[k] - wanted[k]), changed])
@@ -118,21 +117,20 @@ def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
             "plan: no change of its impulses was found with which it ends in this field where it should; "
             "plan in shorter stages, or burns"
         )
-    fires = np.array([len(own) > 0 for own in crafts])
+    fires = np.isin(np.arange(len(crafts)), list(did))
     return replace(commands, jumps=jumps, reference=np.where(fires[:, None, None], states, wanted))
 
 
 def _nudged(
     commands: Commands, crafts: list[Any], field: Field, frame: ChiefFrame
 ) -> Iterator[tuple[int, Floats]]:
-    """Each craft, and states (3 M, T, 6) that it flies if one of its M impulses is larger along one axis."""
+    """Each craft that fires, and states (3 M, T, 6) with each of its M impulses larger along each axis."""
     for k, own in enumerate(crafts):
+        if not len(own):
+            continue
         which = np.full(3 * len(own), k)
         jumps = commands.jumps[which]
         jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
-        if not len(own):
-            yield k, np.zeros((0, *commands.path.state(commands.table.shown_times).shape[1:]))
-            continue
         some = {
             name: getattr(commands, name)[which] for name in ("cancelled", "limits", "bits", "ballistics")
         }
