@@ -80,6 +80,61 @@ def test_an_independent_reader_has_the_states_of_the_plan(flown, given, to, suff
             close(found, flown, name, times)
 
 
+@pytest.fixture(scope="module")
+def unsure(tmp_path_factory):
+    """The same craft with errors of their states and of burns, and a fourth stage after the burns."""
+    errors = (
+        'covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }\nexecution = { magnitude = "2 %" }'
+    )
+    text = SURE.replace('covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }', errors)
+    return run(tmp_path_factory.mktemp("unsure"), text + '\n[[stage]]\ndo = "coast"\nfor = "0.2 orbits"\n')
+
+
+def drawn(mission, name: str, time: float, count: int):
+    """Inertial states (count, 6) of a craft that coasts from the start, of errors drawn there."""
+    errors = np.random.default_rng(1).normal(size=(count, 6)) * [1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]
+    start = mission.results[0].after.path(name).state(0.0)
+    states = mission.orbit.coast(start + errors, 2.0 * time).state(time)
+    return mission.scenario.chief.inertial_from_relative(np.full(count, time), states)
+
+
+@pytest.mark.parametrize(("to", "suffix"), [("oem", "oem"), ("oem-xml", "xml")])
+def test_covariances_are_those_of_states_that_are_drawn(unsure, tmp_path, to, suffix) -> None:
+    """By another reader: of the craft that never burns, at four epochs, of 40000 draws each."""
+    place = cf.export(unsure, tmp_path / to, to)
+    start = Time(EPOCH, scale="utc")
+    (segment,) = OrbitEphemerisMessage.open(place / f"F1.{suffix}").segments
+    told = list(segment.covariances)
+    assert len(told) >= 12
+    for one in told[1::4]:
+        states = drawn(unsure, "F1", float((one.epoch - start).to_value("s")), 40_000)
+        root = np.linalg.cholesky(1e6 * np.asarray(one.matrix))
+        spread = np.cov(np.linalg.solve(root, (states - states.mean(axis=0)).T))
+        # of 40000 draws a variance is known to 0.7 %, and five such are never met
+        np.testing.assert_allclose(spread, np.eye(6), atol=0.035)
+
+
+def test_covariances_grow_at_burns_and_are_those_of_a_screening(unsure, tmp_path) -> None:
+    """Each segment begins with the covariance after its burn, the first with the scenario's."""
+    place = cf.export(unsure, tmp_path / "oem", "oem")
+    files = [str(place / f"F{k}.oem") for k in (1, 2, 3)]
+    segments = cf.read_oem_segments(files[2])
+    assert len(segments) == 4
+    for one in segments:
+        assert one.covariances.times[0] == 0.0
+        assert one.covariances.times[-1] < one.times[-1]
+    speeds = [np.sqrt(np.trace(one.covariances.matrices[0][3:, 3:])) for one in segments]
+    assert speeds[0] < speeds[1] < speeds[2]
+    frame = cf.common_frame([cf.read_oem_segments(file) for file in files])
+    for held in frame.covariances:
+        np.testing.assert_allclose(np.sqrt(np.diag(held))[:3], [1.0, 2.0, 1.0], rtol=1e-4)
+    assert len(cf.screen(frame.paths, cf.Sphere(5.0), frame.errors)) == 0
+
+
+def test_exactly_known_craft_have_no_covariances(flown, given) -> None:
+    assert "COVARIANCE" not in (given("oem") / "F1.oem").read_text()
+
+
 def kvn(file: Path) -> list[tuple[dict[str, str], list[list[str]]]]:
     """Blocks of a message: keywords and rows of words, cut where keywords begin again."""
     blocks: list = [({}, [])]

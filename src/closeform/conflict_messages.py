@@ -13,6 +13,7 @@ from closeform.conflicts.two_paths import PairConflict
 from closeform.exchange.chief import Chief
 from closeform.exchange.conjunction import Conjunction, ConjunctionObject
 from closeform.exchange.covariance import axes
+from closeform.exchange.exported import FileFrame
 from closeform.export_source import UNKNOWN, Source
 from closeform.motion.path import Path
 from closeform.uncertainty.carried import carried
@@ -125,12 +126,10 @@ def told(
     """One of the two at a time, with its covariance along its own axes, of inertial velocities."""
     relative = path.state(time)
     state = chief.inertial_from_relative(time, relative)
-    steps = np.diag([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])
-    times = np.full(6, time)
-    ahead, behind = (chief.inertial_from_relative(times, relative + sign * steps) for sign in (1.0, -1.0))
-    slopes = ((ahead - behind) / (2.0 * steps.diagonal()[:, None])).T
+    frame = FileFrame(chief.frame, chief.center, chief.instant, chief)
+    (inertial,) = frame.covariances(np.array([time]), relative[None], covariance[None])
     turn = np.kron(np.eye(2), axes("RTN", state))
-    own = turn @ slopes @ covariance @ slopes.T @ turn.T
+    own = turn @ inertial @ turn.T
     return ConjunctionObject(
         name=name,
         designator=UNKNOWN,

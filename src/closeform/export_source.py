@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,9 +19,12 @@ from closeform.fuel.burns import burns_of
 from closeform.mission_result import Mission
 from closeform.motion.path import Path
 from closeform.reopened import LoadedRun
-from closeform.scenario import Scenario
+from closeform.scenario import Craft, Scenario
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
 
 UNKNOWN = "UNKNOWN"  # as CCSDS calls what has no designator
 SAME_ORBIT = 1e-6  # of the mean motion, of the chief's and that of the paths
@@ -95,7 +98,9 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
         raise ValueError(f"result: nothing was flown, {result.stopped}; mend the scenario first")
     paths = [through(result.orbit, result.flown, k) for k in range(len(scenario.names))]
     craft = tuple(
-        FlownCraft(one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass)
+        FlownCraft(
+            one.name, UNKNOWN, path, shots(result.burns, one.name), one.mass, spread(result.flown, one)
+        )
         for one, path in zip(scenario.craft, paths, strict=True)
     )
     found = chief or scenario.chief
@@ -145,6 +150,20 @@ def through(orbit: Any, stages: Sequence[Any], k: int) -> Path:
     """The path of craft k through stages that follow one another."""
     arcs = np.concatenate([stage.after.paths[k].arcs for stage in stages])
     return Path(orbit, arcs, np.array([0, len(arcs)]), ())
+
+
+def spread(stages: Sequence[Any], craft: Craft) -> tuple[tuple[Path, Errors], ...]:
+    """A craft's path in each stage, with its errors when that begins; none of one that is known exactly."""
+    errors, found = craft.errors, []
+    if errors is None:
+        return ()
+    from closeform.uncertainty.carried import carried  # with kernels that few exports need
+
+    for stage in stages:
+        path = stage.after.path(craft.name)
+        found.append((path, errors))
+        errors = carried(errors, path)
+    return tuple(found)
 
 
 def shots(burns: Mapping[str, Any], name: str) -> Shots:

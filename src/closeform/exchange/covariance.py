@@ -63,6 +63,17 @@ class Covariances(Result):
         return len(self.times)
 
 
+def covariance_lines(matrices: Floats, stamps: Sequence[str], frames: Sequence[str], own: str) -> list[str]:
+    """The block of an OEM, in km^2, km^2/s and km^2/s^2; frames are named that are not that of the states."""
+    lines = ["", "COVARIANCE_START"]
+    for stamp, matrix, given in zip(stamps, matrices / 1e6, frames, strict=True):
+        lines.append(f"EPOCH = {stamp}")
+        if given != own:
+            lines.append(f"COV_REF_FRAME = {given}")
+        lines += [" ".join(f"{value:.15e}" for value in matrix[row, : row + 1]) for row in range(6)]
+    return [*lines, "COVARIANCE_STOP"]
+
+
 def from_lower(values: Sequence[float]) -> Floats:
     """A symmetric matrix (6, 6) of its 21 values from upper left to lower right, row by row."""
     matrix = np.zeros((6, 6))

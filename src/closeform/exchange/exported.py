@@ -56,17 +56,34 @@ class FileFrame:
         turned: Floats = gained[:, 3:] * (size / LARGE)
         return turned
 
+    def covariances(self, times: Floats, relative: Floats, matrices: Floats) -> Floats:
+        """Covariances (C, 6, 6) along the file's axes, of those of the paths about `relative` (C, 6)."""
+        if self.chief is None:
+            return matrices
+        steps = np.diag([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])  # m, m/s, within which the map is straight
+        six = np.repeat(times, 6)
+        ahead, behind = (
+            self.states(six, (relative[:, None] + sign * steps).reshape(-1, 6)).reshape(-1, 6, 6)
+            for sign in (1.0, -1.0)
+        )
+        slopes = np.swapaxes((ahead - behind) / (2.0 * steps.diagonal()[:, None]), 1, 2)
+        found: Floats = slopes @ matrices @ np.swapaxes(slopes, 1, 2)
+        return 0.5 * (found + np.swapaxes(found, 1, 2))
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A smooth part of a craft's motion, told at `times` (T,) [s], T >= COUNT.
 
-    `states` (T, 6) [m, m/s] and `thrust` (T, 3) [m/s^2].
+    `states` (T, 6) [m, m/s] and `thrust` (T, 3) [m/s^2]; `covariances` (C, 6, 6) [m^2, m^2/s, m^2/s^2] at
+    `known` (C,) [s], some of the times, none of a craft without errors.
     """
 
     times: Floats
     states: Floats
     thrust: Floats
+    known: Floats = field(default_factory=lambda: np.empty(0))
+    covariances: Floats = field(default_factory=lambda: np.empty((0, 6, 6)))
 
 
 @dataclass(frozen=True, eq=False)

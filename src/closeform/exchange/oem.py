@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path as FilePath
 
 from closeform.arrays import Floats, instance, sequence
-from closeform.exchange.covariance import Covariances
+from closeform.exchange.covariance import covariance_lines
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import Epoch, now, seconds_of
 from closeform.exchange.message import message, within
@@ -159,7 +159,8 @@ def write_oem(
         lines.append(f"{stamp} {position} " + " ".join(f"{value:16.12f}" for value in state[3:]))
     if ephemeris.covariances is not None:
         stamps = _stamps(ephemeris, ephemeris.covariances.times)
-        lines += _lines_of(ephemeris.covariances, stamps, ephemeris.frame)
+        held = ephemeris.covariances
+        lines += covariance_lines(held.matrices, stamps, held.frames, ephemeris.frame)
     FilePath(file).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -167,14 +168,3 @@ def _stamps(ephemeris: Ephemeris, times: Floats) -> list[str]:
     """Times [s] as epochs, to a nanosecond."""
     start = Epoch(ephemeris.epoch, ephemeris.time_system)
     return [re.sub(r"\.?0+$", "", stamp) for stamp in start.stamps(times)]
-
-
-def _lines_of(covariances: Covariances, stamps: Sequence[str], frame: str) -> list[str]:
-    """The block of covariances, in km^2, km^2/s and km^2/s^2."""
-    lines = ["", "COVARIANCE_START"]
-    for stamp, matrix, given in zip(stamps, covariances.matrices / 1e6, covariances.frames, strict=True):
-        lines.append(f"EPOCH = {stamp}")
-        if given != frame:
-            lines.append(f"COV_REF_FRAME = {given}")
-        lines += [" ".join(f"{value:.15e}" for value in matrix[row, : row + 1]) for row in range(6)]
-    return [*lines, "COVARIANCE_STOP"]

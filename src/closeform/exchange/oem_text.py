@@ -7,6 +7,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from closeform.exchange.covariance import LOWER, covariance_lines
 from closeform.exchange.epochs import now
 from closeform.exchange.exported import FileFrame, Piece, Track, text_rows
 from closeform.exchange.nodes import DEGREE
@@ -15,8 +16,10 @@ STATE = " ".join(
     ["%s"] + ["%.12f"] * 3 + ["%.15f"] * 3
 )  # km, km/s: to a nanometre, and a picometre per second
 NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
+RATES = ("km**2", "km**2/s", "km**2/s**2")  # of covariances, by how many velocities are in them
 UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")
 ORIGINATOR = "CLOSEFORM"
+COVARIANCES = "covariances are of the craft beside the formation's origin, which is taken as exact"
 SCHEMA = "https://sanaregistry.org/r/ndmxml_unqualified/ndmxml-3.0.0-master-3.0.xsd"
 
 
@@ -51,7 +54,8 @@ def keyed(entries: Mapping[str, str]) -> list[str]:
 
 def comments(track: Track, frame: FileFrame) -> list[str]:
     """What readers should know."""
-    return [*frame.about, f"{track.name}: {track.accuracy}"]
+    known = (COVARIANCES,) if len(track.pieces[0].known) else ()
+    return [*frame.about, f"{track.name}: {track.accuracy}", *known]
 
 
 def oem(track: Track, frame: FileFrame) -> str:
@@ -61,6 +65,9 @@ def oem(track: Track, frame: FileFrame) -> str:
     for piece in track.pieces:
         parts.append("\n".join(["\nMETA_START", *keyed(metadata(track, frame, piece)), "META_STOP\n\n"]))
         parts.append(text_rows(frame.stamps(piece.times), STATE, piece.states / 1e3))
+        if len(piece.known):
+            stamps, own = frame.stamps(piece.known), [frame.name] * len(piece.known)
+            parts.append("\n".join([*covariance_lines(piece.covariances, stamps, own, frame.name), ""]))
     return "".join(parts)
 
 
@@ -85,8 +92,19 @@ def oem_xml(track: Track, frame: FileFrame) -> str:
         parts += [f"<{keyword}>{escape(value)}</{keyword}>\n" for keyword, value in entries]
         parts.append("</metadata>\n<data>\n")
         parts.append(text_rows(frame.stamps(piece.times), row, piece.states / 1e3))
+        parts += covariance_elements(piece, frame)
         parts.append("</data>\n</segment>\n")
     return "".join([*parts, "</body>\n</oem>\n"])
+
+
+def covariance_elements(piece: Piece, frame: FileFrame) -> Iterator[str]:
+    """The covariances of a piece in XML."""
+    for stamp, matrix in zip(frame.stamps(piece.known), piece.covariances / 1e6, strict=True):
+        yield f"<covarianceMatrix><EPOCH>{stamp}</EPOCH><COV_REF_FRAME>{frame.name}</COV_REF_FRAME>\n"
+        for row, column in zip(*LOWER, strict=True):
+            name, unit = f"C{NAMES[row]}_{NAMES[column]}", RATES[int(row > 2) + int(column > 2)]
+            yield f'<{name} units="{unit}">{matrix[row, column]:.15e}</{name}>\n'
+        yield "</covarianceMatrix>\n"
 
 
 def opm(track: Track, frame: FileFrame) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,22 +16,30 @@ from closeform.exchange.nodes import COUNT, common_nodes, edges_of, kicks_of, no
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
 STEPS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)  # s; with 60 a screening is millimetres off under thrust
 GOAL, COARSE = 1e-6, 1e-3  # m: how far states between nodes are off, of steps that are chosen and given
 LOOKED_AT = 300  # intervals of a piece whose middles say how far polynomials are off
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+KNOWN = 24  # epochs with covariances in an orbit
 TURN = 0.5  # rad of the frame's turn, within which 16 points of Gauss integrate thrust to the last digits
 
 
 @dataclass(frozen=True, eq=False)
 class FlownCraft:
-    """One craft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known."""
+    """One craft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known.
+
+    `spread`: its path stage by stage, with its errors at the beginning of each, where it has any.
+    """
 
     name: str
     object_id: str
     path: Path
     burns: Shots
     mass: float | None = None
+    spread: tuple[tuple[Path, Errors], ...] = ()
 
 
 def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
@@ -61,7 +70,7 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
         Track(
             one.name,
             one.object_id,
-            tuple(told(part, times, frame) for part, times in zip(parts, own, strict=True)),
+            tuple(told(part, times, frame, one.spread) for part, times in zip(parts, own, strict=True)),
             off,
             turned(one, frame),
             one.mass,
@@ -70,10 +79,35 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
     )
 
 
-def told(piece: Path, times: Floats, frame: FileFrame) -> Piece:
-    """States and thrust of a piece at its nodes."""
+def told(piece: Path, times: Floats, frame: FileFrame, spread: Sequence[tuple[Path, Errors]] = ()) -> Piece:
+    """States and thrust of a piece at its nodes, and covariances at some of them."""
     relative, thrust = rows(piece, times), rows(piece, times, 3)
-    return Piece(times, frame.states(times, relative), frame.vectors(times, relative, thrust))
+    found = Piece(times, frame.states(times, relative), frame.vectors(times, relative, thrust))
+    if not spread:
+        return found
+    some = sparse(times, piece.orbit.mean_motion)
+    known = times[some]
+    matrices = frame.covariances(known, relative[some], covariances(spread, known))
+    return replace(found, known=known, covariances=matrices)
+
+
+def sparse(times: Floats, mean_motion: float) -> Any:
+    """Which of the nodes (T,) of a piece have covariances, the first always, the last never.
+
+    At a burn that is the first of the next piece, after it.
+    """
+    whole = 2.0 * np.pi / mean_motion if mean_motion > 0.0 else times[-1] - times[0]
+    return np.unique(np.searchsorted(times[:-1], np.arange(times[0], times[-2], whole / KNOWN)))
+
+
+def covariances(spread: Sequence[tuple[Path, Errors]], times: Floats) -> Floats:
+    """Of a craft's state (C, 6, 6) at rising times, in the frame of its paths; at an impulse after it."""
+    begins = np.array([path.start for path, _ in spread])
+    stage = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
+    found = np.empty((len(times), 6, 6))
+    for k, (path, errors) in enumerate(spread):
+        found[stage == k] = errors.covariance(path, np.clip(times[stage == k], path.start, path.end))
+    return found
 
 
 def error(piece: Path, times: Floats, frame: FileFrame) -> float:
