@@ -22,6 +22,31 @@ def formation(seed: int, count: int, turns: float) -> tuple[cf.Plan, cf.Sphere]:
     return cf.reconfigure(ORBIT, *states, turns * ORBIT.period, zone), zone
 
 
+def long_flight(repeats: int) -> float:
+    """The time [s] of thirty days of 8 craft on a circle, held by eight impulses within two orbits."""
+    orbit, angle = FIELD.orbit, np.arange(8) * np.pi / 4.0
+    n, r = orbit.mean_motion, 500.0
+    places = r * np.array([np.sin(angle) / 2.0, np.cos(angle), np.sin(angle)])
+    speeds = n * r * np.array([np.cos(angle) / 2.0, -np.sin(angle), np.cos(angle)])
+    circle = orbit.coast(np.vstack([places, speeds]).T, 30.0 * 86400.0)
+    law = cf.Feedback(orbit.period, 2.0 * orbit.period, 8)
+    return timed(lambda: cf.fly(circle, FIELD, feedback=law, navigation=SIGHT), min(repeats, 3))[0]
+
+
+def new_plans(plan: cf.Plan, zone: cf.Sphere) -> float:
+    """The time [s] of a flight whose plan is made anew each five minutes."""
+    return timed(lambda: cf.fly(plan, FIELD, "replan", navigation=SIGHT, zones=zone), 1)[0]
+
+
+def updates(plan: cf.Plan, repeats: int) -> float:
+    """The time [s] of one measurement of all craft in flights of an orbit, and of the minute until the next."""
+    many, few = (
+        timed(lambda flights=flights: cf.fly(plan, FIELD, navigation=SIGHT, seeds=flights), repeats)[0]
+        for flights in (41, 1)
+    )
+    return (many - few) / 40.0 / np.ceil(float(plan.paths.end[0]) / 60.0)
+
+
 def measure(quick: bool) -> Report:
     repeats, flights, count = (1, 10, 4) if quick else (9, 100, 60)
     plan, zone = formation(3, 8, 1.0)
@@ -36,6 +61,15 @@ def measure(quick: bool) -> Report:
             seconds(flown),
             f"{many.greatest_end:.3f} m off at most",
         ],
+    ]
+    lasting, anew, update = long_flight(repeats), new_plans(plan, zone), updates(plan, repeats)
+    kicked = ORBIT.impulsive(plan.paths.state(0.0), plan.paths.state(plan.paths.end[0]), ORBIT.period)
+    changed, _ = timed(lambda: cf.thrust(kicked, FIELD), repeats)
+    rows += [
+        ["thrust, impulses changed for the field", seconds(changed), ""],
+        ["fly, 8 craft held for 30 days by impulses", seconds(lasting), ""],
+        ["fly, once, with a new plan each five minutes", seconds(anew), ""],
+        ["an update of feedback, 8 craft", seconds(update), "with what it takes to fly until the next"],
     ]
     kept, lost, predicted, nearest = [], [], [], []
     for seed in range(count):
@@ -76,6 +110,8 @@ def measure(quick: bool) -> Report:
         [
             Figure("validity, 8 craft", "<= 5 ms", seconds(checked), checked <= 5e-3),
             Figure("100 flights of 8 craft, one orbit", "<= 0.5 s", seconds(flown), flown <= 0.5),
+            Figure("feedback update, 8 craft", "<= 50 µs", seconds(update), update <= 50e-6),
+            Figure("8 craft held for 30 days", "seconds", seconds(lasting), lasting <= 5.0),
             Figure("field known: end error, median", "<= 1 mm", f"{1e3 * middle:.2g} mm", middle <= 1e-3),
             Figure("field known: end error, worst", "<= 3 cm", f"{1e3 * worst:.2g} mm", worst <= 0.03),
             Figure("deviation predicted, median", "to 1 %", f"{100 * off:.2g} %", off <= 0.01),
