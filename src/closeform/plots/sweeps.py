@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, numbers, sequence
-from closeform.plots.letters import plain
-from closeform.plots.look import INK, SMALL, TEXT, WIDTH, area, dress, headline, sheet
+from closeform.plots.letters import fonts, inches, plain
+from closeform.plots.look import INK, SMALL, TEXT, WIDTH, area, dress, headline, legend, sheet
 from closeform.plots.tracks import colours
 
-MOST = 12  # lines
+MOST, LONG = 12, 40  # lines that are drawn, letters of a name
+BESIDE = 0.9  # inches of a legend beside each name
 
 
 def sweep(
@@ -65,20 +65,29 @@ def sweep(
     for name, part in parts.items():
         if part.shape != (len(called), len(where)) or not np.isfinite(part).all():
             raise ValueError(f"{name}: expected finite numbers of shape (K, P), K names, got {part.shape}")
-    figure = sheet(5.2)
-    axes = area(figure, 0.95, 0.7, WIDTH - 0.95 - 0.4, 3.85)
+    words = [shortened(name, k) for k, name in enumerate(called[:MOST], 1)]
+    across = max(1, int(WIDTH / (BESIDE + max(inches(word, SMALL) for word in words))))
+    rows = -(-len(words) // across) if any(called) else 0
+    figure = sheet(5.2 + 0.3 * rows)
+    axes = area(figure, 0.95, 0.7 + 0.3 * rows, WIDTH - 0.95 - 0.4, 3.85)
     dress(axes)
     shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
+    lines = []
     for k, tint in enumerate(colours(shown.shape[1])):
         middle, below, above = shown[:, k]
         bars = np.maximum([middle - below, above - middle], 0.0)
-        style: dict[str, Any] = {"marker": "o", "markersize": 5, "linewidth": 1.6, "capsize": 3}
-        axes.errorbar(where, middle, bars, color=tint, label=called[k], **style)
+        lines.append(axes.errorbar(where, middle, bars, color=tint, marker="o", linewidth=1.6, capsize=3))
     axes.set_xlabel(what, fontsize=TEXT, color=INK)
     axes.set_ylabel("cases in which all is met [%]", fontsize=TEXT, color=INK)
-    if any(called):
-        for words in axes.legend(fontsize=SMALL, frameon=False).get_texts():
-            plain(words)
+    if rows:
+        legend(figure, lines, words, ncols=across)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
     plain(headline(figure, f"All is met in {least:.4g} to {most:.4g} % of cases"))
     return figure
+
+
+def shortened(name: str, number: int) -> str:
+    """A name, cut where long; its number where no font of this machine has its letters."""
+    if None in fonts(name):
+        return f"#{number}"
+    return name if len(name) <= LONG else f"{name[: LONG - 1]}…"
