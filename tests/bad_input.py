@@ -2232,7 +2232,7 @@ CALLS = (
     Call(
         "navigation that is worse than the zones",
         "cf.fit_margin(lambda margin: plan, cf.Field(chief), cf.Sphere(9.0), navigation=cf.Navigation(10.0, 0.01))",
-        "navigation: 20.7 m of room are needed for what it and the field leave, more than a zone of 9 m; measure better, or keep larger zones",
+        "navigation: 20.7 m of room are needed for what it leaves, more than a zone of 9 m; measure better, or keep larger zones",
     ),
     Call(
         "a margin that no function makes a plan of",

@@ -150,9 +150,12 @@ def fit_margin(
     margin: Any = np.asarray(least.radius if fixed else least.of_a_pair)
     widest = _least_radius(zones)
     if margin > widest:
+        cause, remedy = ("residual", "know more of the field")
+        if least.model < 0.5 * least.radius:
+            cause, remedy = ("navigation", "measure better")
         raise ValueError(
-            f"navigation: {margin:.3g} m of room are needed for what it and the field leave, more than a "
-            f"zone of {widest:.3g} m; measure better, or keep larger zones"
+            f"{cause}: {margin:.3g} m of room are needed for what it leaves, more than a zone of "
+            f"{widest:.3g} m; {remedy}, or keep larger zones"
         )
     for made in range(1, ROUNDS + 1):
         plan = instance("planned", planned(margin), Plan, Avoidance)
