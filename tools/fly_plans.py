@@ -1,7 +1,8 @@
 """Fly many random plans in the real field under feedback, and count zones that are entered.
 
     python tools/fly_plans.py --plans 1000 --results flights.csv
-    python tools/fly_plans.py --plans 200 --results held-out.csv --held-out
+    python tools/fly_plans.py --plans 150 --results held-out.csv --held-out
+    python tools/fly_plans.py --plans 400 --open-loop
 
 Each plan is made with the margin that `fit_margin` finds for it at four sigmas, nothing else, and flown once
 with thrust less the residual: in J2 and a difference of drag, of which only J2 is known; with thrust as
@@ -10,6 +11,8 @@ Horizon, sigmas and the law of the errors stand fixed here.  Orbits of 400, 500 
 51.6 and 97.4 degrees, of eccentricities from 0.0005 to 0.01; held out are 600 and 700 km, 45, 63.4 and 82
 degrees, and other tasks.  A plan's task and errors are drawn from its own stream.  Every plan that is done
 is a line of the results, and the same command goes on from there; without --results all begins anew.
+With --open-loop thrust is played as planned, in all that pulls, and compared with what `validity` predicts;
+and then less the residual, with all of it known.
 """
 
 import argparse
@@ -118,12 +121,53 @@ def told(lines: list[dict[str, str]]) -> int:
     return bad
 
 
+def predicted(seed: int) -> list[float]:
+    """Of one task: eccentricity, how far off, how wrong that and least distances were predicted, and u - d."""
+    draws = np.random.Generator(np.random.Philox(key=[seed, 2]))
+    count = int(draws.integers(3, 7))
+    field, _ = fields(draws, count)
+    start, final, duration, radius = task(draws, field.chief.orbit, count)
+    path, zone = field.chief.orbit.transfer(start, final, duration), cf.Sphere(radius)
+    found = cf.validity(path, field, zone)
+    real = cf.fly(path, field, "open", cancel=False, zones=zone)
+    off = real.states[0][..., :3] - path.position(real.times)
+    said = [[np.interp(real.times, found.times, one[:, k]) for k in range(3)] for one in found.deviations]
+    wrong = np.linalg.norm(np.moveaxis(np.array(said), 1, 2) - off, axis=-1).max(axis=1)
+    size = np.linalg.norm(off, axis=-1).max(axis=1)
+    least = radius * np.abs(found.flown - real.ratios[0])
+    kept = cf.fly(path, field, "open").ends.max()
+    return [field.chief.eccentricity, size.max(), (wrong / size).max(), least.max(), float(kept)]
+
+
+def told_open(number: int) -> None:
+    """A table of what was predicted and flown, by eccentricity."""
+    found = np.array([predicted(seed) for seed in range(number)])
+    print(
+        "eccentricity    plans  off: median  predicted to: median  most  least distance to: 95 %  most",
+        end="",
+    )
+    print("  less d: median   most")
+    for low, high in ((0.0, 1e-3), (1e-3, 3e-3), (3e-3, 1e-2)):
+        some = found[(found[:, 0] > low) & (found[:, 0] <= high)][:, 1:].T
+        off, share, least, kept = some
+        print(
+            f"to {high:<10g} {len(off):8d} {np.median(off):9.1f} m "
+            f"{np.median(share):20.2%} {share.max():6.2%} "
+            f"{100 * np.quantile(least, 0.95):20.2f} cm {100 * least.max():.1f} cm "
+            f"{1e3 * np.median(kept):11.3f} mm {1e3 * kept.max():.3f} mm"
+        )
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--plans", type=int, default=1000)
     parser.add_argument("--results", type=Path)
     parser.add_argument("--held-out", action="store_true")
+    parser.add_argument("--open-loop", action="store_true")
     asked = parser.parse_args()
+    if asked.open_loop:
+        told_open(asked.plans)
+        return 0
     lines = done(asked.results)
     if asked.results is not None:
         with asked.results.open("w", newline="") as out:  # without a line that was cut off
