@@ -122,7 +122,7 @@ def told(lines: list[dict[str, str]]) -> int:
 
 
 def predicted(seed: int) -> list[float]:
-    """Of one task: eccentricity, how far off, how wrong that and least distances were predicted, and u - d."""
+    """Of one task: eccentricity, how far off, how wrong that and least distances are, and less d."""
     draws = np.random.Generator(np.random.Philox(key=[seed, 2]))
     count = int(draws.integers(3, 7))
     field, _ = fields(draws, count)
