@@ -1101,6 +1101,18 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         f"craft.thrust_error: is for flights in a field; {A_FIELD}",
     ),
     Bad(
+        "a margin for flights without a field",
+        TO,
+        TO + '\nmargin = "auto"',
+        "stage[2].margin: auto is for flights in a field; add field to [orbit], or give a length",
+    ),
+    Bad(
+        "a margin that is no length",
+        TO,
+        TO + '\nmargin = "wide"',
+        'stage[2].margin: "wide" is no length; write for example "0.5 m" or "auto"',
+    ),
+    Bad(
         "errors of thrust of one kind",
         KEEP_OUT,
         KEEP_OUT + '\nthrust_error = "1 %"',

@@ -149,3 +149,54 @@ def test_a_run_without_a_field_is_refused(tmp_path: Path, capsys):
     remedy = "add field, with epoch and chief, to [orbit], and run it again"
     assert capsys.readouterr().err == f"{tmp_path / 'plain'}: its scenario has no field; {remedy}\n"
     assert not (tmp_path / "flights").exists()
+
+
+def swapped(place: Path, text: str) -> tuple[cf.LoadedRun, dict]:
+    """A scenario that is run, and its summary."""
+    (place / "swap.toml").write_text(text)
+    main(["run", str(place / "swap.toml"), "--out", str(place / "run"), "--no-viewer"])
+    return cf.load(place / "run"), json.loads((place / "run" / "summary.json").read_text())
+
+
+def test_a_margin_is_kept_beyond_zones(tmp_path: Path):
+    loaded, summary = swapped(tmp_path, swap(more='margin = "0.7 m"\n'))
+    pair = [loaded.paths[0], loaded.paths[1]]
+    assert cf.closest_approach(*pair, cf.Sphere(30.7)).ratio == pytest.approx(1.0, abs=1e-6)
+    assert summary["stages"][0]["margin_m"] == 0.7
+
+
+def test_the_margin_that_is_found_is_kept_in_flight(tmp_path: Path):
+    """With errors of navigation and thrust nobody enters a zone, which without it a coin decides."""
+    errors = 'thrust_error = "1 %, 1 deg"'
+    _, summary = swapped(tmp_path, swap(craft=errors, more='margin = "auto"\n' + NAVIGATION))
+    margin = summary["stages"][0]["margin_m"]
+    assert 0.28 < margin < 1.0  # m: noise alone needs 0.28
+    status, found, tables = flown(tmp_path / "run", tmp_path / "out", "--seeds", "60")
+    assert (status, found["violated"]) == (0, 0)
+    assert tables["ratios"]["ratio"].min() < 1.0 + margin / 30.0
+
+
+def test_the_margin_of_one_craft_among_others(tmp_path: Path):
+    """One moves past another that coasts: both are off, and neither is in the other's zone."""
+    stage = """
+[[stage]]
+do = "avoid"
+craft = "A"
+to = { position = "0 0 -120 m", velocity = "0 0 0 m/s" }
+within = "0.4 orbits"
+margin = "auto"
+"""
+    text = swap().split("[[stage]]")[0].replace("0 0 -120 m", "0 3 0 m") + stage + NAVIGATION
+    _, summary = swapped(tmp_path, text)
+    needed = cf.tube(cf.load(tmp_path / "run").orbit, cf.Feedback(), cf.Navigation(0.1, 3e-4)).of_a_pair
+    assert summary["stages"][0]["margin_m"] == pytest.approx(needed)
+    status, found, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "40")
+    assert (status, found["violated"]) == (0, 0)
+
+
+def test_impulses_have_no_margin_of_their_own(tmp_path: Path, capsys):
+    text = swap(more='margin = "auto"\ncost = "delta-v"\n' + NAVIGATION)
+    (tmp_path / "swap.toml").write_text(text)
+    assert main(["run", str(tmp_path / "swap.toml"), "--out", str(tmp_path / "run")]) == 2
+    said = 'margin: "auto" is not known for impulses; give a length, or craft max_acceleration\n'
+    assert capsys.readouterr().err.endswith(said)

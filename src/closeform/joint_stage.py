@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from closeform.mission_result import ReconfigureResult, StageResult
 from closeform.motion.duration import far_beyond
 from closeform.pulsed import pulsed
 from closeform.scenario import Goal, Joint, Reconfigure, Regather, Scatter
+from closeform.stage_margin import with_margin
 from closeform.stage_start import StageStart, too_late
 
 if TYPE_CHECKING:
@@ -122,26 +123,31 @@ def planned(
     punctual: Floats | None = None
     for attempt in range(AGAIN):
         slots = start.earlier(goals(duration + start.room.time))
-        plan = reconfigure(
-            start.orbit,
-            start.states[who],
-            slots,
-            duration,
-            [start.keep_out[k] for k in who + rest],
-            assign=stage.assigns,
-            start=start.time,
-            obstacles=[start.coast(k, seen) for k in rest],
-            max_acceleration=limits if np.isfinite(limits).any() else None,
-            if_blocked=stage.if_blocked,
-            method=stage.plan,
-            order=order,
-            names=[scenario.names[k] for k in who + rest],
-            cost=stage.cost,
-            thrusters=thrusters if any(own is not None for own in thrusters) else None,
-            errors=known,
-            sigmas=stage.sigmas or 0.0,
-            drift=drift,
-        )
+
+        def made(margin: Any, slots: Floats = slots, duration: float = duration) -> "Plan":
+            return reconfigure(
+                start.orbit,
+                start.states[who],
+                slots,
+                duration,
+                [start.keep_out[k] for k in who + rest],
+                assign=stage.assigns,
+                start=start.time,
+                obstacles=[start.coast(k, seen) for k in rest],
+                max_acceleration=limits if np.isfinite(limits).any() else None,
+                if_blocked=stage.if_blocked,
+                method=stage.plan,
+                order=order,
+                names=[scenario.names[k] for k in who + rest],
+                cost=stage.cost,
+                thrusters=thrusters if any(own is not None for own in thrusters) else None,
+                errors=known,
+                sigmas=stage.sigmas or 0.0,
+                drift=drift,
+                margin=margin,
+            )
+
+        plan = with_margin(start, stage, who, rest, made)
         measures += plan.measures
         punctual = punctual if attempt else plan.punctual  # of the duration asked for
         plan = replace(plan, punctual=punctual)

@@ -16,6 +16,7 @@ from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.pulsed import pulsed
 from closeform.scenario import Avoid, Transfer
+from closeform.stage_margin import with_margin
 from closeform.stage_start import StageStart, too_late
 from closeform.zones.zone import Zone
 
@@ -28,7 +29,7 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     """The plan of one craft around the others."""
     from closeform.planning.around import Around
-    from closeform.planning.plan import weakness
+    from closeform.planning.plan import Avoidance, weakness
 
     names, asked = start.scenario.names, start.asked(stage)
     mover = names.index(stage.craft)
@@ -82,12 +83,16 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     task = replace(task, drift=drift)
     if known is not None:
         task = task.keeping(direct, known[0], known[1:], stage.sigmas)
-    if not craft.limited or thrusters is not None:
-        avoidance = task.plan(direct)
-    else:
-        avoidance = task.keep(
+
+    def made(margin: Any) -> Avoidance:
+        padded = task.padded(margin) if np.any(margin) else task
+        if not craft.limited or thrusters is not None:
+            return padded.plan(direct)
+        return padded.keep(
             craft.max_acceleration, lambda factor: way(factor) if factor != 1.0 else direct, stage.longer
         )
+
+    avoidance = with_margin(start, stage, [mover], who[1:], made)
     if avoidance.weak is not None:
         avoidance = replace(
             avoidance, reason=weakness(avoidance.weak, craft.name, start.scenario.force_mass(craft.name))

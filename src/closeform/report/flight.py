@@ -130,10 +130,11 @@ class FlightReport:
                 f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
             )
         if room is not None:
-            least = f"{np.max(room.radius):.3g} m ({room.sigmas:g} sigmas)"
+            sure = (
+                f"{np.max(room.radius):.3g} m a craft, {room.of_a_pair:.3g} m a pair ({room.sigmas:g} sigmas)"
+            )
             told.append(
-                f"Tube: a craft is off its path by at most {least}, {flight.greatest_deviation:.3g} m flown; "
-                f"zones of pairs need {room.of_a_pair:.3g} m beyond"
+                f"Tube of any plan of such thrust: {sure}; flown {flight.greatest_deviation:.3g} m at most"
             )
         return tuple(told)
 

@@ -23,12 +23,25 @@ def lines(result: StageResult[Any, Any]) -> tuple[str, ...]:
     return in_words(result.validity, result.after.names)
 
 
+def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """What a plan keeps beyond zones."""
+    asked = getattr(result.stage, "margin", None)
+    plan = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
+    if not asked or plan is None:
+        return ()
+    why = ", what feedback leaves of its flight" if asked == "auto" else ""
+    return (f"Margin beyond zones: {np.max(plan.padding):.3g} m{why}",)
+
+
 def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
     """The same for `summary.json`."""
     found, names = result.validity, result.after.names
+    plan = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
+    asked = getattr(result.stage, "margin", None)
+    kept = {} if not asked or plan is None else {"margin_m": float(np.max(plan.padding))}
     if found is None:
-        return {}
-    return {
+        return kept
+    return kept | {
         "in_field": {
             "field": found.field,
             "ends_m": dict(zip(names, found.ends.tolist(), strict=True)),

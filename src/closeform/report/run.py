@@ -211,7 +211,13 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         told,
         lines=left_out.lines(result) + conflicts.zones(result.before) + told.lines,
         tables=told.tables + drift.tables(result),
-        closing=(*told.closing, *closing, *drift.lines(result), *not_filmed(told.pictures, count)),
+        closing=(
+            *left_out.margin(result),
+            *told.closing,
+            *closing,
+            *drift.lines(result),
+            *not_filmed(told.pictures, count),
+        ),
         pictures=tuple(
             replace(
                 picture,

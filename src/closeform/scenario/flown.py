@@ -20,6 +20,10 @@ def in_field(scenario: Scenario) -> Iterator[str]:
         for key in ("feedback", "navigation"):
             if getattr(scenario, key) is not None:
                 yield f"{key}: is for flights in a field; {remedy}"
+        for number, stage in enumerate(scenario.stages, 1):
+            if getattr(stage, "margin", None) == "auto":
+                key = f"stage[{number}].margin"
+                yield f"{key}: auto is for flights in a field; add field to [orbit], or give a length"
         if thrown:
             yield f"craft.thrust_error: is for flights in a field; {remedy}"
     if table is None or table.air is None:

@@ -10,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Destination, Goal, Target
 from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
-from closeform.scenario.table import ALL, EACH, Length, Name, Names, Position, Span, Table, Vector
+from closeform.scenario.table import ALL, EACH, Length, Margin, Name, Names, Position, Span, Table, Vector
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]
@@ -46,6 +46,7 @@ class Avoid(Thrusting):
         (), examples=['[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]']
     )
     longer: bool = Field(True, examples=["false"])
+    margin: Margin | None = Field(None, examples=['"0.5 m"'])
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -93,6 +94,7 @@ class Joint(Thrusting):
     plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
     order: Names | None = Field(None, examples=['["F3", "F1"]'])
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
+    margin: Margin | None = Field(None, examples=['"0.5 m"'])
     animation: bool = Field(False, examples=["true"])
 
     def flaws(self) -> Iterator[str]:

@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Iterator
 from math import inf
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 
@@ -100,6 +100,15 @@ def as_drift(value: Any) -> Duration:
     return read
 
 
+def as_margin(value: Any) -> float | Literal["auto"]:
+    """A length, or what is to be found out."""
+    if value == "auto":
+        return "auto"
+    if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
+        raise ValueError(f'{shown(value)} is no length; write for example "0.5 m" or "auto"')
+    return Reader(LENGTH, least="zero").numbers(value)[0]
+
+
 as_inertial = Parts(
     (Reader(LENGTH, 3), Reader(SPEED, 3)),
     "a position, a comma and a velocity",
@@ -117,5 +126,6 @@ Velocity = Annotated[Vector, BeforeValidator(Reader(SPEED, 3))]
 Inertial = Annotated[Six, BeforeValidator(as_inertial)]
 Angle = Annotated[float, BeforeValidator(Reader(ANGLE))]
 Span = Annotated[Duration, BeforeValidator(Reader(DURATION, least="positive"))]
+Margin = Annotated[float | Literal["auto"], BeforeValidator(as_margin)]
 Drift = Annotated[Duration, BeforeValidator(as_drift)]
 Share = Annotated[float, BeforeValidator(Reader(SHARE, least="zero"))]

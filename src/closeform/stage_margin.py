@@ -1,0 +1,60 @@
+"""The margin that a stage keeps beyond zones: a length, or what feedback leaves of its own plan."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from closeform.motion.arc import IMPULSE
+from closeform.scenario import Avoid, Joint
+from closeform.stage_start import StageStart
+from closeform.zones.pair_zones import PairZones
+
+ROUNDS = 6  # of plans; two as a rule, of which the second has the thrust of the first
+SPARE = 1e-3  # of a margin that grows
+
+
+def with_margin(
+    start: StageStart, stage: Avoid | Joint, who: list[int], rest: list[int], make: Callable[[Any], Any]
+) -> Any:
+    """The plan that `make` makes for a margin, for the craft `who` around the `rest`.
+
+    Made anew, where the margin is "auto", until what its flight in the scenario's field needs is kept.
+    Raises ValueError where that cannot be said.
+    """
+    if stage.margin != "auto":
+        return make(stage.margin or 0.0)
+    from closeform.field.feedback import Feedback
+    from closeform.field.fitted import fit_margin
+    from closeform.field.tube import tube
+
+    told, field = start.scenario.flight, start.scenario.field
+    assert field is not None
+    law, sight, errors = told["feedback"] or Feedback(), told["navigation"], told["thrust_error"][who]
+
+    def lasting(margin: Any) -> Any:
+        plan = make(margin)
+        paths = plan.paths if hasattr(plan, "paths") else plan.path
+        if paths is not None and paths.arcs[:, IMPULSE : IMPULSE + 3].any():
+            raise ValueError(
+                'margin: "auto" is not known for impulses; give a length, or craft max_acceleration'
+            )
+        return plan
+
+    if not rest:
+        zones = PairZones.of([start.keep_out[k] for k in who])
+        found = fit_margin(lasting, field, zones, law, sight, thrust_error=errors)
+        if found.plan.ok and not found.fits:
+            raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
+        return found.plan
+    margin = tube(start.orbit, law, sight).of_a_pair
+    for _ in range(ROUNDS):
+        plan = lasting(margin)
+        if not plan.ok:
+            return plan
+        peaks = np.atleast_1d((plan.paths if hasattr(plan, "paths") else plan.path).peak_thrust)
+        needed = tube(start.orbit, law, sight, thrust_error=peaks * np.hypot(*errors.T)).of_a_pair
+        if needed <= margin:
+            return plan
+        margin = (1.0 + SPARE) * needed
+    raise ValueError(f"margin: still short of {needed:.3g} m after {ROUNDS} plans; give more time")
