@@ -27,7 +27,7 @@ CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
         "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
-        "ephemerides export epochs field campaigns motion elements python pictures viewer"
+        "ephemerides export epochs field evidence campaigns motion elements python pictures viewer"
     ),
     "reference": "scenario command-line api errors",
     "background": "certified theory validity benchmarks peers",

@@ -46,6 +46,9 @@ EXAMPLES = {
         "swap_impulses": "paths",
         "cubesats": "pulses",
     },
+    "The real field": {
+        "flown_swap": "paths",
+    },
     "Thrust fails": {
         "passive_inspector": "drift",
         "station_ellipsoid": "drift",
@@ -59,6 +62,14 @@ Every example in `examples/` that flies, what it shows, and the command for it. 
 report, pictures and tables; files are short, a good place to begin one of your own ([scenario](scenario.md)).
 """
 TAIL = """
+## Flown in the real field
+
+What `flown_swap` planned is flown a hundred times, with errors of navigation and thrust ([from claim to evidence](evidence.md)):
+
+```sh
+closeform fly flown_swap-results
+```
+
 ## Real orbits
 
 Three hours of the GRACE mission are in `examples/grace`, and `examples/slow_encounter.cdm` is a conjunction
