@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from closeform.campaign.campaign import relative
 from closeform.campaign.draws import drawn
 from closeform.campaign.shares import shares
 from closeform.scenario import load
@@ -28,12 +27,13 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=100_000_000)
     cases = parser.parse_args().cases
     scenario, begun = load(FILE), time.perf_counter()
-    search, pairs = scenario.plan, scenario.opposite
+    search = scenario.plan
     last = max(k for k, leg in enumerate(search.legs) if leg.round == 2 and leg.phase == "IPS")
     counts = np.zeros(len(labels(search)), dtype=int)
     for first in range(0, cases, AT_ONCE):
         until = min(first + AT_ONCE, cases)
-        states = relative(drawn(scenario, scenario.study.seed, first, until), pairs)[:, 0]
+        craft = drawn(scenario, scenario.study.seed, first, until)
+        states = craft[:, 1] - craft[:, 0]
         found = lock_times(search, states[:, :3], states[:, 3:])
         counts += tally(search, found.time, found.leg)
         for late in np.flatnonzero((found.leg < 0) | (found.leg > last)):

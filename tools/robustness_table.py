@@ -1,0 +1,222 @@
+"""How much each error eats of S04's guarantee: the greatest at which no pair of 10^7 stays lost.
+
+    python tools/robustness_table.py --cases 10000000        # all of docs/robustness.md's table and picture
+    python tools/robustness_table.py pointing rate            # some rows
+
+Pairs are those of `examples/s04.toml`, case by case; errors have one size and directions or signs that are
+drawn, as a study draws "craft.pointing_error" = { shell = ["X", "X"] }, "craft.slew_rate_error" and
+"craft.start_offset" = { choice = ["-X", "X"] }.  All cases are flown with errors so great that some fail; of
+these the least error with which they fail is bisected, and all cases are flown again just below it.
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+import closeform as cf
+from closeform.campaign.draws import drawn, uniform
+from closeform.campaign.shares import estimate
+from closeform.scenario import load
+
+DOCS = Path(__file__).parents[1] / "docs"
+SCENARIO = load(DOCS.parent / "examples" / "s04.toml")
+SEED = SCENARIO.study.seed
+DEGREE = np.pi / 180
+AT_ONCE = 131_072
+HALVINGS = 30
+
+
+def directions(first: int, last: int) -> Any:
+    """Unit vectors (C, 2, 3), where a study's shell of one radius has them."""
+    random = uniform(SEED, "craft.pointing_error", 2, first, last)
+    height, longitude = 2.0 * random[..., 1] - 1.0, 2.0 * np.pi * random[..., 2]
+    across = np.sqrt(1.0 - height * height)
+    return np.stack([across * np.cos(longitude), across * np.sin(longitude), height], axis=-1)
+
+
+def signs(key: str) -> Callable[[int, int], Any]:
+    """Of each craft (C, 2), where a study's choice of two has them."""
+    return lambda first, last: np.where(uniform(SEED, key, 2, first, last)[..., 0] < 0.5, -1.0, 1.0)
+
+
+def nothing(first: int, last: int) -> Any:
+    return np.zeros((last - first, 2))
+
+
+@dataclass(frozen=True)
+class Row:
+    """An error: its name and unit, how it is drawn, what a size makes of it, and sizes from small to great.
+
+    `sizes` are those whose shares are told; with the first of them some of 10^7 pairs fail.
+    """
+
+    name: str
+    unit: str
+    draw: Callable[[int, int], Any]
+    errors: Callable[[Any, Any], cf.SearchErrors]
+    least: float
+    sizes: tuple[float, ...]
+
+
+ROWS = {
+    "pointing": Row(
+        "pointing, each craft, constant",
+        "deg",
+        directions,
+        lambda way, size: cf.SearchErrors(pointing=DEGREE * size[:, None, None] * way),
+        0.01,
+        (3.0, 5.0, 7.0, 10.0),
+    ),
+    "rate": Row(
+        "slew rate, each craft",
+        "%",
+        signs("craft.slew_rate_error"),
+        lambda way, size: cf.SearchErrors(slew_rate=0.01 * size[:, None] * way),
+        1e-3,
+        (1.0, 2.0, 3.0, 5.0),
+    ),
+    "start": Row(
+        "start, each craft",
+        "s",
+        signs("craft.start_offset"),
+        lambda way, size: cf.SearchErrors(start=size[:, None] * way),
+        0.01,
+        (60.0, 90.0, 120.0, 180.0),
+    ),
+    "ramp of one": Row(
+        "slew acceleration, one craft",
+        "deg/s²",
+        nothing,
+        lambda way, size: cf.SearchErrors(slew_acceleration=np.stack([way[:, 0] + np.inf, DEGREE * size], 1)),
+        10.0,
+        (0.03, 0.02, 0.015, 0.01),
+    ),
+    "ramps alike": Row(
+        "slew acceleration, both alike",
+        "deg/s²",
+        nothing,
+        lambda way, size: cf.SearchErrors(slew_acceleration=DEGREE * size[:, None] + way),
+        10.0,
+        (1e-4,),
+    ),
+    "range": Row(
+        "range of the sensors",
+        "m",
+        nothing,
+        lambda way, size: cf.SearchErrors(range=size[:, None] + way),
+        1e5,
+        (2000.0, 1500.0, 1000.0, 500.0),
+    ),
+}
+
+
+def lost(row: Row, size: float, cases: int) -> tuple[Any, Any]:
+    """States (F, 6) of the cases that never lock with errors of one size, and what was drawn for them."""
+    states, ways = [], []
+    for first in range(0, cases, AT_ONCE):
+        last = min(first + AT_ONCE, cases)
+        craft = drawn(SCENARIO, SEED, first, last)
+        state = craft[:, 1] - craft[:, 0]
+        way = row.draw(first, last)
+        never = fails(row, state, way, np.full(last - first, size))
+        states.append(state[never])
+        ways.append(way[never])
+    return np.concatenate(states), np.concatenate(ways)
+
+
+def fails(row: Row, states: Any, ways: Any, sizes: Any) -> Any:
+    found = cf.lock_times(SCENARIO.plan, states[:, :3], states[:, 3:], row.errors(ways, sizes))
+    return found.leg < 0
+
+
+def greatest(row: Row, cases: int) -> tuple[float, int]:
+    """An error, to two digits, with which no case fails; how many do with the first of the row's sizes."""
+    size = row.sizes[0]
+    states, ways = lost(row, size, cases)
+    count = len(states)
+    while len(states):
+        low, high = np.full(len(states), np.log(row.least)), np.full(len(states), np.log(size))
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            bad = fails(row, states, ways, np.exp(middle))
+            low, high = np.where(bad, low, middle), np.where(bad, middle, high)
+        worst = low.min() if row.least < size else low.max()
+        size = two_digits(float(np.exp(worst)), up=row.least > size)
+        states, ways = lost(row, size, cases)
+    return size, count
+
+
+def two_digits(value: float, up: bool) -> float:
+    unit = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return float(f"{unit * (np.ceil(value / unit) if up else np.floor(value / unit)):.2g}")
+
+
+def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, float], cases: int) -> None:
+    """The share that never locks against the size of each error; a line where nobody is lost."""
+    from closeform.plots.look import AFTER, CONFLICT, INK, SMALL, TEXT, area, dress, headline, sheet
+
+    names = [name for name in shares if len(shares[name]) > 1]
+    figure = sheet(3.7)
+    wide, tall = figure.get_size_inches()
+    each = (wide - 1.0 - 0.2) / len(names)
+    for k, name in enumerate(names):
+        axes = area(figure, 1.0 + k * each, 0.75, each - 0.2, tall - 0.75 - 0.8)
+        dress(axes)
+        sizes, counts = np.array([one for one in shares[name] if one[1] > 0], dtype=float).T
+        low, high = np.array([[part(int(c), cases) for part in (below, above)] for c in counts]).T
+        axes.vlines(sizes, low, high, color=AFTER, linewidth=4.0, alpha=0.35)
+        axes.plot(sizes, counts / cases, "o-", color=AFTER, markersize=6)
+        axes.axvline(safe[name], color=CONFLICT, linewidth=1.5, linestyle="--")
+        axes.set_yscale("log")
+        axes.set_ylim(0.3 / cases, 1.0)
+        if ROWS[name].least > safe[name]:
+            axes.invert_xaxis()
+        axes.set_xlabel(f"{name} [{ROWS[name].unit}]", fontsize=SMALL, color=INK)
+        if k:
+            axes.set_yticklabels([])
+        else:
+            axes.set_ylabel("never lock", fontsize=TEXT, color=INK)
+    headline(figure, f"Share of {cases:,} pairs that never lock; dashed: nobody of many more is lost")
+    figure.savefig(DOCS / "images" / "robustness.png")
+
+
+def below(count: int, cases: int) -> float:
+    return estimate(count, cases).low
+
+
+def above(count: int, cases: int) -> float:
+    return estimate(count, cases).high
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description="Errors with which S04's search still finds all of many pairs."
+    )
+    parser.add_argument("rows", nargs="*", default=list(ROWS), help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--cases", type=int, default=10_000_000)
+    given = parser.parse_args()
+    mpl.use("agg")
+    shares: dict[str, list[tuple[float, int]]] = {}
+    safe: dict[str, float] = {}
+    some = max(1, given.cases // 10)
+    for name in given.rows:
+        row, begun = ROWS[name], time.perf_counter()
+        safe[name], count = greatest(row, given.cases)
+        shares[name] = [(size, len(lost(row, size, some)[0])) for size in row.sizes]
+        told = ", ".join(f"{size:g} {row.unit}: {number}" for size, number in shares[name])
+        print(
+            f"{row.name}: nobody of {given.cases} at {safe[name]:g} {row.unit}, {count} at {row.sizes[0]:g}"
+        )
+        print(f"    of {some}: {told}  ({time.perf_counter() - begun:.0f} s)", flush=True)
+    if len(given.rows) > 1:
+        draw_picture(shares, safe, some)
+
+
+if __name__ == "__main__":
+    main()
