@@ -2302,11 +2302,6 @@ CALLS = (
         "mass: is of thrusters that burn; give them, too",
     ),
     Call(
-        "flights in the field of a function",
-        "cf.fly(plan, cf.Field(chief, acceleration=lambda times, states: -9e-7 * states[:, :3]))",
-        "field: flights are compiled, and cannot call a function; give zonals and drag",
-    ),
-    Call(
         "errors of more craft than there are",
         "cf.clearance_in_sigmas(plan, orbit.coast(start, 900.0), cf.Sphere(9.0), [cf.Errors()] * 2)",
         "errors: 2 for 1 craft; give one, or one for each",

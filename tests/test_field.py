@@ -589,6 +589,30 @@ def test_deviations_under_impulses_spread_as_the_tube_says():
     assert np.linalg.norm(off, axis=-1).max() < 6.0 * room.noise
 
 
+# --- fields of functions ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("control", ["open", "track"])
+def test_flights_in_the_field_of_a_function(control):
+    """Zonals to J6 as a function, of which kernels know J2, or none: flown as where they know all."""
+    whole, path = cf.Field(chief(), 6), formation(1.2)
+    own = {
+        zonals: cf.Field(
+            chief(), zonals, acceleration=lambda times, states: whole.accelerations(times, states)
+        )
+        for zonals in (2, 0)
+    }
+    for cancel in (True, False):
+        options = {"cancel": cancel, "navigation": cf.Navigation(0.1, 3e-4), "seeds": 3}
+        known = cf.fly(path, whole, control, **options)
+        two, none = (cf.fly(path, field, control, **options) for field in own.values())
+        assert two.states[..., :3] == pytest.approx(known.states[..., :3], abs=1e-4)  # m
+        assert none.states[..., :3] == pytest.approx(known.states[..., :3], abs=2e-2)
+        assert two.delta_v == pytest.approx(known.delta_v, rel=1e-6)
+    kicked = chief().orbit.impulsive(*(path.state(t)[0] for t in (0.0, 3000.0)), 3000.0)
+    assert cf.fly(kicked, own[2], "open").greatest_end < 1e-2
+
+
 # --- new plans in flight ------------------------------------------------------------------------
 
 

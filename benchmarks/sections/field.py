@@ -39,7 +39,7 @@ def new_plans(plan: cf.Plan, zone: cf.Sphere) -> float:
 
 
 def updates(plan: cf.Plan, repeats: int) -> float:
-    """The time [s] of one measurement of all craft in flights of an orbit, and of the minute until the next."""
+    """The time [s] of one measurement of all craft in flights of an orbit, and of a minute of flight."""
     many, few = (
         timed(lambda flights=flights: cf.fly(plan, FIELD, navigation=SIGHT, seeds=flights), repeats)[0]
         for flights in (41, 1)

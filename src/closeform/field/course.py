@@ -13,11 +13,12 @@ from closeform.field.chief_frame import ChiefFrame
 from closeform.field.feedback import Feedback, delayed, kicks_back, way_back
 from closeform.field.field import Field
 from closeform.field.flying import FACET, THRUSTER, Course, fly_all
-from closeform.field.residual import residuals
+from closeform.field.residual import beyond, residuals
 from closeform.field.timetable import BESIDE, COAST, PULSED, STEP, Timetable, edges_of, impulses_of
 from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
+ROUNDS = 2  # of flights in a function's field: the first is off by a share of the field's gradient
 STRETCH = 20_000  # steps that are in memory together, about
 
 
@@ -73,13 +74,19 @@ def flown(
     wrong: Floats,
     errors: Floats,
     begin: Floats | None = None,
+    around: Path | None = None,
 ) -> Flown:
     """Flights with errors of measurements (S, N, M, 6) and of thrust (S, N, 4), in a field.
 
-    From states `begin` (N, 6) before impulses, unless from those of the path.
+    From states `begin` (N, 6) before impulses, unless from those of the path.  What a function pulls more
+    than zonals is taken `around` paths: those of a flight without errors, found in two rounds.
     """
-    if field.acceleration is not None:
-        raise ValueError("field: flights are compiled, and cannot call a function; give zonals and drag")
+    if field.acceleration is not None and around is None:
+        around, still = commands.path, exactly(len(commands.path), commands.table.measurements)
+        for _ in range(ROUNDS):
+            alone = flown(commands, field, frame, *still, begin, around)
+            times = commands.table.shown_times
+            around = commands.path.orbit._through(times, alone.states[0], alone.arrivals[0])
     table, count = commands.table, len(commands.path)
     flights = len(errors)
     if begin is None:
@@ -91,7 +98,7 @@ def flown(
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
     impulses = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
-    for course in courses(commands, field, frame):
+    for course in courses(commands, field, frame, around):
         fly_all(field._constants, course, wrong, errors, now, states, impulses, spent)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
         asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
@@ -143,7 +150,7 @@ def exactly(count: int, measurements: int) -> tuple[Floats, Floats]:
     return np.zeros((1, count, measurements, 6)), np.zeros((1, count, 4))
 
 
-def courses(commands: Commands, field: Field, frame: ChiefFrame) -> Iterator[Course]:
+def courses(commands: Commands, field: Field, frame: ChiefFrame, around: Path | None) -> Iterator[Course]:
     """The course of each stretch, which ends where a measurement is made anew."""
     table, law, orbit = commands.table, commands.law, commands.path.orbit
     rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
@@ -159,7 +166,7 @@ def courses(commands: Commands, field: Field, frame: ChiefFrame) -> Iterator[Cou
     stops = [*ends.tolist(), len(table.rows)]
     for here, after in zip(stops, [*stops[1:], np.inf], strict=True):
         if after - last > STRETCH:
-            yield _course(commands, field, frame, believed, rules, gains, slice(last, int(here)))
+            yield _course(commands, field, frame, around, believed, rules, gains, slice(last, int(here)))
             last = int(here)
 
 
@@ -167,6 +174,7 @@ def _course(
     commands: Commands,
     field: Field,
     frame: ChiefFrame,
+    around: Path | None,
     believed: ChiefFrame | None,
     rules: Floats,
     gains: Floats,
@@ -182,9 +190,11 @@ def _course(
     if believed is not None and commands.cancelled.any():
         some = ChiefFrame(*(part[halves] for part in believed))
         left_out = residuals(commands.known, some, path.state(times), path.orbit.mean_motion)  # type: ignore[arg-type]
-        left_out *= commands.cancelled[:, None, None]
-        for k, first in enumerate((slice(None, -2, 2), slice(1, None, 2), slice(2, None, 2))):
-            commanded[:, :, k] -= left_out[:, first]
+        commanded -= _stepwise(left_out * commands.cancelled[:, None, None])
+    pulled = np.zeros((count, 0, 3, 3))
+    if around is not None:
+        here = ChiefFrame(*(part[halves] for part in frame))
+        pulled = _stepwise(beyond(field, here, around.state(times)))
     which = [
         part[nodes].copy() for part in (table.looks, table.answers, table.kicks, table.fires, table.shown)
     ]
@@ -204,7 +214,8 @@ def _course(
         for part in (frame.states[:, :3], frame.states[:, 3:], frame.felt, frame.axes, frame.turn)
     )
     floats = [
-        np.ascontiguousarray(part, dtype=float) for part in (lengths, *chief, commanded, jumps, planned)
+        np.ascontiguousarray(part, dtype=float)
+        for part in (lengths, *chief, commanded, pulled, jumps, planned)
     ]
     bounds = commands.ballistics, commands.limits, commands.bits
     fire = commands.nozzles or Nozzles(np.zeros((0, THRUSTER)), np.zeros((0, FACET)), False)
@@ -215,3 +226,8 @@ def _course(
         late = np.stack(delayed(path.orbit, commands.law, table.interval))
     rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires
     return Course(*(*floats, *rules_of, *bounds, *sides))
+
+
+def _stepwise(values: Floats) -> Floats:
+    """Values (N, 2 K + 1, 3) at half steps, at the begin, middle and end of each step (N, K, 3, 3)."""
+    return np.stack([values[:, :-2:2], values[:, 1::2], values[:, 2::2]], axis=2)

@@ -46,7 +46,8 @@ class Field:
         Of the body, that `zonals` are about.
     acceleration : callable, optional
         In place of all that: of times (M,) [s] since the chief's epoch and inertial states (M, 6)
-        [m, m/s] the accelerations (M, 3) [m/s^2], the same function for the chief and all craft.
+        [m, m/s] the accelerations (M, 3) [m/s^2], the same function for the chief and all craft.  Flights
+        take `zonals` as a first guess of it.
 
     Raises
     ------

@@ -95,7 +95,8 @@ def fly(
     -----
     Steps are of 10 s, of 20 s where only impulses thrust and of 5 s where pulses do; one ends wherever thrust
     jumps.  Feedback leads craft with impulses or thrusters back to what these fly without errors in the field
-    that is known, others to the plan.
+    that is known, others to the plan.  A field that is a function is taken along a flight without errors, and
+    beside it by its zonals' gradient.
 
     References
     ----------

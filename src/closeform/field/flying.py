@@ -28,7 +28,8 @@ class Course(NamedTuple):
     axes: Floats  # (2 K + 1, 3, 3)
     turn: Floats  # (2 K + 1, 3) [rad/s]
     commanded: Floats  # (N, K, 3, 3) [m/s^2] at begin, middle and end of each step, in the chief's axes
-    jumps: Floats  # (N, K + 1, 3) [m/s], in the same
+    beyond: Floats  # (N, K or 0, 3, 3) [m/s^2] at the same times, inertial: what kernels do not know
+    jumps: Floats  # (N, K + 1, 3) [m/s], in the chief's axes
     planned: Floats  # (N, K + 1, 6) [m, m/s], after jumps
     looks: Any  # (K + 1,) which measurement is made, or -1
     answers: Any  # (K + 1,) which measurement begins to count, or -1
@@ -51,7 +52,7 @@ NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1]
 FOUR = float64[:, :, :, ::1]
 COURSE = types.NamedTuple(
     (
-        *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, BLOCKS, BLOCKS, WHICH),
+        *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, FOUR, BLOCKS, BLOCKS, WHICH),
         *(WHICH, BLOCKS, WHICH, BLOCKS),
         *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, NUMBERS, BLOCKS, BLOCKS, ROWS),
     ),
@@ -241,6 +242,9 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
                         counted = h / 6.0 if stage != 1 else h / 1.5
                         push(course, i, step, half, deviation, error, used, counted, thrust)
                     pull(constants, course.ballistics[i], there, force)
+                    if course.beyond.shape[1] > 0:
+                        for k in range(3):
+                            force[k] += course.beyond[i, step, half, k]
                     for k in range(3):
                         rate[k], rate[3 + k] = middle[3 + k], force[k] - course.felt[node, k] + thrust[k]
                     for k in range(6):

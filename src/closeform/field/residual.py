@@ -1,5 +1,6 @@
 """The residual: the acceleration along a path that Hill's equations leave out."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,8 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
     """
     place, speed = states[..., :3], states[..., 3:]
     turn, swing = frame.turn, np.cross(frame.turn, place)
-    there = np.empty_like(states)
-    there[..., :3] = frame.states[:, :3] + np.einsum("tji,ntj->nti", frame.axes, place)
-    there[..., 3:] = frame.states[:, 3:] + np.einsum("tji,ntj->nti", frame.axes, speed + swing)
-    felt = (
-        field.accelerations(frame.times, there, ballistics_of(field.drag, len(states))[:, None]) - frame.felt
-    )
+    own = ballistics_of(field.drag, len(states))[:, None]
+    felt = field.accelerations(frame.times, inertial(frame, states), own) - frame.felt
     d: Any = np.einsum("tij,ntj->nti", frame.axes, felt)
     d -= 2.0 * np.cross(turn, speed) + np.cross(frame.turn_rate, place) + np.cross(turn, swing)
     x, z, vx, vy = place[..., 0], place[..., 2], speed[..., 0], speed[..., 1]
@@ -30,3 +27,19 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
     d[..., 1] += 2.0 * n * vx
     d[..., 2] += n * n * z
     return np.asarray(d)
+
+
+def inertial(frame: ChiefFrame, states: Floats) -> Floats:
+    """Inertial states (N, T, 6) of relative ones."""
+    place, speed = states[..., :3], states[..., 3:] + np.cross(frame.turn, states[..., :3])
+    there = np.empty_like(states)
+    there[..., :3] = frame.states[:, :3] + np.einsum("tji,ntj->nti", frame.axes, place)
+    there[..., 3:] = frame.states[:, 3:] + np.einsum("tji,ntj->nti", frame.axes, speed)
+    return there
+
+
+def beyond(field: Field, frame: ChiefFrame, states: Floats) -> Floats:
+    """What a function's field pulls more than its zonals (N, T, 3) [m/s^2], inertial, at states (N, T, 6)."""
+    there = inertial(frame, states)
+    zonal = replace(field, acceleration=None)
+    return field.accelerations(frame.times, there) - zonal.accelerations(frame.times, there)
