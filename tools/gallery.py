@@ -27,6 +27,7 @@ EXAMPLES = {
         "s04_counterexample": "manoeuvres",
         "h03": "histogram",
         "robustness": "histogram",
+        "pointing_sweep": "sweep",
         "swarm": "view-6",
     },
     "One craft passes others": {

@@ -27,6 +27,8 @@ from closeform.scenario.stages import Gather, Lock
 
 if TYPE_CHECKING:
     from closeform.campaign.error_cases import ErrorCampaign
+    from closeform.campaign.mission_cases import MissionCampaign
+    from closeform.campaign.sweep_cases import SweepCampaign
 
 MOST_CASES = 100_000_000
 MOST_LOCKS = 500_000_000  # times with their legs that arrays hold: 8 GB
@@ -34,8 +36,10 @@ Progress = Callable[[int], None]
 FLIES: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCases.of, Gather: GatherCases.of}
 
 
-def study(file: str | Path, cases: int | None = None, seed: int | None = None) -> Campaign | ErrorCampaign:
-    """Fly many cases of a scenario's search, each with its own draws from [study.vary], or of its errors.
+def study(
+    file: str | Path, cases: int | None = None, seed: int | None = None
+) -> Campaign | ErrorCampaign | MissionCampaign | SweepCampaign:
+    """Fly many cases of a scenario, each with its own draws from [study.vary], or of its errors.
 
     Case K is the same in every study of the file with the same seed, however many cases it has;
     `closeform run FILE --case K` shows one.
@@ -43,7 +47,7 @@ def study(file: str | Path, cases: int | None = None, seed: int | None = None) -
     Parameters
     ----------
     file : str or path-like
-        A scenario with one stage, lock or gather; or with `draws = "errors"` in its [study].
+        A scenario with a [study].
     cases : int, optional
         C, instead of the number in its [study] table.
     seed : int, optional
@@ -51,9 +55,11 @@ def study(file: str | Path, cases: int | None = None, seed: int | None = None) -
 
     Returns
     -------
-    Campaign or ErrorCampaign
-        A LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v [m/s]; failed
-        cases stay in the denominators of its `shares`.  Of errors who is ever `inside` what, in which cases.
+    Campaign, ErrorCampaign, MissionCampaign or SweepCampaign
+        Of one search a LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v
+        [m/s]; failed cases stay in the denominators of its `shares`.  Of errors who is ever `inside` what, in
+        which cases.  Of any other scenario the `statuses` (C,) and `column` of delta-v [m/s], ends [s] and
+        least ratios.  Of a sweep its `points`, each with such a `campaign`.
 
     Raises
     ------
@@ -67,7 +73,8 @@ def study(file: str | Path, cases: int | None = None, seed: int | None = None) -
     The arrays are held: some 20 bytes for each case and pair.  `closeform study` writes cases to files as
     they are flown, and needs the same memory for any number of them.
     """
-    found: Campaign | ErrorCampaign = flown(load(instance("file", file, str, Path)), cases, seed)
+    found: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign
+    found = flown(load(instance("file", file, str, Path)), cases, seed)
     return found
 
 
