@@ -16,6 +16,7 @@ from closeform.campaign.chunks import Stored
 from closeform.campaign.spread import Spread, order_statistics
 from closeform.campaign.task import Task
 from closeform.cli import main
+from closeform.console import Lines
 from closeform.plots.lockings import Binned
 from closeform.scenario import ScenarioError, load, parse
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
@@ -307,3 +308,27 @@ def test_chunks_meet_without_a_gap() -> None:
     assert (ranges[0][0], ranges[-1][1]) == (0, 20_001)
     assert case_of(load(S04), 3).case == 3
     assert chunks.name_of(3) == "000000003.parquet"
+
+
+def test_lines_say_how_far_it_is_where_there_is_no_terminal(monkeypatch, capsys) -> None:
+    now = [100.0]
+    monkeypatch.setattr("closeform.console.time.monotonic", lambda: now[0])
+    lines = Lines(1_000_000)
+    for after, done, met in ((0.0, 200_000, 199_990), (10.0, 300_000, 299_980), (40.0, 600_000, 599_970)):
+        now[0] = 100.0 + after
+        lines.tell(done, met)
+    assert capsys.readouterr().err == "600,000 of 1,000,000 cases, 10,000/s, 40 s left, 30 not met\n"
+
+
+def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
+    main(STUDY)
+    summary = json.loads((desk / "out" / "summary.json").read_text())
+    page = (
+        (desk / "out" / "report.html").read_text().partition("The ten greatest")[2].partition("</table>")[0]
+    )
+    worst = summary["spreads"]["time [s]"]["worst"]
+    assert len(worst) == 10
+    for value, case in worst:
+        assert f"{value:.4f}" in page
+        assert f"closeform run narrow.toml --case {case}" in page
+    assert f'href="case-{worst[0][1]}.html"' in page

@@ -4,7 +4,8 @@ import codecs
 import io
 import os
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,6 @@ from unicodedata import normalize
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Progress
 
     from closeform.report.encounter import EncounterReport
     from closeform.report.error_study import ErrorStudyReport
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of a terminal's output
+EVERY = 30.0  # s between lines about long work, where there is no terminal
 UNBROKEN = 100_000  # what is read by other programs, or kept in a file, has its lines as they are
 
 
@@ -98,8 +99,15 @@ def stderr() -> "Console":
     return Console(stderr=True, width=WIDTH, markup=False, emoji=False)
 
 
-def progress(console: "Console") -> "Progress":
-    """A bar with rate and estimate, on a terminal only."""
+@contextmanager
+def progress(console: "Console", total: int) -> "Iterator[Callable[[int, int], None]]":
+    """What is told how many cases are flown and in how many all is met: a bar with rate and estimate.
+
+    Where there is no terminal, now and then a line.
+    """
+    if not console.is_terminal:
+        yield Lines(total).tell
+        return
     from rich import progress as rich
 
     class Rate(rich.ProgressColumn):
@@ -108,8 +116,30 @@ def progress(console: "Console") -> "Progress":
         def render(self, task: rich.Task) -> str:
             return f"{task.speed:,.0f}/s" if task.speed else ""
 
-    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), Rate(), rich.TimeRemainingColumn())
-    return rich.Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+    unmet = rich.TextColumn("{task.fields[unmet]:,} not met")
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), Rate(), rich.TimeRemainingColumn(), unmet)
+    with rich.Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("cases", total=total, unmet=0)
+        yield lambda done, met: bar.update(task, completed=done, unmet=done - met)
+
+
+class Lines:
+    """Lines on standard error about long work of a `total` of cases."""
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.begun: int | None = None
+        self.start = self.told = time.monotonic()
+
+    def tell(self, done: int, met: int) -> None:
+        """Say how far it is, how fast and how long it will be, if that is due."""
+        now = time.monotonic()
+        self.begun = done if self.begun is None else self.begun  # by a study that was stopped
+        if now - self.told < EVERY or done <= self.begun:
+            return
+        self.told, rate = now, (done - self.begun) / (now - self.start)
+        left = f"{(self.total - done) / rate:,.0f} s left"
+        complain(f"{done:,} of {self.total:,} cases, {rate:,.0f}/s, {left}, {done - met:,} not met")
 
 
 def say(console: "Console", *lines: str) -> None:

@@ -63,11 +63,8 @@ def study(
             chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
             with written(place):
                 complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
-                with progress(notes) as bar:
-                    task = bar.add_task("cases", total=count)
-                    campaign = stored_study.fly(
-                        chunks, runner, lambda done, met: bar.update(task, completed=done)
-                    )
+                with progress(notes, count) as tell:
+                    campaign = stored_study.fly(chunks, runner, tell)
             report = report_of(campaign, loaded)
             under_way.known.update(chunks.digests)
             with notes.status("writing results"), written(place):

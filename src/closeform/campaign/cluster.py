@@ -142,7 +142,7 @@ class Cluster:
         except self.distributed.KilledWorker:
             return None
         except Exception as error:
-            if self.client.status != "running" or future.status in ("cancelled", "lost"):
+            if self.client.status != "running" or future.status != "error":  # its answer never came
                 raise self.gone() from error
             what = " ".join(str(error).split())[:200]
             raise ClusterError(f"--scheduler: a worker failed: {what}; look at its log") from error

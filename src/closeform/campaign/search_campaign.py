@@ -22,6 +22,7 @@ from closeform.scenario import Scenario
 from closeform.search.phases import labels
 from closeform.search.schedule import Search
 
+LATER = "time, not at once [s]"
 WORDS = {"clear": "clear", "delta-v": "within delta_v_budget", "propellant": "within propellant"}
 
 
@@ -121,7 +122,7 @@ class Campaign(Result):
         """What `spreads` are about."""
         return {
             "time [s]": lambda one: (one.time, one.leg >= 0),
-            "time, not at once [s]": lambda one: (one.time, one.time > 0.0),
+            LATER: lambda one: (one.time, one.time > 0.0),
         }
 
     @cached_property

@@ -145,10 +145,11 @@ class StudyReport:
             "histogram", caption, "lockings.binned", (self.times, campaign.search), {"what": what}
         )
         same = scenario.study is not None and scenario.study.seed == campaign.seed
+        file = Path(scenario.file).name if same else None
         return (
             replace(request, tables=(*request.tables, whole, *draw_table(campaign))),
             Section("What was found", self.hint, self.tables, pictures=(picture,)),
-            *worst.section(replays, Path(scenario.file).name if same else None),
+            *worst.section(replays, file, worst.greatest(campaign, replays, file)),
             Section("Limits of the model", tables=(model.certain([SHARES, model.LOCKS]),)),
         )
 
@@ -197,7 +198,7 @@ def spread(found: Spread) -> dict[str, Any]:
     greatest, case = found.worst[0]
     middle = {f"quantile_{share:g}": one.value for share, one in found.quantiles.items()}
     ends = {f"quantile_{share:g}_95": one[1:] for share, one in found.quantiles.items()}
-    return {"mean": found.mean, **middle, "greatest": greatest, "case": case, **ends}
+    return {"mean": found.mean, **middle, "greatest": greatest, "case": case, **ends, "worst": found.worst}
 
 
 def spread_table(campaign: Campaign) -> tuple[Table, ...]:

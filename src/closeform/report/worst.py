@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator
 
+from closeform.campaign import Campaign
 from closeform.campaign.error_cases import MOST, ErrorCampaign
+from closeform.campaign.search_campaign import LATER
 from closeform.report.cases import Replays
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
@@ -18,6 +20,27 @@ CASES = (
     Column("entries", "entries"),
     Column("who is inside", "pairs", words=True),
 )
+
+
+GREATEST = (
+    Column("of", "what", words=True),
+    Column("", "value", "{:.4f}".format),
+    Column("case", "case"),
+    Column("in motion", "file", words=True, links=True, absent=""),
+    Column("the same as a run", "command", words=True, absent=""),
+)
+
+
+def greatest(campaign: Campaign, replays: Replays, file: str | None) -> Table:
+    """The ten cases in which times are longest and costs highest, with their pages if they have any."""
+    pages = {what: page for page, what, _ in replays}
+    rows = [
+        (name, value, case, pages.get(f"case {case}"), command(file, f"case {case}"))
+        for name, found in campaign.spreads.items()
+        if name != LATER  # the same cases
+        for value, case in found.worst
+    ]
+    return Table("The ten greatest", GREATEST, rows)
 
 
 def section(replays: Replays, file: str | None, *tables: Table) -> Iterator[Section]:
