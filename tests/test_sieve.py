@@ -191,6 +191,15 @@ def test_one_instant_and_craft_at_one_place(every_pair):
     assert len(found) == 2 * 45 * 44 // 2
 
 
+def test_coordinates_that_round_by_more_than_a_zone(every_pair):
+    """1e14 m away, where halving an interval gains nothing: it ends, with the same answer."""
+    states = swarm(40, 14, 3.0)
+    states[:, 1] += 1e14
+    paths = ORBIT.coast(states, 600.0)
+    found = cf.screen(paths, cf.Sphere(0.01))
+    np.testing.assert_array_equal(table(found), table(every_pair(paths, cf.Sphere(0.01))))
+
+
 def test_where_all_are_near_all_pairs_are_looked_at():
     """No sieve where it leaves everything, or a zone has no end."""
     paths = ORBIT.coast(swarm(2500, 10, 10.0), 600.0)

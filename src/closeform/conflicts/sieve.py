@@ -29,6 +29,7 @@ CROWDED = 8  # overlaps for each craft in an interval from which on it is halved
 SHARE = 8  # the sieve pays where fewer than one in so many pairs overlap in an interval
 MOST = 1 << 24  # overlaps in an interval: beyond, pairs are looked at one by one, in less memory
 ANY = 1 << 62
+FINEST = 256  # parts of an interval, at most
 SOME = 1000  # craft that tell how far they move
 LOOKS = 3  # intervals that tell whether it pays
 ROOM = 1 << 16  # pairs that a look finds at once
@@ -104,7 +105,7 @@ class Sieve:
         for k in range(len(times) - 1):
             craft = np.flatnonzero((self.starts <= times[k + 1]) & (self.ends >= times[k]))
             middles = 0.5 * (times[k:-1] + times[k + 1 :])
-            halved = times[k] < middles[0] < times[k + 1] and self._far(tracks[:, :, k : k + 2], craft)
+            halved = times[k + 1] - times[k] > self._finest and self._far(tracks[:, :, k : k + 2], craft)
             most = CROWDED * len(craft) if halved else ANY
             state[:] = -1, 0
             found = []
@@ -118,6 +119,11 @@ class Sieve:
                     yield from self._looks(finer[begin : begin + AT_ONCE + 1])
                 return
             yield from found
+
+    @property
+    def _finest(self) -> float:
+        """How short intervals become [s]: where coordinates round by more than a zone nothing is gained."""
+        return float(self.times[1] - self.times[0]) / FINEST
 
     def _far(self, tracks: Floats, craft: Any) -> bool:
         """Whether craft move further in an interval than they have to keep apart."""
