@@ -340,7 +340,9 @@ CALLS = {
     "EccentricOrbit.coast": turned(
         self=cf.EccentricOrbit(1.1e-3, 0.02), state=START, duration=900.0, start=5.0, within=0.01
     ),
-    "coast": turned(states=START, field=cf.Field(LOW), duration=900.0, start=5.0, within=0.01),
+    "coast": turned(
+        states=START, field=cf.Field(LOW), duration=900.0, start=5.0, within=0.01, orbit=cf.Field(LOW).orbit
+    ),
     "transition": turned(field=cf.Field(LOW), duration=np.array([[1.0, 2.0]]), start=5.0),
     "Feedback": turned(every=60.0, horizon=600.0, impulses=0, delay=5.0),
     "Navigation": turned(

@@ -149,10 +149,15 @@ def test_a_function_is_a_field_of_coasts():
     assert one.position(2500.0) == pytest.approx(other.position(2500.0), abs=1e-4)
 
 
-def test_obstacles_may_coast_in_the_field():
+@pytest.mark.parametrize("keeping_step", [False, True])
+def test_obstacles_may_coast_in_the_field(keeping_step):
+    """Whichever orbit planned paths are in, motion in the field is the same."""
     field, zone = cf.Field(chief(0.01)), cf.Sphere(25.0)
-    others = cf.coast([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 80.0, 10.0, 0.02, 0.0, 0.0]], field, 1500.0)
-    mine = chief(0.01).orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 1500.0)
+    orbit = field.orbit if keeping_step else field.chief.orbit
+    start = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 80.0, 10.0, 0.02, 0.0, 0.0]]
+    others = cf.coast(start, field, 1500.0, orbit=orbit)
+    assert others.position(777.0) == pytest.approx(cf.coast(start, field, 1500.0).position(777.0), abs=2e-3)
+    mine = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 1500.0)
     found = cf.avoid(mine, others, zone)
     assert found.ok
     assert cf.closest_approach(found.path, others[1], zone).ratio > 1.0 - 1e-9

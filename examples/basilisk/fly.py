@@ -62,7 +62,7 @@ def task(seed: int) -> Task:
         felt = (cf.validity(tight, one).residual for one in (field, known))
         unknown = np.abs(np.subtract(*felt)).max() + HIGHER * orbit.mean_motion**2 * far
         room = cf.tube(orbit, FEEDBACK, SIGHT, float(unknown))
-        plan = cf.reconfigure(orbit, *states, duration, cf.Sphere(zone.radius + room.of_a_pair))
+        plan = cf.reconfigure(orbit, *states, duration, zone, margin=room)
         if plan.ok:
             return Task(plan, zone, room, field, known)
 

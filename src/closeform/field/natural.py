@@ -11,6 +11,7 @@ from closeform.field.field import Field
 from closeform.motion.following import followed
 from closeform.motion.frames import inertial_from_relative, relative_from_inertial
 from closeform.motion.mean_motion import checked
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
 # Of central differences, from the chief: what is of second order in the distance cancels, that of third is
@@ -18,7 +19,14 @@ from closeform.motion.path import Path
 BESIDE = np.repeat([10.0, 0.01], 3)  # m, m/s
 
 
-def coast(states: ArrayLike, field: Field, duration: float, start: float = 0.0, within: float = 1e-3) -> Path:
+def coast(
+    states: ArrayLike,
+    field: Field,
+    duration: float,
+    start: float = 0.0,
+    within: float = 1e-3,
+    orbit: Orbit | None = None,
+) -> Path:
     """Natural motion of craft in a field: what becomes of them if nobody thrusts.
 
     Parameters
@@ -35,10 +43,14 @@ def coast(states: ArrayLike, field: Field, duration: float, start: float = 0.0, 
     within : float [m], default 1e-3
         How far the path may be off this motion between samples, at most; they are as dense as it takes.
 
+    orbit : Orbit, optional
+        In which paths are planned that are to be screened with these; `field.chief.orbit` unless given. The
+        motion is the same.
+
     Returns
     -------
     Path
-        Of the states' leading shape, in `field.chief.orbit`: `screen`, `find_conflicts` and `avoid` take it.
+        Of the states' leading shape, in that orbit: `screen`, `find_conflicts` and `avoid` take it.
 
     Raises
     ------
@@ -64,6 +76,7 @@ def coast(states: ArrayLike, field: Field, duration: float, start: float = 0.0, 
     True
     """
     instance("field", field, Field)
+    instance("orbit", orbit, Orbit, type(None))
     given, begin = checked("states", states, last=6), float(checked("start", number("start", start)))
     rows = np.ascontiguousarray(given.reshape(-1, 6))
     ballistics = ballistics_of(field.drag, len(rows))
@@ -79,7 +92,7 @@ def coast(states: ArrayLike, field: Field, duration: float, start: float = 0.0, 
         relative = relative_from_inertial(chief, np.reshape(flown, (-1, len(times), 6)), acceleration=felt)
         return relative.reshape((*given.shape[:-1], len(times), 6))
 
-    return followed(field.chief.orbit, states_at, duration, begin, within)
+    return followed(orbit or field.chief.orbit, states_at, duration, begin, within)
 
 
 def transition(field: Field, duration: ArrayLike, start: float = 0.0) -> Floats:
