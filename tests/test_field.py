@@ -543,7 +543,14 @@ def test_limits_hold_in_flight():
     limit = 0.7 * float(path.peak_thrust.max())
     short = cf.fly(path, field, max_acceleration=limit)
     assert (short.delta_v <= limit * float(path.end[0])).all()
-    assert short.greatest_end > cf.fly(path, field).greatest_end
+    free = cf.fly(path, field)
+    assert short.greatest_end > free.greatest_end
+    assert not free.limited.any()
+    blind = cf.fly(path, field, "open", max_acceleration=limit)
+    table = cf.thrust(path, field, every=1.0)
+    over = (np.linalg.norm(table.commanded, axis=2) > limit).mean(axis=1)  # of its rows
+    assert over.max() > 0.1
+    assert blind.limited[0] == pytest.approx(over, abs=0.01)
 
 
 def test_ratios_of_flights_are_those_of_the_march():
