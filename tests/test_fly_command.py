@@ -200,3 +200,16 @@ def test_impulses_have_no_margin_of_their_own(tmp_path: Path, capsys):
     assert main(["run", str(tmp_path / "swap.toml"), "--out", str(tmp_path / "run")]) == 2
     said = 'margin: "auto" is not known for impulses; give a length, or craft max_acceleration\n'
     assert capsys.readouterr().err.endswith(said)
+
+
+def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys):
+    swapped(tmp_path, swap(more='margin = "3 m"\n' + NAVIGATION))
+    capsys.readouterr()
+    status, found, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "3", "--control", "replan")
+    assert (status, found["control"], found["feedback"]["every_s"]) == (0, "replan", 300.0)
+    assert "the rest is planned anew" in capsys.readouterr().out
+    assert main(["fly", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
+    said = (
+        f"--control: replan is for one stage, and {run} has 2; fly it by track, or a run of that stage alone"
+    )
+    assert capsys.readouterr().err == f"{said}\n"

@@ -24,7 +24,7 @@ def fly(
     horizon: str | None = None,
     navigation: str | None = None,
     thrust_error: str | None = None,
-    control: Literal["track", "open"] = "track",
+    control: Literal["track", "replan", "open"] = "track",
     seeds: int = 100,
     out: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
@@ -44,7 +44,7 @@ def fly(
     thrust_error
         By how much thrust is off at most, in size and direction: "1 %, 1 deg".
     control
-        track: measure and come back; open: thrust as commanded, nobody measures.
+        track: measure and come back; replan: plan the rest anew; open: thrust as commanded, nobody measures.
     seeds
         How many flights.
     out
@@ -70,6 +70,11 @@ def fly(
     if not run.flown:
         raise UsageError(
             f"{directory}: nothing was flown, {run.stopped}; change the scenario, and run it again"
+        )
+    if control == "replan" and len(run.flown) > 1:
+        remedy = "fly it by track, or a run of that stage alone"
+        raise UsageError(
+            f"--control: replan is for one stage, and {directory} has {len(run.flown)}; {remedy}"
         )
     told = asked.instead_of(run.scenario.flight)
     from closeform.report.repeat import Command

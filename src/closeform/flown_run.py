@@ -11,7 +11,7 @@ from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
 from closeform.field.commanded import CommandedThrust, thrust
 from closeform.field.feedback import Feedback
 from closeform.field.field import Field
-from closeform.field.flight import BY_IMPULSES, fly
+from closeform.field.flight import BY_IMPULSES, BY_PLANS, fly
 from closeform.field.flight_result import Flight
 from closeform.field.least_ratios import least_ratios, nearest_pairs
 from closeform.field.tube import Tube, tube
@@ -60,7 +60,8 @@ class FlownRun:
         """Fly it.  Raises ValueError where it cannot be."""
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
         fires = bool(run.paths.arcs[:, IMPULSE : IMPULSE + 3].any())
-        told = told | {"feedback": told["feedback"] or (BY_IMPULSES if fires else Feedback())}
+        usual = BY_PLANS if control == "replan" else (BY_IMPULSES if fires else Feedback())
+        told = told | {"feedback": told["feedback"] or usual}
         if fires:
             told["max_acceleration"] = None
         flight = fly(run.paths, field, control, zones=zones, seeds=seeds, **told)  # type: ignore[arg-type]
@@ -117,8 +118,11 @@ class FlownRun:
 
     @cached_property
     def tube(self) -> Tube | None:
-        """How far off feedback leaves each craft, as said beforehand; None without feedback."""
-        if self.control != "track":
+        """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
+
+        Those lead back to what they fly when they are changed for the field, which is off the plan between them.
+        """
+        if self.control != "track" or self.told["feedback"].impulses:
             return None
         sizes = np.broadcast_to(self.told["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)

@@ -92,6 +92,8 @@ class FlightReport:
         where = f"Field: {described(one.field)}, known; thrust corrected for it"
         if one.control == "open":
             return first, f"{where}; nobody measures", *self.thrust_errors
+        if one.control == "replan":
+            where += "; the rest is planned anew, around the zones, at each measurement"
         law, sight = told["feedback"], told["navigation"]
         how = f"measured every {law.every:g} s, brought back within {law.horizon:g} s"
         if law.impulses:
@@ -106,11 +108,14 @@ class FlightReport:
     def thrust_errors(self) -> tuple[str, ...]:
         """By how much thrust is off."""
         size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
+        shot = any(craft.thrusters is not None for craft in self.flown.run.scenario.craft)
+        pulses = (
+            "Thrusters: pulses as planned; what corrects them is thrust that lasts, in any direction",
+        ) * shot
         if not size and not angle:
-            return ()
-        return (
-            f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight",
-        )
+            return pulses
+        off = f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight"
+        return (*pulses, off)
 
     @cached_property
     def verdict(self) -> Entered:
@@ -151,7 +156,7 @@ class FlightReport:
             "What was found", found, (*self.tables, *self.worst[1]), pictures=tuple(self.pictures)
         )
         return (
-            Section("What was asked", self.opening[1:], (self.command.table,)),
+            Section("What was asked", (), (self.command.table,)),
             whole,
             flown.sure(self.flown),
         )

@@ -35,7 +35,7 @@ class Encounter(StageTable):
     """What a conjunction message is told as."""
 
 
-class InField(StageTable):
+class Flight(StageTable):
     """What the worst flight of a run in its field is told as."""
 
 
@@ -99,7 +99,7 @@ class Shown:
             epoch, flight, zones = Epoch(frame.epoch, frame.time_system), report.flight, report.zones
             sigmas, errors = (None, ()) if found is None else (found.sigmas, frame.errors)
         elif isinstance(report, FlightReport):
-            kind, epoch, flight, zones, found = InField, report.epoch, report.flight, report.zones, None
+            kind, epoch, flight, zones, found = Flight, report.epoch, report.flight, report.zones, None
             sigmas, errors = None, ()
         else:
             kind, met, found = Encounter, report.encounter, None
