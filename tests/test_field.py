@@ -740,3 +740,19 @@ def test_a_field_has_an_orbit_that_keeps_step():
     turned = 2.0 * np.arcsin(0.5 * np.linalg.norm(np.diff(units, axis=0), axis=1)).sum()
     assert field.orbit.mean_motion * 86400.0 == pytest.approx(turned, abs=1e-3)  # of 96 rad
     assert abs(field.chief.orbit.mean_motion * 86400.0 - turned) > 0.03  # Kepler's is out of step
+
+
+def test_thrust_that_bends_within_a_step():
+    """It leaves a zone less than a second before its end, by a thrust a thousand times the usual."""
+    orbit, zone = chief().orbit, cf.Sphere(100.0)
+    client = orbit.coast(np.zeros(6), 2000.0)
+    planned = orbit.transfer([0, 300, 50, 0, 0, 0], [0, 100.25, 0, 0, 0.35, 0], 2000.0)
+    path = cf.avoid(planned, client, zone).path
+    late = path.thrust(np.array([1000.0, 2000.0]))
+    assert np.linalg.norm(late[1]) > 100.0 * np.linalg.norm(late[0])
+    both = cf.stack([path, client])
+    flight = cf.fly(both, cf.Field(chief()), "open", zones=zone)
+    nearest = cf.closest_approach(path, client, zone)
+    assert 100.0 * flight.least_ratio == pytest.approx(100.0 * nearest.ratio, abs=0.01)
+    end = flight.states[0, 0, -1]
+    assert end == pytest.approx(path.state(2000.0), abs=1e-3)  # its speed, too

@@ -14,7 +14,7 @@ from closeform.field.feedback import Feedback, delayed, kicks_back, way_back
 from closeform.field.field import Field
 from closeform.field.flying import FACET, THRUSTER, Course, fly_all
 from closeform.field.residual import beyond, residuals
-from closeform.field.timetable import BESIDE, COAST, PULSED, STEP, Timetable, edges_of, impulses_of
+from closeform.field.timetable import BESIDE, COAST, PULSED, STEP, Timetable, bends_of, edges_of, impulses_of
 from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
@@ -126,8 +126,11 @@ def commands_of(
     longest = STEP if nozzles is None else PULSED
     if nozzles is None and not path.peak_thrust.any() and (law is None or law.impulses):
         longest = COAST
+    edges = edges_of(path)
+    # where others fly beside, or on after it, all are shown at the same times
+    bends = bends_of(path) if span is None and nozzles is None else edges[:0]
     span = span or (float(path.start[0]), float(path.end[0]))
-    table = Timetable.of(span, law, offsets, edges_of(path), when, longest)
+    table = Timetable.of(span, law, offsets, np.union1d(edges, bends), when, longest, bends)
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
     jumps[craft, np.searchsorted(table.fired_times, when)] = sizes

@@ -15,7 +15,7 @@ PULSED, STEP, COAST = 5.0, 10.0, 20.0  # s: steps at most, of pulses, of thrust 
 SHOWN = 20_000  # instants of which states are kept, about
 BESIDE = 1e-6  # of a step: on this side of where thrust jumps
 SAME = 1e-6  # s after a measurement, by which steps may differ that share a row of the law
-JUMP = 1e-6  # of the peak thrust
+JUMP, BEND = 1e-6, 0.05  # of the peak thrust: at once, or on both sides within a step
 
 
 class Timetable(NamedTuple):
@@ -64,14 +64,15 @@ class Timetable(NamedTuple):
         edges: Floats,
         fired: Floats,
         longest: float,
+        looked_at: Floats,
     ) -> Timetable:
         """From start to end [s], in steps of at most `longest` [s], of which some end at `edges` and `fired`.
 
         Measured from the start on, at equal intervals of at most the law's; `offsets` (J,) [s] after each
-        measurement impulses are fired.
+        measurement impulses are fired.  States are shown where one is `looked_at`, too: some of these ends.
         """
         start, end = span
-        edges = edges[(edges > start) & (edges < end)]
+        edges, looked_at = (some[(some > start) & (some < end)] for some in (edges, looked_at))
         looks = 1 if law is None else int(np.ceil((end - start) / law.every - SAME))
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))
@@ -86,7 +87,7 @@ class Timetable(NamedTuple):
         nodes = np.unique(np.concatenate([base, firing, edges, answered]))
         times = np.empty(2 * len(nodes) - 1)
         times[::2], times[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:])
-        shown = np.unique(np.concatenate([base[::thin], firing]))
+        shown = np.unique(np.concatenate([base[::thin], firing, looked_at]))
         table = cls(
             times,
             _numbered(nodes, measured if law else nodes[:0], np.arange(looks)),
@@ -134,6 +135,18 @@ def edges_of(path: Path) -> Floats:
         times = times[(times > one.start + near) & (times < one.end - near)]
         change = one.thrust(times + near) - one.thrust(times - near)
         found.append(times[np.linalg.norm(change, axis=1) > JUMP * one.peak_thrust])
+    return np.concatenate(found)
+
+
+def bends_of(path: Path) -> Floats:
+    """Where the thrust of any craft bends so that a step across would be wrong [s]."""
+    found = [np.zeros(0)]
+    for k in np.flatnonzero(path.peak_thrust):
+        one = path[int(k)]
+        times = one.arcs[:, START]
+        aside = np.minimum(STEP, np.minimum(times - one.start, one.end - times))
+        bend = one.thrust(times + aside) + one.thrust(times - aside) - 2.0 * one.thrust(times)
+        found.append(times[np.linalg.norm(bend, axis=1) > BEND * one.peak_thrust])
     return np.concatenate(found)
 
 
