@@ -254,3 +254,48 @@ def test_errors_that_do_not_fit_the_pairs_are_refused():
         cf.lock_times(search, r, v, cf.SearchErrors(half_angle=0.87 * pi))
     with pytest.raises(ValueError, match=r"errors: expected SearchErrors, got 0\.1"):
         cf.lock_times(search, r, v, 0.1)
+
+
+RUN = """\
+closeform = 1
+title = "Two, one of them late, both turned"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["A", "B"]
+group = ["A", "B"]
+position = ["0 0 0 m", "20 40 300 m"]
+velocity = "0 0 0 m/s"
+pointing_error = ["1 2 0 deg", "0 -3 0 deg"]
+slew_rate_error = ["1 %", "-2 %"]
+start_offset = ["0 s", "30 s"]
+
+[sensor]
+half_angle = "70 deg"
+
+[search]
+method = "modified"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+
+[[stage]]
+do = "lock"
+"""
+
+
+def test_a_run_has_the_errors_that_its_file_gives(tmp_path):
+    file = tmp_path / "late.toml"
+    file.write_text(RUN)
+    found = cf.run(file).results[0].result.locks.time
+    errors = {"slew_rate": 0.01, "pointing": np.radians([1.0, 2.0, 0.0])}
+    others = {"slew_rate": -0.02, "pointing": np.radians([0.0, -3.0, 0.0]), "start": 30.0}
+    bodies = [
+        Body(turns("modified", radians(70)), group, **given)
+        for group, given in (("A", errors), ("B", others))
+    ]
+    truth = first_lock(*bodies, cf.Sensor(radians(70)), np.array([20.0, 40.0, 300.0]), np.zeros(3))
+    assert found == pytest.approx([truth], rel=0.0, abs=1e-6)
+    file.write_text(RUN.replace('start_offset = ["0 s", "30 s"]', "silent = [false, true]"))
+    assert "never lock" in str(cf.run(file).verdict)
