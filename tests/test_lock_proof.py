@@ -65,7 +65,7 @@ def test_what_is_proven_locks_whatever_the_errors():
     draw = generator(2)
     for some in np.array_split(np.arange(len(states)), 20):
         sign = draw.choice([-1.0, 1.0], 4)
-        clocks = [times * (1 + s * pace) + r * late for s, r in (sign[:2], sign[2:])]
+        clocks = [(times + r * late) * (1 + s * pace) for s, r in (sign[:2], sign[2:])]
         look = [
             side.boresight(np.clip(clock, 0.0, side.ends[-1]))
             for side, clock in zip(sides, clocks, strict=True)

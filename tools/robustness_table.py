@@ -95,7 +95,7 @@ ROWS = {
         nothing,
         lambda way, size: cf.SearchErrors(slew_acceleration=np.stack([way[:, 0] + np.inf, DEGREE * size], 1)),
         10.0,
-        (0.03, 0.02, 0.015, 0.01),
+        (0.015, 0.01, 0.007, 0.005),
     ),
     "ramps alike": Row(
         "slew acceleration, both alike",

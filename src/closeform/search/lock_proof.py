@@ -197,7 +197,7 @@ def looks_of(search: Search, until: float, pointing: float, timing: float, rate:
         count = ceil(abs(leg.angle) / STEP)
         times += [leg.start + (leg.end - leg.start) * k / count for k in range(1, count)] + [leg.end]
     when = np.array([t for t in times if t < until] + [until])
-    error = pointing + search.slew_rate * (timing + rate * when)
+    error = pointing + search.slew_rate * ((1.0 + rate) * timing + rate * when)
     half_angle = search.sensor.half_angle - error
     # the cone is convex up to half of the sky: of a wider one that half is looked at
     cosines = np.where(half_angle < pi / 2.0, np.cos(half_angle), 0.0)
