@@ -120,7 +120,7 @@ class FlownRun:
     def tube(self) -> Tube | None:
         """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
 
-        Those lead back to what they fly when they are changed for the field, which is off the plan between them.
+        Those lead back to what they fly when changed for the field, which is off the plan between them.
         """
         if self.control != "track" or self.told["feedback"].impulses:
             return None
