@@ -88,10 +88,10 @@ class FlightReport:
         one, told = self.flown, self.flown.told
         count = counted(len(one.flight.states), "flight")
         stages = counted(len(one.stages), "stage")
-        first = f"{self.title}: {count} of {len(one.names)} craft, {stages}"
+        what = self.title, f"{count} of {len(one.names)} craft, {stages}"
         where = f"Field: {described(one.field)}, known; thrust corrected for it"
         if one.control == "open":
-            return first, f"{where}; nobody measures", *self.thrust_errors
+            return *what, f"{where}; nobody measures", *self.thrust_errors
         if one.control == "replan":
             where += "; the rest is planned anew, around the zones, at each measurement"
         law, sight = told["feedback"], told["navigation"]
@@ -102,7 +102,7 @@ class FlightReport:
         biased = ""
         if sight.position_bias or sight.velocity_bias:
             biased = f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
-        return first, where, f"Feedback: {how}; {seen} (1 sigma){biased}", *self.thrust_errors
+        return *what, where, f"Feedback: {how}; {seen} (1 sigma){biased}", *self.thrust_errors
 
     @property
     def thrust_errors(self) -> tuple[str, ...]:

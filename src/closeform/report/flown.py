@@ -15,22 +15,22 @@ STAGES = (
     Column("stage", "number"),
     Column("does", "do", words=True),
     Column("to [s]", "end_s", "{:.1f}".format),
-    Column("ends off, median [m]", "end_median_m", "{:.3g}".format),
+    Column("off [m]", "end_median_m", "{:.3g}".format),
     Column("95 % [m]", "end_95_m", "{:.3g}".format),
     Column("most [m]", "end_most_m", "{:.3g}".format),
     Column("least", "ratio", "{:.4f} x zone".format),
     PAIR,
-    Column("in flight", "seed"),
+    Column("flight", "seed"),
     Column("entered [%]", "violated", "{:.4g}".format, scale=100.0),
 )
 SPENT = (
     Column("craft", "craft", words=True),
     Column("plan [m/s]", "plan_m_s", "{:.6g}".format),
     Column("field [m/s]", "field_m_s", "{:+.3g}".format),
-    Column("feedback, median [m/s]", "feedback_m_s", "{:+.3g}".format),
+    Column("feedback [m/s]", "feedback_m_s", "{:+.3g}".format),
     Column("most [m/s]", "feedback_most_m_s", "{:+.3g}".format),
-    Column("in all, most [m/s]", "delta_v_m_s", "{:.6g}".format),
-    Column("at its limit [%]", "limited", "{:.3g}".format, scale=100.0),
+    Column("all, most [m/s]", "delta_v_m_s", "{:.6g}".format),
+    Column("at limit [%]", "limited", "{:.3g}".format, scale=100.0),
 )
 FLIGHTS = (
     Column("flight", "seed"),
@@ -50,11 +50,11 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     """Stages, what everybody spends, the worst flights."""
     return (
         Table(
-            "Stages, each from where the one before was flown to",
+            "Stages, each from where the one before was flown to; ends are off by, in the median flight",
             STAGES,
             [stage(flown, one) for one in flown.stages],
         ),
-        Table("What each craft spends", SPENT, [*spent(flown)]),
+        Table("What each craft spends, on feedback in the median flight", SPENT, [*spent(flown)]),
         Table("The worst flights", FLIGHTS, [flight(flown, seed) for seed in order(flown)[:WORST]]),
     )
 

@@ -100,7 +100,7 @@ class RunReport:
             return () if self.by_rule is None else (self.by_rule.line,)
         a, _, ex, ey, inclination, node = chief.elements
         shape = f"a {a / 1e3:.3f} km, e {hypot(ex, ey):.5f}"
-        plane = f"i {degrees(inclination):.4f} deg, node {degrees(node) % 360.0:.4f} deg"
+        plane = f"i {degrees(inclination):.4f} deg, node {round(degrees(node), 4) % 360.0:.4f} deg"
         notes = () if inputs is None else inputs.notes
         return (
             f"Chief at the epoch: {shape}, {plane} in {chief.frame}",
