@@ -182,7 +182,7 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
             axes.set_yticklabels([])
         else:
             axes.set_ylabel("never lock", fontsize=TEXT, color=INK)
-    headline(figure, f"Share of {cases:,} pairs that never lock; dashed: nobody of many more is lost")
+    headline(figure, f"Share of {cases:,} pairs that never lock; dashed: nobody of {10 * cases:,} is lost")
     figure.savefig(DOCS / "images" / "robustness.png")
 
 
