@@ -145,6 +145,12 @@ def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]
             "the least that was found; its lower bound is certified for these ends and times, and it is the "
             "least there is where it is called proven",
         )
+    for field in dict.fromkeys(one.validity.field for one in flown if one.validity is not None):
+        yield (
+            f"In the field of {field}",
+            "predicted of thrust as planned, to a few per cent; thrust corrected for it flies the plan, and "
+            "what is certified of it holds there: closeform fly",
+        )
     if any(result.passive is not None for result in flown):
         yield (
             "Passive safety",
