@@ -28,6 +28,7 @@ SECTIONS = {
     "limits": 1,
     "locks": None,
     "gathering": None,
+    "campaign": None,
     "fuel": None,
     "fuel_zones": 1,
     "drift": 1,

@@ -147,7 +147,7 @@ def goes_on(path: Path, private: Path) -> Iterator[None]:
         kept = f"{whole} of {every} chunks are kept in {path}"
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(f"{kept}, the same command goes on") from None
-        what = str(error).rpartition("; ")[0] if isinstance(error.__cause__, OSError) else str(error)
+        what = str(error).removesuffix("; choose another --out")  # which would not go on
         raise FolderError(f"{what}; {kept}, and the same command goes on") from error
     (private / manifest.NAME).unlink(missing_ok=True)
 
