@@ -88,9 +88,7 @@ class Flight(Rows):
 
     @property
     def feedback_delta_v(self) -> Any:
-        """What each craft spends beyond what is commanded (S, N) [m/s]: on errors of all kinds, less what
-        errors and limits of thrust keep back.
-        """
+        """What each craft spends on errors of all kinds (S, N) [m/s], less what limits keep back."""
         return self.delta_v - self.planned_delta_v - self.field_delta_v
 
     @cached_property
