@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -19,6 +21,7 @@ from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
 
 ROUNDS = 2  # of flights in a function's field: the first is off by a share of the field's gradient
+FEW = 8  # flights that are not worth a thread of their own
 STRETCH = 20_000  # steps that are in memory together, about
 
 
@@ -98,8 +101,9 @@ def flown(
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
     impulses = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
+    each = wrong, errors, now, states, impulses, spent
     for course in courses(commands, field, frame, around):
-        fly_all(field._constants, course, wrong, errors, now, states, impulses, spent)
+        _side_by_side(field, course, each)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
         asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
         asked += np.linalg.norm(course.jumps, axis=2).sum(axis=1)
@@ -108,6 +112,22 @@ def flown(
         arrivals = states.copy()
         arrivals[:, :, table.shown[table.fires >= 0], 3:] -= impulses
     return Flown(states, arrivals, spent[..., 0], asked, spent[..., 1])
+
+
+def _side_by_side(field: Field, course: Course, each: tuple[Floats, ...]) -> None:
+    """Fly a stretch of all flights on all cores; each array of `each` has one row for a flight."""
+
+    def some(part: slice) -> None:
+        fly_all(field._constants, course, *(rows[part] for rows in each))
+
+    flights = len(each[0])
+    size = max(FEW, -(-flights // (os.cpu_count() or 1)))
+    parts = [slice(k, k + size) for k in range(0, flights, size)]
+    if len(parts) == 1:
+        some(parts[0])
+        return
+    with ThreadPoolExecutor(len(parts)) as pool:
+        list(pool.map(some, parts))
 
 
 def commands_of(
