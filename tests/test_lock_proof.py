@@ -111,7 +111,7 @@ def test_ten_margin_balls_are_proven_another_way():
     for pair in [*late, COUNTEREXAMPLE]:
         ball = cf.lock_margins(S04, pair[:3], pair[3:])
         reach = np.repeat([ball.position, ball.velocity], 3)
-        proof = cf.prove_locks(S04, pair - reach, pair + reach, nodes=100_000)
+        proof = cf.prove_locks(S04, pair - reach, pair + reach, nodes=90_000)
         off = np.maximum(0.0, np.maximum(proof.undecided[:, 0] - pair, pair - proof.undecided[:, 1]))
         far = np.linalg.norm(off[:, :3], axis=1) / ball.position
         far += np.linalg.norm(off[:, 3:], axis=1) / ball.velocity
@@ -136,10 +136,10 @@ def test_one_round_is_refuted_near_s04s_counterexample_and_from_afar():
         assert (found.time > FIRST_ROUND).all()
 
 
-@pytest.mark.parametrize("degrees", [0.5, 2.0])
-def test_counterexamples_never_lock_with_boresights_that_lean_away(degrees):
+@pytest.mark.parametrize(("degrees", "nodes"), [(0.5, 200_000), (2.0, 20_000)])
+def test_counterexamples_never_lock_with_boresights_that_lean_away(degrees, nodes):
     """Seen densely, by the papers' turns; for 2 deg two craft at rest above each other are among them."""
-    proof = cf.prove_locks(S04, -DRAWN, DRAWN, pointing_error=radians(degrees), nodes=200_000)
+    proof = cf.prove_locks(S04, -DRAWN, DRAWN, pointing_error=radians(degrees), nodes=nodes)
     assert len(proof.counterexamples)
     turning = Turning(turns("modified", radians(70)), RATE)
     times, looks = turning.samples(2.0)
