@@ -207,8 +207,11 @@ def answers() -> dict[str, Any]:
         "CommandedThrust": cf.thrust(steered, field, every=20.0),
         "Retargeted": cf.thrust(low.orbit.two_impulse(craft, craft[[1, 0, 2]], 200.0), field).impulses,
         "Flight": cf.fly(steered, field),
+        "Room": cf.room(steered, field, cf.Feedback(), cf.Navigation(0.1, 1e-3)),
         "Tube": cf.tube(low.orbit, cf.Feedback(), cf.Navigation(0.1, 1e-3), [1e-6, 2e-6]),
     }
+    swap = low.orbit, craft, craft[[1, 0, 2]], 200.0, ball
+    found["FittedMargin"] = cf.fit_margin(lambda margin: cf.reconfigure(*swap, margin=margin), field, ball)
     mission = fly(parse(STUDY, "study.toml", "run"))
     errors, locked = flown(parse(STUDY, "study.toml", "study")), flown(parse(LOCKS, "locks.toml", "study"))
     return found | {

@@ -22,6 +22,7 @@ from closeform.plots.look import CONFLICT
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}
 GIVEN |= {"PairZones", "Errors", "ThrustLost", "MissedBurns", "WeakThrust", "StuckThrust"}
 GIVEN |= {"Thrusters", "Sensor", "Chief", "Field", "Drag", "Feedback", "Navigation"}
+GIVEN |= {"SearchErrors", "EccentricOrbit"}
 PARTS = {"Contact", "TooWeak", "Price", "Event", "Leg", "TheoremCase", "ConjunctionObject", "Covariances"}
 PARTS |= {"Ephemeris"}  # inertial states of one object; `common_frame` makes relative ones
 DRAWN = {name: one for name, one in answers().items() if name.split()[-1] not in PARTS}

@@ -223,16 +223,13 @@ def _gatherings(result: Any) -> Figure:
     return plots.histogram(times, result.search, what="formations gather")
 
 
-def _lock_campaign(result: Any) -> Figure:
-    from closeform import plots
+def _campaign(what: str) -> Drawer:
+    def drawn(result: Any) -> Figure:
+        from closeform import plots
 
-    return plots.histogram(result.time, result.search, what="cases lock")
+        return plots.histogram(result.time, result.search, what=what)
 
-
-def _gather_campaign(result: Any) -> Figure:
-    from closeform import plots
-
-    return plots.histogram(result.time, result.search, what="formations gather")
+    return drawn
 
 
 def _gathering(result: Any, names: Any = None) -> Figure:
@@ -279,6 +276,30 @@ def _tube(result: Any) -> Figure:
     return intervals(list(worst), values, [0.0] * len(values), values, "off the path at most [m]", said)
 
 
+def _room(result: Any, names: Any = None) -> Figure:
+    from closeform.plots.curves import curves
+
+    said = f"Craft stay within {result.greatest.max():.3g} m of this plan, at {result.sigmas:g} sigmas"
+    return curves(result.times, result.radius, "off the plan at most [m]", said, names)
+
+
+def _fitted(result: Any, names: Any = None) -> Figure:
+    if result.room is None:
+        raise ValueError(f"result: has no paths, {result.reason}; there is nothing to draw")
+    return _room(result.room, names)
+
+
+def _retargeted(result: Any) -> Figure:
+    from closeform.plots.intervals import intervals
+    from closeform.plots.look import speed
+
+    spent, asked = (float(np.linalg.norm(one, axis=1).sum()) for one in (result.impulse, result.planned))
+    changes = 1e3 * np.linalg.norm(result.impulse - result.planned, axis=1)
+    rows = [f"craft {one}, {time:.6g} s" for one, time in zip(result.craft, result.time, strict=True)]
+    said = f"{speed(spent)} of impulses for {speed(asked)} planned"
+    return intervals(rows, changes, np.zeros(len(changes)), changes, "changed by [mm/s]", said)
+
+
 def _by(picture: str) -> Drawer:
     """The public picture that takes the answer alone."""
 
@@ -311,13 +332,16 @@ PICTURES: dict[str, Drawer] = {
     "LongestLock": _longest,
     "Gathering": _gathering,
     "Gatherings": _gatherings,
-    "LockCampaign": _lock_campaign,
-    "GatherCampaign": _gather_campaign,
+    "LockCampaign": _campaign("cases lock"),
+    "GatherCampaign": _campaign("formations gather"),
     "ErrorCampaign": _errors,
     "MissionCampaign": _missions,
     "SweepCampaign": _sweep,
     "Validity": _validity,
     "CommandedThrust": _commanded,
+    "Retargeted": _retargeted,
+    "Room": _room,
+    "FittedMargin": _fitted,
     "Tube": _tube,
     "Flight": _flight,
     "LoadedStudy": _loaded_study,
