@@ -950,6 +950,18 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         f'{KEEP_OUT}\n{KNOWN}\n{STUDY}draws = "errors"\nvary = {{ "craft.position" = {{ ball = "1 m" }} }}{GAP}',
         'study: vary goes with draws = "vary" only; remove vary',
     ),
+    Bad(
+        "errors to draw and plan anew of nobody",
+        "",
+        STUDY + 'draws = "replanned"\n',
+        'study.draws: no craft has errors; add for example covariance = { position = "3 6 3 m", velocity = "2 2 2 mm/s" } to [craft]',
+    ),
+    Bad(
+        "samples of missions that are planned anew",
+        KEEP_OUT + GAP,
+        f'{KEEP_OUT}\n{KNOWN}\n{STUDY}draws = "replanned"\nsampled = ["1 s"]{GAP}',
+        'study: sampled goes with draws = "vary" only; remove sampled',
+    ),
     # not built yet
     Bad(
         "a start from an ephemeris without a chief",

@@ -61,6 +61,7 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     results: list[StageResult[Any, Any]] = []
     past: dict[str, tuple[float, Floats]] = {}
     errors = tuple(craft.errors for craft in scenario.craft) if scenario.uncertain else ()
+    replanned = scenario.history is not None and scenario.history.replanned
     for number, stage in enumerate(scenario.stages, 1):
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
@@ -75,12 +76,22 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
         if scenario.uncertain and result.flown:
             progress(f"stage {number} of {len(scenario.stages)}: {verb}, with errors")
-            result, errors = with_errors(scenario, result, errors)
+            result, left = with_errors(scenario, result, errors)
+            errors = errors if replanned else left  # where everybody is known anew
+        if scenario.history is not None:
+            result = scenario.history.executed(scenario, result)
         results.append(result)
         if result.failure is not None:
-            return Mission(scenario, orbit, tuple(results), f"stage {number} ({verb}): {result.failure}")
+            stopped = f"stage {number} ({verb}): {result.failure}"
+            return as_happened(Mission(scenario, orbit, tuple(results), stopped))
         states = result.after.paths.state(result.end)
-    return Mission(scenario, orbit, tuple(results))
+    return as_happened(Mission(scenario, orbit, tuple(results)))
+
+
+def as_happened(mission: Mission) -> Mission:
+    """A mission with the errors that a case of its study has drawn, if this is one."""
+    history = mission.scenario.history
+    return mission if history is None else history.whole(mission)
 
 
 def with_errors(

@@ -41,7 +41,8 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
     `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.  `uncertain`: what errors
     of the craft make of it, None without any.  `passive`: whether it is safe when something fails, where that
-    is asked.  `validity`: what becomes of it in the scenario's field, where that has one.
+    is asked.  `validity`: what becomes of it in the scenario's field, where that has one.  `commanded`: the
+    plan, where `after` has the errors that a case of a study has drawn.
     """
 
     number: int
@@ -57,6 +58,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     uncertain: "UncertainStage | None" = None
     passive: "PassiveSafety | None" = None
     validity: "Validity | None" = None
+    commanded: WatchedFlight | None = None
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         conflicts = f"{len(self.after.conflicts)} conflicts, {len(self.before.conflicts)} before"
@@ -67,7 +69,9 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
 
     @property
     def planned(self) -> WatchedFlight:
-        """The plan: what is flown, but for thrusters."""
+        """The plan: what is flown, but for thrusters and errors that were drawn."""
+        if self.commanded is not None:
+            return self.commanded
         return self.after if self.pulsed is None else self.pulsed.planned
 
     @property
@@ -244,6 +248,7 @@ class Mission(Stages):
             searched,
             tuple(result.late for result in self.flown if result.late is not None),
             asked=tuple(one for result in self.flown for one in result.asked),
+            drawn=self.scenario.history is not None,
         )
 
     @property

@@ -126,7 +126,7 @@ class Verdict:
     into a zone to the exit, of so many `pairs`; None where nobody looked for them.  `exceeded`: who
     uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
     that take longer than asked.  `sigmas`: of the errors of states by which conflicts were counted.
-    `asked`: what stages ask for beyond that.
+    `asked`: what stages ask for beyond that.  `drawn`: whether craft fly with errors that a case has drawn.
     """
 
     stopped: str | None
@@ -137,6 +137,7 @@ class Verdict:
     late: tuple[Late, ...] = ()
     sigmas: float | None = None
     asked: tuple[Asked, ...] = ()
+    drawn: bool = False
 
     @property
     def clear(self) -> bool:
@@ -155,7 +156,9 @@ class Verdict:
 
     @property
     def at(self) -> str:
-        """By how many sigmas conflicts were counted, in words."""
+        """With which errors conflicts were counted, in words."""
+        if self.drawn:
+            return " with the errors of this case"
         return "" if self.sigmas is None else f" at {self.sigmas:g} sigma{'s' * (self.sigmas != 1)}"
 
     @property

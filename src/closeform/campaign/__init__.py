@@ -1,9 +1,10 @@
 """Campaigns: a scenario's search flown over many drawn cases, and what became of them."""
 
 from closeform.campaign.campaign import asked, flown, study
-from closeform.campaign.draws import case_of, drawn
+from closeform.campaign.draws import drawn
 from closeform.campaign.gather_cases import GatherCampaign
 from closeform.campaign.lock_cases import LockCampaign, SampledLocks
+from closeform.campaign.one_case import case_of
 from closeform.campaign.search_campaign import Campaign, CampaignStatus
 from closeform.campaign.shares import Estimate, Share
 

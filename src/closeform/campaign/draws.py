@@ -8,16 +8,15 @@ nor on other keys, and may draw for as many events as it has.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
 
 from closeform.arrays import Floats
-from closeform.scenario import Craft, Scenario, ScenarioError
+from closeform.scenario import Scenario
 from closeform.scenario.study import SEARCHED, STATES, Draw
-from closeform.search.search_errors import SearchErrors, first_of
+from closeform.search.search_errors import SearchErrors
 
 WORDS = 4  # random numbers in one block of Philox
 
@@ -100,47 +99,3 @@ def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> A
     across = np.sqrt(1.0 - height * height)
     direction = np.stack([across * np.cos(longitude), across * np.sin(longitude), height], axis=-1)
     return np.asarray(radius[..., None] * direction)
-
-
-def case_of(scenario: Scenario, case: int) -> Scenario:
-    """The scenario with the states that the craft have in one `case` of its study, by the file's seed.
-
-    Raises ScenarioError for what is not built, or craft at one place in that case, and
-    ValueError for a scenario without a study or a case below 0.
-    """
-    if scenario.study is None:
-        raise ValueError(f"{scenario.file} has no cases; add a [study] table, or leave the case out")
-    if case < 0:
-        raise ValueError(f"{case} is negative, cases count from 0; give 0 or more")
-    if scenario.study.draws == "errors":
-        raise ValueError(f"{scenario.file} draws errors, whose cases only a study flies; leave the case out")
-    if lines := scenario.refused("run --case"):
-        raise ScenarioError(scenario.file, lines)
-    found = one_case(scenario, scenario.study.seed, case)
-    if lines := found.coincident() if any(stage.searches for stage in found.stages) else ():
-        raise ScenarioError(scenario.file, lines)
-    return found
-
-
-def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
-    """The scenario with what one case of its study has drawn with a seed."""
-    states = drawn(scenario, seed, case, case + 1)[0]
-    columns = {"position": states[:, :3], "velocity": states[:, 3:]}
-    for key in varied(scenario):
-        section, name = key.split(".")
-        if section == "craft" and key not in STATES:
-            columns[field_of(name)] = values(scenario, seed, key, case, case + 1)[0]
-    craft = []
-    for k, one in enumerate(scenario.craft):
-        cells = {name: column[k].tolist() for name, column in columns.items()}
-        drawn_now = {name: tuple(cell) if isinstance(cell, list) else cell for name, cell in cells.items()}
-        craft.append(one.model_copy(update={"start": None, "states": None, **drawn_now}))
-    errors = searching(scenario, seed, case, case + 1)
-    title = f"{scenario.title}: case {case}"
-    astray = None if errors is None else first_of(errors)
-    return replace(scenario, title=title, craft=tuple(craft), case=case, astray=astray)
-
-
-def field_of(key: str) -> str:
-    """The field of a craft that a key of [craft] fills."""
-    return next(name for name in Craft.model_fields if Craft.key_of(name) == key)

@@ -13,11 +13,9 @@ from itertools import compress
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
-from scipy.special import ndtri
 
-from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
-from closeform.campaign.draws import WORDS, uniform
+from closeform.campaign.history import drawn
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.motion.joining import join, stack
@@ -291,9 +289,3 @@ class PairCounts:
 def pairs(table: PairZones) -> list[tuple[Any, int, int]]:
     """Every pair that has a zone, with it."""
     return [(zone, int(i), int(j)) for zone, *both in portions(table) for i, j in zip(*both, strict=True)]
-
-
-def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
-    """Normal random numbers (last - first, count) of one craft in some cases."""
-    random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
-    return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
-from typing import Any, ClassVar
+from math import inf, nan
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import Chunks
-from closeform.campaign.draws import one_case
+from closeform.campaign.one_case import one_case
 from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread
 from closeform.mission import fly
-from closeform.mission_result import Mission
+from closeform.mission_result import Mission, StageResult
 from closeform.result import Result
 from closeform.scenario import Scenario, ScenarioError
 
@@ -41,7 +40,7 @@ class MissionCases(Cases):
     """Cases with a row each: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`.
 
     `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
-    numbers are nan.
+    numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most.
     """
 
     @property
@@ -58,8 +57,14 @@ class MissionCases(Cases):
     def names(self) -> tuple[str, ...]:
         """The columns of `fly`."""
         craft = (of_craft(name) for name in self.scenario.names)
-        stages = (of_stage(number) for number, _ in enumerate(self.scenario.stages, 1))
+        numbers = range(1, len(self.scenario.stages) + 1)
+        stages = (*map(of_stage, numbers), *(map(off_in, numbers) if self.replanned else ()))
         return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts"
+
+    @property
+    def replanned(self) -> bool:
+        """Whether errors are drawn, and each stage is planned from where they left the craft."""
+        return self.scenario.study is not None and self.scenario.study.draws == "replanned"
 
     def row(self, case: int) -> dict[str, Any]:
         """What became of one case."""
@@ -93,9 +98,21 @@ def figures(mission: Mission) -> dict[str, Any]:
         "delta_v_m_s": each.sum() if flown else nan,
         **dict(zip(map(of_craft, mission.scenario.names), each.sum(axis=0), strict=True)),
         **{of_stage(result.number): spent.sum() for result, spent in zip(flown, each, strict=True)},
+        **{off_in(result.number): off(result) for result in flown if result.commanded is not None},
         "least_ratio": min(ratios, default=nan),
         "conflicts": sum(len(result.after.conflicts) for result in flown),
     }
+
+
+def off(result: StageResult[Any, Any]) -> float:
+    """How far [m] from its planned end the craft is that errors of burns put off most."""
+    planned = result.planned.paths.position(result.end)
+    return float(np.linalg.norm(result.after.paths.position(result.end) - planned, axis=-1).max())
+
+
+def off_in(number: int) -> str:
+    """The column of how far errors of burns put a craft off in a stage."""
+    return f"stage_{number}_off_m"
 
 
 def of_craft(name: str) -> str:
@@ -106,6 +123,35 @@ def of_craft(name: str) -> str:
 def of_stage(number: int) -> str:
     """The column of what all spend in a stage."""
     return f"stage_{number}_delta_v_m_s"
+
+
+@dataclass(frozen=True)
+class Endings:
+    """How cases ended: by status `counts` and the `first` of each; why, as often, and first; who came nearest."""
+
+    counts: dict[str, int]
+    first: dict[str, list[int]]
+    causes: dict[str, tuple[int, int]]
+    nearest: tuple[float, int] | None
+
+    @classmethod
+    def of(cls, chunks: Chunks) -> Self:
+        """Counted chunk after chunk, so that no more than one is held."""
+        counts, first = dict.fromkeys(STATUSES, 0), {status: list[int]() for status in STATUSES}
+        causes, nearest = dict[str, tuple[int, int]](), (inf, -1)
+        for begin, part in chunks.read("status", "reason", "least_ratio"):
+            rows = zip(part["status"].tolist(), part["reason"].tolist(), strict=True)
+            for case, (status, reason) in enumerate(rows, begin):
+                counts[status] += 1
+                if len(first[status]) < NAMED:
+                    first[status].append(case)
+                if reason:
+                    cause = NUMBER.sub("...", reason)
+                    many, since = causes.get(cause, (0, case))
+                    causes[cause] = many + 1, since
+            ratio = np.where(np.isnan(part["least_ratio"]), inf, part["least_ratio"])
+            nearest = min(nearest, (float(ratio.min()), begin + int(ratio.argmin())))
+        return cls(counts, first, causes, nearest if nearest[1] >= 0 and nearest[0] < inf else None)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -148,9 +194,14 @@ class MissionCampaign(Result):
         return self.column("status").astype(str)
 
     @cached_property
+    def endings(self) -> Endings:
+        """How cases ended, counted chunk after chunk."""
+        return Endings.of(self.chunks)
+
+    @property
     def counts(self) -> dict[str, int]:
         """How many cases ended how, in the order of STATUSES."""
-        return {status: int(np.count_nonzero(self.statuses == status)) for status in STATUSES}
+        return self.endings.counts
 
     @cached_property
     def good(self) -> Any:
@@ -165,7 +216,7 @@ class MissionCampaign(Result):
     @property
     def ok(self) -> bool:
         """Whether all is met in every case."""
-        return bool(self.good.all())
+        return self.counts[MET] == len(self)
 
     @property
     def status(self) -> CampaignStatus:
@@ -181,7 +232,7 @@ class MissionCampaign(Result):
         parts = []
         for status, count in self.counts.items():
             if count and status != MET:
-                cases = np.flatnonzero(self.statuses == status)[:NAMED].tolist()
+                cases = self.endings.first[status]
                 named = ", ".join(map(str, cases)) + ", ..." * (count > len(cases))
                 parts.append(f"{count} of {len(self)} cases {WORDS[status]}: {named}")
         return "; ".join(parts) or None
@@ -189,23 +240,23 @@ class MissionCampaign(Result):
     @cached_property
     def causes(self) -> list[tuple[str, int, int]]:
         """Why cases ended badly, numbers left out: how many did, and the first of them; most often first."""
-        count: Counter[str] = Counter()
-        first: dict[str, int] = {}
-        for case, reason in enumerate(self.column("reason").tolist()):
-            if reason:
-                cause = NUMBER.sub("...", str(reason))
-                count[cause] += 1
-                first.setdefault(cause, case)
-        return [(cause, many, first[cause]) for cause, many in count.most_common(NAMED)]
+        most = sorted(self.endings.causes.items(), key=lambda row: -row[1][0])[:NAMED]
+        return [(cause, many, first) for cause, (many, first) in most]
 
     @cached_property
     def spreads(self) -> dict[str, Spread]:
-        """Of the delta-v [m/s] in all, by stage and by craft, and of the end [s], where it was all flown."""
+        """Of the delta-v [m/s] in all, by stage and by craft, and of the end [s], where it was all flown.
+
+        Where errors are drawn, of how far they put craft off in each stage [m], too.
+        """
         named = {"delta-v of all craft [m/s]": "delta_v_m_s"}
         if len(self.scenario.stages) > 1:
             stages = enumerate(self.scenario.stages, 1)
             named |= {f"stage {number}, {stage.verb} [m/s]": of_stage(number) for number, stage in stages}
         named |= {f"delta-v of {name} [m/s]": of_craft(name) for name in self.scenario.names}
+        if self.kind.replanned:
+            stages = enumerate(self.scenario.stages, 1)
+            named |= {f"stage {number}, {stage.verb}, off [m]": off_in(number) for number, stage in stages}
         named["end [s]"] = "end_s"
         found = {words: self.spread(name) for words, name in named.items()}
         return {words: spread for words, spread in found.items() if spread is not None}
@@ -222,11 +273,7 @@ class MissionCampaign(Result):
 
         return Spread.of(values)
 
-    @cached_property
+    @property
     def nearest(self) -> tuple[float, int] | None:
         """The least ratio of any pair in terms of its zone, and in which case; None where nobody has one."""
-        ratio = self.column("least_ratio")
-        if np.isnan(ratio).all():
-            return None
-        case = int(np.nanargmin(ratio))
-        return float(ratio[case]), case
+        return self.endings.nearest

@@ -11,6 +11,11 @@ from closeform.scenario import Scenario
 
 OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are told in a way of their own
 TOLD = {"do", "name"}  # keys of a stage that stand in columns of their own
+DRAWN = {  # in a case of a study, by its `draws`
+    "vary": "whose states are",
+    "errors": "flown as planned with errors that are",
+    "replanned": "each stage planned from where errors led the craft, which are",
+}
 FIELDS = Column("what", "table", words=True), Column("as the file says it", "words", words=True)
 STAGES = (
     Column("stage", "number"),
@@ -51,10 +56,10 @@ def introduction(text: str) -> Iterator[str]:
 
 
 def drawn_case(scenario: Scenario) -> Iterator[str]:
-    """Whose states are flown, where they are not those of the file."""
+    """What of the flight is drawn, where it is a case of a study."""
     if scenario.case is not None and scenario.study is not None:
-        drawn = f"whose states are drawn with seed {scenario.study.seed}"
-        yield f"Flown is case {scenario.case} of its study, {drawn}"
+        of = DRAWN[scenario.study.draws]
+        yield f"Flown is case {scenario.case} of its study, {of} drawn with seed {scenario.study.seed}"
 
 
 def craft(names: Sequence[str], said: Mapping[str, Any]) -> Table:

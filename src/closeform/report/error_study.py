@@ -31,7 +31,20 @@ class ErrorStudyReport:
     """What there is to say of a campaign of errors."""
 
     campaign: ErrorCampaign
-    hint: tuple[str, ...] = ()
+
+    @property
+    def drawn_alike(self) -> bool:
+        """Whether the file's own seed draws the same cases."""
+        study = self.campaign.scenario.study
+        return study is not None and study.seed == self.campaign.seed
+
+    @property
+    def hint(self) -> tuple[str, ...]:
+        """How to see the case with most entries."""
+        if not self.campaign.worst or not self.drawn_alike:
+            return ()
+        case = self.campaign.worst[0][0]
+        return (f"closeform run {self.campaign.scenario.file} --case {case} shows the one with most entries",)
 
     @property
     def opening(self) -> tuple[str, ...]:
@@ -113,7 +126,7 @@ class ErrorStudyReport:
         sure = [SHARES, *model.of_errors(True)]
         chapters = (
             asked.section(campaign.scenario),
-            Section("What was found", tables=self.tables),
+            Section("What was found", self.hint, self.tables),
             *worst.section(replays, Path(campaign.scenario.file).name, worth),
             Section("Limits of the model", tables=(model.certain(sure),)),
         )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.campaign.mission_cases import WORDS, MissionCampaign
+from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
 from closeform.campaign.shares import estimate
 from closeform.campaign.spread import Spread
 from closeform.report import asked, model, results, worst
@@ -59,7 +59,8 @@ class MissionStudyReport:
         """How to see a case in which something is not met."""
         if self.campaign.ok or not self.drawn_alike:
             return ()
-        first = int(self.campaign.failed[0])
+        endings = self.campaign.endings.first
+        first = min(case for status, cases in endings.items() if status != MET for case in cases)
         return (f"closeform run {self.campaign.scenario.file} --case {first} shows the first of them",)
 
     @cached_property

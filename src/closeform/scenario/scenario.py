@@ -27,6 +27,7 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
+    from closeform.campaign.history import History
     from closeform.exchange.chief import Chief
     from closeform.field.field import Field
     from closeform.search.schedule import Search
@@ -55,6 +56,7 @@ class Scenario:
     navigation: NavigationTable | None = None
     case: int | None = None  # of the study, if this is one
     astray: "SearchErrors | None" = None  # (N,), how the craft search, where a case has drawn it
+    history: "History | None" = None  # of a case whose errors are drawn
     points: "tuple[Scenario, ...]" = ()  # of its sweep
     point: Mapping[str, Any] = field(default_factory=dict)  # of a sweep: the values by key
     place: int | None = None  # of that point among all
@@ -253,6 +255,8 @@ class Scenario:
     @property
     def searches_alone(self) -> bool:
         """Whether it is one search, of which only states and errors of the search vary."""
+        if self.study is not None and self.study.draws == "replanned":
+            return False
         vary = self.study.vary if self.study is not None else {}
         return len(self.stages) == 1 and self.stages[0].searches and {*vary} <= {*STATES, *SEARCHED}
 

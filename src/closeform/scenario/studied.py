@@ -7,6 +7,7 @@ from typing import Any
 from closeform.scenario.craft import MOST_TURN, Craft
 from closeform.scenario.errors import did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
+from closeform.scenario.stages import Gather
 from closeform.scenario.study import NORMAL_REACH, SEARCHED, Draw, draw_error, readers
 
 WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # what readers do not bound
@@ -16,8 +17,10 @@ def study(scenario: Scenario) -> Iterator[str]:
     """Draws for keys that cannot vary, of the wrong kind, or out of a key's domain."""
     if scenario.study is None:
         return
-    if scenario.study.draws == "errors":
+    if scenario.study.draws != "vary":
         yield from drawn_errors(scenario)
+    if scenario.study.draws == "errors":
+        yield from somebody_to_meet(scenario)
     astray = any(craft.astray for craft in scenario.craft) or {*SEARCHED} & {*scenario.study.vary}
     if scenario.study.sampled and astray:
         yield "study.sampled: samples look at searches without errors; remove sampled, or those"
@@ -67,7 +70,7 @@ def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) 
 
 
 def drawn_errors(scenario: Scenario) -> Iterator[str]:
-    """Errors that are to be drawn where there are none, or where nobody could meet."""
+    """Errors that are to be drawn where there are none, or that cannot be."""
     if not scenario.uncertain:
         yield (
             "study.draws: no craft has errors; add for example "
@@ -75,6 +78,14 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
         )
     if any(craft.execution is not None and craft.execution.noise for craft in scenario.craft):
         yield "study.draws: white noise cannot be drawn; remove noise from execution"
+    gathers = any(isinstance(stage, Gather) for stage in scenario.stages)
+    replanned = scenario.study is not None and scenario.study.draws == "replanned"
+    if replanned and gathers and any(craft.execution is not None for craft in scenario.craft):
+        yield "study.draws: a gathering cannot have errors of burns yet; remove execution, or that stage"
+
+
+def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
+    """Errors that are counted by who meets, where nobody could."""
     if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
         yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
     if len(scenario.craft) < 2:

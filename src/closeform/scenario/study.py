@@ -79,7 +79,7 @@ class Study(Table):
 
     cases: Annotated[int, Field(ge=1)] = Field(examples=["1000"])
     seed: Annotated[int, Field(ge=0)] = Field(examples=["1"])
-    draws: Literal["vary", "errors"] = Field("vary", examples=['"errors"'])
+    draws: Literal["vary", "errors", "replanned"] = Field("vary", examples=['"errors"'])
     vary: dict[str, Draw] = Field(default_factory=dict, examples=['{ "craft.position" = { ball = "10 m" } }'])
     sweep: dict[str, Annotated[tuple[Any, ...], Field(strict=False)]] = Field(
         default_factory=dict, examples=['{ "sensor.half_angle" = ["65 deg", "70 deg"] }']
@@ -88,8 +88,9 @@ class Study(Table):
     published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
 
     def flaws(self) -> Iterator[str]:
-        for key in ("vary", "sweep", "sampled", "published"):
-            if self.draws == "errors" and getattr(self, key):
+        others = {"errors": ("vary", "sweep", "sampled", "published"), "replanned": ("sampled", "published")}
+        for key in others.get(self.draws, ()):
+            if getattr(self, key):
                 yield f'{key} goes with draws = "vary" only; remove {key}'
         for key, values in self.sweep.items():
             if not values:

@@ -31,6 +31,23 @@ def columns_of(path: Path, errors: Errors) -> Path:
     return path_of(path.orbit, arcs, offsets, (len(found),))
 
 
+def added(path: Path, columns: Path, sizes: Floats) -> Path:
+    """A craft's path with each of its columns (m,) so many times: what is flown.
+
+    The columns may be of a longer path that goes through this one, arc by arc.
+    """
+    arcs, starts = path.arcs.copy(), path.arcs[:, START]
+    kicked = path.arcs[:, IMPULSE:STATE].any(axis=1)
+    for first, last, size in zip(columns.offsets[:-1], columns.offsets[1:], sizes, strict=True):
+        column = columns.arcs[first:last]
+        picked = column[np.searchsorted(column[:, START], starts, side="right") - 1]
+        begins = picked[:, START] == starts  # so do all arcs of a column that thrust or begin by an impulse
+        arcs[:, STATE : STATE + 6] += size * _states(path, picked, starts)
+        arcs[begins, THRUST:] += size * picked[begins, THRUST:]
+        arcs[begins & kicked, IMPULSE:STATE] += size * picked[begins & kicked, IMPULSE:STATE]
+    return path_of(path.orbit, arcs, path.offsets, path.shape)
+
+
 def burning(path: Path) -> list[tuple[int, int]]:
     """First arc and the one after the last of every burn of a craft: thrust without a pause."""
     on = np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0
@@ -115,8 +132,13 @@ def _thrust_rates(n: float, arcs: Floats) -> Floats:
 
 def _ends(path: Path, arcs: Floats) -> Any:
     """States (k, 6) at the ends of arcs."""
+    return _states(path, arcs, arcs[:, END])
+
+
+def _states(path: Path, arcs: Floats, times: Floats) -> Any:
+    """States (k, 6) at a time (k,) on each of some arcs."""
     alone = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
-    return alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]
+    return alone._evaluate_rows(np.ascontiguousarray(times[:, None]))[:, 0]
 
 
 def _accumulate(path: Path, arcs: Floats) -> None:

@@ -1,0 +1,107 @@
+"""History: how the errors of one case come out, in a mission flown as planned or planned anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from closeform.arrays import Floats
+from closeform.campaign.draws import WORDS, uniform
+from closeform.conflicts.flight import watch
+from closeform.motion.joining import join, stack
+from closeform.motion.path import Path
+from closeform.scenario import Craft, Scenario
+from closeform.uncertainty.columns import added, columns_of
+from closeform.uncertainty.covariance import root_of
+
+if TYPE_CHECKING:
+    from closeform.mission_result import Mission, StageResult
+
+
+@dataclass(frozen=True)
+class History:
+    """The errors of a case: of a mission that is planned anew stage by stage, or of one flown as planned.
+
+    Random numbers are keyed by the seed and the craft's name, so that other craft change none.
+    """
+
+    seed: int
+    case: int
+    replanned: bool
+
+    def starts(self, craft: Craft) -> Floats:
+        """How far a craft is from its state (6,) when the mission begins."""
+        if craft.covariance is None:
+            return np.zeros(6)
+        random = self.normal(f"start of {craft.name}", 6)
+        return np.asarray(root_of("covariance", craft.covariance.matrix) @ random)
+
+    def normal(self, key: str, count: int) -> Floats:
+        """Normal random numbers (count,), four for each event."""
+        events = [
+            uniform(self.seed, key, 1, self.case, self.case + 1, event).ravel()
+            for event in range(-(-count // WORDS))
+        ]
+        return np.asarray(ndtri(np.concatenate([np.empty(0), *events])[:count]))
+
+    def executed(self, scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
+        """A stage as it is flown where each stage is planned from where craft are: its burns are off."""
+        if not self.replanned or not result.flown:
+            return result
+        paths = []
+        for craft in scenario.craft:
+            path = result.after.path(craft.name)
+            if craft.errors is not None:
+                columns = columns_of(path, craft.errors)
+                key = f"stage {result.number} of {craft.name}"
+                path = added(path, columns, self.normal(key, len(columns)))
+            paths.append(path)
+        return flown(scenario, result, paths)
+
+    def whole(self, mission: Mission) -> Mission:
+        """A mission as it is flown where nobody corrects what the errors of all craft do."""
+        if self.replanned or not mission.flown:
+            return mission
+        scenario = mission.scenario
+        added_to = [
+            errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
+            for craft in scenario.craft
+        ]
+        results = tuple(
+            flown(
+                scenario,
+                result,
+                [
+                    result.after.path(name) if errors is None else added(result.after.path(name), *errors)
+                    for name, errors in zip(scenario.names, added_to, strict=True)
+                ],
+            )
+            if result.flown
+            else result
+            for result in mission.results
+        )
+        return replace(mission, results=results)
+
+
+def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats] | None:
+    """The columns of a craft's errors over its whole mission, and how large each is; None without any."""
+    if craft.errors is None:
+        return None
+    columns = columns_of(path, craft.errors)
+    first, last = history.case, history.case + 1
+    return columns, drawn(history.seed, craft.name, len(columns), first, last)[0]
+
+
+def flown(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:
+    """A stage with the paths on which the craft really were."""
+    after = watch(stack(paths), scenario.names, scenario.zones)
+    return replace(result, after=after, commanded=result.planned)
+
+
+def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
+    """Normal random numbers (last - first, count) of one craft in some cases of a mission as planned."""
+    random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
+    return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))

@@ -1,0 +1,70 @@
+"""One case of a study, as the scenario that it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from closeform.campaign.draws import drawn, searching, values, varied
+from closeform.scenario import Craft, Scenario, ScenarioError
+from closeform.scenario.study import STATES
+from closeform.search.search_errors import first_of
+
+if TYPE_CHECKING:
+    from closeform.campaign.history import History
+
+
+def case_of(scenario: Scenario, case: int) -> Scenario:
+    """The scenario with all that one `case` of its study has drawn, by the file's seed.
+
+    Raises ScenarioError for what is not built, or craft at one place in that case, and
+    ValueError for a scenario without a study or a case below 0.
+    """
+    if scenario.study is None:
+        raise ValueError(f"{scenario.file} has no cases; add a [study] table, or leave the case out")
+    if case < 0:
+        raise ValueError(f"{case} is negative, cases count from 0; give 0 or more")
+    if lines := scenario.refused("run --case"):
+        raise ScenarioError(scenario.file, lines)
+    found = one_case(scenario, scenario.study.seed, case)
+    if lines := found.coincident() if any(stage.searches for stage in found.stages) else ():
+        raise ScenarioError(scenario.file, lines)
+    return found
+
+
+def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
+    """The scenario with what one case of its study has drawn with a seed."""
+    title, history = f"{scenario.title}: case {case}", history_of(scenario, seed, case)
+    if history is not None and not history.replanned:
+        return replace(scenario, title=title, case=case, history=history)
+    states = drawn(scenario, seed, case, case + 1)[0]
+    if history is not None:
+        states = states + [history.starts(craft) for craft in scenario.craft]
+    columns = {"position": states[:, :3], "velocity": states[:, 3:]}
+    for key in varied(scenario):
+        section, name = key.split(".")
+        if section == "craft" and key not in STATES:
+            columns[field_of(name)] = values(scenario, seed, key, case, case + 1)[0]
+    craft = []
+    for k, one in enumerate(scenario.craft):
+        cells = {name: column[k].tolist() for name, column in columns.items()}
+        known = {} if history is None else {"covariance": None}
+        drawn_now = {name: tuple(cell) if isinstance(cell, list) else cell for name, cell in cells.items()}
+        craft.append(one.model_copy(update={"start": None, "states": None, **known, **drawn_now}))
+    errors = searching(scenario, seed, case, case + 1)
+    astray = None if errors is None else first_of(errors)
+    return replace(scenario, title=title, craft=tuple(craft), case=case, astray=astray, history=history)
+
+
+def history_of(scenario: Scenario, seed: int, case: int) -> History | None:
+    """How errors come out in one case; None where its study draws none."""
+    if scenario.study is None or scenario.study.draws == "vary":
+        return None
+    from closeform.campaign.history import History  # whose kernels searches can spare
+
+    return History(seed, case, scenario.study.draws == "replanned")
+
+
+def field_of(key: str) -> str:
+    """The field of a craft that a key of [craft] fills."""
+    return next(name for name in Craft.model_fields if Craft.key_of(name) == key)
