@@ -1,4 +1,4 @@
-"""Cases whose errors are drawn: executed burns by integration, starts by their covariance, a run by its study."""
+"""Cases whose errors are drawn: burns by integration, starts by their covariance, a run by its study."""
 
 import re
 

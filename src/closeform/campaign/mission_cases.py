@@ -127,7 +127,7 @@ def of_stage(number: int) -> str:
 
 @dataclass(frozen=True)
 class Endings:
-    """How cases ended: by status `counts` and the `first` of each; why, as often, and first; who came nearest."""
+    """How cases ended: by status `counts` and the `first` few; why, how often and first; who came nearest."""
 
     counts: dict[str, int]
     first: dict[str, list[int]]
