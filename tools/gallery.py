@@ -65,7 +65,8 @@ report, pictures and tables; files are short, a good place to begin one of your 
 TAIL = """
 ## Flown in the real field
 
-What `flown_swap` planned is flown a hundred times, with errors of navigation and thrust ([from claim to evidence](evidence.md)):
+What `flown_swap` planned is flown a hundred times, with errors of navigation and thrust
+([from claim to evidence](evidence.md)):
 
 ```sh
 closeform fly flown_swap-results

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 
-from scipy.special import betaincinv
+from scipy.special import ndtri
 
 from closeform.search.phases import NEVER
 
 CONFIDENCE = 0.95
+DEVIATIONS = float(ndtri(0.5 + 0.5 * CONFIDENCE))
 
 
 @dataclass(frozen=True)
@@ -33,11 +35,11 @@ class Share:
 
 
 def estimate(count: int, total: int) -> Estimate:
-    """A share with the exact interval of Clopper and Pearson (1934), which holds for 0 cases too."""
-    tail = (1.0 - CONFIDENCE) / 2.0
-    low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
-    high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
-    return Estimate(count / total, low, high)
+    """A share with the interval of Wilson (1927), which holds for 0 cases too."""
+    share, turn = count / total, DEVIATIONS**2 / total
+    middle = (share + 0.5 * turn) / (1.0 + turn)
+    half = sqrt(turn * (share * (1.0 - share) + 0.25 * turn)) / (1.0 + turn)
+    return Estimate(share, middle - half if count > 0 else 0.0, middle + half if count < total else 1.0)
 
 
 def shares(names: Sequence[str], counts: Sequence[int]) -> tuple[Share, ...]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.special import betaincinv
 
 Drawer = Callable[..., Figure]
 RATIO = "least ratio [× zone]"
@@ -201,13 +200,13 @@ def _loaded_study(result: Any) -> Figure:
 
 
 def _shares(names: list[str], counts: Any, cases: int, what: str, said: str) -> Figure:
-    """Shares of cases with their intervals, of Clopper and Pearson (1934)."""
+    """Shares of cases with their intervals."""
+    from closeform.campaign.shares import estimate
     from closeform.plots.intervals import intervals
 
-    found = np.array(counts)
-    low = np.where(found > 0, betaincinv(np.maximum(found, 1), cases - found + 1, 0.025), 0.0)
-    high = np.where(found < cases, betaincinv(found + 1, np.maximum(cases - found, 1), 0.975), 1.0)
-    return intervals(names, found / cases, low, high, f"{what}, 95 %", said)
+    found = [estimate(int(count), cases) for count in counts]
+    value, low, high = ([getattr(one, part) for one in found] for part in ("share", "low", "high"))
+    return intervals(names, value, low, high, f"{what}, 95 %", said)
 
 
 def _locks(result: Any) -> Figure:

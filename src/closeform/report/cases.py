@@ -25,8 +25,7 @@ Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows,
 
 SHARES = (
     "Shares of cases",
-    "estimated from the cases drawn, failed ones among them: each with its own interval of 95 % "
-    "(Clopper and Pearson)",
+    "estimated from the cases drawn, failed ones among them: each with its own interval of 95 % (Wilson)",
 )
 
 
