@@ -1408,10 +1408,10 @@ SEARCHES = (
         "stage[2].to: a relative orbit, but deep space has no orbits; give line",
     ),
     lost(
-        "an imperfect search",
+        "turns that never gain their rate",
         'velocity = "0 0 0 cm/s"',
-        'velocity = "0 0 0 cm/s"\nstart_offset = "2 s"',
-        "craft.start_offset: a gathering cannot have it yet; remove it, or look for locks",
+        'velocity = "0 0 0 cm/s"\nslew_acceleration = "0 deg/s^2"',
+        'craft.slew_acceleration: "0 deg/s^2" must be above zero; write for example "0.01 deg/s^2"',
     ),
     lost(
         "a published figure for no phase",
@@ -1562,9 +1562,10 @@ MISUSES = (
         "--seed: -1 is out of range; give at least 0",
     ),
     Misuse(
-        "a draw that a gathering cannot have",
-        "study silent.toml",
-        'silent.toml: study.vary."craft.silent": a gathering cannot have it yet; remove it, or look for locks',
+        "a draw about an acceleration that is not there",
+        "study ramps.toml",
+        'ramps.toml: study.vary."craft.slew_acceleration": there is no craft.slew_acceleration to add to; '
+        "give it, or draw a choice",
     ),
     Misuse(
         "a scheduler that does not answer",

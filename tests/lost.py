@@ -10,6 +10,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 from scipy.spatial.transform import Rotation
 
+import bodies
+
 SUNWARD = np.array([0.0, 0.0, -1.0])
 START = {"A": np.array([1.0, 0.0, 0.0]), "B": np.array([-1.0, 0.0, 0.0])}  # boresights
 STEP = 6.0  # s, of the samples; 1.5 deg of turning at 0.25 deg/s, for craft of 0.1 m/s some 10 m apart
@@ -126,14 +128,21 @@ class Told:
 KINDS = ("lost", "knowledge", "formation")  # H03 figure 8 in its order
 
 
-def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0):
-    """The whole story; of pairs that lock at one time that with the lowest craft of group A first."""
+def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant=None):
+    """The whole story; of pairs that lock at one time that with the lowest craft of group A first.
+
+    With `errant` bodies, one for each craft, these turn, look and burn instead of the sky's.
+    """
     r, v = np.array(positions, float), np.array(velocities, float)
     n = len(r)
     told = Told(delta_v=np.zeros(n), lost=set(range(n)))
     formation, knowledge = set(), []
     spent = told.delta_v
-    clock, due = 0.0, list(sky.burns)
+    order = sorted(range(n), key=lambda k: (groups[k], k))
+    clock, due = 0.0, [(time, k) for time in sky.burns for k in order]
+    if errant is not None:
+        drifts = [j for j, turn in enumerate(errant[0].turns) if turn[1] == "wait"][1::2]
+        due = sorted(((errant[k].begins[j], k) for j in drifts for k in order), key=lambda one: one[0])
     pairs = [(a, b) for a in range(n) for b in range(n) if groups[a] == "A" and groups[b] == "B"]
     known: dict[tuple, float] = {}  # lock times that hold as long as neither burns
 
@@ -145,6 +154,18 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0):
         spent[k] += np.linalg.norm(dv)
         told.events.append((clock, kind, k, -1, 0, dv))
         known = {pair: time for pair, time in known.items() if k not in pair}
+
+    def lock(a, b):
+        apart, speed = r[b] - r[a], v[b] - v[a]
+        if errant is None:
+            return first_lock(sky, sensor, clock, apart, speed)
+        found = bodies.first_lock(errant[a], errant[b], sensor, apart - clock * speed, speed, clock)
+        return np.inf if np.isnan(found) else found
+
+    def look(k):
+        if errant is not None:
+            return errant[k].boresights(np.array([clock]))[0]
+        return sky.look(clock, sky.leg_at(clock))[0] * (1.0 if groups[k] == "A" else -1.0)
 
     def set_of(k):
         if k in formation:
@@ -160,15 +181,14 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0):
             if set_of(a) is not None and set_of(a) is set_of(b):
                 continue
             if (a, b) not in known:
-                known[a, b] = first_lock(sky, sensor, clock, r[b] - r[a], v[b] - v[a])
+                known[a, b] = lock(a, b)
             found = min(found, (known[a, b], a, b))
-        if due and due[0] < found[0]:
-            r += (due[0] - clock) * v
-            clock = due.pop(0)
-            leg = sky.leg_at(clock)
-            for k in sorted(told.lost, key=lambda k: (groups[k], k)):
-                look = sky.look(clock, leg)[0] * (1.0 if groups[k] == "A" else -1.0)
-                impulse(k, "near field", -push * look)
+        if due and due[0][0] <= found[0]:
+            time, k = due.pop(0)
+            r += (time - clock) * v
+            clock = time
+            if k in told.lost:
+                impulse(k, "near field", -push * look(k))
             continue
         if found[0] == np.inf:
             break
@@ -201,7 +221,8 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0):
             (set_of(i) or set_of(j)).update({i, j})
         told.lost -= {i, j}
     told.ok = len(formation) == n
-    told.duration = clock if told.ok else sky.duration
+    ends = [sky.duration, *(body.begins[-1] for body in errant or ())]
+    told.duration = clock if told.ok else max(ends)
     told.positions, told.velocities = r + (told.duration - clock) * v, v
     told.sets = ([formation] if formation else []) + knowledge
     return told

@@ -276,12 +276,12 @@ CALLS = {
     "gather": turned(
         search=SEARCH, positions=PLACES, velocities=SPEEDS, groups=list("ABA"), keep_out=BALL,
         rounds=2,
-        burns="least", max_speed=9.0,
+        burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]),
     ),
     "gather_cases": turned(
         search=SEARCH, positions=PLACES[None], velocities=SPEEDS[None], groups=list("ABA"), keep_out=BALL,
         rounds=2,
-        burns="least", max_speed=9.0,
+        burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]),
     ),
     "Gathering.acquainted": turned(self=GATHERED, first=0, second=1),
     "Gathering.known": turned(self=GATHERED, first=0, second=1, time=3.0),

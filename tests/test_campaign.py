@@ -565,10 +565,33 @@ def test_robustness_flies_and_each_case_is_the_same_as_a_run() -> None:
         np.testing.assert_array_equal(flown_alone.leg, campaign.pair_leg[case])
 
 
+def test_a_gathering_of_craft_that_search_imperfectly_is_the_same_as_a_run() -> None:
+    """Every key that errors of a search may have, drawn, and some that are given."""
+    given = 'slew_acceleration = ["0.01 deg/s^2", "0.02 deg/s^2", "0.03 deg/s^2"]\n[sensor]'
+    text = GATHERING.replace("[sensor]", given) + (
+        '"craft.pointing_error" = { ball = "5 deg" }\n"craft.slew_rate_error" = { normal = "2 %" }\n'
+        '"craft.start_offset" = { normal = "60 s" }\n"craft.silent" = { chance = 0.05 }\n'
+        '"craft.slew_acceleration" = { uniform = "0.005 deg/s^2" }\n'
+        '"sensor.half_angle" = { uniform = "2 deg" }\n"sensor.range" = { choice = ["1 km", "2 km"] }\n'
+        '"search.slew_rate" = { normal = "0.001 deg/s" }\n'
+    )
+    scenario = parse(text)
+    campaign, perfect = flown(scenario, 60), flown(parse(GATHERING), 60)
+    assert isinstance(campaign, GatherCampaign)
+    for case in range(12):
+        one = fly(case_of(scenario, case)).results[0].result
+        assert campaign.left[case] == (0 if one.ok else 3 - len(one.sets[0]) if one.sets else 3)
+        assert campaign.delta_v[case] == pytest.approx(one.delta_v.sum(), rel=1e-12)
+        if one.ok:
+            assert campaign.time[case] == one.duration
+    assert (campaign.time != perfect.time).mean() > 0.9
+
+
 def test_draws_of_searches_have_their_distributions() -> None:
     """By Kolmogorov and Smirnov, at a level of 1e-6, of A's craft and of B's together."""
     text = (EXAMPLES / "robustness.toml").read_text()
     text += '"sensor.half_angle" = { uniform = "2 deg" }\n"search.slew_rate" = { normal = "0.001 deg/s" }\n'
+    text += '"craft.slew_acceleration" = { choice = ["0.01 deg/s^2", "0.02 deg/s^2"] }\n'
     scenario, count = parse(text), 20_000
     errors = searching(scenario, 3, 0, count)
     assert errors.shape == (count, 2)
@@ -585,6 +608,7 @@ def test_draws_of_searches_have_their_distributions() -> None:
         assert stats.kstest(values, truth.cdf).pvalue > 1e-6
     assert set(np.unique(errors.range)) == {1000.0, 2000.0}
     assert stats.binomtest(int(errors.silent.sum()), 2 * count, 0.01).pvalue > 1e-6
+    assert set(np.unique(errors.slew_acceleration)) == {np.radians(0.01), np.radians(0.02)}
     assert stats.binomtest(int((errors.range == 1000.0).sum()), 2 * count, 0.5).pvalue > 1e-6
 
 

@@ -91,8 +91,11 @@ def desk(tmp_path, monkeypatch):
         .replace('cm/s" } }', 'm" } }')
     )
     (tmp_path / "lost.json").write_text("{}")
-    (tmp_path / "silent.toml").write_text(
-        LOST.replace('"craft.velocity" = { ball = "6 cm/s" }', '"craft.silent" = { chance = 0.1 }')
+    (tmp_path / "ramps.toml").write_text(
+        LOST.replace(
+            '"craft.velocity" = { ball = "6 cm/s" }',
+            '"craft.slew_acceleration" = { normal = "0.001 deg/s^2" }',
+        )
     )
     (tmp_path / "picture.toml").write_bytes(b"\x89PNG\xff\xfe")
     (tmp_path / "folder").mkdir()
@@ -191,9 +194,8 @@ def test_what_is_not_built_is_said_with_the_rest(desk: Path, capsys: pytest.Capt
     """Also of a study, which `run` does not need."""
     text = LOST.replace('"100 0 0 m"', '"100 0 0"')
     text = text.replace('"craft.velocity" = { ball = "6 cm/s" }', '"sensor.offset" = { normal = "1 cm" }')
-    text = text.replace('group = ["A", "B", "A"]', 'group = ["A", "B", "A"]\nstart_offset = "2 s"')
     (desk / "cluster.toml").write_text(text)
-    keys = ["craft.position[2]", "craft.start_offset"]
+    keys = ["craft.position[2]"]
     for command, more in (("check", ['study.vary."sensor.offset"']), ("run", [])):
         assert main([command, "cluster.toml"]) == 2
         assert [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()] == keys + more

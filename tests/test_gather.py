@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from numpy.linalg import norm
 
 import closeform as cf
+from bodies import Body
 from closeform.search.sets import case_number as compiled_case_number
 from lost import BASIC, MODIFIED, Sky, depth, gathered
+from turns import turns
 
 RATE, LIMIT = np.radians(0.25), np.radians(25.0)
 WAYS = ("second", "first", "half")
@@ -169,30 +171,34 @@ def sparse(seed):
     return search, positions, velocities, groups, int(rng.integers(1, 4)), burns, speed
 
 
+def same_story(g, told, atol=1e-6):
+    """Whether a gathering is that which the model tells; times to what lock_times promises."""
+    mine = [(e.kind, e.first, e.second, e.case) for e in g.events]
+    assert mine == [row[1:5] for row in told.events]
+    assert np.allclose([e.time for e in g.events], [row[0] for row in told.events], rtol=0.0, atol=atol)
+    for event, row in zip(g.events, told.events, strict=True):
+        assert np.allclose(event.delta_v, 0.0 if row[5] is None else row[5], rtol=0.0, atol=1e-12)
+    assert g.ok == told.ok
+    assert set(g.lost) == told.lost
+    assert {frozenset(s) for s in g.sets} == {frozenset(s) for s in told.sets}
+    assert not told.sets or set(g.sets[0]) == told.sets[0]
+    assert np.isclose(g.duration, told.duration, rtol=0.0, atol=atol)
+    assert np.allclose(g.delta_v, told.delta_v, atol=1e-12)
+    assert np.allclose(g.paths.position(g.duration), told.positions, atol=1e-5)  # 1e-6 s at up to 1 m/s
+    assert np.allclose(g.paths.velocity(g.duration), told.velocities, atol=1e-12)
+
+
 def test_the_same_story_as_an_independent_model():
     seen = Counter()
     for seed in range(100):
         search, positions, velocities, groups, rounds, burns, speed = sparse(seed)
         g = cf.gather(search, positions, velocities, groups, rounds=rounds, burns=burns, max_speed=speed)
-        turns = BASIC if search.legs[-1].phase == "OPS" else MODIFIED
+        plain = search.legs[-1].phase == "OPS"
         wait = search.near_field / speed if speed else 0.0
-        sky = Sky(turns, search.tip_angle, RATE, rounds, wait)
+        sky = Sky(BASIC if plain else MODIFIED, search.tip_angle, RATE, rounds, wait)
         told = gathered(sky, search.sensor, positions, velocities, groups, g.burns, 2.0 * (speed or 0.0))
         assert np.isclose(g.search.duration, sky.duration, rtol=1e-13)
-        mine = [(e.kind, e.first, e.second, e.case) for e in g.events]
-        assert mine == [row[1:5] for row in told.events], seed
-        # 1e-6 s is what lock_times promises
-        assert np.allclose([e.time for e in g.events], [row[0] for row in told.events], rtol=0.0, atol=1e-6)
-        for event, row in zip(g.events, told.events, strict=True):
-            assert np.allclose(event.delta_v, 0.0 if row[5] is None else row[5], rtol=0.0, atol=1e-12)
-        assert g.ok == told.ok
-        assert set(g.lost) == told.lost
-        assert {frozenset(s) for s in g.sets} == {frozenset(s) for s in told.sets}
-        assert not told.sets or set(g.sets[0]) == told.sets[0]
-        assert np.isclose(g.duration, told.duration, rtol=0.0, atol=1e-6)
-        assert np.allclose(g.delta_v, told.delta_v, atol=1e-12)
-        assert np.allclose(g.paths.position(g.duration), told.positions, atol=1e-5)  # 1e-6 s at up to 1 m/s
-        assert np.allclose(g.paths.velocity(g.duration), told.velocities, atol=1e-12)
+        same_story(g, told)
         seen.update(told.seen)
         seen.update({f"round {g.rounds}": 1, "ok" if told.ok else "incomplete": 1, f"N = {len(groups)}": 1})
         seen["near field"] += any(row[1] == "near field" for row in told.events)
@@ -201,6 +207,121 @@ def test_the_same_story_as_an_independent_model():
     joins = ["lost-lost first", "lost-lost", "formation-lost", "knowledge-lost", "formation-knowledge"]
     others = ["knowledge-knowledge", "round 2", "round 3", "ok", "incomplete", "near field", "three sets"]
     assert not [name for name in joins + others if not seen[name]], seen
+
+
+def errant(rng, groups, turns, longest, kind):
+    """Errors of craft, far greater than real ones: `SearchErrors`, and bodies that have them."""
+    n = len(groups)
+    each = {
+        "pointing": rng.normal(0.0, np.radians(6.0), (n, 3)),
+        "slew_rate": rng.normal(0.0, 0.03, n),
+        "start": rng.normal(0.0, 90.0, n),
+        "half_angle": rng.uniform(-0.3, 0.3, n) * np.radians(8.0),
+        "range": np.minimum(rng.uniform(200.0, 900.0, n), longest),
+        "slew_acceleration": RATE / rng.uniform(10.0, 300.0, n),
+        "silent": rng.uniform(size=n) < 0.1,
+    }
+    given = each if kind == "all" else {kind: each[kind]}
+    bodies = [
+        Body(turns, group, **{name: values[k] for name, values in given.items()})
+        for k, group in enumerate(groups)
+    ]
+    return cf.SearchErrors(**given), bodies
+
+
+def test_the_same_story_with_bodies_that_turn_for_themselves():
+    seen = Counter()
+    kinds = [
+        "all",
+        "all",
+        "pointing",
+        "slew_rate",
+        "start",
+        "half_angle",
+        "range",
+        "slew_acceleration",
+        "silent",
+    ]
+    for seed in range(24):
+        search, positions, velocities, groups, rounds, burns, speed = sparse(seed)
+        rng, kind = np.random.default_rng([7, seed]), kinds[seed % len(kinds)]
+        plain = search.legs[-1].phase == "OPS"
+        wait = search.near_field / speed if speed else 0.0
+        turned = turns("basic" if plain else "modified", search.sensor.half_angle, search.tip_angle)
+        turned = (turned + 2 * [("NFS", "wait", 0.0, wait)] * bool(wait)) * rounds
+        sky = Sky(BASIC if plain else MODIFIED, search.tip_angle, RATE, rounds, wait)
+        errors, bodies = errant(rng, groups, turned, search.sensor.range, kind)
+        options = {"burns": burns, "rounds": rounds, "max_speed": speed, "errors": errors}
+        g = cf.gather(search, positions, velocities, groups, **options)
+        push = 2.0 * (speed or 0.0)
+        told = gathered(sky, search.sensor, positions, velocities, groups, g.burns, push, bodies)
+        same_story(g, told)
+        many = cf.gather_cases(search, positions[None], velocities[None], groups, **options)
+        assert many.duration[0] == g.duration
+        assert np.allclose(many.each_delta_v[0], g.delta_v, rtol=1e-12, atol=0.0)
+        seen.update(told.seen)
+        seen.update({kind: 1, "ok" if told.ok else "incomplete": 1, f"round {g.rounds}": 1})
+        seen["near field"] += len({e.time for e in g.events if e.kind == "near field"}) > 1
+    joins = ["lost-lost first", "lost-lost", "formation-lost", "knowledge-lost", "formation-knowledge"]
+    assert not [name for name in [*joins, "ok", "incomplete", "near field", "round 2"] if not seen[name]], (
+        seen
+    )
+
+
+def test_two_that_search_imperfectly_gather_when_they_lock():
+    """Also after the schedule's end, when who is late still turns."""
+    search, n = modified(7.5, 900.0), 4000
+    rng = np.random.default_rng(12)
+    errors = {
+        "pointing": rng.normal(0.0, np.radians(6.0), (n, 2, 3)),
+        "slew_rate": rng.normal(0.0, 0.03, (n, 2)),
+        "start": rng.normal(0.0, 120.0, (n, 2)),
+        "silent": rng.uniform(size=(n, 2)) < 0.05,
+    }
+    errors["start"][:200] += 8000.0
+    r, v = rng.uniform(-600.0, 600.0, (n, 2, 3)), rng.uniform(-0.1, 0.1, (n, 2, 3))
+    astray = cf.SearchErrors(**errors)
+    pairs = cf.lock_times(search, r[:, 1] - r[:, 0], v[:, 1] - v[:, 0], astray)
+    many = cf.gather_cases(search, r, v, rounds=1, errors=astray)
+    np.testing.assert_array_equal(many.left == 0, pairs.leg >= 0)
+    locked = pairs.leg >= 0
+    np.testing.assert_allclose(many.duration[locked], pairs.time[locked], rtol=0.0, atol=1e-6)
+    assert (many.duration[locked] > search.duration).any()
+    assert (~locked).sum() > 100
+
+
+@pytest.mark.parametrize("speed", [None, 0.2])
+def test_errors_of_nothing_change_nothing(speed):
+    rng = np.random.default_rng(13)
+    r, v = rng.uniform(-250.0, 250.0, (500, 5, 3)), rng.uniform(-0.05, 0.05, (500, 5, 3))
+    r[:250] *= [0.05, 0.05, 1.0]
+    search, options = basic(70.0, 7.5, 250.0), {"max_speed": speed, "keep_out": cf.Sphere(20.0)}
+    perfect = cf.gather_cases(search, r, v, **options)
+    same = cf.gather_cases(search, r, v, **options, errors=cf.SearchErrors())
+    np.testing.assert_array_equal(same.leg, perfect.leg)
+    np.testing.assert_array_equal(same.met_unknown, perfect.met_unknown)
+    np.testing.assert_array_equal(same.met_known, perfect.met_known)
+    np.testing.assert_allclose(same.duration, perfect.duration, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(same.each_delta_v, perfect.each_delta_v, rtol=0.0, atol=1e-9)
+    assert 0 < (perfect.left > 0).sum() < 500
+
+
+def test_errors_that_do_not_fit_the_craft_are_refused():
+    search, r, v = modified(), *drawn(3, 4)
+    wrong = cf.SearchErrors(start=np.zeros(3))
+    told = r"errors: start of 4 craft is \(N\), or alike for all; got \(3,\)"
+    with pytest.raises(ValueError, match=told):
+        cf.gather(search, r, v, errors=wrong)
+    told = r"errors: start of 4 craft in 2 cases is \(C, N\), \(N\), or alike for all; got \(3,\)"
+    with pytest.raises(ValueError, match=told):
+        cf.gather_cases(search, np.stack([r, r]), np.stack([v, v]), errors=wrong)
+    turned = cf.SearchErrors(pointing=np.zeros((3, 3)))
+    with pytest.raises(ValueError, match=r"pointing of 4 craft is \(N, 3\), or alike for all; got \(3, 3\)"):
+        cf.gather(search, r, v, errors=turned)
+    with pytest.raises(ValueError, match=r"errors: expected SearchErrors, got 0\.1"):
+        cf.gather(search, r, v, errors=0.1)
+    with pytest.raises(ValueError, match=r"errors: half_angle leaves 3\.9"):
+        cf.gather(search, r, v, errors=cf.SearchErrors(half_angle=0.87 * np.pi))
 
 
 # ---- laws

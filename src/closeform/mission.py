@@ -51,11 +51,8 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
     """Fly a scenario's stages; `progress` is told what is under way.
 
     A move that finds no clear path or a search that leaves craft lost ends the mission; the Mission
-    says so in `stopped`.  Raises ScenarioError for stages or starts that this version has not
-    built, and for numbers that are beyond the mathematics.
+    says so in `stopped`.  Raises ScenarioError for numbers that are beyond the mathematics.
     """
-    if lines := scenario.unbuilt():
-        raise ScenarioError(scenario.file, lines)
     orbit = scenario.orbit.build()
     states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []

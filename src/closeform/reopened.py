@@ -292,11 +292,9 @@ class RunTables:
         legs = np.full(len(rows["first"]), -1)
         for k, (phase, number, time) in enumerate(_tuples(rows, "phase", "round", "time_s")):
             if phase is not None:
-                legs[k] = next(
-                    index
-                    for index, leg in enumerate(search.legs)
-                    if (leg.phase, leg.round) == (phase, number) and time <= leg.end
-                )
+                there = [j for j, leg in enumerate(search.legs) if (leg.phase, leg.round) == (phase, number)]
+                # a craft that is late is still in it when it should be over
+                legs[k] = next((j for j in there if time <= search.legs[j].end), there[-1])
         return FirstLocks(search, self.scenario.opposite, Locks(rows["time_s"].astype(float), legs))
 
     def gathering(self, figures: Mapping[str, Any], after: WatchedFlight) -> Gathering:
@@ -341,6 +339,7 @@ class RunTables:
             GatherStatus(told["status"]),
             None if told["ok"] else who_is_left(sets, lost, told["rounds"]),
             self.scenario.zones,
+            self.scenario.search_errors,
         )
 
 

@@ -70,7 +70,8 @@ def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErr
         of("craft.start_offset"),
         of("sensor.half_angle") - scenario.sensor.half_angle,
         of("sensor.range") if ranged else None,
-        silent=of("craft.silent"),
+        of("craft.slew_acceleration") if "craft.slew_acceleration" in keys else scenario.ramps,
+        of("craft.silent"),
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import Chunks
-from closeform.campaign.draws import drawn
+from closeform.campaign.draws import drawn, searching
 from closeform.campaign.ends import ended
 from closeform.campaign.lock_cases import apart
 from closeform.campaign.search_campaign import Campaign
@@ -60,9 +60,8 @@ class GatherCases(Cases):
         pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
         states = drawn(scenario, self.seed, first, last)
         apart(scenario, states, pairs, first)
-        found = gather_cases(
-            scenario.plan, states[..., :3], states[..., 3:], **scenario.gathering(self.stage)
-        )
+        told = scenario.gathering(self.stage) | {"errors": searching(scenario, self.seed, first, last)}
+        found = gather_cases(scenario.plan, states[..., :3], states[..., 3:], **told)
         return {
             "duration_s": np.where(found.leg < 0, np.nan, found.duration),
             "leg": found.leg,

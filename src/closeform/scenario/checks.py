@@ -33,7 +33,6 @@ def check(scenario: Scenario, wrong: Sequence[str], command: str) -> list[str]:
     found = Findings(wrong)
     fit(scenario, found)
     if found.said:
-        found.add(scenario.unbuilt())
         found.add(scenario.unbuilt_study() if command != "run" else ())
     return found.new
 

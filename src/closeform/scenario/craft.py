@@ -26,6 +26,7 @@ from closeform.scenario.quantity import (
     SHARE,
     SPEED,
     TIME,
+    TURNING,
     Reader,
 )
 from closeform.scenario.table import FileName, Length, Name, Position, Table, Vector, Velocity
@@ -91,6 +92,9 @@ class Craft(Table):
     )
     slew_rate_error: Annotated[float, BeforeValidator(Reader(SHARE))] = Field(0.0, examples=['"0.1 %"'])
     start_offset: Annotated[float, BeforeValidator(Reader(TIME))] = Field(0.0, examples=['"2 s"'])
+    slew_acceleration: Annotated[float, BeforeValidator(Reader(TURNING, least="positive"))] | None = Field(
+        None, examples=['"0.01 deg/s^2"']
+    )
     silent: bool = Field(False, examples=["false"])
     _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
     _known: Floats | None = PrivateAttr(None)  # state (6,) at the start, where it is inertial or in a file
@@ -149,7 +153,8 @@ class Craft(Table):
     @property
     def astray(self) -> bool:
         """Whether it is off what a search asks of it."""
-        return any((*self.pointing_error, self.slew_rate_error, self.start_offset, self.silent))
+        errors = *self.pointing_error, self.slew_rate_error, self.start_offset, self.silent
+        return any(errors) or self.slew_acceleration is not None
 
     def known_at(self, state: Floats) -> Self:
         """The craft with its state (6,) at the start, where that is inertial or in a file."""

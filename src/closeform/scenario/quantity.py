@@ -59,6 +59,7 @@ TIME = Kind("time", (0, 1, 0, 0), ("s", "min", "h", "d", "ms"))
 DURATION = Kind("time", (0, 1, 0, 0), ("s", "min", "h", "d", "ms", "orbits"))
 ANGLE = Kind("angle", (0, 0, 0, 1), ("deg", "rad", "turn", "arcmin", "arcsec", "mrad"))
 RATE = Kind("angular rate", (0, -1, 0, 1), ("deg/s", "rad/s"), "0.25")
+TURNING = Kind("angular acceleration", (0, -2, 0, 1), ("deg/s^2", "rad/s^2"), "0.01")
 MASS = Kind("mass", (0, 0, 1, 0), ("kg", "g", "t"))
 FORCE = Kind("force", (1, -2, 1, 0), ("N", "mN", "uN", "kN"))
 ACCELERATION = Kind("acceleration", (1, -2, 0, 0), ("mm/s^2", "m/s^2", "cm/s^2"))
@@ -75,6 +76,7 @@ KINDS = (
     TIME,
     ANGLE,
     RATE,
+    TURNING,
     MASS,
     FORCE,
     ACCELERATION,

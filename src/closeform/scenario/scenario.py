@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isnan
+from math import inf, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -193,7 +193,13 @@ class Scenario:
 
         keys = ("pointing_error", "slew_rate_error", "start_offset", "silent")
         pointing, slew_rate, start, silent = (self.given(f"craft.{key}") for key in keys)
-        return SearchErrors(pointing, slew_rate, start, silent=silent)
+        return SearchErrors(pointing, slew_rate, start, slew_acceleration=self.ramps, silent=silent)
+
+    @property
+    def ramps(self) -> tuple[float, ...]:
+        """With which acceleration each craft's turns begin and end [rad/s^2]; inf for at once."""
+        given: tuple[float | None, ...] = self.given("craft.slew_acceleration")
+        return tuple(inf if one is None else one for one in given)
 
     @property
     def groups(self) -> tuple[Literal["A", "B"], ...]:
@@ -218,35 +224,24 @@ class Scenario:
             "rounds": stage.rounds,
             "burns": stage.burns,
             "max_speed": self.search.max_speed if self.search is not None else None,
+            "errors": self.search_errors,
         }
 
     def refused(self, command: str) -> tuple[str, ...]:
         """Why "run", "run --case" or "study" would not begin to fly this scenario, one line each."""
         if command != "run":
-            return self.unbuilt() + self.unbuilt_study()
-        if lines := self.unbuilt():
-            return lines
+            return self.unbuilt_study()
         together = self.coincident() if any(stage.searches for stage in self.stages) else ()
         return together and (self.unbuilt_study() or together)  # the cases of a study keep them apart
 
-    def unbuilt(self) -> tuple[str, ...]:
-        """What every command would need and this version does not have, one line each."""
-        if not any(isinstance(stage, Gather) for stage in self.stages):
-            return ()
-        craft = (key for key in SEARCHED if key.startswith("craft.") and any(map(np.any, self.given(key))))
-        return tuple(f"{key}: a gathering cannot have it yet; remove it, or look for locks" for key in craft)
-
     def unbuilt_study(self) -> tuple[str, ...]:
-        """What a study, or one case of it, would need beyond that, one line each."""
+        """What a study, or one case of it, would need and this version does not have, one line each."""
         if self.study is None or self.study.draws == "errors":
             return ()
         lines = []
-        gathers = any(isinstance(stage, Gather) for stage in self.stages)
         for key in self.study.vary:
             place = f"study.vary.{shown(key)}"
-            if key in SEARCHED and gathers:
-                lines.append(f"{place}: a gathering cannot have it yet; remove it, or look for locks")
-            elif key in SEARCHED and not any(stage.searches for stage in self.stages):
+            if key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
             elif key not in SEARCHED and not key.startswith("craft."):
                 lines.append(f"{place}: is one for all cases; run the study for each value")

@@ -18,6 +18,7 @@ SEARCHED = (  # how each craft searches
     "craft.pointing_error",
     "craft.slew_rate_error",
     "craft.start_offset",
+    "craft.slew_acceleration",
     "craft.silent",
     "sensor.half_angle",
     "sensor.range",

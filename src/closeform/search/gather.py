@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from math import inf
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, shown
+from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.search.clearance import ENLARGED
 from closeform.search.gather_events import (
     END_LEG,
     END_TIME,
-    EVENT,
-    EVENTS,
     FIRST,
     HALF,
     KNOWN,
@@ -30,19 +26,16 @@ from closeform.search.gather_events import (
     SECOND,
     TOTAL,
     UNKNOWN,
-    fly_all,
 )
 from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
-from closeform.search.leg import Group
 from closeform.search.lock_march import in_parts
-from closeform.search.request import Burns, Groups, cleared, sides, states
-from closeform.search.rounds import MOST_ROUNDS, all_rounds
+from closeform.search.lost_fleet import LostFleet, lost_fleet
+from closeform.search.request import Burns, Groups, states
 from closeform.search.schedule import Search
-from closeform.search.sensor import positive
+from closeform.search.search_errors import SearchErrors, first_of
 from closeform.search.sets import LOST
 from closeform.zones.combined_zones import OwnZone
-from closeform.zones.pair_zones import PairZones, all_made, pair_zones
-from closeform.zones.shapes import CUBE
+from closeform.zones.pair_zones import PairZones
 
 KINDS = tuple(EventKind)  # in the order of the kernel's
 WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # the first of equals is taken
@@ -59,6 +52,7 @@ def gather(
     rounds: int = 2,
     burns: Burns = "least",
     max_speed: float | None = None,
+    errors: SearchErrors | None = None,
 ) -> Gathering:
     """Lost craft search, lock and join until one formation set holds them all.
 
@@ -88,6 +82,9 @@ def gather(
         A bound of the relative speeds: each round ends with the near-field search.  All wait for
         near_field / max_speed, the lost burn twice `max_speed` against their boresight, all wait as
         long again.
+    errors : SearchErrors, optional
+        Of the craft, (N,) or alike for all, for the whole gathering: each turns by its own clock, and in
+        the near-field search burns by it.
 
     Returns
     -------
@@ -98,8 +95,8 @@ def gather(
     ------
     ValueError
         If there are fewer than two craft, a group is empty, two are at one place, shapes do not fit, a
-        number is not finite, `keep_out` is of another shape or makes no zone for a pair, or a word,
-        `rounds` or `max_speed` is out of range.
+        number is not finite, `keep_out` is of another shape or makes no zone for a pair, a word,
+        `rounds` or `max_speed` is out of range, or `errors` do not fit or leave no cone.
 
     Notes
     -----
@@ -111,14 +108,14 @@ def gather(
     H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/lost_craft.md.
     """
     where, speeds = states(positions, velocities, 2)
-    fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
+    fleet = lost_fleet(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
     with ThreadPoolExecutor(len(WAYS)) as pool:
         flown = pool.map(lambda code: fleet.fly(where, speeds, code, 8 * where.shape[1]), WAYS.values())
     flights = dict(zip(WAYS, flown, strict=True))
     results = [flight[2] for flight in flights.values()]
     best = list(WAYS)[_least(results)[0]] if burns == "least" else burns
     totals = {way: float(flight[2][0, TOTAL]) for way, flight in flights.items()}
-    return fleet.gathering(where[0], speeds[0], best, totals, *flights[best])
+    return _gathering(fleet, where[0], speeds[0], best, totals, *flights[best])
 
 
 def gather_cases(
@@ -131,6 +128,7 @@ def gather_cases(
     rounds: int = 2,
     burns: Burns = "least",
     max_speed: float | None = None,
+    errors: SearchErrors | None = None,
 ) -> Gatherings:
     """Many gatherings at once, on all cores: what `gather` does, without paths and events.
 
@@ -152,6 +150,8 @@ def gather_cases(
         As in `gather`.
     max_speed : float [m/s], optional
         As in `gather`.
+    errors : SearchErrors, optional
+        Of the craft of each case, (C, N), or (N,) for all cases alike.
 
     Returns
     -------
@@ -168,11 +168,11 @@ def gather_cases(
     H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/lost_craft.md.
     """
     where, speeds = states(positions, velocities, 3)
-    fleet = _fleet(search, groups, where.shape[1], keep_out, rounds, burns, max_speed)
+    fleet = lost_fleet(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
     ways = list(WAYS.values()) if burns == "least" else [WAYS[burns]]
 
     def part(some: slice) -> Floats:
-        each = [fleet.fly(where[some], speeds[some], way, 0)[2] for way in ways]
+        each = [fleet.fly(where[some], speeds[some], way, 0, some)[2] for way in ways]
         best: Floats = np.take_along_axis(np.stack(each), _least(each)[None, :, None], axis=0)[0]
         return best
 
@@ -201,123 +201,52 @@ def _least(results: Sequence[Floats]) -> Any:
     return np.argmin(np.where(fewest, spent, inf), axis=0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Fleet:
-    """All that gatherings of the same craft share."""
-
-    search: Search
-    rounds: int
-    drifts: Any
-    groups: tuple[Group, ...]
-    keep_out: PairZones | None
-    push: float
-
-    def fly(self, positions: Floats, velocities: Floats, way: int, room: int) -> tuple[Floats, Any, Floats]:
-        """Events (E, 10) of the last case, if `room` is not 0, labels (C, N) and results (C, RESULT + N)."""
-        sensor = self.search.sensor
-        events = np.empty((room, EVENT))
-        labels = np.empty(positions.shape[:2], dtype=np.int64)
-        results = np.empty((len(positions), RESULT + positions.shape[1]))  # and what each craft spent
-        kept = self.keep_out or PairZones.of([None] * len(self.groups))
-        both = [(zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)) for zone in kept.zones]
-        fly_all(
-            self.search.table,
-            self.drifts,
-            np.array([sensor.baseline, sensor.cosine, sensor.range]),
-            self.push,
-            way,
-            bool(kept.zones),
-            kept.kinds,
-            kept.table,
-            np.array([zone.shape == CUBE for zone in kept.zones], dtype=bool),
-            np.array(both).reshape(-1, 2, 3, 3),
-            np.array([k for k, group in enumerate(self.groups) if group == "A"]),
-            np.array([k for k, group in enumerate(self.groups) if group == "B"]),
-            positions,
-            velocities,
-            events,
-            labels,
-            results,
-        )
-        count = int(results[-1, EVENTS])
-        if room and count > room:
-            return self.fly(positions, velocities, way, count)
-        return events[:count], labels, results
-
-    def begun(self, time: Any) -> Any:
-        """How many rounds have begun by a time."""
-        span = self.search.duration / self.rounds
-        return np.minimum(np.floor(time / span).astype(np.int64) + 1, self.rounds)
-
-    def gathering(
-        self,
-        positions: Floats,
-        velocities: Floats,
-        way: str,
-        totals: dict[str, float],
-        events: Floats,
-        labels: Any,
-        results: Floats,
-    ) -> Gathering:
-        """The kernel's numbers as objects."""
-        duration = float(results[0, END_TIME])
-        sets = [np.flatnonzero(labels == k) for k in np.unique(labels[labels != LOST])]
-        members = tuple(tuple(map(int, some)) for some in sets)
-        lost = tuple(map(int, np.flatnonzero(labels == LOST)))
-        done = results[0, LEFT] == 0
-        burned = events[events[:, 1] != LOCK]
-        delta_v = np.zeros(len(positions))
-        np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))
-        begun = int(self.begun(duration))
-        return Gathering(
-            self.search,
-            self.groups,
-            _paths(positions, velocities, burned, duration),
-            tuple(self.event(row) for row in events),
-            delta_v,
-            totals,
-            way,
-            members,
-            lost,
-            duration,
-            begun,
-            GatherStatus.GATHERED if done else GatherStatus.INCOMPLETE,
-            None if done else who_is_left(members, lost, begun),
-            self.keep_out,
-        )
-
-    def event(self, row: Floats) -> Event:
-        """An event from its row."""
-        kind, first, second, leg, case, label = map(int, row[1:7])
-        there = self.search.legs[leg]
-        return Event(
-            float(row[0]), KINDS[kind], first, second, there.phase, there.round, case, label, row[7:].copy()
-        )
+def _gathering(
+    fleet: LostFleet,
+    positions: Floats,
+    velocities: Floats,
+    way: str,
+    totals: dict[str, float],
+    events: Floats,
+    labels: Any,
+    results: Floats,
+) -> Gathering:
+    """The kernel's numbers as objects."""
+    duration = float(results[0, END_TIME])
+    sets = [np.flatnonzero(labels == k) for k in np.unique(labels[labels != LOST])]
+    members = tuple(tuple(map(int, some)) for some in sets)
+    lost = tuple(map(int, np.flatnonzero(labels == LOST)))
+    done = results[0, LEFT] == 0
+    burned = events[events[:, 1] != LOCK]
+    delta_v = np.zeros(len(positions))
+    np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))
+    begun = int(fleet.begun(duration))
+    return Gathering(
+        fleet.search,
+        fleet.groups,
+        _paths(positions, velocities, burned, duration),
+        tuple(_event(fleet.search, row) for row in events),
+        delta_v,
+        totals,
+        way,
+        members,
+        lost,
+        duration,
+        begun,
+        GatherStatus.GATHERED if done else GatherStatus.INCOMPLETE,
+        None if done else who_is_left(members, lost, begun),
+        fleet.keep_out,
+        None if fleet.errors is None else first_of(fleet.errors),
+    )
 
 
-def _fleet(
-    search: Search,
-    groups: Groups,
-    count: int,
-    keep_out: OwnZone | Sequence[OwnZone | None] | PairZones | None,
-    rounds: int,
-    burns: Burns,
-    max_speed: float | None,
-) -> _Fleet:
-    if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or not 1 <= rounds <= MOST_ROUNDS:
-        raise ValueError(f"rounds: must be a whole number from 1 to {MOST_ROUNDS}, got {shown(rounds)}")
-    if not isinstance(burns, str) or burns not in get_args(Burns):
-        raise ValueError(f"burns: must be one of {', '.join(get_args(Burns))}, got {shown(burns)}")
-    instance("search", search, Search)
-    kept = None
-    if keep_out is not None:
-        cleared(keep_out)
-        kept = all_made(pair_zones("keep_out", keep_out, count))
-        for zone in kept.zones:
-            cleared(zone)
-    speed = None if max_speed is None else positive("max_speed", max_speed)
-    flown, drifts = all_rounds(search, int(rounds), speed)
-    return _Fleet(flown, int(rounds), drifts, sides(groups, count), kept, 2.0 * (speed or 0.0))
+def _event(search: Search, row: Floats) -> Event:
+    """An event from its row."""
+    kind, first, second, leg, case, label = map(int, row[1:7])
+    there = search.legs[leg]
+    return Event(
+        float(row[0]), KINDS[kind], first, second, there.phase, there.round, case, label, row[7:].copy()
+    )
 
 
 def _paths(positions: Floats, velocities: Floats, burned: Floats, duration: float) -> Path:

@@ -9,12 +9,13 @@ from numba import bool_, float64, int64, void
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOuts, correction
-from closeform.search.lock_march import COSINE, END, NEVER, START, STEADY, LockSensor
-from closeform.search.next_locks import NextLocks, Turns, earliest_row, foresee_anew, forget
+from closeform.search.lock_march import END, NEVER, START, LockSensor
+from closeform.search.next_locks import NextLocks, Turns, earliest_row, foresee_anew, forget, perfect
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_around, look_between
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
+WHEN, WHO, LEG, PUSH = 0, 1, 2, 3  # columns of pushes
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
 ATTEMPTS = 4  # of each craft of a set to keep clear
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
@@ -72,20 +73,18 @@ def leg_at(legs, t):
 
 
 @kernel()
-def near_field_burns(turns, monitor, craft, log, leg):
-    """All that are lost burn against their boresight as a leg begins."""
-    row = turns.legs[leg]
-    bx, by, bz = (
-        row[STEADY] + row[COSINE],
-        row[STEADY + 1] + row[COSINE + 1],
-        row[STEADY + 2] + row[COSINE + 2],
-    )
-    for group, away in ((turns.first, -turns.push), (turns.second, turns.push)):
-        for i in group:
-            if craft.labels[i] == LOST:
-                own = craft.rows[i]
-                velocity = own[3] + away * bx, own[4] + away * by, own[5] + away * bz
-                burn(monitor, craft, log, row[START], NEAR_FIELD, i, leg, velocity)
+def near_field_burns(turns, monitor, craft, log, k):
+    """Push k and all at the same time, of craft that are lost; which is the next after them."""
+    pushes = turns.pushes
+    t = pushes[k, WHEN]
+    while k < len(pushes) and pushes[k, WHEN] == t:
+        i = int(pushes[k, WHO])
+        if craft.labels[i] == LOST:
+            own, row = craft.rows[i], pushes[k]
+            velocity = own[3] + row[PUSH], own[4] + row[PUSH + 1], own[5] + row[PUSH + 2]
+            burn(monitor, craft, log, t, NEAR_FIELD, i, int(row[LEG]), velocity)
+        k += 1
+    return k
 
 
 @kernel()
@@ -162,18 +161,16 @@ def begin(turns, craft, next_locks, log):
 @kernel()
 def fly_one(turns, monitor, craft, next_locks, log, way, result):
     """Fly one gathering; what came of it in `result`."""
-    legs, labels = turns.legs, craft.labels
+    legs, labels, pushes = turns.legs, craft.labels, turns.pushes
     begin(turns, craft, next_locks, log)
-    end, t, leg = legs[-1, END], 0.0, NEVER
-    formed, unused, drift = 0, 1, 0
+    end, t, leg = turns.end, 0.0, NEVER
+    formed, unused, push = 0, 1, 0
     while formed < len(labels):
         a = earliest_row(next_locks.earliest)
         when = next_locks.earliest[a]
-        if drift < len(turns.drifts) and legs[turns.drifts[drift], START] <= when:
-            leg = turns.drifts[drift]
-            t = legs[leg, START]
-            drift += 1
-            near_field_burns(turns, monitor, craft, log, leg)
+        if push < len(pushes) and pushes[push, WHEN] <= when:
+            t, leg = pushes[push, WHEN], int(pushes[push, LEG])
+            push = near_field_burns(turns, monitor, craft, log, push)
             foresee_anew(turns, craft, next_locks, t)
             continue
         if when == inf:
@@ -216,56 +213,19 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
         result[RESULT + i] = craft.rows[i, SPENT]
 
 
-@kernel(
-    void(
-        float64[:, ::1],
-        int64[::1],
-        float64[::1],
-        float64,
-        int64,
-        bool_,
-        int64[::1],
-        int64[:, ::1],
-        bool_[::1],
-        float64[:, :, :, ::1],
-        int64[::1],
-        int64[::1],
-        float64[:, :, ::1],
-        float64[:, :, ::1],
-        float64[:, ::1],
-        int64[:, ::1],
-        float64[:, ::1],
-    )
-)
-def fly_all(
-    legs: Floats,
-    drifts: Any,
-    sensor: Floats,
-    push: float,
-    way: int,
-    keeps: bool,
-    kinds: Any,
-    table: Any,
-    boxes: Any,
-    matrices: Floats,
-    first: Any,
-    second: Any,
-    positions: Floats,
-    velocities: Floats,
-    events: Floats,
-    labels: Any,
-    results: Floats,
-) -> None:
-    """Fly gatherings; `events` holds those of the last one, `labels` and `results` a row for each."""
+@kernel()
+def fly_cases(
+    turns, way, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
+):
+    """Fly gatherings of one search; `events` holds those of the last one, the others a row for each."""
     count = positions.shape[1]
     rows, shared, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     seen = count if keeps else 0
     looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
     monitor = KeepOutMonitor(keeps, KeepOuts(kinds, table, boxes, matrices), looked, met, scratch)
-    turns = Turns(legs, LockSensor(sensor[0], sensor[1], sensor[2]), first, second, drifts, push)
-    pairs = np.empty((len(first), len(second)))
-    next_locks = NextLocks(pairs, np.empty(len(first)), np.empty(len(first), dtype=np.int64))
+    pairs = np.empty((len(turns.first), len(turns.second)))
+    next_locks = NextLocks(pairs, np.empty(len(pairs)), np.empty(len(pairs), dtype=np.int64))
     log = EventLog(events, np.zeros(1, dtype=np.int64))
     for c in range(len(positions)):
         for i in range(count):
@@ -278,3 +238,36 @@ def fly_all(
                 looked[i, j], met[i, j] = 0.0, APART
         craft = Craft(rows, labels[c], moved, fresh, shared)
         fly_one(turns, monitor, craft, next_locks, log, way, results[c])
+
+
+FLOWN = (  # what entry points take of all gatherings
+    *(int64, bool_, int64[::1], int64[:, ::1], bool_[::1], float64[:, :, :, ::1]),
+    *(float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], int64[:, ::1], float64[:, ::1]),
+)
+
+
+@kernel(void(float64[:, ::1], int64[::1], int64[::1], float64[:, ::1], float64[::1], *FLOWN))
+def fly_all(
+    legs: Floats,
+    first: Any,
+    second: Any,
+    pushes: Floats,
+    sensor: Floats,
+    way: int,
+    keeps: bool,
+    kinds: Any,
+    table: Any,
+    boxes: Any,
+    matrices: Floats,
+    positions: Floats,
+    velocities: Floats,
+    events: Floats,
+    labels: Any,
+    results: Floats,
+) -> None:
+    """Fly gatherings of craft that turn as the search asks."""
+    see = LockSensor(sensor[0], sensor[1], sensor[2])
+    turns = Turns(legs, first, second, legs[-1, END], pushes, perfect, see)
+    fly_cases(
+        turns, way, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
+    )

@@ -18,6 +18,7 @@ from closeform.motion.path import Path
 from closeform.result import Result, Rows
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
+from closeform.search.search_errors import SearchErrors
 from closeform.search.sets import LOST
 from closeform.zones.pair_zones import PairZones
 
@@ -120,6 +121,8 @@ class Gathering(Result):
         Who is left and why; None if gathered.
     keep_out : PairZones or None
         The zones of pairs.
+    errors : SearchErrors or None
+        Of the craft (N,), as given.
     """
 
     search: Search
@@ -136,6 +139,7 @@ class Gathering(Result):
     status: GatherStatus
     reason: str | None
     keep_out: PairZones | None = field(repr=False)
+    errors: SearchErrors | None = field(default=None, repr=False)
 
     @property
     def ok(self) -> bool:

@@ -186,23 +186,23 @@ def lock_between(a, b, t, end, position, velocity, offset, cosines, longest):
 
 
 @kernel()
-def imperfect_lock(turns, t, position, velocity, offset, craft, swings):
+def imperfect_lock(turns, t, position, velocity, offset, one, other, swings):
     """First lock of two craft from time t on: (time, leg of the first), or (inf, NEVER)."""
     a, b = swings[0], swings[1]
-    longest = min(craft[0, LONGEST], craft[1, LONGEST])
+    longest = min(one[LONGEST], other[LONGEST])
     if longest < 0.0:
         return inf, NEVER
-    begin(turns, craft[0], a)
-    begin(turns, craft[1], b)
+    begin(turns, one, a)
+    begin(turns, other, b)
     while True:
         while a[END] <= t:
-            go_on(turns, craft[0], a)
+            go_on(turns, one, a)
         while b[END] <= t:
-            go_on(turns, craft[1], b)
+            go_on(turns, other, b)
         end = min(a[END], b[END])
         if end == inf:
             return inf, NEVER
-        cosines = craft[0, COSINE], craft[1, COSINE]
+        cosines = one[COSINE], other[COSINE]
         when, locked = lock_between(a, b, t, end, position, velocity, offset, cosines, longest)
         if locked:
             return when, min(int(a[LEG]), len(turns) - 1)
@@ -241,7 +241,8 @@ def imperfect_locks(
         elif size < 1.0 / LARGEST:
             found[m] = COINCIDENT
         else:
-            when, leg = imperfect_lock(turns, 0.0, (x, y, z), (vx, vy, vz), offset, craft[m], swings)
+            one, other = craft[m, 0], craft[m, 1]
+            when, leg = imperfect_lock(turns, 0.0, (x, y, z), (vx, vy, vz), offset, one, other, swings)
             found[m] = leg
             if leg >= 0:
                 times[m] = when
@@ -255,7 +256,8 @@ def imperfect(
 
     def part(some: slice) -> None:
         some = slice(some.start, min(some.stop, count))
-        craft = craft_of(errors, search.sensor, some, count)
+        asked = f"{count} pairs is (M, 2{{}}), or alike for all pairs"
+        craft = craft_of(errors, search.sensor, (count, 2), [False, True], asked, some)
         where, speeds = positions[some], velocities[some]
         imperfect_locks(table, craft, where, speeds, search.sensor.offset, times[some], legs[some])
 

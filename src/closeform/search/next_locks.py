@@ -9,22 +9,24 @@ from typing import Any, NamedTuple
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.search.clearance import SINCE
-from closeform.search.lock_march import LockSensor, first_lock
+from closeform.search.lock_march import first_lock
 from closeform.search.sets import LOST
 
 
 class Turns(NamedTuple):
-    """The search: its `legs`; the `sensor`; `first` (A,) and `second` (B,), the craft of its groups.
+    """The search: its `legs`; `first` (A,) and `second` (B,), the craft of its groups; its `end` [s].
 
-    As the legs `drifts` begin all that are lost burn by `push` [m/s]: the near-field search.
+    `pushes` (P, 6): who burns if it is lost, in order of time: when, who, as which leg begins, delta-v.
+    `next_lock`, a part of a kernel, says when two craft lock next, by what they `see` with.
     """
 
     legs: Floats
-    sensor: LockSensor
     first: Any
     second: Any
-    drifts: Any
-    push: float
+    end: float
+    pushes: Floats
+    next_lock: Any
+    see: Any
 
 
 class NextLocks(NamedTuple):
@@ -36,6 +38,13 @@ class NextLocks(NamedTuple):
     times: Floats
     earliest: Floats
     partner: Any
+
+
+@kernel()
+def perfect(turns, i, j, t, position, velocity):
+    """When craft i of A and j of B lock next, turning as the search asks; the position is that at time 0."""
+    when, _ = first_lock(turns.legs, t, position, velocity, turns.see)
+    return when
 
 
 @kernel()
@@ -63,7 +72,7 @@ def foresee(turns, craft, next_locks, a, b, t):
             other[1] - other[4] * u - (one[1] - one[4] * s),
             other[2] - other[5] * u - (one[2] - one[5] * s),
         )
-        when, leg = first_lock(turns.legs, t, position, velocity, turns.sensor)
+        when = turns.next_lock(turns, i, j, t, position, velocity)
     times[a, b] = when
     if when < earliest[a] or (when == earliest[a] and b < partner[a]):
         earliest[a], partner[a] = when, b

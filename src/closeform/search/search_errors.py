@@ -98,36 +98,37 @@ class SearchErrors:
         return np.broadcast_shapes(*self._shapes.values())
 
 
-def craft_of(errors: SearchErrors, sensor: Sensor, some: slice, count: int) -> Floats:
-    """What kernels know of the craft of `some` of `count` pairs (S, 2, 8); B's body as if it were A's.
+def craft_of(
+    errors: SearchErrors, sensor: Sensor, shape: tuple[int, ...], second: Any, asked: str, some: Any = ...
+) -> Floats:
+    """What kernels know of `some` of the craft of a shape (..., 8), those of B (`second`) as if of A.
 
-    Raises ValueError where errors are not of so many pairs, or leave no cone.
+    Raises ValueError where errors are not of that shape, which is `asked` for in words, or leave no cone.
     """
-    out = np.empty((some.stop - some.start, 2, COLUMNS))
 
-    def of_pairs(name: str) -> Any:
+    def of_craft(name: str) -> Any:
         values, rest = getattr(errors, name), (3,) * (name == "pointing")
         try:
-            return np.broadcast_to(values, (count, 2, *rest))[some]
+            return np.broadcast_to(values, (*shape, *rest))[some]
         except ValueError:
-            shape = "(M, 2, 3)" if rest else "(M, 2)"
-            raise ValueError(
-                f"errors: {name} of {count} pairs is {shape}, or alike for all pairs; got {values.shape}"
-            ) from None
+            fits = asked.replace("{}", ", 3" if rest else "")
+            raise ValueError(f"errors: {name} of {fits}; got {values.shape}") from None
 
-    out[..., BODY : BODY + 3] = boresights(of_pairs("pointing"))
-    out[:, 1, BODY + 1 : BODY + 3] *= -1.0  # B's axes y and z are opposite to A's
-    out[..., PACE] = 1.0 + of_pairs("slew_rate")
-    out[..., LATE] = of_pairs("start")
-    half_angle = sensor.half_angle + of_pairs("half_angle")
+    body = boresights(of_craft("pointing"))
+    out = np.empty((*body.shape[:-1], COLUMNS))
+    out[..., BODY : BODY + 3] = body
+    out[..., BODY + 1 : BODY + 3] *= np.where(second, -1.0, 1.0)[..., None]  # B's axes y and z are opposite
+    out[..., PACE] = 1.0 + of_craft("slew_rate")
+    out[..., LATE] = of_craft("start")
+    half_angle = sensor.half_angle + of_craft("half_angle")
     if not ((half_angle > 0.0) & (half_angle < pi)).all():
         wrong = half_angle[(half_angle <= 0.0) | (half_angle >= pi)][0]
         raise ValueError(f"errors: half_angle leaves {wrong:g} rad; it must stay between 0 and pi")
     cosine = np.cos(half_angle)
     out[..., COSINE] = np.where(abs(cosine) > 1e-15, cosine, 0.0)
-    out[..., LONGEST] = sensor.range if errors.range is None else of_pairs("range")
-    out[..., LONGEST][of_pairs("silent")] = -inf
-    out[..., ACCELERATION] = of_pairs("slew_acceleration")
+    out[..., LONGEST] = sensor.range if errors.range is None else of_craft("range")
+    out[..., LONGEST][of_craft("silent")] = -inf
+    out[..., ACCELERATION] = of_craft("slew_acceleration")
     return out
 
 
@@ -143,6 +144,15 @@ def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
         return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *(3,) * vector)
 
     return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
+
+
+def spread(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
+    """The errors of all craft of a shape, from those of some that are alike."""
+    found: dict[str, Any] = {}
+    for name in FIELDS:
+        values, rest = getattr(errors, name), (3,) * (name == "pointing")
+        found[name] = None if values is None else np.broadcast_to(values, (*shape, *rest))
+    return SearchErrors(**found)
 
 
 def first_of(errors: SearchErrors) -> SearchErrors:

@@ -1,0 +1,91 @@
+"""Gatherings of craft that search imperfectly: each has its own attitude, clock, cone and range.
+
+All else is as in `gather_events`: only the next lock of a pair is another.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.search.gather_events import FLOWN, fly_cases
+from closeform.search.imperfect import imperfect_lock
+from closeform.search.next_locks import Turns
+
+
+class Astray(NamedTuple):
+    """What craft see with: the search's `turns` (L, 29); a row of `craft` (N, 8) each; their `offset` [m].
+
+    `swings` (2, 16) is room for how two of them turn.
+    """
+
+    turns: Floats
+    craft: Floats
+    offset: float
+    swings: Floats
+
+
+@kernel()
+def astray(turns, i, j, t, position, velocity):
+    """When craft i of A and j of B lock next; the position is that at time 0."""
+    own, craft, offset, swings = turns.see
+    when, _ = imperfect_lock(own, t, position, velocity, offset, craft[i], craft[j], swings)
+    return when
+
+
+@kernel(
+    void(
+        float64[:, ::1],
+        int64[::1],
+        int64[::1],
+        float64[:, :, ::1],
+        float64[:, ::1],
+        float64[:, :, ::1],
+        float64[::1],
+        float64,
+        *FLOWN,
+    )
+)
+def fly_astray(
+    legs: Floats,
+    first: Any,
+    second: Any,
+    pushes: Floats,
+    own: Floats,
+    craft: Floats,
+    ends: Floats,
+    offset: float,
+    way: int,
+    keeps: bool,
+    kinds: Any,
+    table: Any,
+    boxes: Any,
+    matrices: Floats,
+    positions: Floats,
+    velocities: Floats,
+    events: Floats,
+    labels: Any,
+    results: Floats,
+) -> None:
+    """Fly gatherings whose craft (C, N, 8) differ, with `pushes` (C, P, 6), until `ends` (C,)."""
+    swings = np.empty((2, 16))
+    for c in range(len(positions)):
+        see = Astray(own, craft[c], offset, swings)
+        turns = Turns(legs, first, second, ends[c], pushes[c], astray, see)
+        one = slice(c, c + 1)
+        fly_cases(
+            turns,
+            way,
+            keeps,
+            kinds,
+            table,
+            boxes,
+            matrices,
+            positions[one],
+            velocities[one],
+            events,
+            labels[one],
+            results[one],
+        )

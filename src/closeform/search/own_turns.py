@@ -1,0 +1,82 @@
+"""OwnTurns: how craft turn that search imperfectly, each by its own clock and at its own pace."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from closeform.arrays import Floats
+from closeform.search.leg import Group, rotation
+from closeform.search.schedule import Search
+from closeform.search.search_errors import SearchErrors
+
+OF_GROUP = {"A": np.array([1.0, 1.0, 1.0]), "B": np.array([1.0, -1.0, -1.0])}  # body axes, by those of A
+
+
+@dataclass(frozen=True, eq=False)
+class OwnTurns:
+    """The turns of `search` as craft (..., N) of these `groups` make them, with their `errors` (..., N)."""
+
+    search: Search
+    groups: tuple[Group, ...]
+    errors: SearchErrors
+
+    @cached_property
+    def _angles(self) -> Floats:
+        """Of the turns (L,) [rad], without sign."""
+        return np.array([abs(leg.angle) for leg in self.search.legs])
+
+    @cached_property
+    def _rates(self) -> tuple[Floats, Floats]:
+        """The greatest rate of each turn (..., N, L) [rad/s], and how long it is gained or lost [s]."""
+        nominal = self._angles / [leg.end - leg.start for leg in self.search.legs]
+        pace, gain = 1.0 + self.errors.slew_rate[..., None], self.errors.slew_acceleration[..., None]
+        moving = np.where(self._angles > 0.0, self._angles, 1.0)
+        rates = np.minimum(pace * nominal, np.sqrt(moving * gain))
+        return rates, rates / gain
+
+    @cached_property
+    def begins(self) -> Floats:
+        """When each turn begins, and the last ends (..., N, L + 1) [s]; a wait is as long as for all."""
+        rates, ramps = self._rates
+        waits = np.array([leg.end - leg.start for leg in self.search.legs])
+        moves = self._angles > 0.0
+        lasts = np.where(moves, self._angles / np.where(moves, rates, 1.0) + ramps, waits)
+        late = self.errors.start[..., None]
+        return np.concatenate([late, late + np.cumsum(lasts, axis=-1)], axis=-1)
+
+    def boresights(self, leg: int) -> Floats:
+        """Of each craft as it begins a leg (..., N, 3)."""
+        return self._bodies(self.search.legs[leg].attitude)[..., 2]
+
+    def _bodies(self, nominal: Floats) -> Floats:
+        """Attitudes (..., N, 3, 3) from what the search asks of A's (3, 3) or (N, 3, 3)."""
+        sides = np.stack([OF_GROUP[group] for group in self.groups])[:, None, :]
+        turned = self.errors.pointing
+        bodies = Rotation.from_rotvec(np.array(turned).reshape(-1, 3)).as_matrix().reshape(*turned.shape, 3)
+        return np.asarray((nominal * sides) @ bodies)
+
+    def attitudes(self, time: float) -> Floats:
+        """Attitudes (N, 3, 3) at a time [s], of craft whose errors are (N,); columns are the body axes."""
+        each = [self._nominal(k, time) for k in range(len(self.groups))]
+        return self._bodies(np.stack(each))
+
+    def _nominal(self, k: int, time: float) -> Floats:
+        """What the search asks of A's attitude (3, 3) where craft k is in it."""
+        legs, begins = self.search.legs, self.begins[k]
+        time = min(max(time, begins[0]), begins[-1])
+        at = min(int(np.searchsorted(begins, time, side="right")) - 1, len(legs) - 1)
+        angle, rate, ramp = (
+            float(one) for one in (self._angles[at], self._rates[0][k, at], self._rates[1][k, at])
+        )
+        since, left = time - begins[at], begins[at + 1] - time
+        turned = rate * (since - 0.5 * ramp)
+        if since < ramp:
+            turned = 0.5 * rate / ramp * since**2
+        elif left < ramp:
+            turned = angle - 0.5 * rate / ramp * left**2
+        way = np.sign(legs[at].angle)
+        return rotation(legs[at].axis, way * turned) @ legs[at].attitude
