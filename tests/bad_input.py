@@ -1143,6 +1143,18 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'feedback: horizon of 30 s is shorter than the 60 s from one measurement to the next; write for example horizon = "10 min"',
     ),
     Bad(
+        "thrust that answers after the next measurement",
+        KEEP_OUT,
+        KEEP_OUT + FEEDBACK.replace('"10 min"', '"10 min"\ndelay = "90 s"'),
+        'feedback: delay of 90 s is longer than the 60 s from one measurement to the next; write for example delay = "5 s"',
+    ),
+    Bad(
+        "impulses that answer late",
+        KEEP_OUT,
+        KEEP_OUT + FEEDBACK.replace('"10 min"', '"10 min"\nimpulses = 6\ndelay = "5 s"'),
+        "feedback: delay goes with thrust that lasts; remove delay, or impulses",
+    ),
+    Bad(
         "navigation worse than the zones",
         f"{ALTITUDE}\n\n[craft]",
         f'{IN_FIELD}\n\n[navigation]\nposition = "12 m"\nvelocity = "20 mm/s"\n\n[craft]',

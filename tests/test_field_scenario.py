@@ -135,3 +135,15 @@ def test_each_craft_has_its_own_errors_and_limit():
     assert one.ends[:, 0].max() < 1e-3 < 0.1 < one.ends[:, 1].max()
     limited = cf.fly(stage.after.paths, mission.scenario.field, max_acceleration=[1e-9, 1.0])
     assert limited.limited[0].tolist() == pytest.approx([1.0, 0.0], abs=0.02)
+
+
+def test_feedback_that_answers_late_to_a_filter():
+    text = swap().replace(
+        "[craft]",
+        '[feedback]\nevery = "2 min"\ndelay = "20 s"\n\n'
+        '[navigation]\nposition = "10 cm"\ncorrelation = "5 min"\n\n[craft]',
+        1,
+    )
+    told = parse(text).flight
+    assert told["feedback"] == cf.Feedback(every=120.0, delay=20.0)
+    assert told["navigation"] == cf.Navigation(position=0.1, correlation=300.0)

@@ -129,7 +129,7 @@ def test_options_stand_for_what_the_scenario_says(run: Path, tmp_path: Path, cap
     options = ("--every", "2 min", "--navigation", "1 m, 1 mm/s", "--thrust-error", "1 %, 1 deg")
     _, changed, _ = flown(run, tmp_path / "out", "--seeds", "2", *options)
     assert plain["navigation"]["position_m"] == 0.1
-    assert plain["feedback"] == {"every_s": 60.0, "horizon_s": 600.0, "impulses": 0}
+    assert plain["feedback"] == {"every_s": 60.0, "horizon_s": 600.0, "impulses": 0, "delay_s": 0.0}
     assert (changed["feedback"]["every_s"], changed["feedback"]["horizon_s"]) == (120.0, 600.0)
     assert (changed["navigation"]["position_m"], changed["navigation"]["velocity_m_s"]) == (1.0, 1e-3)
     assert changed["thrust_error"] == [[0.01, pytest.approx(np.radians(1.0))]]

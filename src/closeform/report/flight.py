@@ -98,11 +98,14 @@ class FlightReport:
         how = f"measured every {law.every:g} s, brought back within {law.horizon:g} s"
         if law.impulses:
             how += f" by impulses, of {law.impulses}"
-        seen = f"measured to {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s"
-        biased = ""
+        if law.delay:
+            how += f", {law.delay:g} s late"
+        seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
+        if sight.correlation:
+            seen += f", fading in {sight.correlation:g} s"
         if sight.position_bias or sight.velocity_bias:
-            biased = f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
-        return *what, where, f"Feedback: {how}; {seen} (1 sigma){biased}", *self.thrust_errors
+            seen += f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
+        return *what, where, f"Feedback: {how}", seen, *self.thrust_errors
 
     @property
     def thrust_errors(self) -> tuple[str, ...]:
@@ -195,12 +198,18 @@ class FlightReport:
             "verdict": str(verdict),
             "field": described(one.field),
             "control": one.control,
-            "feedback": {"every_s": law.every, "horizon_s": law.horizon, "impulses": law.impulses},
+            "feedback": {
+                "every_s": law.every,
+                "horizon_s": law.horizon,
+                "impulses": law.impulses,
+                "delay_s": law.delay,
+            },
             "navigation": {
                 "position_m": sight.position,
                 "velocity_m_s": sight.velocity,
                 "position_bias_m": sight.position_bias,
                 "velocity_bias_m_s": sight.velocity_bias,
+                "correlation_s": sight.correlation,
             },
             "thrust_error": np.atleast_2d(told["thrust_error"]).tolist(),
             "flights": verdict.flights,

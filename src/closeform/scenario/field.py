@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 DEGREES = (0, 2, 3, 4, 5, 6)
 AIR = ("density", "at_altitude", "scale_height")
 Seconds = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
+Late = Annotated[float, BeforeValidator(Reader(TIME, least="zero"))]
 Deviation = Annotated[float, BeforeValidator(Reader(LENGTH, least="zero"))]
 Speed = Annotated[float, BeforeValidator(Reader(SPEED, least="zero"))]
 as_thrust_error = Parts(
@@ -59,8 +60,8 @@ class FeedbackTable(Table):
 
     every: Seconds = Field(60.0, examples=['"60 s"'])
     horizon: Seconds = Field(600.0, examples=['"10 min"'])
-
     impulses: Annotated[int, Field(ge=0)] = Field(0, examples=["6"])
+    delay: Late = Field(0.0, examples=['"5 s"'])
 
     def flaws(self) -> Iterator[str]:
         if self.impulses == 1:
@@ -70,12 +71,19 @@ class FeedbackTable(Table):
                 f"horizon of {self.horizon:g} s is shorter than the {self.every:g} s from one measurement to "
                 'the next; write for example horizon = "10 min"'
             )
+        if self.delay > self.every:
+            yield (
+                f"delay of {self.delay:g} s is longer than the {self.every:g} s from one measurement to "
+                'the next; write for example delay = "5 s"'
+            )
+        if self.delay and self.impulses:
+            yield "delay goes with thrust that lasts; remove delay, or impulses"
 
     def build(self) -> "Feedback":
         """That of the core."""
         from closeform.field.feedback import Feedback
 
-        return Feedback(self.every, self.horizon, self.impulses)
+        return Feedback(self.every, self.horizon, self.impulses, self.delay)
 
 
 class NavigationTable(Table):
@@ -85,9 +93,11 @@ class NavigationTable(Table):
     velocity: Speed = Field(0.0, examples=['"0.3 mm/s"'])
     position_bias: Deviation = Field(0.0, examples=['"5 cm"'])
     velocity_bias: Speed = Field(0.0, examples=['"0.1 mm/s"'])
+    correlation: Late = Field(0.0, examples=['"5 min"'])
 
     def build(self) -> "Navigation":
         """That of the core."""
         from closeform.field.feedback import Navigation
 
-        return Navigation(self.position, self.velocity, self.position_bias, self.velocity_bias)
+        biases = self.position_bias, self.velocity_bias
+        return Navigation(self.position, self.velocity, *biases, self.correlation)
