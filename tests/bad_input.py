@@ -1580,6 +1580,11 @@ MISUSES = (
         "give it, or draw a choice",
     ),
     Misuse(
+        "a failure in a gathering",
+        "study failing.toml",
+        'failing.toml: study.vary."craft.fails": a gathering cannot have it yet; remove it, or that stage',
+    ),
+    Misuse(
         "a scheduler that does not answer",
         "study lost.toml --scheduler tcp://127.0.0.1:1",
         "--scheduler: tcp://127.0.0.1:1 does not answer within 5 s; start it, or check the address",

@@ -97,6 +97,9 @@ def desk(tmp_path, monkeypatch):
             '"craft.slew_acceleration" = { normal = "0.001 deg/s^2" }',
         )
     )
+    (tmp_path / "failing.toml").write_text(
+        LOST.replace('"craft.velocity" = { ball = "6 cm/s" }', '"craft.fails" = { chance = 0.1 }')
+    )
     (tmp_path / "picture.toml").write_bytes(b"\x89PNG\xff\xfe")
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "thesis.txt").write_text("years of work")

@@ -139,14 +139,14 @@ def test_impulses_are_off_by_gates(scenario):
 
 def test_starts_are_spread_as_the_covariance_says(scenario):
     """4000 starts: the sample covariance, in sigmas, is the unit matrix to five of its own deviations."""
-    starts = np.array([History(3, case, True).starts(scenario.craft[0]) for case in range(4000)])
+    starts = np.array([History(3, case, "replanned").starts(scenario.craft[0]) for case in range(4000)])
     scaled = starts / np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
     assert np.abs(scaled.T @ scaled / 4000 - np.eye(6)).max() < 5.0 * np.sqrt(2.0 / 4000)
     mission = fly(case_of(scenario, 5))
     nominal = np.array([0.0, -200.0, 0.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(
         mission.results[0].after.path("A").state(0.0) - nominal,
-        History(3, 5, True).starts(scenario.craft[0]),
+        History(3, 5, "replanned").starts(scenario.craft[0]),
         atol=1e-12,
     )
     alone = parse(TWICE.replace('"A", "B"', '"A", "Z"'), "twice.toml", "study")

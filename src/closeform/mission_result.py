@@ -17,7 +17,7 @@ from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.scenario import Destination, Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Asked, Late, Use, Verdict, conflicts_in, eaten, thrust_use
+from closeform.verdict import Asked, Late, LostThrust, Use, Verdict, conflicts_in, eaten, thrust_use
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -212,12 +212,13 @@ class Stages(Result, ABC):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mission(Stages):
-    """All stages flown; `stopped` says why there are fewer than in the file, else it is None."""
+    """All stages flown; `stopped`: why fewer than in the file, or None; `lost`: whose thrust was lost."""
 
     scenario: Scenario
     orbit: Orbit
     results: tuple[StageResult[Any, Any], ...]
     stopped: str | None = None
+    lost: tuple[LostThrust, ...] = ()
 
     @cached_property
     def burns(self) -> dict[str, Any]:
@@ -247,8 +248,9 @@ class Mission(Stages):
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
             tuple(result.late for result in self.flown if result.late is not None),
-            asked=tuple(one for result in self.flown for one in result.asked),
-            drawn=self.scenario.history is not None,
+            asked=tuple(some.asked for some in self.lost)
+            + tuple(one for some in self.flown for one in some.asked),
+            drawn=self.scenario.history is not None and self.scenario.history.erring,
         )
 
     @property

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import ceil, floor, log10
+from math import ceil, floor, inf, log10
 from typing import TYPE_CHECKING, Any
 
 from closeform.scenario import Craft
@@ -116,6 +116,35 @@ class Asked:
     met: bool
     margin: float
     kind: str
+
+
+@dataclass(frozen=True)
+class LostThrust:
+    """A `craft` that loses its thrust at a `time` [s] and drifts, whether it `needed` more or not.
+
+    From then on it comes within `ratio` times the zone of the `other` that it comes nearest to; nan, None
+    where it keeps none.
+    """
+
+    craft: str
+    time: float
+    needed: bool
+    ratio: float
+    other: str | None
+
+    @property
+    def asked(self) -> Asked:
+        """What it comes to: a craft that needed its thrust does not get to where it was asked to be."""
+        words = f"{self.craft} loses its thrust at {self.time:.1f} s"
+        if not self.needed:
+            return Asked(f"{words} and needed it no more", "", True, inf, f"thrust of {self.craft}")
+        if self.other is None:
+            drifts = "drifts"
+        elif self.ratio < 1.0:
+            drifts = f"drifts into the zone of {self.other}, to {self.ratio:.4f} of it"
+        else:
+            drifts = f"drifts clear of all, least {self.ratio:.4f} x zone of {self.other}"
+        return Asked("", f"{words} and {drifts}", False, 0.0, f"thrust of {self.craft}")
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.scenario import Scenario
-from closeform.scenario.study import SEARCHED, STATES, Draw
+from closeform.scenario.study import FAILS, SEARCHED, STATES, Draw
 from closeform.search.search_errors import SearchErrors
 
 WORDS = 4  # random numbers in one block of Philox
@@ -73,6 +73,15 @@ def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErr
         of("craft.slew_acceleration") if "craft.slew_acceleration" in keys else scenario.ramps,
         of("craft.silent"),
     )
+
+
+def failing(scenario: Scenario, seed: int, case: int) -> tuple[float, ...]:
+    """After which share of a mission each craft (N,) loses its thrust in a case; nan for who does not."""
+    if (draw := varied(scenario).get(FAILS)) is None:
+        return ()
+    random = uniform(seed, FAILS, len(scenario.craft), case, case + 1)[0]
+    lost = spread(draw, draw.numbers(FAILS), random, 1)
+    return tuple(np.where(lost, random[:, 1], np.nan).tolist())
 
 
 def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Floats:

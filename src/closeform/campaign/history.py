@@ -1,4 +1,4 @@
-"""History: how the errors of one case come out, in a mission flown as planned or planned anew."""
+"""History: how the errors of one case come out, as planned or planned anew, and whose thrust is lost."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.campaign.draws import WORDS, uniform
-from closeform.conflicts.flight import watch
-from closeform.motion.joining import join, stack
+from closeform.campaign.losses import flown, with_losses
+from closeform.motion.joining import join
 from closeform.motion.path import Path
 from closeform.scenario import Craft, Scenario
 from closeform.uncertainty.columns import added, columns_of
@@ -23,14 +23,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class History:
-    """The errors of a case: of a mission that is planned anew stage by stage, or of one flown as planned.
+    """What a case draws that plans do not know: errors, by `draws` of its study, and failures.
 
+    `fails`: the share of the mission after which each craft (N,) loses its thrust, nan for who does not.
     Random numbers are keyed by the seed and the craft's name, so that other craft change none.
     """
 
     seed: int
     case: int
-    replanned: bool
+    draws: str
+    fails: tuple[float, ...] = ()
+
+    @property
+    def replanned(self) -> bool:
+        """Whether each stage is planned from where errors have left the craft."""
+        return self.draws == "replanned"
+
+    @property
+    def erring(self) -> bool:
+        """Whether it has errors."""
+        return self.draws != "vary"
 
     def starts(self, craft: Craft) -> Floats:
         """How far a craft is from its state (6,) when the mission begins."""
@@ -62,9 +74,15 @@ class History:
         return flown(scenario, result, paths)
 
     def whole(self, mission: Mission) -> Mission:
-        """A mission as it is flown where nobody corrects what the errors of all craft do."""
-        if self.replanned or not mission.flown:
+        """A mission with what happens in it that no plan takes into account."""
+        if not mission.flown:
             return mission
+        if self.draws == "errors":
+            mission = self.uncorrected(mission)
+        return with_losses(mission, self.fails)
+
+    def uncorrected(self, mission: Mission) -> Mission:
+        """A mission flown as planned, where nobody corrects what the errors of all craft do."""
         scenario = mission.scenario
         added_to = [
             errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
@@ -93,12 +111,6 @@ def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats]
     columns = columns_of(path, craft.errors)
     first, last = history.case, history.case + 1
     return columns, drawn(history.seed, craft.name, len(columns), first, last)[0]
-
-
-def flown(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:
-    """A stage with the paths on which the craft really were."""
-    after = watch(stack(paths), scenario.names, scenario.zones)
-    return replace(result, after=after, commanded=result.planned)
 
 
 def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:

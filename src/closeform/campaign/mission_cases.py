@@ -14,6 +14,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import Chunks
+from closeform.campaign.draws import varied
 from closeform.campaign.one_case import one_case
 from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread
@@ -21,6 +22,7 @@ from closeform.mission import fly
 from closeform.mission_result import Mission, StageResult
 from closeform.result import Result
 from closeform.scenario import Scenario, ScenarioError
+from closeform.scenario.study import FAILS
 
 AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft
 MET, UNMET, STOPPED, REFUSED = "met", "unmet", "stopped", "refused"
@@ -40,7 +42,8 @@ class MissionCases(Cases):
     """Cases with a row each: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`.
 
     `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
-    numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most.
+    numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most;
+    where craft fail, when each does, and `drift_ratio`, the least from then on between them and any other.
     """
 
     @property
@@ -59,7 +62,13 @@ class MissionCases(Cases):
         craft = (of_craft(name) for name in self.scenario.names)
         numbers = range(1, len(self.scenario.stages) + 1)
         stages = (*map(of_stage, numbers), *(map(off_in, numbers) if self.replanned else ()))
-        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts"
+        lost = (*map(lost_by, self.scenario.names), "drift_ratio") if self.failing else ()
+        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts", *lost
+
+    @property
+    def failing(self) -> bool:
+        """Whether craft may lose their thrust."""
+        return FAILS in varied(self.scenario)
 
     @property
     def replanned(self) -> bool:
@@ -101,6 +110,12 @@ def figures(mission: Mission) -> dict[str, Any]:
         **{off_in(result.number): off(result) for result in flown if result.commanded is not None},
         "least_ratio": min(ratios, default=nan),
         "conflicts": sum(len(result.after.conflicts) for result in flown),
+        **{lost_by(one.craft): one.time for one in mission.lost},
+        **(
+            {"drift_ratio": float(np.fmin.reduce([one.ratio for one in mission.lost]))}
+            if mission.lost
+            else {}
+        ),
     }
 
 
@@ -108,6 +123,11 @@ def off(result: StageResult[Any, Any]) -> float:
     """How far [m] from its planned end the craft is that errors of burns put off most."""
     planned = result.planned.paths.position(result.end)
     return float(np.linalg.norm(result.after.paths.position(result.end) - planned, axis=-1).max())
+
+
+def lost_by(name: str) -> str:
+    """The column of when a craft loses its thrust."""
+    return f"{name}_fails_s"
 
 
 def off_in(number: int) -> str:
@@ -127,19 +147,27 @@ def of_stage(number: int) -> str:
 
 @dataclass(frozen=True)
 class Endings:
-    """How cases ended: by status `counts` and the `first` few; why, how often and first; who came nearest."""
+    """How cases ended: by status `counts` and the `first` few; why, how often and first; who came nearest.
+
+    `drifting`: in how many a craft drifts that has a zone with another, and in how many into one.
+    """
 
     counts: dict[str, int]
     first: dict[str, list[int]]
     causes: dict[str, tuple[int, int]]
     nearest: tuple[float, int] | None
+    drifting: tuple[int, int]
 
     @classmethod
-    def of(cls, chunks: Chunks) -> Self:
+    def of(cls, chunks: Chunks, failing: bool) -> Self:
         """Counted chunk after chunk, so that no more than one is held."""
+        drifting = np.zeros(2, dtype=np.int64)
         counts, first = dict.fromkeys(STATUSES, 0), {status: list[int]() for status in STATUSES}
         causes, nearest = dict[str, tuple[int, int]](), (inf, -1)
-        for begin, part in chunks.read("status", "reason", "least_ratio"):
+        for begin, part in chunks.read("status", "reason", "least_ratio", *["drift_ratio"] * failing):
+            if failing:
+                drift = part["drift_ratio"]
+                drifting += [np.count_nonzero(~np.isnan(drift)), np.count_nonzero(drift < 1.0)]
             rows = zip(part["status"].tolist(), part["reason"].tolist(), strict=True)
             for case, (status, reason) in enumerate(rows, begin):
                 counts[status] += 1
@@ -151,7 +179,8 @@ class Endings:
                     causes[cause] = many + 1, since
             ratio = np.where(np.isnan(part["least_ratio"]), inf, part["least_ratio"])
             nearest = min(nearest, (float(ratio.min()), begin + int(ratio.argmin())))
-        return cls(counts, first, causes, nearest if nearest[1] >= 0 and nearest[0] < inf else None)
+        found = nearest if nearest[0] < inf else None
+        return cls(counts, first, causes, found, (int(drifting[0]), int(drifting[1])))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -196,7 +225,7 @@ class MissionCampaign(Result):
     @cached_property
     def endings(self) -> Endings:
         """How cases ended, counted chunk after chunk."""
-        return Endings.of(self.chunks)
+        return Endings.of(self.chunks, self.kind.failing)
 
     @property
     def counts(self) -> dict[str, int]:

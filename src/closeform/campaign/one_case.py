@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from closeform.campaign.draws import drawn, searching, values, varied
+from closeform.campaign.draws import drawn, failing, searching, values, varied
 from closeform.scenario import Craft, Scenario, ScenarioError
-from closeform.scenario.study import STATES
+from closeform.scenario.study import FAILS, STATES
 from closeform.search.search_errors import first_of
 
 if TYPE_CHECKING:
@@ -35,20 +35,21 @@ def case_of(scenario: Scenario, case: int) -> Scenario:
 def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
     """The scenario with what one case of its study has drawn with a seed."""
     title, history = f"{scenario.title}: case {case}", history_of(scenario, seed, case)
-    if history is not None and not history.replanned:
+    if history is not None and history.draws == "errors":
         return replace(scenario, title=title, case=case, history=history)
     states = drawn(scenario, seed, case, case + 1)[0]
-    if history is not None:
+    replanned = history is not None and history.replanned
+    if history is not None and replanned:
         states = states + [history.starts(craft) for craft in scenario.craft]
     columns = {"position": states[:, :3], "velocity": states[:, 3:]}
     for key in varied(scenario):
         section, name = key.split(".")
-        if section == "craft" and key not in STATES:
+        if section == "craft" and key not in (*STATES, FAILS):
             columns[field_of(name)] = values(scenario, seed, key, case, case + 1)[0]
     craft = []
     for k, one in enumerate(scenario.craft):
         cells = {name: column[k].tolist() for name, column in columns.items()}
-        known = {} if history is None else {"covariance": None}
+        known = {"covariance": None} if replanned else {}
         drawn_now = {name: tuple(cell) if isinstance(cell, list) else cell for name, cell in cells.items()}
         craft.append(one.model_copy(update={"start": None, "states": None, **known, **drawn_now}))
     errors = searching(scenario, seed, case, case + 1)
@@ -57,12 +58,13 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
 
 
 def history_of(scenario: Scenario, seed: int, case: int) -> History | None:
-    """How errors come out in one case; None where its study draws none."""
-    if scenario.study is None or scenario.study.draws == "vary":
+    """How errors and failures come out in one case; None where its study draws none."""
+    study = scenario.study
+    if study is None or (study.draws == "vary" and FAILS not in study.vary):
         return None
     from closeform.campaign.history import History  # whose kernels searches can spare
 
-    return History(seed, case, scenario.study.draws == "replanned")
+    return History(seed, case, study.draws, failing(scenario, seed, case))
 
 
 def field_of(key: str) -> str:

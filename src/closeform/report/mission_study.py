@@ -26,6 +26,7 @@ SPREAD = (
     Column("of the cases flown to the end", words=True),
     *map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in case")),
 )
+LOST = Column("of", words=True), Column("cases"), *percent("share [%]")
 DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".format)
 
 
@@ -86,6 +87,11 @@ class MissionStudyReport:
             columns = Column("closest of any pair, in terms of its zone"), Column("in case")
             ratio, case = campaign.nearest
             found.append(Table("", columns, [(f"{ratio:.6f}", case)]))
+        drifting, into = campaign.endings.drifting
+        if drifting:
+            some, bad = estimate(drifting, len(campaign)), estimate(into, drifting)
+            lost = ("all cases", drifting, some, some), ("of these, it drifts into a zone", into, bad, bad)
+            found.append(Table("Cases in which a craft loses its thrust", LOST, lost))
         return tuple(found)
 
     @staticmethod
@@ -110,6 +116,7 @@ class MissionStudyReport:
             "causes": [{"cause": why, "cases": many, "first": case} for why, many, case in campaign.causes],
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             "least_ratio": None if campaign.nearest is None else campaign.nearest[0],
+            "drifting": dict(zip(("cases", "into_a_zone"), campaign.endings.drifting, strict=True)),
         }
 
     def leave(self, folder: Folder, replays: Replays = ()) -> None:

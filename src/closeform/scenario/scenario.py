@@ -20,7 +20,7 @@ from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather
-from closeform.scenario.study import SEARCHED, STATES, Study
+from closeform.scenario.study import FAILS, SEARCHED, STATES, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
@@ -241,7 +241,9 @@ class Scenario:
         lines = []
         for key in self.study.vary:
             place = f"study.vary.{shown(key)}"
-            if key in SEARCHED and not any(stage.searches for stage in self.stages):
+            if key == FAILS and any(isinstance(stage, Gather) for stage in self.stages):
+                lines.append(f"{place}: a gathering cannot have it yet; remove it, or that stage")
+            elif key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
             elif key not in SEARCHED and not key.startswith("craft."):
                 lines.append(f"{place}: is one for all cases; run the study for each value")

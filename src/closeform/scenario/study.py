@@ -14,6 +14,7 @@ from closeform.scenario.table import Table
 Pair = Annotated[tuple[str, str], Field(strict=False)]
 DRAWS = ("uniform", "normal", "ball", "shell", "chance", "choice")
 STATES = ("craft.position", "craft.velocity")
+FAILS = "craft.fails"  # its thrust, at some instant of the mission
 SEARCHED = (  # how each craft searches
     "craft.pointing_error",
     "craft.slew_rate_error",
@@ -63,7 +64,7 @@ class Draw(Table):
 @cache
 def readers() -> dict[str, Reader | None]:
     """Every key that may vary: the reader of its quantity, None for a truth value."""
-    found: dict[str, Reader | None] = {"craft.silent": None}
+    found: dict[str, Reader | None] = {"craft.silent": None, FAILS: None}
     for section, table in (("craft", Craft), ("sensor", SensorTable), ("search", SearchTable)):
         for name, field in table.model_fields.items():
             notes = [*field.metadata]

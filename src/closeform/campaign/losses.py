@@ -1,0 +1,93 @@
+"""Losses: craft lose their thrust in mid-mission and drift to its end, while the others fly as planned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isnan, nan
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.flight import watch
+from closeform.conflicts.two_paths import closest_approach
+from closeform.mission_result import Mission, StageResult
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH
+from closeform.motion.joining import stack
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path, path_of
+from closeform.scenario import Scenario
+from closeform.verdict import LostThrust
+
+
+def with_losses(mission: Mission, fails: Sequence[float]) -> Mission:
+    """A mission in which each craft (N,) loses its thrust after a share of it, nan for who does not."""
+    scenario, end = mission.scenario, mission.flown[-1].end
+    times = {k: share * end for k, share in enumerate(fails) if not isnan(share)}
+    if not times:
+        return mission
+    needed = {k: thrust_after(mission.paths[k], time) for k, time in times.items()}
+    results, states = list(mission.results), dict[int, Floats]()
+    for place, result in enumerate(results):
+        if result.flown:
+            paths = [result.after.path(name) for name in scenario.names]
+            for k, time in times.items():
+                if time < result.end:
+                    paths[k] = drifting(paths[k], time, states.get(k))
+                    states[k] = paths[k].state(result.end)
+            results[place] = flown(scenario, result, paths)
+    drifted = replace(mission, results=tuple(results))
+    lost = tuple(
+        LostThrust(scenario.names[k], time, needed[k], *nearest(drifted, k, time))
+        for k, time in times.items()
+    )
+    return replace(drifted, lost=lost)
+
+
+def flown(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:
+    """A stage with the paths on which the craft really were."""
+    after = watch(stack(paths), scenario.names, scenario.zones)
+    return replace(result, after=after, commanded=result.planned)
+
+
+def thrust_after(path: Path, time: float) -> bool:
+    """Whether a craft burns after some time of its path."""
+    burnt = path.delta_v - drifting(path, time, None).delta_v
+    return bool(burnt > 0.0)
+
+
+def drifting(path: Path, time: float, state: Floats | None) -> Path:
+    """A craft's path up to a time, and natural motion after; from a state where it began to drift before."""
+    if state is not None:
+        return of_arcs(path.orbit, drift(path.orbit, path.start, path.end, state))
+    arcs = path.arcs[path.arcs[:, START] < time].copy()
+    arcs[-1, END] = min(arcs[-1, END], time)
+    return of_arcs(path.orbit, np.vstack([arcs, drift(path.orbit, time, path.end, path.state(time))]))
+
+
+def drift(orbit: Orbit, start: float, end: float, state: Floats) -> Floats:
+    """The arc (1, WIDTH) of natural motion from a state."""
+    arc = np.zeros((1, WIDTH))
+    arc[0, [START, END, MEAN_MOTION]] = start, end, orbit.mean_motion
+    arc[0, STATE : STATE + 6] = state
+    return arc
+
+
+def of_arcs(orbit: Orbit, arcs: Floats) -> Path:
+    """One craft's path."""
+    return path_of(orbit, arcs, np.array([0, len(arcs)]), ())
+
+
+def nearest(mission: Mission, k: int, time: float) -> tuple[float, str | None]:
+    """Least ratio of a craft that drifts since a time to another, and to whom; nan, None without zones."""
+    names, orbit, paths = mission.scenario.names, mission.orbit, mission.paths
+    own = paths[k]
+    alone = of_arcs(orbit, drift(orbit, time, own.end, own.state(time)))
+    zones = {j: mission.scenario.zones.between(k, j) for j in range(len(names)) if j != k}
+    ratios = [
+        (float(closest_approach(alone, paths[j], zone).ratio), names[j])
+        for j, zone in zones.items()
+        if zone is not None
+    ]
+    return min(ratios, default=(nan, None))

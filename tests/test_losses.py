@@ -1,0 +1,95 @@
+"""Craft that lose their thrust in mid-mission: when, where they drift, and how near to whom."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from bridge import hill
+from closeform.campaign import case_of, flown
+from closeform.campaign.draws import failing
+from closeform.mission import fly
+from closeform.scenario import ScenarioError, parse
+from test_histories import TWICE
+
+FAILS = re.sub(r"(covariance|execution|draws) = .*\n", "", TWICE).replace(
+    "[study.vary]\n",
+    '[study.vary]\n"craft.fails" = { chance = 0.5 }\n"craft.velocity" = { ball = "1 cm/s" }\n',
+)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return flown(parse(FAILS, "fails.toml", "study"), 24)
+
+
+def test_who_fails_drifts_on_and_the_others_fly_as_planned(campaign):
+    """Against Hill's matrix exponential from the failure on, and the mission without it, sampled."""
+    scenario = campaign.scenario
+    sound = parse(re.sub(r'"craft.fails".*\n', "", FAILS), "fails.toml", "study")
+    n = scenario.orbit.build().mean_motion
+    seen = set()
+    for case in range(12):
+        mission, plan = fly(case_of(scenario, case)), fly(case_of(sound, case))
+        seen.add(tuple(one.craft for one in mission.lost))
+        instants = np.linspace(0.0, plan.results[-1].end, 4001)
+        truth = plan.paths.position(instants)
+        for one in mission.lost:
+            k, after = scenario.names.index(one.craft), instants >= one.time
+            begin = plan.paths[k].state(one.time)
+            drift = [(expm(hill(n) * (t - one.time)) @ begin)[:3] for t in instants[after]]
+            truth[k, after] = np.array(drift).reshape(-1, 3)
+        np.testing.assert_allclose(mission.paths.position(instants), truth, atol=1e-6)  # a micrometre
+        apart = np.linalg.norm(truth[0] - truth[1], axis=-1) / 25.0
+        for one in mission.lost:
+            least = apart[instants >= one.time].min()
+            assert one.ratio <= least + 1e-9
+            assert least - one.ratio < 0.02  # between samples a second apart they move by half a metre
+            arcs = np.concatenate([result.after.path(one.craft).arcs for result in plan.results])
+            assert one.needed == bool(np.abs(arcs[arcs[:, 1] > one.time, 12:]).any())
+            assert campaign.column(f"{one.craft}_fails_s")[case] == pytest.approx(one.time, rel=1e-15)
+        ratios = [one.ratio for one in mission.lost]
+        np.testing.assert_equal(campaign.column("drift_ratio")[case], min(ratios, default=np.nan))
+        unmet = any(one.needed for one in mission.lost) or mission.verdict.conflicts
+        assert campaign.statuses[case] == ("unmet" if unmet else "met")
+    assert {(), ("A",), ("B",), ("A", "B")} <= seen
+
+
+def test_failures_are_as_frequent_as_said_and_at_any_instant():
+    """Of 4000 draws: the share, and that of each quarter of the mission, within 5 of their deviations."""
+    scenario = parse(FAILS.replace("0.5 }", "0.2 }"), "fails.toml", "study")
+    shares = np.array([failing(scenario, 3, case) for case in range(2000)]).ravel()
+    failed = shares[~np.isnan(shares)]
+    assert abs(len(failed) / 4000 - 0.2) < 5.0 * np.sqrt(0.2 * 0.8 / 4000)
+    quarters = np.histogram(failed, 4, (0.0, 1.0))[0] / len(failed)
+    assert np.abs(quarters - 0.25).max() < 5.0 * np.sqrt(0.25 * 0.75 / len(failed))
+
+
+def test_reasons_say_who_drifts_where(campaign):
+    reasons = campaign.column("reason").tolist()
+    needed = [k for k in range(24) if re.match(r"A loses its thrust at [0-9.]+ s and drifts", reasons[k])]
+    spent = campaign.column("A_delta_v_m_s")
+    assert needed
+    assert spent[needed].max() < spent.max()
+    for k in range(24):
+        if "drifts into the zone of B" in reasons[k]:
+            assert campaign.column("conflicts")[k] >= 1
+            assert campaign.column("drift_ratio")[k] < 1.0
+    assert sum(many for _, many, _ in campaign.causes) == len(campaign.failed)
+
+
+def test_errors_and_failures_go_together():
+    """A case of both is that of errors alone up to the failure."""
+    both = TWICE.replace("[study.vary]\n", '[study.vary]\n"craft.fails" = { chance = 1 }\n')
+    one = fly(case_of(parse(both, "both.toml", "study"), 1))
+    other = fly(case_of(parse(TWICE, "both.toml", "study"), 1))
+    before = np.linspace(0.0, min(lost.time for lost in one.lost), 50)
+    np.testing.assert_allclose(one.paths.state(before), other.paths.state(before), atol=1e-9)
+    assert len(one.lost) == 2
+    assert "A loses its thrust" in str(one.verdict)
+
+
+def test_a_failure_is_a_chance():
+    with pytest.raises(ScenarioError, match=re.escape("is true or false; write { chance = 0.01 }")):
+        parse(FAILS.replace("{ chance = 0.5 }", '{ normal = "1 m" }'), "fails.toml", "study")
