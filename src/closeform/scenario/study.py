@@ -64,7 +64,7 @@ class Draw(Table):
 @cache
 def readers() -> dict[str, Reader | None]:
     """Every key that may vary: the reader of its quantity, None for a truth value."""
-    found: dict[str, Reader | None] = {"craft.silent": None, FAILS: None}
+    found: dict[str, Reader | None] = {"craft.silent": None}
     for section, table in (("craft", Craft), ("sensor", SensorTable), ("search", SearchTable)):
         for name, field in table.model_fields.items():
             notes = [*field.metadata]
@@ -73,7 +73,7 @@ def readers() -> dict[str, Reader | None]:
             for note in notes:
                 if isinstance(reader := getattr(note, "func", None), Reader):
                     found[f"{section}.{table.key_of(name)}"] = reader
-    return found
+    return found | {FAILS: None}
 
 
 class Study(Table):
