@@ -56,13 +56,17 @@ class Body:
 
     def boresights(self, times):
         """Unit vectors (T, 3)."""
+        return self.bodies(times)[:, :, 2]
+
+    def bodies(self, times):
+        """Attitudes (T, 3, 3), columns body x, y, z."""
         times = np.clip(times, self.start, self.begins[-1])
         turns = np.minimum(np.searchsorted(self.begins, times, side="right") - 1, len(self.turns) - 1)
-        out = np.empty((len(times), 3))
+        out = np.empty((len(times), 3, 3))
         for k in np.unique(turns):
             here = turns == k
             attitude = self.turn(k, self.turned(k, times[here] - self.begins[k]))
-            out[here] = (attitude * Rotation.from_rotvec(self.pointing)).as_matrix()[:, :, 2]
+            out[here] = (attitude * Rotation.from_rotvec(self.pointing)).as_matrix()
         return out
 
     def turn(self, k, angles):

@@ -14,6 +14,7 @@ from oem import OrbitEphemerisMessage
 from scipy.interpolate import KroghInterpolator
 
 import closeform as cf
+from bodies import Body
 from closeform.cli import main
 from exported import EPOCH, FLYING, SEARCHING, SURE, run, seconds, truth
 
@@ -353,6 +354,30 @@ def test_attitudes_of_a_search_by_the_standards_formula(tmp_path) -> None:
             assert ((found[1:] * found[:-1]).sum(axis=1) > 0.9).all()  # no jumps of sign
             for quaternion, attitude in zip(found[1:-1], known, strict=True):
                 assert np.abs(matrix(quaternion) - attitude.T).max() < 1e-12  # body z is its third row
+            rows += len(lines)
+        assert rows > 300
+
+
+def test_attitudes_of_craft_that_are_off_their_search(tmp_path) -> None:
+    """By bodies that turn for themselves."""
+    errors = {"pointing_error": "1 -2 3 deg", "start_offset": "20 s", "slew_rate_error": "2 %"}
+    given = "".join(f'{key} = "{value}"\n' for key, value in errors.items())
+    text = SEARCHING.replace('do = "gather"\nrounds = 2', 'do = "lock"').replace(
+        "[sensor]", f"{given}[sensor]"
+    )
+    mission = run(tmp_path, text)
+    place = cf.export(mission, tmp_path / "aem", "aem", frame="ICRF")
+    search = mission.results[0].result.search
+    turned = [(leg.phase, "sun" if leg.about == "sun line" else "y", leg.angle) for leg in search.legs]
+    off = {"pointing": np.radians([1.0, -2.0, 3.0]), "start": 20.0, "slew_rate": 0.02}
+    for name, group in (("L1", "A"), ("L2", "B")):
+        body, rows = Body(turned, group, **off), 0
+        for _, lines in kvn(place / f"{name}.aem"):
+            times = np.array([seconds(line[0]) for line in lines])
+            known = body.bodies(times[1:-1])
+            for line, attitude in zip(lines[1:-1], known, strict=True):
+                found = matrix(np.array(line[1:], dtype=float))
+                assert np.abs(found - attitude.T).max() < 1e-8  # times are told to 1e-9 s at 0.004 rad/s
             rows += len(lines)
         assert rows > 300
 

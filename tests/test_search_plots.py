@@ -10,6 +10,7 @@ from matplotlib.colors import to_rgba
 from PIL import Image
 from scipy.spatial import ConvexHull
 
+from bodies import Body
 from closeform import plots
 from closeform.plots.camera import GROUP_COLOURS, Camera, hull, ring
 from closeform.plots.cones import half_rim
@@ -21,8 +22,10 @@ from closeform.plots.panels import OBLIQUE, SUN_VIEW
 from closeform.search.gather import gather
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
+from closeform.search.search_errors import SearchErrors
 from closeform.search.sensor import Sensor
 from closeform.search.theorem import cone_regions
+from turns import turns
 
 RATE, HALF = radians(0.25), radians(70.0)
 MODIFIED = Search.modified(Sensor(HALF), RATE, radians(25.0))
@@ -78,6 +81,38 @@ def as_the_sun_sees(position):
 
 def angle_between(one, other):
     return acos(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
+
+
+def test_craft_that_are_off_the_search_are_drawn_as_they_fly():
+    """By bodies that turn for themselves; who is in lock is so in the picture, and nobody before."""
+    rng = np.random.default_rng(5)
+    errors = {
+        "pointing": rng.normal(0.0, 0.1, (5, 3)),
+        "slew_rate": rng.normal(0.0, 0.03, 5),
+        "start": rng.normal(0.0, 60.0, 5),
+        "half_angle": rng.normal(0.0, 0.05, 5),
+        "slew_acceleration": RATE / rng.uniform(10.0, 100.0, 5),
+    }
+    astray = gather(BASIC, POSITIONS, VELOCITIES, "balanced", rounds=1, errors=SearchErrors(**errors))
+    turned = turns("basic", HALF, BASIC.tip_angle, in_plane=360.0)
+    # a round ends with the turn back to where it began, the short way
+    turned += [("OPS", "sun", leg.angle) for leg in astray.search.legs[len(turned) :]]
+    bodies = [
+        Body(turned, group, **{name: values[k] for name, values in errors.items()})
+        for k, group in enumerate(astray.groups)
+    ]
+    anywhere = rng.uniform(0.0, astray.search.duration + 300.0, 40)
+    times = np.concatenate([anywhere, bodies[0].begins[1:4] + 1.0])
+    for time in times:
+        truth = np.stack([body.bodies(np.array([time]))[0] for body in bodies])
+        np.testing.assert_allclose(moment(astray, time).attitudes, truth, rtol=0.0, atol=1e-9)
+    locks = [event for event in astray.events if event.kind == "lock"]
+    assert len(locks) > 2
+    for event in locks:
+        pair = np.array([[event.first, event.second]])
+        assert moment(astray, event.time).in_lock(pair).all()
+        assert event.time == 0.0 or not moment(astray, event.time - 0.1).in_lock(pair).any()
+    assert plots.three_views(astray, locks[0].time).axes
 
 
 def test_the_story_resembles_h03():

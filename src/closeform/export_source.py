@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,7 +22,9 @@ from closeform.motion.path import Path
 from closeform.reopened import LoadedRun
 from closeform.scenario import Craft, Scenario
 from closeform.search.leg import Group
+from closeform.search.own_turns import OwnTurns
 from closeform.search.schedule import Search
+from closeform.search.search_errors import of_each
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
@@ -63,6 +66,13 @@ class Source:
             if not result.stage.searches or self.scenario is None:
                 continue
             search, last = result.result.search, result.end - result.start
+            if (errors := self.scenario.search_errors) is not None:
+                craft = of_each(errors, (len(self.scenario.names),))
+                own = OwnTurns(search, self.scenario.groups, craft)
+                for k, name in enumerate(self.scenario.names):
+                    parts = flown_turns(own, k, last)
+                    found.setdefault(name, []).extend((times + result.start, rows) for times, rows in parts)
+                continue
             both: dict[Group, list[tuple[Floats, Floats]]] = {
                 group: [(times + result.start, values) for times, values in turns(search, group, last)]
                 for group in ("A", "B")
@@ -84,6 +94,19 @@ def turns(search: Search, group: Group, last: float) -> list[tuple[Floats, Float
         times = np.round(np.linspace(leg.start, end, count), 9)
         attitudes = leg.attitude_at(times)
         found.append((times, quaternions(attitudes if group == "A" else attitudes * [1.0, -1.0, -1.0])))
+    return found
+
+
+def flown_turns(own: OwnTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:
+    """The turns of craft k by its own clock until a `last` time [s], also while it waits to begin."""
+    found = []
+    for start, end in pairwise(np.clip([0.0, *own.begins[k], last], 0.0, last).tolist()):
+        if end > start:
+            turned = 2.0 * (end - start) * own.search.slew_rate * (1.0 + own.errors.slew_rate[k])
+            count = max(2, int(np.ceil(turned / TURNS_EACH)) + 1)
+            times = np.round(np.linspace(start, end, count), 9).astype(float)
+            inside = np.clip(times, start, np.nextafter(end, start))  # not yet in the next turn
+            found.append((times, quaternions(np.stack([own.attitudes(time)[k] for time in inside]))))
     return found
 
 

@@ -12,6 +12,8 @@ from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.leg import Leg
+from closeform.search.own_turns import OwnTurns
+from closeform.search.search_errors import SearchErrors, of_each
 
 SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock
 
@@ -43,10 +45,20 @@ class Moment:
         return self.gathering.paths.position(self.time)
 
     @cached_property
-    def attitudes(self) -> dict[str, Floats]:
-        """Attitude (3, 3) of each group; columns are the body axes."""
-        search = self.gathering.search
-        return {"A": search.attitude(self.time, "A"), "B": search.attitude(self.time, "B")}
+    def attitudes(self) -> Floats:
+        """Attitude of each craft as it is flown (N, 3, 3); columns are the body axes."""
+        gathering = self.gathering
+        return OwnTurns(gathering.search, gathering.groups, self.errors).attitudes(self.time)
+
+    @cached_property
+    def errors(self) -> SearchErrors:
+        """How far each craft (N,) is off the search."""
+        return of_each(self.gathering.errors or SearchErrors(), (len(self.gathering.groups),))
+
+    @cached_property
+    def half_angles(self) -> Floats:
+        """Of each craft's cone (N,) [rad]."""
+        return np.asarray(self.gathering.search.sensor.half_angle + self.errors.half_angle)
 
     @property
     def leg(self) -> Leg:
@@ -73,13 +85,18 @@ class Moment:
 
     def in_lock(self, pairs: Any) -> Any:
         """Which of the pairs (M, 2), one of A and one of B each, see each other now: (M,).  # theory (13)"""
-        sensor, where = self.gathering.search.sensor, self.positions
-        boresight = self.attitudes["A"][:, 2]
-        sign = np.where(np.array(self.gathering.groups)[pairs[:, 0]] == "A", 1.0, -1.0)
-        gap = sign[:, None] * (where[pairs[:, 1]] - where[pairs[:, 0]]) - sensor.baseline * boresight
+        sensor, look = self.gathering.search.sensor, self.attitudes[:, :, 2]
+        sensors = self.positions + sensor.offset * look
+        gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
         distance = np.linalg.norm(gap, axis=1)
-        near = distance <= sensor.range * (1.0 + SEEN)
-        return near & (gap @ boresight >= distance * (sensor.cosine - SEEN))
+        ranges = np.full(len(look), sensor.range) if self.errors.range is None else self.errors.range
+        reach = np.where(self.errors.silent, 0.0, ranges)[pairs].min(axis=1)
+        both = distance <= reach * (1.0 + SEEN)
+        cosines = np.cos(self.half_angles)
+        for one, way in ((pairs[:, 0], 1.0), (pairs[:, 1], -1.0)):
+            ahead = way * (gap * look[one]).sum(axis=1)
+            both &= ahead >= distance * (cosines[one] - SEEN)
+        return both
 
 
 def clock_text(time: float) -> str:

@@ -155,23 +155,19 @@ class Overview:
         beside(self.axes, self.words, flat[list(self.coned)])
 
     def _cones(self, moment: Moment, where: Floats) -> None:
-        """The cones of the sensors and the shades; all of one group have one attitude."""
+        """The cones of the sensors and the shades, each as its craft holds them."""
         sensor, camera = self.gathering.search.sensor, self.camera
         bodies, mouths, edges, shades, colours, facing = [], [], [], [], [], []
-        for group, colour in GROUP_COLOURS.items():
-            attitude = moment.attitudes[group]
-            rim = ring(attitude[:, 2], sensor.half_angle, self.cone)
-            body = solid(camera, np.zeros(3), rim)
-            disc = camera(ring(attitude[:, 0], pi / 2.0, self.shade))
-            for k in self.coned:
-                if self.gathering.groups[k] == group:
-                    apex = camera(where[k] + sensor.offset * attitude[:, 2])
-                    bodies.append(apex + body)
-                    mouths.append(apex + camera(rim))
-                    edges += [np.array([apex, apex + tip]) for tip in camera(rim[:-1:12])]
-                    shades.append(camera(where[k]) + disc)
-                    colours.append(colour)
-                    facing.append(0.3 if camera.nearness(attitude[:, 2]) > 0.05 else 0.0)
+        for k in sorted(self.coned, key=lambda k: self.gathering.groups[k]):
+            attitude, colour = moment.attitudes[k], GROUP_COLOURS[self.gathering.groups[k]]
+            rim = ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
+            apex = camera(where[k] + sensor.offset * attitude[:, 2])
+            bodies.append(apex + solid(camera, np.zeros(3), rim))
+            mouths.append(apex + camera(rim))
+            edges += [np.array([apex, apex + tip]) for tip in camera(rim[:-1:12])]
+            shades.append(camera(where[k]) + camera(ring(attitude[:, 0], pi / 2.0, self.shade)))
+            colours.append(colour)
+            facing.append(0.3 if camera.nearness(attitude[:, 2]) > 0.05 else 0.0)
         self.bodies.set_verts(bodies)
         self.bodies.set_facecolor([tint(colour, 0.2) for colour in colours])
         self.mouths.set_verts(mouths)
@@ -236,11 +232,11 @@ class CloseUp:
     def show(self, moment: Moment) -> None:
         """Turn the craft as it is at a moment."""
         group = self.gathering.groups[self.craft]
-        attitude, camera = moment.attitudes[group], self.camera
+        attitude, camera = moment.attitudes[self.craft], self.camera
         normal, boresight = attitude[:, 0], attitude[:, 2]
         sensor = self.gathering.search.sensor
         apex = boresight if sensor.offset > 0.0 else np.zeros(3)  # the shade's radius is the sensor's offset
-        rim = apex + ring(boresight, sensor.half_angle, 1.1)
+        rim = apex + ring(boresight, float(moment.half_angles[self.craft]), 1.1)
         self.body.set_verts([solid(camera, apex, rim)])
         self.mouth.set_verts([camera(rim)])
         self.edges.set_segments([camera(np.array([apex, tip])) for tip in rim[:-1:12]])

@@ -31,6 +31,7 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
         folded=len(locks.rows) > MOST_ROWS,
     )
     met, tables = search.watched(result)
+    asked = "" if mission.scenario.search_errors is None else ", as asked of craft that are off it"
     return Section(
         heading(result),
         (*search.since(result), outcome(found), *met),
@@ -45,9 +46,12 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
         ),
         pictures=(
             Picture(
-                "in-plane-search", "The in-plane search of both groups", "in_plane_search", (found.search,)
+                "in-plane-search",
+                f"The in-plane search of both groups{asked}",
+                "in_plane_search",
+                (found.search,),
             ),
-            Picture("manoeuvres", "The turns of the first round", "manoeuvres", (found.search,)),
+            Picture("manoeuvres", f"The turns of the first round{asked}", "manoeuvres", (found.search,)),
             *conflicts.deepest(result.after),
         ),
         figures={"search": search.figures(found.search), "locks": figures(found, names)},

@@ -18,7 +18,7 @@ from closeform.search.own_turns import OwnTurns
 from closeform.search.request import Burns, Groups, cleared, sides
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, craft_of, spread
+from closeform.search.search_errors import SearchErrors, craft_of, of_each
 from closeform.search.sensor import positive
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, all_made, pair_zones
@@ -141,5 +141,5 @@ def lost_fleet(
         cases = f" in {shape[0]} cases is (C, N{{}}), (N{{}})" if shape[0] > 1 else " is (N{})"
         asked = f"{count} craft{cases}, or alike for all"
         craft = craft_of(errors, search.sensor, shape, np.array(told) == "B", asked)
-        errors = spread(errors, shape)
+        errors = of_each(errors, shape)
     return LostFleet(flown, int(rounds), drifts, told, kept, push, errors, craft)

@@ -61,8 +61,7 @@ class OwnTurns:
 
     def attitudes(self, time: float) -> Floats:
         """Attitudes (N, 3, 3) at a time [s], of craft whose errors are (N,); columns are the body axes."""
-        each = [self._nominal(k, time) for k in range(len(self.groups))]
-        return self._bodies(np.stack(each))
+        return self._bodies(np.stack([self._nominal(k, time) for k in range(len(self.groups))]))
 
     def _nominal(self, k: int, time: float) -> Floats:
         """What the search asks of A's attitude (3, 3) where craft k is in it."""

@@ -146,7 +146,7 @@ def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
     return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
 
 
-def spread(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
+def of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
     """The errors of all craft of a shape, from those of some that are alike."""
     found: dict[str, Any] = {}
     for name in FIELDS:
