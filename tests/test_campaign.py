@@ -23,8 +23,8 @@ from closeform.campaign import (
     study,
 )
 from closeform.campaign.draws import searching, uniform
-from closeform.campaign.shares import estimate
 from closeform.cli import main
+from closeform.confidence import estimate
 from closeform.console import WIDTH
 from closeform.mission import fly
 from closeform.report.cases import by_detection

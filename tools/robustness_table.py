@@ -21,7 +21,7 @@ import numpy as np
 
 import closeform as cf
 from closeform.campaign.draws import drawn, uniform
-from closeform.campaign.shares import estimate
+from closeform.confidence import estimate
 from closeform.scenario import load
 
 DOCS = Path(__file__).parents[1] / "docs"

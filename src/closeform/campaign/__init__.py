@@ -6,12 +6,11 @@ from closeform.campaign.gather_cases import GatherCampaign
 from closeform.campaign.lock_cases import LockCampaign, SampledLocks
 from closeform.campaign.one_case import case_of
 from closeform.campaign.search_campaign import Campaign, CampaignStatus
-from closeform.campaign.shares import Estimate, Share
+from closeform.campaign.shares import Share
 
 __all__ = [
     "Campaign",
     "CampaignStatus",
-    "Estimate",
     "GatherCampaign",
     "LockCampaign",
     "SampledLocks",

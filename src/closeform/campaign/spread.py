@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import bdtr
 
 from closeform.arrays import Floats
-from closeform.campaign.shares import CONFIDENCE
+from closeform.confidence import CONFIDENCE
 
 QUANTILES = (0.5, 0.95, 0.999)
 WORST = 10  # cases with the greatest values

@@ -14,8 +14,8 @@ from closeform.campaign.chunk import column
 from closeform.campaign.chunks import Chunks, Range
 from closeform.campaign.mission_cases import MET, MissionCampaign
 from closeform.campaign.search_campaign import CampaignStatus
-from closeform.campaign.shares import Estimate, estimate
 from closeform.campaign.spread import Spread
+from closeform.confidence import Estimate, estimate
 from closeform.result import Result
 from closeform.scenario import Scenario
 from closeform.scenario.sweep import text, words

@@ -201,7 +201,7 @@ def _loaded_study(result: Any) -> Figure:
 
 def _shares(names: list[str], counts: Any, cases: int, what: str, said: str) -> Figure:
     """Shares of cases with their intervals."""
-    from closeform.campaign.shares import estimate
+    from closeform.confidence import estimate
     from closeform.plots.intervals import intervals
 
     found = [estimate(int(count), cases) for count in counts]

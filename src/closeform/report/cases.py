@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closeform.campaign import Campaign, Estimate, GatherCampaign, LockCampaign, Share
-from closeform.campaign.shares import estimate
+from closeform.campaign import Campaign, GatherCampaign, LockCampaign, Share
+from closeform.confidence import Estimate, estimate
 from closeform.report import repeat, search
 from closeform.report.section import Section
 from closeform.report.table import Column, Table

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.campaign.error_cases import MET, ErrorCampaign, PairCounts
-from closeform.campaign.shares import Estimate, estimate
+from closeform.confidence import Estimate, estimate
 from closeform.report import asked, model, results, worst
 from closeform.report.cases import SHARES, Replays, percent, repeated, studied
 from closeform.report.page import Head

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.campaign.shares import estimate
+from closeform.confidence import estimate
 from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.epochs import Epoch
 from closeform.field.field import described

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
-from closeform.campaign.shares import estimate
 from closeform.campaign.spread import Spread
+from closeform.confidence import estimate
 from closeform.report import asked, model, results, worst
 from closeform.report.cases import SHARES, Replays, percent, repeated, studied
 from closeform.report.page import Head

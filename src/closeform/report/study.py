@@ -9,9 +9,9 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from closeform.campaign import Campaign, Estimate
-from closeform.campaign.shares import estimate
+from closeform.campaign import Campaign
 from closeform.campaign.spread import Spread
+from closeform.confidence import Estimate, estimate
 from closeform.report import asked, model, results, search, worst
 from closeform.report.cases import (
     SHARES,

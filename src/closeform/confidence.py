@@ -1,0 +1,26 @@
+"""Confidence: the interval of a share that was counted, which would hold the true one 19 times in 20."""
+
+from dataclasses import dataclass
+from math import sqrt
+
+from scipy.special import ndtri
+
+CONFIDENCE = 0.95
+DEVIATIONS = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A share of cases, and its 95 % confidence interval from `low` to `high`."""
+
+    share: float
+    low: float
+    high: float
+
+
+def estimate(count: int, total: int) -> Estimate:
+    """A share with the interval of Wilson (1927), which holds for 0 cases too."""
+    share, turn = count / total, DEVIATIONS**2 / total
+    middle = (share + 0.5 * turn) / (1.0 + turn)
+    half = sqrt(turn * (share * (1.0 - share) + 0.25 * turn)) / (1.0 + turn)
+    return Estimate(share, middle - half if count > 0 else 0.0, middle + half if count < total else 1.0)
