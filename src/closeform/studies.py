@@ -63,6 +63,8 @@ def study(
             chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
             with written(place):
                 complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
+                if chunks.whole:
+                    complain(f"{place}: going on, {chunks.flown} of {count} cases are flown")
                 with progress(notes, count) as tell:
                     campaign = stored_study.fly(chunks, runner, tell)
             report = report_of(campaign, loaded)

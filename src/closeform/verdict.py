@@ -286,5 +286,5 @@ def eaten(number: int, after: "WatchedFlight", found: "Validity | None") -> Iter
         first, second = pairs[min(entered, key=lambda k: float(found.flown[k]))]
         more = f" and {len(entered) - 1} more" if len(entered) > 1 else ""
         where = f"stage {number}: thrust as planned, in the field of {found.field},"
-        remedy = "correct it for the field, as closeform fly does"
+        remedy = 'closeform fly corrects it, and margin = "auto" leaves room for errors'
         yield f"{where} leads {first} and {second}{more} into zones that the plan keeps; {remedy}"

@@ -114,6 +114,11 @@ class Stored:
                 yield first, min(first + self.cases.at_once, self.count)
 
     @property
+    def flown(self) -> int:
+        """How many cases are in whole chunks."""
+        return sum(entry["last"] - entry["first"] for entry in self.whole.values())
+
+    @property
     def digests(self) -> dict[str, str]:
         """The SHA-256 of each file, by its place in the result folder."""
         return {
@@ -175,6 +180,6 @@ def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int)
         for name in names
     ]
     return (
-        f"holds {chunks} chunks of an unfinished study of {', '.join(told)}; "
+        f"holds {chunks} chunk{'s' * (chunks != 1)} of an unfinished study of {', '.join(told)}; "
         "give the same again to go on, or --overwrite to start anew"
     )

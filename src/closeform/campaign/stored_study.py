@@ -31,7 +31,7 @@ def local(cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
 
 def fly(chunks: Stored, runner: Runner, progress: Progress) -> Any:
     """Fly what is missing of a study; `progress` is told how many cases are flown, and how many met all."""
-    flown = sum(entry["last"] - entry["first"] for entry in chunks.whole.values())
+    flown = chunks.flown
     met = sum(entry["met"] for entry in chunks.whole.values())
     progress(flown, met)
     for done in runner(chunks.cases, chunks.missing):

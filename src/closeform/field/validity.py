@@ -153,15 +153,15 @@ def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, 
     off = f"In {found.field}, thrust as planned ends {found.ends[worst]:.3g} m off ({who}"
     if np.isfinite(found.expected).all():
         off += f"; by rule {found.expected.max():.2g} m, 95 % below {found.unlikely.max():.2g} m"
-    ends, left_out = f"{off})", f"left out: {found.residual.max():.2g} m/s^2"
+    ends, left_out = f"{off})", f"Hill's equations leave out {found.residual.max():.2g} m/s^2"
     if not len(found.pairs):
-        return (ends, left_out.capitalize())
+        return (ends, left_out)
     near = int(np.argmin(found.flown))
     i, j = found.pairs[near]
     pair = f"craft {i} and {j}" if names is None else f"{names[i]} and {names[j]}"
     entered = " (entered)" if found.flown[near] < 1.0 else ""
-    least = f"Least {found.flown[near]:.4f} x zone so{entered}, {found.planned[near]:.4f} planned, {pair}"
-    return (ends, f"{least}; {left_out}")
+    least = f"Least so: {found.flown[near]:.4f} x zone{entered}, {pair}; {found.planned[near]:.4f} planned"
+    return (ends, f"{least}. {left_out}")
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:

@@ -116,7 +116,7 @@ class FlightReport:
             "Thrusters: pulses as planned; what corrects them is thrust that lasts, in any direction",
         ) * shot
         if not size and not angle:
-            return pulses
+            return (*pulses, "Thrust: as commanded; thrust_error of [craft] says by how much it is off")
         off = f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight"
         return (*pulses, off)
 
@@ -138,11 +138,12 @@ class FlightReport:
                 f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
             )
         if room is not None:
-            sure = (
-                f"{np.max(room.radius):.3g} m a craft, {room.of_a_pair:.3g} m a pair ({room.sigmas:g} sigmas)"
+            sure = f"{np.max(room.radius):.3g} m a craft, {room.of_a_pair:.3g} m a pair"
+            told.append(
+                f"Tube of any plan of such thrust: {sure}, {room.sigmas:g} sigmas along any one direction"
             )
             told.append(
-                f"Tube of any plan of such thrust: {sure}; flown {flight.greatest_deviation:.3g} m at most"
+                f"Farthest off its plan of all craft at all times: {flight.greatest_deviation:.3g} m in space"
             )
         return tuple(told)
 

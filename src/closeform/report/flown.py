@@ -85,6 +85,11 @@ def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
             float(told.delta_v[:, k].max()),
             None if limits is None else float(told.limited[:, k].max()),
         )
+    planned, field, every = (
+        one.sum(axis=-1) for one in (told.planned_delta_v, told.field_delta_v, told.delta_v)
+    )
+    of_all = back.sum(axis=1)
+    yield ("all", *map(float, (planned, field, np.median(of_all), of_all.max(), every.max())), None)
 
 
 def order(flown: FlownRun) -> list[int]:
