@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import StageResult
-from closeform.stage_start import Room, StageStart
+from closeform.stage_start import BurnRoom, StageStart
 
 if TYPE_CHECKING:
     from closeform.fuel.firing import Firing
@@ -32,7 +32,7 @@ class Pulsed:
     names: tuple[str, ...]
     firing: "Firing"
     planned: WatchedFlight
-    room: Room
+    room: BurnRoom
 
 
 def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
@@ -41,7 +41,7 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     Burns that would begin before the stage or end after it, and pulses that lead into a zone, ask for room:
     the plan is made anew within coasts, or for larger zones.  Where there is none, conflicts remain.
     """
-    room = Room()
+    room = BurnRoom()
     kept: Result | None = None
     clearest = -1.0  # the norm in conflicts of what is kept
     for _ in range(TRIES):

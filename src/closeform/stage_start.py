@@ -26,7 +26,7 @@ PHASES, A_DEGREE = 36_000, 100  # of a relative orbit, among which the cheapest 
 
 
 @dataclass(frozen=True)
-class Room:
+class BurnRoom:
     """What a plan leaves for the burns of thrusters: zones so many times `larger`, coasts at both ends [s].
 
     A burn about an impulse at an end of a plan begins before it, or ends after it.
@@ -57,10 +57,10 @@ class StageStart:
     time: float
     past: dict[str, tuple[float, Floats]]
     shares: Floats
-    room: Room = Room()
+    room: BurnRoom = BurnRoom()
     errors: tuple[Any, ...] = ()
 
-    def leaving(self, room: Room) -> Self:
+    def leaving(self, room: BurnRoom) -> Self:
         """When a plan begins that leaves some room."""
         if not room.before:
             return replace(self, room=room)

@@ -57,7 +57,7 @@ class Commands:
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class Flights:
     """S flights: `states` (S, N, T, 6) as shown, and `arrivals`, the same before impulses.
 
     What was `spent` (S, N) [m/s], what is `asked` (N,) without errors, and `limited` (S, N) [s] at the limit.
@@ -78,7 +78,7 @@ def flown(
     errors: Floats,
     begin: Floats | None = None,
     around: Path | None = None,
-) -> Flown:
+) -> Flights:
     """Flights with errors of measurements (S, N, M, 6) and of thrust (S, N, 4), in a field.
 
     From states `begin` (N, 6) before impulses, unless from those of the path.  What a function pulls more
@@ -111,7 +111,7 @@ def flown(
     if impulses.size:
         arrivals = states.copy()
         arrivals[:, :, table.shown[table.fires >= 0], 3:] -= impulses
-    return Flown(states, arrivals, spent[..., 0], asked, spent[..., 1])
+    return Flights(states, arrivals, spent[..., 0], asked, spent[..., 1])
 
 
 def _side_by_side(field: Field, course: Course, each: tuple[Floats, ...]) -> None:
@@ -161,7 +161,7 @@ def commands_of(
     return Commands(path, table, known, lasting, jumps, None, law, limits, bits, ballistics, nozzles)
 
 
-def together(parts: Sequence[Flown], axis: int) -> Flown:
+def together(parts: Sequence[Flights], axis: int) -> Flights:
     """Flights of the same times, one after another: of other seeds (0) or other craft (1)."""
     names = "states", "arrivals", "spent", "limited"
     joined = (np.concatenate([getattr(one, name) for one in parts], axis=axis) for name in names)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Flown, Nozzles, commands_of, exactly, flown, together
+from closeform.field.course import Flights, Nozzles, commands_of, exactly, flown, together
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback
 from closeform.field.field import Field
@@ -93,7 +93,7 @@ def flown_pulses(
     believed: Field,
     law: Feedback | None,
     wrong: Callable[[Timetable], tuple[Floats, Floats]],
-) -> tuple[Floats, Flown]:
+) -> tuple[Floats, Flights]:
     """Times (T,) and flights of craft that fire, each with steps of its own.
 
     They are led back to where the pulses lead in the field that is believed.

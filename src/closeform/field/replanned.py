@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Flown, commands_of, exactly, flown, together
+from closeform.field.course import Flights, commands_of, exactly, flown, together
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
@@ -47,7 +47,7 @@ class Replanning:
 
     def flights(
         self, wrong: Callable[[Timetable], tuple[Floats, Floats]]
-    ) -> tuple[Floats, Flown, list[int], list[list[tuple[float, str]]]]:
+    ) -> tuple[Floats, Flights, list[int], list[list[tuple[float, str]]]]:
         """All, with times that are shown, how many plans each flew, and when and why others were refused."""
         own = ballistics_of(self.field.drag, len(self.paths))
         asked = commands_of(self.paths, self.law, self.believed, own, self.limits)
@@ -57,7 +57,7 @@ class Replanning:
         done = replace(together([one[1] for one in each], 0), asked=alone.asked)
         return each[0][0], done, [one[2] for one in each], [one[3] for one in each]
 
-    def flight(self, wrong: Floats, errors: Floats) -> tuple[Floats, Flown, int, list[tuple[float, str]]]:
+    def flight(self, wrong: Floats, errors: Floats) -> tuple[Floats, Flights, int, list[tuple[float, str]]]:
         """One, with errors of measurements (N, M, 6) and of thrust (N, 4).
 
         With the times that are shown, how many plans it flew, and when and why others were refused.
@@ -85,7 +85,7 @@ class Replanning:
         spent, limited = (
             np.sum([getattr(one, name) for one in parts], axis=0) for name in ("spent", "limited")
         )
-        done = Flown(states, states, spent, parts[0].asked, limited)
+        done = Flights(states, states, spent, parts[0].asked, limited)
         return np.concatenate(times), done, made, refused
 
     def plan(self, states: Floats, begin: float) -> tuple[Path | None, list[str]]:
