@@ -2,23 +2,23 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
 from closeform.field.commanded import CommandedThrust, thrust
-from closeform.field.feedback import Feedback
 from closeform.field.field import Field
-from closeform.field.flight import BY_IMPULSES, BY_PLANS, fly
+from closeform.field.flight import fly, usual_feedback
 from closeform.field.flight_result import Flight
 from closeform.field.least_ratios import least_ratios, nearest_pairs
 from closeform.field.tube import Tube, tube
 from closeform.mission_result import Stages
-from closeform.motion.arc import IMPULSE
+from closeform.motion.path import fires_impulses
 from closeform.zones.pair_zones import PairZones
 
+Control = Literal["track", "replan", "open"]
 PARTIAL = 1e-9  # of a time: stages that end at one that is shown
 
 
@@ -51,20 +51,19 @@ class FlownRun:
 
     run: Stages
     field: Field
-    control: str
+    control: Control
     told: dict[str, Any]
     flight: Flight
 
     @classmethod
-    def of(cls, run: Stages, field: Field, control: str, told: dict[str, Any], seeds: int) -> "FlownRun":
+    def of(cls, run: Stages, field: Field, control: Control, told: dict[str, Any], seeds: int) -> "FlownRun":
         """Fly it.  Raises ValueError where it cannot be."""
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        fires = bool(run.paths.arcs[:, IMPULSE : IMPULSE + 3].any())
-        usual = BY_PLANS if control == "replan" else (BY_IMPULSES if fires else Feedback())
-        told = told | {"feedback": told["feedback"] or usual}
+        fires = fires_impulses(run.paths)
+        told = told | {"feedback": told["feedback"] or usual_feedback(control, fires)}
         if fires:
             told["max_acceleration"] = None
-        flight = fly(run.paths, field, control, zones=zones, seeds=seeds, **told)  # type: ignore[arg-type]
+        flight = fly(run.paths, field, control, zones=zones, seeds=seeds, **told)
         return cls(run, field, control, told, flight)
 
     @property

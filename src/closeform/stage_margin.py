@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.motion.arc import IMPULSE
+from closeform.motion.path import fires_impulses
 from closeform.scenario import Avoid, Joint
 from closeform.stage_start import StageStart
 from closeform.zones.pair_zones import PairZones
@@ -26,6 +26,7 @@ def with_margin(
         return make(stage.margin or 0.0)
     from closeform.field.feedback import Feedback
     from closeform.field.fitted import fit_margin
+    from closeform.field.flown_plan import paths_of
     from closeform.field.tube import tube
 
     told, field = start.scenario.flight, start.scenario.field
@@ -34,8 +35,7 @@ def with_margin(
 
     def lasting(margin: Any) -> Any:
         plan = make(margin)
-        paths = plan.paths if hasattr(plan, "paths") else plan.path
-        if paths is not None and paths.arcs[:, IMPULSE : IMPULSE + 3].any():
+        if (paths := paths_of(plan)) is not None and fires_impulses(paths):
             raise ValueError(
                 'margin: "auto" is not known for impulses; give a length, or craft max_acceleration'
             )
@@ -50,9 +50,10 @@ def with_margin(
     margin = tube(start.orbit, law, sight).of_a_pair
     for _ in range(ROUNDS):
         plan = lasting(margin)
-        if not plan.ok:
+        paths = paths_of(plan)
+        if not plan.ok or paths is None:
             return plan
-        peaks = np.atleast_1d((plan.paths if hasattr(plan, "paths") else plan.path).peak_thrust)
+        peaks = np.atleast_1d(paths.peak_thrust)
         needed = tube(start.orbit, law, sight, thrust_error=peaks * np.hypot(*errors.T)).of_a_pair
         if needed <= margin:
             return plan

@@ -20,13 +20,13 @@ from closeform.field.least_ratios import least_ratios
 from closeform.field.retargeted import changed_impulses, retargeted
 from closeform.field.timetable import Timetable
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import IMPULSE
 from closeform.motion.mean_motion import checked
+from closeform.motion.path import fires_impulses
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-BY_PLANS = Feedback(300.0, 900.0)  # unless given, for plans that are made anew
-BY_IMPULSES = Feedback(300.0, 1800.0, 6)  # unless given, for plans that have impulses
+BY_PLANS = Feedback(300.0, 900.0)
+BY_IMPULSES = Feedback(300.0, 1800.0, 6)
 
 
 def fly(
@@ -117,10 +117,8 @@ def fly(
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
-    fires = bool(paths.arcs[:, IMPULSE : IMPULSE + 3].any())
-    usual = BY_IMPULSES if fires or thrusters is not None else Feedback()
-    if control == "replan":
-        usual = BY_PLANS
+    fires = fires_impulses(paths)
+    usual = usual_feedback(control, fires or thrusters is not None)
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, len(paths))
@@ -185,6 +183,13 @@ def fly(
         np.array(made),
         tuple(refused),
     )
+
+
+def usual_feedback(control: str, by_impulses: bool) -> Feedback:
+    """What leads craft back unless given, of plans that are made anew, fly impulses or thrust that lasts."""
+    if control == "replan":
+        return BY_PLANS
+    return BY_IMPULSES if by_impulses else Feedback()
 
 
 def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:

@@ -13,11 +13,18 @@ from closeform.planning.plan import Avoidance, Plan
 FITS = 5e-3  # of the mean motion, by which flattening makes an orbit's rate another than that of a circle
 
 
+def paths_of(plan: Any) -> Path | None:
+    """What a plan or an avoidance flies, None where it found nothing; paths as they are."""
+    if isinstance(plan, Plan):
+        return plan.paths
+    return plan.path if isinstance(plan, Avoidance) else plan
+
+
 def paths_to_fly(plan: Any, field: Field) -> Path:
     """The paths (N,) of a plan, an avoidance or themselves; ValueError where the field cannot have them."""
     instance("plan", plan, Plan, Avoidance, Path)
     instance("field", field, Field)
-    path = plan.paths if isinstance(plan, Plan) else (plan.path if isinstance(plan, Avoidance) else plan)
+    path = paths_of(plan)
     if path is None:
         raise ValueError(f"plan: has no paths: {plan.reason}")
     n, own = path.orbit.mean_motion, field.chief.orbit.mean_motion

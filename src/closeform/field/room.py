@@ -16,8 +16,7 @@ from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
 from closeform.field.validity import deviations_of
-from closeform.motion.arc import IMPULSE
-from closeform.motion.path import Path
+from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
 from closeform.zones.padding import gap
 from closeform.zones.pair_zones import PairZones
@@ -148,7 +147,7 @@ def room(
     True
     """
     paths = paths_to_fly(plan, field)
-    if paths.arcs[:, IMPULSE : IMPULSE + 3].any():
+    if fires_impulses(paths):
         raise ValueError(
             "plan: has impulses; errors are followed along thrust that lasts: plan burns, or use tube"
         )
@@ -157,11 +156,9 @@ def room(
     if law.impulses:
         raise ValueError("feedback: by impulses; errors are followed along thrust that lasts: use tube")
     instance("cancel", cancel, bool)
-    errors, k = (
-        thrust_errors(thrust_error, len(paths)),
-        float(nonnegative("sigmas", number("sigmas", sigmas))),
-    )
-    unknown, count = nonnegative("residual", residual), len(paths.start)
+    errors, count = thrust_errors(thrust_error, len(paths)), len(paths)
+    k = float(nonnegative("sigmas", number("sigmas", sigmas)))
+    unknown = nonnegative("residual", residual)
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
     start, end = float(paths.start[0]), float(paths.end[0])

@@ -310,6 +310,11 @@ def of_one_craft(path: Path) -> Path:
     return path
 
 
+def fires_impulses(path: Path) -> bool:
+    """Whether any craft's velocity jumps."""
+    return bool(path.arcs[:, IMPULSE : IMPULSE + 3].any())
+
+
 def ends_of(path: Path) -> tuple[Floats, Floats]:
     """States (6,) of one craft's path before an impulse at its start, and at its end."""
     first = path.arcs[0, STATE : STATE + 6].copy()
