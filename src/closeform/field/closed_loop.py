@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -38,18 +38,14 @@ class ClosedLoop:
     law: Floats
 
     @classmethod
+    @lru_cache(maxsize=8)  # rounds of plans ask for the same, with all that follows from it
     def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int) -> Self:
         """Of a feedback, of intervals of another length, at so many steps."""
-        since = np.linspace(0.0, every, steps + 1)
+        since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:
-            return cls(orbit, min(feedback.delay, every), since, *way_back(orbit, feedback.horizon, since))
-        return cls(
-            orbit,
-            min(feedback.delay, every),
-            since,
-            *left_of(orbit, feedback, since),
-            np.zeros((len(since), 3, 6)),
-        )
+            return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since))
+        lasting = np.zeros((len(since), 3, 6))
+        return cls(orbit, delay, since, *left_of(orbit, feedback, since), lasting)
 
     @property
     def every(self) -> float:

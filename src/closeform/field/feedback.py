@@ -165,9 +165,7 @@ def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
 
 
 def left_of(orbit: Orbit, law: Feedback, times: Floats) -> tuple[Floats, Floats]:
-    """What is left of a deviation, M, and what a coast makes of it, Phi (T, 6, 6), at times (T,) after it."""
-    if not law.impulses:
-        return way_back(orbit, law.horizon, times)[:2]
+    """M and Phi (T, 6, 6) as of `way_back`, of feedback by impulses, at times (T,) after a measurement."""
     moved = orbit.transition(times)
     left = moved.copy()
     for fired, gain in zip(*kicks_back(orbit, law), strict=True):
