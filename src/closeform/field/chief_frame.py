@@ -47,3 +47,7 @@ class ChiefFrame(NamedTuple):
         push_rate = (across[1] - across[0]) / (2.0 * BESIDE)
         rate[:, 0] = (climb * push[:, 2] + r * push_rate) / h - turn[:, 0] * r * push[:, 1] / h
         return cls(times, states, felt, axes, turn, rate)
+
+    def during(self, some: slice) -> ChiefFrame:
+        """That of some of the instants."""
+        return ChiefFrame(*(part[some] for part in self))

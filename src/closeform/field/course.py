@@ -33,6 +33,13 @@ class Nozzles(NamedTuple):
     turns: bool
 
 
+class Known(NamedTuple):
+    """A field that craft know, with its chief's frame at half steps of a table."""
+
+    field: Field
+    frame: ChiefFrame
+
+
 @dataclass(frozen=True, eq=False)
 class Commands:
     """What craft are told to do along `path` (N,) at the times of a `table`.
@@ -45,7 +52,7 @@ class Commands:
 
     path: Path
     table: Timetable
-    known: Field | None
+    known: Known | None
     cancelled: Any
     jumps: Floats
     reference: Floats | None
@@ -54,6 +61,12 @@ class Commands:
     bits: Floats
     ballistics: Floats
     nozzles: Nozzles | None
+
+    def frame_in(self, field: Field) -> ChiefFrame:
+        """The chief's frame in a field at half steps."""
+        if self.known is not None and self.known.field is field:
+            return self.known.frame
+        return ChiefFrame.of(field, self.table.times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +171,8 @@ def commands_of(
     if law is not None and law.impulses:
         lasting &= path.peak_thrust > 0.0
     limits, bits = np.full(count, limit), np.full(count, bit)
-    return Commands(path, table, known, lasting, jumps, None, law, limits, bits, ballistics, nozzles)
+    against = None if known is None else Known(known, ChiefFrame.of(known, table.times))
+    return Commands(path, table, against, lasting, jumps, None, law, limits, bits, ballistics, nozzles)
 
 
 def together(parts: Sequence[Flights], axis: int) -> Flights:
@@ -177,19 +191,19 @@ def courses(commands: Commands, field: Field, frame: ChiefFrame, around: Path | 
     """The course of each stretch, which ends where a measurement is made anew."""
     table, law, orbit = commands.table, commands.law, commands.path.orbit
     rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
+    late = np.stack([np.eye(6), np.zeros((6, 6))])
     if law is not None and law.impulses:
         gains = kicks_back(orbit, law)[1]
     elif law is not None:
         rules = way_back(orbit, law.horizon, table.since)[2]
-    believed = None
-    if commands.known is not None:
-        believed = frame if commands.known is field else ChiefFrame.of(commands.known, table.times)
+    if law is not None and law.delay > 0.0:
+        late = np.stack(delayed(orbit, law, table.interval))
     ends = np.flatnonzero((table.shown if law is None else table.looks)[:-1] >= 0)[1:]
     last = 0
     stops = [*ends.tolist(), len(table.rows)]
     for here, after in zip(stops, [*stops[1:], np.inf], strict=True):
         if after - last > STRETCH:
-            yield _course(commands, field, frame, around, believed, rules, gains, slice(last, int(here)))
+            yield _course(commands, field, frame, around, (rules, gains, late), slice(last, int(here)))
             last = int(here)
 
 
@@ -198,25 +212,22 @@ def _course(
     field: Field,
     frame: ChiefFrame,
     around: Path | None,
-    believed: ChiefFrame | None,
-    rules: Floats,
-    gains: Floats,
+    answers_by: tuple[Floats, Floats, Floats],
     steps: slice,
 ) -> Course:
-    """That of some steps."""
+    """That of some steps; what is measured is answered by rules, gains and what is late."""
     table, path, count = commands.table, commands.path, len(commands.path)
     halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)
     times = table.times[halves]
     lengths = times[2::2] - times[:-2:2]
     within = times[:-2:2, None] + lengths[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
     commanded = path.thrust(within.ravel()).reshape(count, -1, 3, 3)
-    if believed is not None and commands.cancelled.any():
-        some = ChiefFrame(*(part[halves] for part in believed))
-        left_out = residuals(commands.known, some, path.state(times), path.orbit.mean_motion)  # type: ignore[arg-type]
+    if (known := commands.known) is not None and commands.cancelled.any():
+        there = known.frame.during(halves)
+        left_out = residuals(known.field, there, path.state(times), path.orbit.mean_motion)
         commanded -= _stepwise(left_out * commands.cancelled[:, None, None])
-    pulled = np.zeros((count, 0, 3, 3))
+    here, pulled = frame.during(halves), np.zeros((count, 0, 3, 3))
     if around is not None:
-        here = ChiefFrame(*(part[halves] for part in frame))
         pulled = _stepwise(beyond(field, here, around.state(times)))
     which = [
         part[nodes].copy() for part in (table.looks, table.answers, table.kicks, table.fires, table.shown)
@@ -232,10 +243,7 @@ def _course(
     planned = path.state(table.nodes[nodes])
     if commands.reference is not None:
         planned[:, shown >= 0] = commands.reference[:, shown[shown >= 0]]
-    chief = (
-        part[halves]
-        for part in (frame.states[:, :3], frame.states[:, 3:], frame.felt, frame.axes, frame.turn)
-    )
+    chief = here.states[:, :3], here.states[:, 3:], here.felt, here.axes, here.turn
     floats = [
         np.ascontiguousarray(part, dtype=float)
         for part in (lengths, *chief, commanded, pulled, jumps, planned)
@@ -244,9 +252,7 @@ def _course(
     fire = commands.nozzles or Nozzles(np.zeros((0, THRUSTER)), np.zeros((0, FACET)), False)
     angles = path.orbit.mean_motion * table.nodes[nodes] * fire.turns
     sides = (np.broadcast_to(one, (count, *one.shape)).copy() for one in (*fire[:2], angles))
-    late = np.stack([np.eye(6), np.zeros((6, 6))])
-    if commands.law is not None and commands.law.delay > 0.0:
-        late = np.stack(delayed(path.orbit, commands.law, table.interval))
+    rules, gains, late = answers_by
     rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires
     return Course(*(*floats, *rules_of, *bounds, *sides))
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, shown, whole
-from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import commands_of, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback, Navigation, thrust_errors
@@ -160,10 +159,9 @@ def fly(
     else:
         own = ballistics_of(field.drag, len(paths))
         commands = commands_of(paths, followed, believed if cancel else None, own, limit, least)
-        frame = ChiefFrame.of(field, commands.table.times)
+        frame = commands.frame_in(field)
         if cancel and fires:
-            theirs = frame if believed is field else ChiefFrame.of(believed, commands.table.times)
-            commands = retargeted(commands, believed, theirs)
+            commands, _ = retargeted(commands, believed)
         times, done = commands.table.shown_times, flown(commands, field, frame, *wrong(commands.table))
     found = [
         least_ratios(one, before, times, zones)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import Flights, commands_of, exactly, flown, together
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback, Navigation
@@ -52,7 +51,7 @@ class Replanning:
         own = ballistics_of(self.field.drag, len(self.paths))
         asked = commands_of(self.paths, self.law, self.believed, own, self.limits)
         each = [self.flight(*one) for one in zip(*wrong(asked.table), strict=True)]
-        frame = ChiefFrame.of(self.field, asked.table.times)
+        frame = asked.frame_in(self.field)
         alone = flown(replace(asked, law=None), self.field, frame, *exactly(len(self.paths), 1))
         done = replace(together([one[1] for one in each], 0), asked=alone.asked)
         return each[0][0], done, [one[2] for one in each], [one[3] for one in each]
@@ -75,7 +74,7 @@ class Replanning:
                     last, made = path, made + 1
             span = float(begin), float(over)
             commands = commands_of(last, law, self.believed, ballistics, self.limits, span=span)
-            frame = ChiefFrame.of(self.field, commands.table.times)
+            frame = commands.frame_in(self.field)
             done = flown(commands, self.field, frame, wrong[None, :, k : k + 1].copy(), errors[None], now)
             now = done.states[0, :, -1].copy()
             rest = slice(None) if over == instants[-1] else slice(-1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Commands, commands_of, exactly, flown
+from closeform.field.course import Commands, Flights, commands_of, exactly, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.field import Field
 from closeform.field.timetable import impulses_of
@@ -65,9 +65,7 @@ def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Float
     if not len(craft):
         return Retargeted(craft, times, planned, planned), paths, deviation
     plain = commands_of(paths, None, field, ballistics_of(field.drag, len(paths)))
-    frame = ChiefFrame.of(field, plain.table.times)
-    commands = retargeted(plain, field, frame)
-    done = flown(commands, field, frame, *exactly(len(paths), 1))
+    commands, done = retargeted(plain, field)
     when = plain.table.shown_times
     changed = commands.jumps[craft, np.searchsorted(plain.table.fired_times, times)]
     fires = np.unique(craft)
@@ -78,14 +76,16 @@ def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Float
     return Retargeted(craft, times, changed, planned), path, deviation
 
 
-def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
-    """The same with impulses changed for a field, and what they fly in it as reference.
+def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
+    """The same with impulses changed for a field, and what they fly in it as reference; that flight.
+
+    In which those without impulses coast, or thrust as planned.
 
     The state at the end is met, and places along the path as nearly as that leaves free.  By Newton's method:
     what impulses do is flown, by craft whose impulses differ.                                # theory (89)
     """
     times, orbit = commands.table.shown_times, commands.path.orbit
-    free = FREE / orbit.mean_motion
+    frame, free = commands.frame_in(field), FREE / orbit.mean_motion
     alone = replace(commands, known=None, law=None)
     wanted = commands.path.state(times)
     along = np.unique(np.linspace(0, len(times) - 1, ALONG + 1).astype(int)[1:])
@@ -96,7 +96,8 @@ def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
         end = HARD * states[..., -1, :] * np.repeat([1.0, 1.0 / orbit.mean_motion], 3)
         return np.concatenate([states[..., along, :3].reshape(*states.shape[:-2], -1), end], axis=-1)
 
-    states = flown(alone, field, frame, *exactly(len(crafts), 1)).states[0]
+    done = flown(alone, field, frame, *exactly(len(crafts), 1))
+    states = done.states[0]
     did = {k: off(some - states[k]) / NUDGE for k, some in _nudged(alone, crafts, field, frame)}
     jumps = commands.jumps.copy()
     for _ in range(ROUNDS):
@@ -109,7 +110,8 @@ def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
             step = np.linalg.lstsq(pushed, -missed)[0].reshape(-1, 3)
             jumps[k, own] += step
             moved = max(moved, float(np.abs(step).max()) / orbit.mean_motion)
-        states = flown(replace(alone, jumps=jumps), field, frame, *exactly(len(crafts), 1)).states[0]
+        done = flown(replace(alone, jumps=jumps), field, frame, *exactly(len(crafts), 1))
+        states = done.states[0]
         if moved < MET:
             break
     else:
@@ -118,7 +120,8 @@ def retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> Commands:
             "plan in shorter stages, or burns"
         )
     fires = np.isin(np.arange(len(crafts)), list(did))
-    return replace(commands, jumps=jumps, reference=np.where(fires[:, None, None], states, wanted))
+    reference = np.where(fires[:, None, None], states, wanted)
+    return replace(commands, jumps=jumps, reference=reference), done
 
 
 def _nudged(
