@@ -7,6 +7,9 @@ import pytest
 
 import closeform as cf
 from bodies import RATE, Body, first_lock
+from closeform.campaign import case_of, flown
+from closeform.mission import fly
+from closeform.scenario import parse
 from turns import turns
 
 LIMIT = radians(25)
@@ -201,3 +204,21 @@ def test_a_run_has_the_errors_that_its_file_gives(tmp_path):
     assert found == pytest.approx([truth], rel=0.0, abs=1e-6)
     file.write_text(RUN.replace('start_offset = ["0 s", "30 s"]', "silent = [false, true]"))
     assert "never lock" in str(cf.run(file).verdict)
+
+
+STUDY = """
+[study]
+cases = 4
+seed = 1
+vary = { "craft.pointing_error" = { ball = "2 deg" } }
+"""
+
+
+def test_each_craft_of_a_case_keeps_its_own_slew_acceleration():
+    """As in the study: A gains its rate in a second, B in a minute, and their pointing is drawn."""
+    ramps = 'slew_acceleration = ["0.25 deg/s^2", "0.004 deg/s^2"]'
+    scenario = parse(RUN.replace('start_offset = ["0 s", "30 s"]', ramps) + STUDY)
+    times = flown(scenario, 4).time
+    alone = [fly(case_of(scenario, case)).results[0].result.locks.time[0] for case in range(4)]
+    assert alone == times.tolist()
+    assert (times > 60.0).any()

@@ -97,6 +97,11 @@ class SearchErrors:
         """To which all fields broadcast."""
         return np.broadcast_shapes(*self._shapes.values())
 
+    def _of_each(self, name: str, shape: tuple[int, ...]) -> Any:
+        """A field for each craft of a shape; None where it is not given."""
+        values = getattr(self, name)
+        return None if values is None else np.broadcast_to(values, (*shape, *(3,) * (name == "pointing")))
+
 
 def craft_of(
     errors: SearchErrors, sensor: Sensor, shape: tuple[int, ...], second: Any, asked: str, some: Any = ...
@@ -107,12 +112,11 @@ def craft_of(
     """
 
     def of_craft(name: str) -> Any:
-        values, rest = getattr(errors, name), (3,) * (name == "pointing")
         try:
-            return np.broadcast_to(values, (*shape, *rest))[some]
+            return errors._of_each(name, shape)[some]
         except ValueError:
-            fits = asked.replace("{}", ", 3" if rest else "")
-            raise ValueError(f"errors: {name} of {fits}; got {values.shape}") from None
+            fits = asked.replace("{}", ", 3" if name == "pointing" else "")
+            raise ValueError(f"errors: {name} of {fits}; got {getattr(errors, name).shape}") from None
 
     body = boresights(of_craft("pointing"))
     out = np.empty((*body.shape[:-1], COLUMNS))
@@ -140,7 +144,7 @@ def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
         values, vector = getattr(errors, name), name == "pointing"
         if np.ndim(values) == vector:
             return values  # alike for all
-        craft = np.broadcast_to(values, (*shape, *(3,) * vector))
+        craft = errors._of_each(name, shape)
         return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *(3,) * vector)
 
     return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
@@ -148,18 +152,17 @@ def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
 
 def of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
     """The errors of all craft of a shape, from those of some that are alike."""
-    found: dict[str, Any] = {}
-    for name in FIELDS:
-        values, rest = getattr(errors, name), (3,) * (name == "pointing")
-        found[name] = None if values is None else np.broadcast_to(values, (*shape, *rest))
-    return SearchErrors(**found)
+    return SearchErrors(**{name: errors._of_each(name, shape) for name in FIELDS})
 
 
 def first_of(errors: SearchErrors) -> SearchErrors:
     """The errors of the craft (N,) in the first of some cases (C, N)."""
-    every = {name: getattr(errors, name) for name in FIELDS}
-    alike = {name: np.ndim(one) == (name == "pointing") for name, one in every.items()}
-    return SearchErrors(**{name: one if alike[name] else one[0] for name, one in every.items()})
+
+    def of_first(name: str) -> Any:
+        every = errors._of_each(name, errors.shape)
+        return None if every is None else every[0]
+
+    return SearchErrors(**{name: of_first(name) for name in FIELDS})
 
 
 def boresights(turn: Floats) -> Floats:
