@@ -1,12 +1,13 @@
 """Shown: what a scene is made of, whether a mission was flown or ephemerides were screened."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.flight import watch
+from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.exchange.epochs import Epoch
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.joining import stack
@@ -23,6 +24,8 @@ if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, whi
     from closeform.report.encounter import EncounterReport
     from closeform.report.flight import FlightReport
     from closeform.report.screening import ScreenReport
+    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 COARSE = 33  # instants of each stage at which a first look tells how large the scene is
 
@@ -88,26 +91,47 @@ class Shown:
     @classmethod
     def of_report(cls, report: "ScreenReport | EncounterReport | FlightReport") -> Self:
         """Ephemerides in the frame of the first, the two of a message, or a worst flight, as one stage."""
-        from closeform.report.flight import FlightReport
-        from closeform.report.screening import ScreenReport
+        # by the command: to ask for the class would load what the other two reports need
+        told: dict[str, Callable[[Any], Self]] = {
+            "screen": cls._of_screening,
+            "encounter": cls._of_encounter,
+            "fly": cls._of_flight,
+        }
+        return told[report.command.name](report)
 
-        kind: type[StageTable]
-        epoch: Epoch | None
-        warnings: tuple[str, ...] = ()
-        if isinstance(report, ScreenReport):
-            kind, frame, found = Screening, report.frame, report.uncertain
-            epoch, flight, zones = Epoch(frame.epoch, frame.time_system), report.flight, report.zones
-            sigmas, errors = (None, ()) if found is None else (found.sigmas, frame.errors)
-        elif isinstance(report, FlightReport):
-            kind, epoch, flight, zones, found = Flight, report.epoch, report.flight, report.zones, None
-            sigmas, errors = None, ()
-        else:
-            kind, met, found = Encounter, report.encounter, None
-            epoch, warnings = Epoch(report.message.tca, "UTC"), met.warnings
-            zones = PairZones.of([Sphere(report.radius), None])
-            flight = watch(stack([met.other, met.path]), report.names, zones)
-            sigmas, errors = None, (met.other_errors, met.errors)
-        stage = kind.model_construct(name=None, sigmas=sigmas, max_probability=None)  # checked by the command
+    @classmethod
+    def _of_screening(cls, report: "ScreenReport") -> Self:
+        frame, found = report.frame, report.uncertain
+        epoch = Epoch(frame.epoch, frame.time_system)
+        if found is None:
+            return cls._of_one(report, epoch, report.flight, report.zones, staged(Screening))
+        stage = staged(Screening, found.sigmas)
+        return cls._of_one(report, epoch, report.flight, report.zones, stage, frame.errors, found)
+
+    @classmethod
+    def _of_encounter(cls, report: "EncounterReport") -> Self:
+        met, zones = report.encounter, PairZones.of([Sphere(report.radius), None])
+        flight = watch(stack([met.other, met.path]), report.names, zones)
+        epoch, errors = Epoch(report.message.tca, "UTC"), (met.other_errors, met.errors)
+        shown = cls._of_one(report, epoch, flight, zones, staged(Encounter), errors)
+        return replace(shown, warnings=met.warnings)
+
+    @classmethod
+    def _of_flight(cls, report: "FlightReport") -> Self:
+        return cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
+
+    @classmethod
+    def _of_one(
+        cls,
+        report: "ScreenReport | EncounterReport | FlightReport",
+        epoch: Epoch | None,
+        flight: WatchedFlight,
+        zones: PairZones,
+        stage: StageTable,
+        errors: "tuple[Errors | None, ...]" = (),
+        found: "UncertainFlight | None" = None,
+    ) -> Self:
+        """One stage, whose craft have `errors` at its start, or none; what was `found` of those."""
         start, uncertain = float(np.min(flight.paths.start)), None
         if errors:
             from closeform.uncertain_stage import UncertainStage  # whose kernels others can spare
@@ -119,7 +143,7 @@ class Shown:
             report.opening[0],
             str(report.verdict),
             report.verdict.status == MET,
-            warnings,
+            (),
             flight.paths.orbit,
             epoch,
             flight.names,
@@ -139,6 +163,11 @@ class Shown:
         ]
         every = np.concatenate(points)
         return np.array([every.min(axis=0), every.max(axis=0)])
+
+
+def staged(kind: type[StageTable], sigmas: float | None = None) -> StageTable:
+    """A stage of a kind that no file has; what it asks was checked by the command."""
+    return kind.model_construct(name=None, sigmas=sigmas, max_probability=None)
 
 
 def largest(zones: PairZones, k: int) -> Zone | None:
