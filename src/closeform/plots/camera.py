@@ -13,7 +13,7 @@ from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL
+from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL, length_unit, rounded_down
 from closeform.plots.zones_and_tracks import CIRCLE
 from closeform.search.leg import SUN
 
@@ -125,6 +125,15 @@ def beside(axes: Axes, words: Sequence[Any], points: Floats) -> None:
         taken = bool(((right > 0.0) & (right < 45.0) & (abs(up) < SMALL)).any())
         text.xy, text.xyann = point, (-5 if taken else 5, 9)
         text.set_ha("right" if taken else "left")
+
+
+def scale_bar(axes: Axes, width: float) -> None:
+    """A bar of a round length in the lower right corner."""
+    length = rounded_down(0.25 * width)
+    unit = length_unit(length)
+    right, low = axes.get_xlim()[1] - 0.04 * width, axes.get_ylim()[0] + 0.03 * width
+    axes.plot([right - length, right], [low, low], color=INK, linewidth=2.5, solid_capstyle="butt")
+    word(axes, (right - length / 2, low), f"{length / unit.size:g} {unit.name}", shift=(0, 9))
 
 
 def to_sun(axes: Axes, camera: Camera, start: ArrayLike, length: float, text: str = "Sun") -> None:

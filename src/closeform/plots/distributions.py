@@ -8,7 +8,19 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, numbers
 from closeform.plots.letters import plain
-from closeform.plots.look import AFTER, INK, OTHER, SMALL, TEXT, WIDTH, area, dress, headline, sheet
+from closeform.plots.look import (
+    AFTER,
+    DASHED,
+    INK,
+    OTHER,
+    TEXT,
+    WIDTH,
+    area,
+    dress,
+    headline,
+    right_axis,
+    sheet,
+)
 
 BINS = 60
 MARKS = (0.5, 0.95)  # shares whose values are marked
@@ -57,17 +69,14 @@ def distribution(values: ArrayLike, what: str) -> Figure:
     axes.set_xlim(low - room, high + room)
     axes.set_xlabel(what, fontsize=TEXT, color=INK)
     axes.set_ylabel("cases", fontsize=TEXT, color=INK)
-    right = axes.twinx()
+    right = right_axis(axes, AFTER)
     share = 100.0 * np.arange(len(found) + 1) / len(found)
     right.plot([low, *found], share, color=AFTER, linewidth=2.2, drawstyle="steps-post", zorder=4)
     right.set_ylim(0.0, 103.0)
     right.set_ylabel("not above [%]", fontsize=TEXT, color=AFTER)
-    right.tick_params(labelsize=SMALL, colors=AFTER, length=3)
-    for side in ("top", "left", "bottom", "right"):
-        right.spines[side].set_visible(False)
     middle, most = (float(np.quantile(found, one, method="inverted_cdf")) for one in MARKS)
     for value in (middle, most):
-        axes.axvline(value, color=INK, linewidth=1.0, linestyle=(0, (4, 3)), zorder=5)
+        axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)
     without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""
     name, _, unit = what.partition(" [")
     said = f"{name} of {len(found)} cases{without}: median {middle:.4g}, 95 % {most:.4g} {unit.rstrip(']')}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -12,18 +11,20 @@ from matplotlib.lines import Line2D
 
 from closeform.arrays import instance
 from closeform.field.flight_result import Flight
+from closeform.plots.camera import word
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     CONFLICT,
-    HALO,
     INK,
     SMALL,
     area,
     dress,
     headline,
     legend,
+    length,
     length_unit,
+    rounded_down,
     sheet,
 )
 from closeform.plots.names import dark
@@ -32,7 +33,6 @@ from closeform.plots.tracks import colours
 DRAWN = 60  # flights beside the worst, the first ones
 POINTS = 240  # of each line
 SHARE = 0.06  # of what is shown, that the greatest deviation may take
-STEPS = (1.0, 2.0, 5.0)
 NAMED = 12  # craft up to which each has its name
 
 
@@ -88,9 +88,8 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
             axes.plot(*flown[-1, k].T, color=CONFLICT, linewidth=0.9)
             axes.plot(*(planned[k, -1, pair] / unit.size), "o", color=tint, markersize=5.0)
             if count <= NAMED and pair == [1, 2]:
-                look: dict[str, Any] = {"color": dark(tint), "fontsize": SMALL, "path_effects": HALO}
-                spot = tuple(planned[k, -1, pair] / unit.size)
-                plain(axes.annotate(called[k], spot, (6, 4), textcoords="offset points", **look))
+                spot = planned[k, -1, pair] / unit.size
+                plain(word(axes, spot, called[k], dark(tint), (6, 4), ha="left", va="baseline"))
     handles = [
         Line2D([], [], color=INK, linewidth=1.8),
         Line2D([], [], color=INK, linewidth=0.6, alpha=0.4),
@@ -103,18 +102,10 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
     )
     figure.text(SIDE / across, 1.0 - 0.55 / high, told, fontsize=SMALL, color=INK)
     many = f"{len(flight.states)} flight{'s' * (len(flight.states) != 1)}"
-    headline(figure, f"{many} of {count} craft, off the plan by at most {_length(flight.greatest_deviation)}")
+    headline(figure, f"{many} of {count} craft, off the plan by at most {length(flight.greatest_deviation)}")
     return figure
 
 
 def _gain(room: float, most: float) -> float:
     """By how much deviations are enlarged: 1, 2 or 5 times a power of ten, and 1 at least."""
-    if not most > 0.0 or room <= most:
-        return 1.0
-    power = 10.0 ** np.floor(np.log10(room / most))
-    return float(max(step for step in STEPS if step * power <= room / most) * power)
-
-
-def _length(size: float) -> str:
-    unit = length_unit(size)
-    return f"{size / unit.size:.3g} {unit.name}"
+    return rounded_down(room / most) if most > 0.0 and room > most else 1.0

@@ -15,6 +15,7 @@ from closeform.arrays import Floats, instance
 from closeform.field.flight_result import Flight
 from closeform.field.least_ratios import FINER, cubic, nearest_pair, nearest_pairs
 from closeform.field.tube import Tube
+from closeform.plots.camera import word
 from closeform.plots.closest import ratio_axis
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
@@ -24,7 +25,6 @@ from closeform.plots.look import (
     BEFORE,
     CONFLICT,
     DASHED,
-    HALO,
     INK,
     LEFT,
     SMALL,
@@ -38,6 +38,7 @@ from closeform.plots.look import (
     dress,
     headline,
     legend,
+    length,
     length_unit,
     sheet,
     speed,
@@ -94,15 +95,16 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     _all(axes, ticks, flight.times, off / unit.size, seed)
     if tube is not None:
         axes.axhline(radius / unit.size, color=ZONE, linewidth=2.0, linestyle=DASHED)
-        _word(axes, ticks(flight.times[0]), radius / unit.size, f"tube: {_length(radius)}", (6, -16))
+        corner = float(ticks(flight.times[0])), radius / unit.size
+        plain(word(axes, corner, f"tube: {length(radius)}", shift=(6, -16), ha="left", va="baseline"))
     axes.set_ylim(0.0, 1.12 * max(float(off.max()), radius) / unit.size or 1.0)
     axes.set_ylabel(f"off the plan [{unit.name}]", fontsize=TEXT, color=INK)
     _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, f"flight {seed}: {called[craft]}", 8)
     time_axes([axes], ticks, float(flight.times[0]), float(flight.times[-1]))
-    most = f"Off by at most {_length(float(off.max()))} in {_flights(flight)}"
+    most = f"Off by at most {length(float(off.max()))} in {_flights(flight)}"
     inside = ""
     if tube is not None:
-        inside = f"; tube {_length(radius)}, {tube.sigmas:g} sigmas along any direction"
+        inside = f"; tube {length(radius)}, {tube.sigmas:g} sigmas along any direction"
     _meanings(figure, ("each flight, its craft farthest off", "median", "the worst"))
     plain(headline(figure, f"{most}{inside}"))
     return figure
@@ -247,11 +249,6 @@ def _flights(flight: Flight) -> str:
     return f"{count} flight{'s' * (count != 1)}"
 
 
-def _length(size: float) -> str:
-    unit = length_unit(size)
-    return f"{size / unit.size:.3g} {unit.name}"
-
-
 def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> None:
     """Every flight (S, T), the median of all, and the worst."""
     some = np.stack([np.broadcast_to(ticks(times), values[:DRAWN].shape), values[:DRAWN]], axis=-1)
@@ -275,13 +272,7 @@ def _meanings(figure: Figure, words: Sequence[str]) -> None:
 def _dot(axes: Axes, ticks: Clock, time: float, height: float, words: str, away: int = -20) -> None:
     """The worst, with its name."""
     axes.plot([ticks(time)], [height], "o", color=CONFLICT, markersize=7.0, zorder=5)
-    _word(axes, float(ticks(time)), height, words, (0, away), "center")
-
-
-def _word(axes: Axes, x: Any, y: float, words: str, offset: tuple[int, int], side: str = "left") -> None:
-    look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK, "ha": side}
-    look["path_effects"] = HALO
-    plain(axes.annotate(words, (float(x), y), offset, **look))
+    plain(word(axes, (float(ticks(time)), height), words, shift=(0, away), va="baseline"))
 
 
 def _two(figure: Figure) -> tuple[Axes, Axes]:

@@ -26,6 +26,7 @@ from closeform.plots.look import (
     dress,
     headline,
     plain_unit,
+    right_axis,
     sheet,
 )
 from closeform.search.schedule import Search
@@ -186,7 +187,7 @@ def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) ->
 
 def by_then(axes: Axes, times: Binned, unit: Unit, end: float) -> None:
     """The share of all that is done by each time, with an axis of its own."""
-    right = axes.twinx()
+    right = right_axis(axes, CURVE)
     ends = np.minimum(times.bin / FINER * np.arange(len(times.finer) + 1), end) / unit.size
     done = times.at_once + np.concatenate([[0], np.cumsum(times.finer)])
     right.plot(ends, 100.0 * done / max(1, times.every), color=CURVE, linewidth=2.2)
@@ -194,9 +195,6 @@ def by_then(axes: Axes, times: Binned, unit: Unit, end: float) -> None:
     right.set_yticks(range(0, 101, 20))
     right.set_ylabel("by then, of all [%]", fontsize=TEXT, color=CURVE)
     right.yaxis.set_label_coords(1.0 + 0.62 / (WIDTH - 1.95), 0.38)
-    right.tick_params(labelsize=SMALL, colors=CURVE, length=3)
-    for side in ("top", "left", "bottom", "right"):
-        right.spines[side].set_visible(False)
 
 
 def counted(everything: int, found: int, later: int, what: str) -> str:

@@ -60,6 +60,18 @@ def length_unit(longest: float) -> Unit:
     return Unit(1.0, "m") if longest >= 0.1 else Unit(1e-3, "mm")
 
 
+def length(value: float) -> str:
+    """A length [m] in words."""
+    unit = length_unit(value)
+    return f"{value / unit.size:.3g} {unit.name}"
+
+
+def rounded_down(most: float) -> float:
+    """The greatest of 1, 2 and 5 times a power of ten that is not above a positive number."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most))
+
+
 def thrust_unit(greatest: float, basic: str = "m/s²") -> Unit:
     """The unit for a greatest thrust [m/s^2 or N]; thousandths where there is none."""
     for size, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")):
@@ -212,6 +224,15 @@ def dress(axes: Axes) -> None:
         axes.spines[side].set_visible(False)
     for spine in axes.spines.values():
         spine.set_color(OTHER)
+
+
+def right_axis(axes: Axes, colour: str) -> Axes:
+    """An axis on the right of others, with numbers in the colour of its curve and no frame."""
+    right = axes.twinx()
+    right.tick_params(labelsize=SMALL, colors=colour, length=3)
+    for side in ("top", "left", "bottom", "right"):
+        right.spines[side].set_visible(False)
+    return right
 
 
 def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> None:

@@ -19,13 +19,14 @@ from closeform.plots.camera import (
     beside,
     framing,
     ring,
+    scale_bar,
     solid,
     stage,
     triad,
     word,
 )
 from closeform.plots.letters import plain
-from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT, length_unit
+from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import SUN
@@ -333,13 +334,3 @@ def framed(axes: Axes, title: str) -> None:
         "path_effects": HALO,
     }
     plain(axes.text(0.015, 0.985, title, transform=axes.transAxes, color=INK, **look))
-
-
-def scale_bar(axes: Axes, width: float) -> None:
-    """A bar of a round length in the lower right corner."""
-    power = 10.0 ** np.floor(np.log10(0.25 * width))
-    length = float(max(step * power for step in (1, 2, 5) if step * power <= 0.25 * width))
-    unit = length_unit(length)
-    right, low = axes.get_xlim()[1] - 0.04 * width, axes.get_ylim()[0] + 0.03 * width
-    axes.plot([right - length, right], [low, low], color=INK, linewidth=2.5, solid_capstyle="butt")
-    word(axes, (right - length / 2, low), f"{length / unit.size:g} {unit.name}", shift=(0, 9))

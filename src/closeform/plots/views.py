@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from closeform.arrays import Floats
-from closeform.plots.camera import Camera, framing, triad
-from closeform.plots.panels import scale_bar
+from closeform.plots.camera import Camera, framing, scale_bar, triad
 
 OBLIQUE = Camera.around(-1.0, 0.42, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
 ORBITAL = Camera.at([0.75, -0.45, -0.5], [1.0, 0.0, 0.0])  # radial up, along-track to the right
