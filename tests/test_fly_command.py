@@ -140,6 +140,19 @@ def test_options_stand_for_what_the_scenario_says(run: Path, tmp_path: Path, cap
     assert capsys.readouterr().err == said
 
 
+def test_the_page_says_how_errors_of_measurements_go_on(run: Path, tmp_path: Path):
+    """White ones are new each time, those of a filter fade."""
+    place = tmp_path / "filter.toml"
+    place.write_text(swap(more=NAVIGATION + 'correlation = "5 min"\n'))
+    main(["run", str(place), "--out", str(tmp_path / "filter-results"), "--no-viewer"])
+    said = "white from one measurement to the next", "fading to 1/e in 300 s"
+    for results, words, others in ((run, *said), (tmp_path / "filter-results", *said[::-1])):
+        flown(results, tmp_path / "out", "--seeds", "1")
+        page = (tmp_path / "out" / "report.html").read_text()
+        assert words in page
+        assert others not in page
+
+
 def test_a_run_without_a_field_is_refused(tmp_path: Path, capsys):
     text = swap().replace("field = { zonals = 2 }\n", "")
     (tmp_path / "plain.toml").write_text(text)

@@ -117,7 +117,8 @@ def pair(flown: FlownRun, row: int) -> tuple[str, str]:
 
 def sure(flown: FlownRun) -> Section:
     """What is certified, what sampled, and what the tube takes for granted."""
-    room = flown.tube
+    room, fading = flown.tube, flown.told["navigation"].correlation
+    noise = f"fading to 1/e in {fading:g} s" if fading else "white from one measurement to the next"
     rows = [
         (
             "Least ratios of flights",
@@ -131,7 +132,7 @@ def sure(flown: FlownRun) -> Section:
         ),
         (
             "Errors",
-            "white from one measurement to the next unless they are biases, which stay through a flight, "
+            f"{noise} unless they are biases, which stay through a flight, "
             "as errors of thrust do; each flight has a stream of its own",
         ),
     ]

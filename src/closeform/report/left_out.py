@@ -10,6 +10,7 @@ from closeform.field.rule import HALF, MOST, ends_off, flattening_at
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 from closeform.report.model import Reach
+from closeform.report.section import plan_of
 
 EARTHLIKE = 1e-3  # of the gravitational parameter
 
@@ -26,7 +27,7 @@ def lines(result: StageResult[Any, Any]) -> tuple[str, ...]:
 def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
     """What a plan keeps beyond zones."""
     asked = getattr(result.stage, "margin", None)
-    plan = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
+    plan = plan_of(result)
     if not asked or plan is None:
         return ()
     why = ", what feedback leaves of its flight" if asked == "auto" else ""
@@ -35,8 +36,7 @@ def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
     """The same for `summary.json`."""
-    found, names = result.validity, result.after.names
-    plan = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
+    found, names, plan = result.validity, result.after.names, plan_of(result)
     asked = getattr(result.stage, "margin", None)
     kept = {} if not asked or plan is None else {"margin_m": float(np.max(plan.padding))}
     if found is None:
@@ -56,7 +56,10 @@ def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class ByRule:
-    """How far off craft end by rule: half of all missions by `expected`, 95 % by less than `unlikely` [m]."""
+    """How far off craft end by rule: half of all missions by `expected`, 95 % by less than `unlikely` [m].
+
+    How far off each cause leads at most, in one orbit, is told with the limits of the model.
+    """
 
     altitude: float
     eccentricity: float | None

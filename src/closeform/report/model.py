@@ -11,9 +11,10 @@ from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.mean_motion import EARTH_MU, semi_major_axis_from_mean_motion
-from closeform.report.section import Section
+from closeform.report.section import Section, plan_of
 from closeform.report.table import Column, Table
 
+# At most; how far off plans end, half of them and 95 %, is another rule: theory (84), in field/rule.py.
 # Of a craft ahead on the same circle, along a straight axis: the model is 6 pi d^2 / a off in one orbit.
 # The others are measured: docs/validity.md (a chief of e = 0.001) and docs/ephemerides.md (GRACE-A and B).
 CURVATURE, ECCENTRICITY, FLATTENING = 6.0 * pi, 25.0, (0.012, 0.027)
@@ -108,7 +109,7 @@ def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...
         f"{far}. Real motion leaves the model by what stands below, in each of the {orbits:.3g} orbits "
         "flown: zones are to be larger by as much as is expected until states are measured again.",
     )
-    title = "How far off the model may be after one orbit, by rule"
+    title = "How far off the model may be within one orbit, cause by cause, at most"
     return lines, (Table(title, DEVIATIONS, [*deviations(reach, orbit)]),)
 
 
@@ -139,7 +140,7 @@ def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]
             "certified: searched in closed form between all instants, none is missed however short; "
             "times to 1e-6 s, ratios to 1e-9",
         )
-    if any(getattr(result.result, "plan", getattr(result.result, "avoidance", None)) for result in flown):
+    if any(plan_of(result) for result in flown):
         yield (
             "Cost of a plan",
             "the least that was found; its lower bound is certified for these ends and times, and it is the "

@@ -96,17 +96,14 @@ class RunReport:
     def origin(self) -> tuple[str, ...]:
         """The chief's orbit; which states at the epoch were interpolated; what Hill's equations leave out."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
+        by_rule = () if self.by_rule is None else (self.by_rule.line,)
         if chief is None:
-            return () if self.by_rule is None else (self.by_rule.line,)
+            return by_rule
         a, _, ex, ey, inclination, node = chief.elements
         shape = f"a {a / 1e3:.3f} km, e {hypot(ex, ey):.5f}"
         plane = f"i {degrees(inclination):.4f} deg, node {round(degrees(node), 4) % 360.0:.4f} deg"
         notes = () if inputs is None else inputs.notes
-        return (
-            f"Chief at the epoch: {shape}, {plane} in {chief.frame}",
-            *notes,
-            *(() if self.by_rule is None else (self.by_rule.line,)),
-        )
+        return f"Chief at the epoch: {shape}, {plane} in {chief.frame}", *notes, *by_rule
 
     @cached_property
     def closing(self) -> tuple[Table, ...]:

@@ -3,11 +3,14 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from textwrap import shorten
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from closeform.mission_result import StageResult
 from closeform.report.picture import Film, Picture
 from closeform.report.table import Table
+
+if TYPE_CHECKING:  # which a search can spare
+    from closeform.planning.plan import Avoidance, Plan
 
 REASON = 60  # letters in a picture, of why a stage failed
 
@@ -35,6 +38,12 @@ def not_filmed(pictures: Sequence[Picture], count: int) -> tuple[str, ...]:
     return tuple(
         f"Animation left out: {count} craft, and more than {film.most} are not shown" for film in films
     )
+
+
+def plan_of(result: StageResult[Any, Any]) -> "Avoidance | Plan | None":
+    """The plan of a stage that goes around zones, of one craft or of many; None of any other."""
+    found: Avoidance | Plan | None = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
+    return found
 
 
 def called(result: StageResult[Any, Any]) -> str:
