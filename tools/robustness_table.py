@@ -169,7 +169,8 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
         axes = area(figure, 1.0 + k * each, 0.75, each - 0.2, tall - 0.75 - 0.8)
         dress(axes)
         sizes, counts = np.array([one for one in shares[name] if one[1] > 0], dtype=float).T
-        low, high = np.array([[part(int(c), cases) for part in (below, above)] for c in counts]).T
+        found = [estimate(int(count), cases) for count in counts]
+        low, high = [one.low for one in found], [one.high for one in found]
         axes.vlines(sizes, low, high, color=AFTER, linewidth=4.0, alpha=0.35)
         axes.plot(sizes, counts / cases, "o-", color=AFTER, markersize=6)
         axes.axvline(safe[name], color=CONFLICT, linewidth=1.5, linestyle="--")
@@ -184,14 +185,6 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
             axes.set_ylabel("never lock", fontsize=TEXT, color=INK)
     headline(figure, f"Share of {cases:,} pairs that never lock; dashed: nobody of {10 * cases:,} is lost")
     figure.savefig(DOCS / "images" / "robustness.png")
-
-
-def below(count: int, cases: int) -> float:
-    return estimate(count, cases).low
-
-
-def above(count: int, cases: int) -> float:
-    return estimate(count, cases).high
 
 
 def main() -> None:
