@@ -7,6 +7,7 @@ relative position is off at most; then the same after the second's start was fit
 first states are wrong by: 0.2 mm/s, their noise, makes metres in an orbit.
 """
 
+from functools import cached_property
 from math import factorial
 from pathlib import Path
 
@@ -92,15 +93,18 @@ class Start:
         universal, terrestrial = day + np.array([self.begin - UTC_BEHIND, self.begin + LEADS]) / 86400.0
         return float(erfa.gst06a(days, universal, days, terrestrial))
 
+    @cached_property
+    def changed(self) -> np.ndarray:
+        """What other starts change (T, 3, 6), the same in all these fields; of metres and mm/s."""
+        return cf.transition(cf.Field(self.chief), self.times)[:, :3] * np.repeat([1.0, 1e-3], 3)
+
     def errors(self, field: cf.Field) -> tuple[float, float]:
         """How far the relative position is off at most [m], from both states and from a start that fits."""
         felt = field.accelerations(0.0, self.chief.state)
         start = cf.relative_from_inertial(self.chief.state, self.other, acceleration=felt)
         off = self.flown - cf.coast(start, field, self.times[-1], within=0.05).position(self.times)
-        # what other starts change is the same in all these fields
-        columns = cf.transition(cf.Field(self.chief), self.times)[:, :3] * np.repeat([1.0, 1e-3], 3)
-        fit = np.linalg.lstsq(columns.reshape(-1, 6), off.ravel(), rcond=None)[0]
-        from_both, fitted = (np.linalg.norm(one, axis=1).max() for one in (off, off - columns @ fit))
+        fit = np.linalg.lstsq(self.changed.reshape(-1, 6), off.ravel(), rcond=None)[0]
+        from_both, fitted = (np.linalg.norm(one, axis=1).max() for one in (off, off - self.changed @ fit))
         return float(from_both), float(fitted)
 
     def fields(self) -> dict[str, cf.Field]:
@@ -115,10 +119,10 @@ class Start:
 
 if __name__ == "__main__":
     starts = [Start(begin) for begin in STARTS]
-    worst = []
+    fields, worst = [start.fields() for start in starts], []
     print("| field | from one state [m] | from the start that fits [m] |\n|---|---:|---:|")
-    for name in starts[0].fields():
-        values = np.array([start.errors(start.fields()[name]) for start in starts])
+    for name in fields[0]:
+        values = np.array([start.errors(own[name]) for start, own in zip(starts, fields, strict=True)])
         low, high = values.min(axis=0), values.max(axis=0)
         print(
             f"| {name} | " + " | ".join(f"{a:.2g} to {b:.2g}" for a, b in zip(low, high, strict=True)) + " |"
