@@ -12,7 +12,7 @@ from closeform.field.commanded import CommandedThrust, thrust
 from closeform.field.field import Field
 from closeform.field.flight import fly, usual_feedback
 from closeform.field.flight_result import Flight
-from closeform.field.least_ratios import least_ratios, nearest_pairs
+from closeform.field.least_ratios import least_ratios
 from closeform.field.tube import Tube, tube
 from closeform.mission_result import Stages
 from closeform.motion.path import fires_impulses
@@ -104,11 +104,6 @@ class FlownRun:
     def worst(self) -> WatchedFlight:
         """The worst flight, with its conflicts and closest approaches certified."""
         return watch(self.flight.path(self.flight.worst), self.names, self.zones)
-
-    @cached_property
-    def nearest(self) -> Floats:
-        """The least ratio of all pairs in each flight at the times that are shown (S, T)."""
-        return np.stack([nearest_pairs(one, self.zones) for one in self.flight.states])
 
     @cached_property
     def commanded(self) -> tuple[CommandedThrust, ...]:
