@@ -44,8 +44,8 @@ def test_what_is_not_commanded_against_is_expected():
     """Flown without cancelling: where each craft is, to a hundredth of how far."""
     path = formation()
     room = cf.room(path, FIELD, cancel=False)
-    off = deviations(path, cf.fly(path, FIELD, cancel=False))[0]
-    expected = at(room, room.shift, cf.fly(path, FIELD, cancel=False).times)
+    flight = cf.fly(path, FIELD, cancel=False)
+    off, expected = deviations(path, flight)[0], at(room, room.shift, flight.times)
     assert np.abs(off).max() > 0.1
     assert np.abs(expected - off).max() < 0.02 * np.abs(off).max()
 
