@@ -15,11 +15,11 @@ from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.exchange.chief import Chief
 from closeform.field.drag import Drag, air_of
 from closeform.field.gravity import DEGREES, TABLEAU, WIDTH, accelerate, fly
-from closeform.motion.mean_motion import checked
+from closeform.motion.mean_motion import EARTH_J2, checked
 from closeform.motion.orbit import Orbit
 
 # J2 to J6 of JGM-3 (Tapley et al. 1996), about a radius of 6378136.3 m.
-EARTH_ZONALS = (1.082635854e-3, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
+EARTH_ZONALS = (EARTH_J2, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
 GRAVITY_RADIUS = 6378136.3
 LONGEST = 30.0  # s: a step of the chief's motion, off by 1e-9 m in low orbit
 DAY = 86400.0  # s

@@ -18,6 +18,9 @@ EARTH_MU = 3.986004418e14
 EARTH_RADIUS = 6378137.0
 """Earth's equatorial radius [m], WGS 84."""
 
+EARTH_J2 = 1.082635854e-3
+"""Earth's flattening as a zonal coefficient, no unit, JGM-3 (Tapley et al. 1996)."""
+
 
 def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:
     """`value` as finite floats; ValueError names the argument and what is wrong with it."""
