@@ -12,9 +12,8 @@ from closeform.exchange.epochs import now
 from closeform.exchange.exported import FileFrame, Piece, Track, text_rows
 from closeform.exchange.nodes import DEGREE
 
-STATE = " ".join(
-    ["%s"] + ["%.12f"] * 3 + ["%.15f"] * 3
-)  # km, km/s: to a nanometre, and a picometre per second
+# km, km/s: to a nanometre, and a picometre per second
+STATE = " ".join(["%s"] + ["%.12f"] * 3 + ["%.15f"] * 3)
 NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 RATES = ("km**2", "km**2/s", "km**2/s**2")  # of covariances, by how many velocities are in them
 UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")

@@ -64,9 +64,8 @@ def _commanded(paths: Path, field: Field) -> Floats:
     times = within.ravel()
     thrust = paths.thrust(times) - residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
     angle = n * lengths[:, None] * INSIDE
-    basis = np.stack(
-        [angle**0, angle, 1.0 - np.cos(angle), angle - np.sin(angle)], axis=-1
-    )  # of 1, t, P1, P2
+    # of 1, t, P1, P2
+    basis = np.stack([angle**0, angle, 1.0 - np.cos(angle), angle - np.sin(angle)], axis=-1)
     met = np.linalg.solve(basis, thrust.reshape(len(paths), -1, 4, 3)) * n ** np.arange(4.0)[:, None]
     arcs = np.zeros((len(paths), len(lengths), WIDTH))
     arcs[..., START], arcs[..., END], arcs[..., MEAN_MOTION] = edges[:-1], edges[1:], n
