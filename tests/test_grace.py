@@ -1,7 +1,8 @@
 """The GRACE extract: is it what it says, and how well does closed form predict its next orbit?"""
 
-import importlib.util
+import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,10 +32,7 @@ def craft():
 
 @pytest.fixture(scope="module")
 def tool():
-    spec = importlib.util.spec_from_file_location("grace_oem", ROOT / "tools" / "grace_oem.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return SimpleNamespace(**runpy.run_path(str(ROOT / "tools" / "grace_oem.py")))
 
 
 def test_files_hold_three_hours(craft):
@@ -154,10 +152,7 @@ def test_velocity_across_the_plane_lacks_the_turn_of_the_plane(craft):
 
 @pytest.fixture(scope="module")
 def example():
-    spec = importlib.util.spec_from_file_location("grace_field", ROOT / "examples" / "grace" / "field.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return SimpleNamespace(**runpy.run_path(str(ROOT / "examples" / "grace" / "field.py")))
 
 
 def test_the_field_predicts_what_they_flew(example):

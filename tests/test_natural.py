@@ -1,7 +1,8 @@
 """Coasts beyond Hill's equations, against other integrators, and how far simpler models are off them."""
 
-import importlib.util
+import runpy
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -177,10 +178,7 @@ def test_what_hill_alone_has_is_refused():
 
 @pytest.fixture(scope="module")
 def tool():
-    spec = importlib.util.spec_from_file_location("beyond_hill", ROOT / "tools" / "beyond_hill.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return SimpleNamespace(**runpy.run_path(str(ROOT / "tools" / "beyond_hill.py")))
 
 
 def test_the_mean_effect_of_flattening(tool):
