@@ -208,7 +208,7 @@ def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
     parts = [(values[k : k + 700], np.arange(k, min(k + 700, 5000))) for k in range(0, 5000, 700)]
     ranks = {0, 1, 1999, 2000, 2500, 4749, 4994, 4999}
     order = np.sort(values)
-    assert order_statistics(lambda: parts, ranks) == {rank: order[rank] for rank in ranks}
+    assert order_statistics(lambda: parts, len(order), ranks) == {rank: order[rank] for rank in ranks}
 
 
 def test_quantiles_have_the_confidence_that_they_say() -> None:

@@ -294,11 +294,9 @@ class MissionCampaign(Result):
         """Of one column, of the cases that were flown to the end."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
-            first = 0
-            for _, part in self.chunks.read(name, "end_s"):
+            for first, part in self.chunks.read(name, "end_s"):
                 counts = ~np.isnan(part["end_s"])
                 yield part[name][counts], first + np.flatnonzero(counts)
-                first += len(counts)
 
         return Spread.of(values)
 

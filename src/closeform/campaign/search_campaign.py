@@ -92,23 +92,20 @@ class Campaign(Result):
         """The spread of what each case has `of` it, in which cases (C,) it counts."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
-            first = 0
-            for _, part in self.chunks.read(*self.wanted):
+            for first, part in self.chunks.read(*self.wanted):
                 settled = self.settled(part)
                 value, counts = of(settled)
                 yield value[counts], first + np.flatnonzero(counts)
-                first += len(settled.leg)
 
         return Spread.of(values)
 
     def most(self, of: Callable[[Settled], Floats]) -> tuple[float, int]:
         """The greatest of what all cases have, and in which case."""
-        best, case, first = -inf, 0, 0
-        for _, part in self.chunks.read(*self.wanted):
+        best, case = -inf, 0
+        for first, part in self.chunks.read(*self.wanted):
             value = of(self.settled(part))
             if (top := float(value.max())) > best:
                 best, case = top, first + int(np.argmax(value))
-            first += len(value)
         return best, case
 
     @cached_property

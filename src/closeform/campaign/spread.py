@@ -56,9 +56,8 @@ class Spread:
         if not count:
             return None
         ranks = {share: ranks_of(share, count) for share in QUANTILES}
-        found = order_statistics(
-            values, {rank for some in ranks.values() for rank in some if rank is not None}
-        )
+        wanted = {rank for some in ranks.values() for rank in some if rank is not None}
+        found = order_statistics(values, count, wanted)
         return cls(
             count,
             total / count,
@@ -115,9 +114,8 @@ class Window:
     ranks: list[int]
 
 
-def order_statistics(values: Values, ranks: set[int]) -> dict[int, float]:
-    """The values of some ranks, counted from 0, when all are in order."""
-    count = sum(len(some) for some, _ in values())
+def order_statistics(values: Values, count: int, ranks: set[int]) -> dict[int, float]:
+    """Of `count` values those of some ranks, counted from 0, when all are in order."""
     windows, shift, found = [Window(0, 0, count, sorted(ranks))], 64, dict[int, float]()
     while windows:
         many = [one for one in windows if one.size > HELD]

@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.campaign.error_cases import ErrorCampaign
 from closeform.campaign.mission_cases import STOPPED, WORDS, MissionCampaign
@@ -75,7 +73,7 @@ def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
 def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
     """Missions in which something is not met, that cost most, and in which two came nearest."""
     for status in (UNMET_MISSION, STOPPED):
-        for case in np.flatnonzero(campaign.statuses == status)[:UNMET].tolist():
+        for case in campaign.endings.first[status][:UNMET]:
             yield case, WORDS[status]
     for spread in [*campaign.spreads.values()][:1]:
         cost, case = spread.worst[0]
