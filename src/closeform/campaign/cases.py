@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -10,13 +11,13 @@ import numpy as np
 from closeform.scenario import Scenario, ScenarioError
 
 if TYPE_CHECKING:
-    from closeform.campaign.chunks import Chunks
+    from closeform.campaign.chunks import CaseChunks
 
 Columns = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Cases:
+class Cases(ABC):
     """The cases of one kind of study, made from a scenario and a seed alone, on any machine.
 
     `at_once`: how many are flown in a chunk, some tenths of a second's work: what a killed study loses at
@@ -28,17 +29,17 @@ class Cases:
     drawn: ClassVar[tuple[str, ...]] = ()
 
     @property
+    @abstractmethod
     def at_once(self) -> int:
         """Cases in a chunk."""
-        raise NotImplementedError
 
+    @abstractmethod
     def fly(self, first: int, last: int) -> Columns:
         """What becomes of the cases from `first` to `last`, without that one, by the name of the column.
 
         An array for each, of the same number of rows for each case, in the order of cases; nan is an absent
         number, -1 an absent `leg`.  Raises ScenarioError for cases that cannot be flown.
         """
-        raise NotImplementedError
 
     def flown(self, first: int, last: int) -> Columns:
         """The same; whatever cannot be flown is told as what is wrong with the scenario."""
@@ -50,14 +51,14 @@ class Cases:
             line = f"stage[1]: {error}; change [craft] or its draws"
             raise ScenarioError(self.scenario.file, [line]) from error
 
+    @abstractmethod
     def good(self, columns: Columns) -> Any:
         """In which of the cases of a chunk (C,) all that was asked for is met."""
-        raise NotImplementedError
 
     def stored(self, first: int, last: int, columns: Columns) -> Columns:
         """The table of a chunk as files hold it: those columns and who they are about."""
         return {"case": np.arange(first, last), **columns}
 
-    def campaign(self, chunks: Chunks) -> Any:
+    @abstractmethod
+    def campaign(self, chunks: CaseChunks) -> Any:
         """What the cases came to, as chunks hold it."""
-        raise NotImplementedError

@@ -20,7 +20,7 @@ Range = tuple[int, int]
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
 
 
-class Chunks(Protocol):
+class CaseChunks(Protocol):
     """The cases of a study in chunks."""
 
     @property

@@ -18,7 +18,7 @@ from closeform.campaign import task
 from closeform.campaign.cases import Cases
 from closeform.campaign.chunk import Chunk
 from closeform.campaign.chunks import Range, versions
-from closeform.campaign.task import Answer, Task
+from closeform.campaign.task import Reply, Task
 from closeform.result_folder import FolderError
 from closeform.scenario import ScenarioError
 
@@ -134,10 +134,10 @@ class Cluster:
             raise self.gone()
         return [one for one in futures if one.status in ("finished", "error")]
 
-    def answer(self, future: Any) -> Answer | None:
+    def answer(self, future: Any) -> Reply | None:
         """What a task came to; None where its worker died once too often."""
         try:
-            found: Answer = future.result(timeout=10 * PATIENCE)
+            found: Reply = future.result(timeout=10 * PATIENCE)
             return found
         except self.distributed.KilledWorker:
             return None

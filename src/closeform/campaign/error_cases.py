@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.history import drawn
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
-from closeform.result import Result
 from closeform.scenario import Scenario
 from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.histories import Histories
 from closeform.zones.pair_zones import PairZones, portions
 
 if TYPE_CHECKING:
-    from closeform.campaign.chunks import Chunks
+    from closeform.campaign.chunks import CaseChunks
 
 AT_ONCE = 1 << 15  # cases in a chunk
 MOST = 10  # of the worst cases
@@ -114,7 +114,7 @@ class ErrorCases(Cases):
         met = [columns[name] for what in MET.values() if (name := what.replace(" ", "_")) in columns]
         return np.all(met, axis=0) if met else np.zeros(0, dtype=bool)
 
-    def campaign(self, chunks: Chunks) -> ErrorCampaign:
+    def campaign(self, chunks: CaseChunks) -> ErrorCampaign:
         """What became of them."""
         return ErrorCampaign(self, chunks)
 
@@ -146,38 +146,24 @@ class PairCases:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ErrorCampaign(Result):
+class ErrorCampaign(FlownCases):
     """What became of C cases of a mission's errors, drawn with `seed`, as `chunks` hold it.
 
     `counts`: "zone" and "body" to what became of the pairs with such, those without left out.
     """
 
     kind: ErrorCases
-    chunks: Chunks
     _told: ClassVar = ("mission", "seed", "cases", "met", "reason")
-
-    def __len__(self) -> int:
-        return self.cases
 
     @property
     def cases(self) -> int:
         """How many."""
-        return self.chunks.count
-
-    @property
-    def seed(self) -> int:
-        """With which they were drawn."""
-        return self.kind.seed
+        return len(self)
 
     @property
     def mission(self) -> Mission:
         """The mission as planned."""
         return self.kind.mission
-
-    @property
-    def scenario(self) -> Scenario:
-        """What was flown."""
-        return self.kind.scenario
 
     @cached_property
     def counts(self) -> dict[str, PairCounts]:
@@ -271,7 +257,7 @@ class PairCounts:
     entries: Any
 
     @classmethod
-    def of(cls, cases: ErrorCases, kind: str, chunks: Chunks) -> Self:
+    def of(cls, cases: ErrorCases, kind: str, chunks: CaseChunks) -> Self:
         """Count the pairs of a kind, chunk after chunk."""
         names = cases.scenario.names
         pairs = tuple((names[one.pair[0]], names[one.pair[1]]) for one in cases.of_kind(kind))

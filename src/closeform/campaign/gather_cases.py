@@ -11,7 +11,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
-from closeform.campaign.chunks import Chunks
+from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import drawn, searching
 from closeform.campaign.ends import ended
 from closeform.campaign.lock_cases import apart
@@ -82,7 +82,7 @@ class GatherCases(Cases):
         """A row for each case, with its phase and round."""
         return super().stored(first, last, columns | ended(self.search, columns["leg"]))
 
-    def campaign(self, chunks: Chunks) -> GatherCampaign:
+    def campaign(self, chunks: CaseChunks) -> GatherCampaign:
         """What became of them."""
         return GatherCampaign(self, chunks)
 

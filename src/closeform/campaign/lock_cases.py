@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
-from closeform.campaign.chunks import Chunks
+from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import drawn, searching
 from closeform.campaign.ends import NAMES, ended, named
 from closeform.campaign.search_campaign import Campaign
@@ -87,7 +87,7 @@ class LockCases(Cases):
             **ended(self.search, columns["leg"]),
         }
 
-    def campaign(self, chunks: Chunks) -> LockCampaign:
+    def campaign(self, chunks: CaseChunks) -> LockCampaign:
         """What became of them."""
         return LockCampaign(self, chunks)
 

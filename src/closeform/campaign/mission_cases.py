@@ -13,15 +13,15 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
-from closeform.campaign.chunks import Chunks
+from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import varied
+from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.one_case import one_case
 from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread
 from closeform.mission import fly
 from closeform.mission_result import Mission, StageResult
-from closeform.result import Result
-from closeform.scenario import Scenario, ScenarioError
+from closeform.scenario import ScenarioError
 from closeform.scenario.study import FAILS
 
 AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft
@@ -92,7 +92,7 @@ class MissionCases(Cases):
         """In which cases all is met."""
         return columns["status"] == MET
 
-    def campaign(self, chunks: Chunks) -> MissionCampaign:
+    def campaign(self, chunks: CaseChunks) -> MissionCampaign:
         """What became of them."""
         return MissionCampaign(self, chunks)
 
@@ -159,7 +159,7 @@ class Endings:
     drifting: tuple[int, int]
 
     @classmethod
-    def of(cls, chunks: Chunks, failing: bool) -> Self:
+    def of(cls, chunks: CaseChunks, failing: bool) -> Self:
         """Counted chunk after chunk, so that no more than one is held."""
         drifting = np.zeros(2, dtype=np.int64)
         counts, first = dict.fromkeys(STATUSES, 0), {status: list[int]() for status in STATUSES}
@@ -184,7 +184,7 @@ class Endings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MissionCampaign(Result):
+class MissionCampaign(FlownCases):
     """What became of C cases of a mission, drawn with a seed, as `chunks` hold it.
 
     As arrays (C,), read when they are asked for: `column` of any name that the files of cases have, of which
@@ -192,26 +192,7 @@ class MissionCampaign(Result):
     """
 
     kind: MissionCases
-    chunks: Chunks
     _told: ClassVar = ("title", "seed", "status", "reason")
-
-    @property
-    def scenario(self) -> Scenario:
-        """What was flown."""
-        return self.kind.scenario
-
-    @property
-    def seed(self) -> int:
-        """With which the cases were drawn."""
-        return self.kind.seed
-
-    @property
-    def title(self) -> str:
-        """That of its scenario."""
-        return self.scenario.title
-
-    def __len__(self) -> int:
-        return self.chunks.count
 
     def column(self, name: str) -> Any:
         """One column of all cases."""
@@ -243,9 +224,14 @@ class MissionCampaign(Result):
         return np.flatnonzero(~self.good)
 
     @property
+    def met_cases(self) -> int:
+        """In how many cases all is met."""
+        return self.counts[MET]
+
+    @property
     def ok(self) -> bool:
         """Whether all is met in every case."""
-        return self.counts[MET] == len(self)
+        return self.met_cases == len(self)
 
     @property
     def status(self) -> CampaignStatus:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,12 +14,10 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import Columns
-from closeform.campaign.chunks import Chunks
+from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.shares import Share, shares
 from closeform.campaign.spread import Spread
 from closeform.campaign.tally import Settled, Tally
-from closeform.result import Result
-from closeform.scenario import Scenario
 from closeform.search.phases import labels
 from closeform.search.schedule import Search
 
@@ -35,7 +34,7 @@ class CampaignStatus(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(Result):
+class Campaign(FlownCases, ABC):
     """What became of C cases of one `kind`, drawn with its seed, as `chunks` hold it.
 
     `tally` has what is counted in them, chunk after chunk.  As arrays (C,), read when they are asked for:
@@ -44,21 +43,8 @@ class Campaign(Result):
     "delta-v" budget, within the "propellant" on board of every craft.
     """
 
-    kind: Any
-    chunks: Chunks
     done: ClassVar[str] = "done"  # what a case is at that time, in words
     _told: ClassVar = ("title", "seed", "time", "status", "reason")
-
-    @property
-    def scenario(self) -> Scenario:
-        """What was flown."""
-        flown: Scenario = self.kind.scenario
-        return flown
-
-    @property
-    def seed(self) -> int:
-        """With which the cases were drawn."""
-        return int(self.kind.seed)
 
     @property
     def search(self) -> Search:
@@ -67,21 +53,13 @@ class Campaign(Result):
         return found
 
     @property
-    def title(self) -> str:
-        """That of its scenario."""
-        return self.scenario.title
-
-    def __len__(self) -> int:
-        return self.chunks.count
-
-    @property
+    @abstractmethod
     def wanted(self) -> tuple[str, ...]:
         """The columns that say what became of a case."""
-        raise NotImplementedError
 
+    @abstractmethod
     def settled(self, columns: Columns) -> Settled:
         """What became of the cases of a chunk."""
-        raise NotImplementedError
 
     @cached_property
     def tally(self) -> Tally:
@@ -162,9 +140,14 @@ class Campaign(Result):
         return WORDS.get(what, self.done)
 
     @property
+    def met_cases(self) -> int:
+        """In how many cases all of it is met."""
+        return self.tally.good.count
+
+    @property
     def ok(self) -> bool:
         """Whether all that was asked for is met in every case."""
-        return self.tally.good.count == len(self)
+        return self.met_cases == len(self)
 
     @property
     def status(self) -> CampaignStatus:

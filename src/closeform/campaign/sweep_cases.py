@@ -11,13 +11,11 @@ import numpy as np
 
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunk import column
-from closeform.campaign.chunks import Chunks, Range
-from closeform.campaign.mission_cases import MET, MissionCampaign
+from closeform.campaign.chunks import CaseChunks, Range
+from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
-from closeform.result import Result
-from closeform.scenario import Scenario
 from closeform.scenario.sweep import text, words
 
 NAMED = 3  # points that are named where more are not met
@@ -71,7 +69,7 @@ class SweepCases(Cases):
         whole = pyarrow.concat_tables(tables).combine_chunks()
         return {name: whole[name].chunk(0) for name in whole.column_names}
 
-    def campaign(self, chunks: Chunks) -> SweepCampaign:
+    def campaign(self, chunks: CaseChunks) -> SweepCampaign:
         """What became of them."""
         return SweepCampaign(self, chunks)
 
@@ -81,7 +79,7 @@ class PointChunks:
     """The chunks of one `point` of a sweep, of `count` cases."""
 
     cases: SweepCases
-    chunks: Chunks
+    chunks: CaseChunks
     point: int
 
     @property
@@ -117,27 +115,14 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SweepCampaign(Result):
-    """What became of the cases of a sweep, drawn with a seed, at its `points`, by key, the last fastest."""
+class SweepCampaign(FlownCases):
+    """What became of the cases of a sweep, drawn with a seed, at its `points`, by key, the last fastest.
+
+    Its `scenario` is what was flown, but for what is swept.
+    """
 
     kind: SweepCases
-    chunks: Chunks
     _told: ClassVar = ("title", "seed", "points", "status", "reason")
-
-    @property
-    def scenario(self) -> Scenario:
-        """What was flown, but for what is swept."""
-        return self.kind.scenario
-
-    @property
-    def seed(self) -> int:
-        """With which the cases were drawn, the same at each point."""
-        return self.kind.seed
-
-    @property
-    def title(self) -> str:
-        """That of its scenario."""
-        return self.scenario.title
 
     def __len__(self) -> int:
         return self.kind.each
@@ -148,8 +133,7 @@ class SweepCampaign(Result):
         found = []
         for number, kind in enumerate(self.kind.kinds):
             campaign = kind.campaign(PointChunks(self.kind, self.chunks, number))
-            missions = isinstance(campaign, MissionCampaign)
-            count = campaign.counts[MET] if missions else campaign.tally.good.count
+            count = campaign.met_cases
             name, spread = next(iter(campaign.spreads.items()), (None, None))
             values = {key: text(value) for key, value in kind.scenario.point.items()}
             found.append(Point(values, campaign, estimate(count, len(self)), count, name, spread))

@@ -47,24 +47,24 @@ class Task(NamedTuple):
         )
 
 
-class Answer(NamedTuple):
+class Reply(NamedTuple):
     """Chunks, or why there are none, line by line."""
 
     chunks: tuple[Chunk, ...]
     refused: tuple[str, ...] = ()
 
 
-def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Answer:
+def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Reply:
     """The chunks of some ranges of cases, flown on this machine."""
     if lines := unlike(dict(task.made_with), versions()):
-        return Answer((), (f"a worker has {lines}; give all the same versions",))
+        return Reply((), (f"a worker has {lines}; give all the same versions",))
     try:
         with _building:
             cases = cases_of(task)
         found = (chunk.flown(cases, *one) for one in ranges)
-        return Answer(tuple(one._replace(data=one.data.to_pybytes()) for one in found))
+        return Reply(tuple(one._replace(data=one.data.to_pybytes()) for one in found))
     except ScenarioError as error:
-        return Answer((), tuple(error.lines))
+        return Reply((), tuple(error.lines))
 
 
 def unlike(here: dict[str, str], there: dict[str, str]) -> str:

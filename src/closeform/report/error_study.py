@@ -33,15 +33,9 @@ class ErrorStudyReport:
     campaign: ErrorCampaign
 
     @property
-    def drawn_alike(self) -> bool:
-        """Whether the file's own seed draws the same cases."""
-        study = self.campaign.scenario.study
-        return study is not None and study.seed == self.campaign.seed
-
-    @property
     def hint(self) -> tuple[str, ...]:
         """How to see the case with most entries."""
-        if not self.campaign.worst or not self.drawn_alike:
+        if not self.campaign.worst or not self.campaign.as_in_file:
             return ()
         case = self.campaign.worst[0][0]
         return (f"closeform run {self.campaign.scenario.file} --case {case} shows the one with most entries",)

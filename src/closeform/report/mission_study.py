@@ -50,15 +50,9 @@ class MissionStudyReport:
         return self.campaign.reason or f"in all {len(self.campaign)} cases {WORDS['met']}"
 
     @property
-    def drawn_alike(self) -> bool:
-        """Whether the file's own seed draws the same cases."""
-        study = self.campaign.scenario.study
-        return study is not None and study.seed == self.campaign.seed
-
-    @property
     def hint(self) -> tuple[str, ...]:
         """How to see a case in which something is not met."""
-        if self.campaign.ok or not self.drawn_alike:
+        if self.campaign.ok or not self.campaign.as_in_file:
             return ()
         endings = self.campaign.endings.first
         first = min(case for status, cases in endings.items() if status != MET for case in cases)
@@ -131,7 +125,7 @@ class MissionStudyReport:
         """What the page tells, but for how to repeat it."""
         scenario = self.campaign.scenario
         request = asked.section(scenario)
-        file = Path(scenario.file).name if self.drawn_alike else None
+        file = Path(scenario.file).name if self.campaign.as_in_file else None
         return (
             Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
             Section("What was found", self.hint, self.tables, pictures=self.pictures),

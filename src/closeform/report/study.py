@@ -77,10 +77,10 @@ class StudyReport:
     def hint(self) -> tuple[str, ...]:
         """How to see a case in which something is not met."""
         campaign = self.campaign
-        study, name = campaign.scenario.study, campaign.scenario.file
-        if campaign.ok or study is None or study.seed != campaign.seed:
+        if campaign.ok or not campaign.as_in_file:
             return ()
-        return (f"closeform run {name} --case {campaign.tally.good.unmet[0]} shows the first of them",)
+        first = campaign.tally.good.unmet[0]
+        return (f"closeform run {campaign.scenario.file} --case {first} shows the first of them",)
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
@@ -144,8 +144,7 @@ class StudyReport:
         picture = Picture(
             "histogram", caption, "lockings.binned", (self.times, campaign.search), {"what": what}
         )
-        same = scenario.study is not None and scenario.study.seed == campaign.seed
-        file = Path(scenario.file).name if same else None
+        file = Path(scenario.file).name if campaign.as_in_file else None
         return (
             replace(request, tables=(*request.tables, whole, *draw_table(campaign))),
             Section("What was found", self.hint, self.tables, pictures=(picture,)),

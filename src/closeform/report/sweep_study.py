@@ -44,9 +44,9 @@ class SweepReport:
     @property
     def hint(self) -> tuple[str, ...]:
         """How to see a case."""
-        study, file = self.campaign.scenario.study, self.campaign.scenario.file
-        if study is None or study.seed != self.campaign.seed:
+        if not self.campaign.as_in_file:
             return ()
+        file = self.campaign.scenario.file
         return (f"closeform run {file} --case K --point P shows a case, of the point in row P from 0 on",)
 
     @cached_property

@@ -1,0 +1,43 @@
+"""FlownCases: what became of the cases of a study, of any kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from closeform.campaign.chunks import CaseChunks
+from closeform.result import Result
+from closeform.scenario import Scenario
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FlownCases(Result):
+    """What became of C cases of one `kind`, drawn with its seed, as `chunks` hold it."""
+
+    kind: Any
+    chunks: CaseChunks
+
+    @property
+    def scenario(self) -> Scenario:
+        """What was flown."""
+        flown: Scenario = self.kind.scenario
+        return flown
+
+    @property
+    def seed(self) -> int:
+        """With which the cases were drawn."""
+        return int(self.kind.seed)
+
+    @property
+    def title(self) -> str:
+        """That of its scenario."""
+        return self.scenario.title
+
+    def __len__(self) -> int:
+        return self.chunks.count
+
+    @property
+    def as_in_file(self) -> bool:
+        """Whether the file's own seed draws the same cases."""
+        study = self.scenario.study
+        return study is not None and study.seed == self.seed
