@@ -43,11 +43,11 @@ def rounds(
     """
     if sieve is None:
         steps = -(-count * (count - 1) // 2 // CHUNK)
-        yield begin, before, shown(pairs_of(count, CHUNK), steps)
+        yield begin, before, with_progress(pairs_of(count, CHUNK), steps)
         return
     left, since = [np.empty(0, dtype=np.int64)], begin
     spans = list(sieve.spans(begin, before))
-    found = ahead(pool, shown(spans, len(spans) * count // CHUNK), sieve.near)
+    found = ahead(pool, with_progress(spans, len(spans) * count // CHUNK), sieve.near)
     for (_, last), codes in zip(spans, found, strict=True):
         left.append(codes)
         if sum(map(len, left)) > KEPT and last < spans[-1][1]:
@@ -79,7 +79,7 @@ def ahead(pool: ThreadPoolExecutor, jobs: Any, search: Any) -> Iterator[Any]:
         yield waiting.popleft().result()
 
 
-def shown(steps: Iterable[Any], count: int) -> Iterable[Any]:
+def with_progress(steps: Iterable[Any], count: int) -> Iterable[Any]:
     """The steps, behind a progress bar where there are many."""
     if count < LONG:
         return steps

@@ -1,7 +1,7 @@
 """The sieve: who of many craft can meet at all, found in near-linear time.
 
 Craft are followed along chords (see `exclusion`) over short intervals of time.  In each a tree of boxes
-(see `boxes`) finds the pairs that may be within their zone: no bound of these leaves out a pair that
+(see `box_tree`) finds the pairs that may be within their zone: no bound of these leaves out a pair that
 meets.  Where boxes overlap too often because craft move far in an interval, it is halved.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.boxes import LEAF, OPEN, WIDTH, meeting
+from closeform.conflicts.box_tree import LEAF, OPEN, WIDTH, meeting
 from closeform.conflicts.exclusion import OFF_CHORD, fill_tracks
 from closeform.motion.path import Path
 from closeform.zones.pair_zones import PairZones, made_by_need, reach_of

@@ -28,7 +28,7 @@ from closeform.search.search_errors import (
     LONGEST,
     PACE,
     SearchErrors,
-    craft_of,
+    craft_rows,
 )
 from closeform.search.sine_cosine import sine_cosine
 
@@ -38,7 +38,7 @@ VECTORS, LEG, PART = 5, 14, 15  # and steady, cosine, sine; of which leg, which 
 WAIT, FASTER, STEADY, SLOWER = -1, 0, 1, 2  # parts
 
 
-def turns(search: Search) -> Floats:
+def turn_rows(search: Search) -> Floats:
     """The turns of a search as rows (L, 29): how any body vector swings in each."""
     rows = np.empty((len(search.legs), TURN))
     for row, leg in zip(rows, search.legs, strict=True):
@@ -248,16 +248,16 @@ def imperfect_locks(
                 times[m] = when
 
 
-def imperfect(
+def fill_imperfect(
     search: Search, positions: Floats, velocities: Floats, errors: SearchErrors, times: Floats, legs: Any
 ) -> None:
     """The first locks of M pairs whose craft have errors, into `times` and `legs` (M,)."""
-    table, count = turns(search), len(positions)
+    table, count = turn_rows(search), len(positions)
 
     def part(some: slice) -> None:
         some = slice(some.start, min(some.stop, count))
         asked = f"{count} pairs is (M, 2{{}}), or alike for all pairs"
-        craft = craft_of(errors, search.sensor, (count, 2), [False, True], asked, some)
+        craft = craft_rows(errors, search.sensor, (count, 2), [False, True], asked, some)
         where, speeds = positions[some], velocities[some]
         imperfect_locks(table, craft, where, speeds, search.sensor.offset, times[some], legs[some])
 

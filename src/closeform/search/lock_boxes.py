@@ -23,7 +23,7 @@ ALONG = 0.01  # how much a width along the line of sight counts, beside one acro
 PROVEN, OPEN, FAILS = 0, 1, 2  # verdicts: all lock; not known; the centre never does
 
 
-class Box(NamedTuple):
+class LockBox(NamedTuple):
     """A centre and half-widths, of position and velocity by components."""
 
     x: float
@@ -42,14 +42,14 @@ class Box(NamedTuple):
 
 @kernel(inline=True)
 def as_box(centre, half):
-    return Box(
+    return LockBox(
         *(centre[0], centre[1], centre[2], centre[3], centre[4], centre[5]),
         *(half[0], half[1], half[2], half[3], half[4], half[5]),
     )
 
 
 @kernel()
-def look_at(look, box, baseline, longest):
+def misses(look, box, baseline, longest):
     """What a look makes of a box: what misses at its centre, at one corner, at the worst with the slack.
 
     That is g or, if more, the length beyond the range: all lock if the last is not positive.  It is that of
@@ -120,7 +120,7 @@ def longest_side(box, duration):
 
 
 @kernel()
-def judged(looks, hot, box, baseline, longest):
+def nearest_look(looks, hot, box, baseline, longest):
     """Whether a look proves that a box locks, and which comes nearest to it: -1 if none sees its centre."""
     nearest, best = -1, 0.0
     count = len(looks)
@@ -128,7 +128,7 @@ def judged(looks, hot, box, baseline, longest):
         # from the look that came nearest for the box that this is half of, outwards in both directions
         index = hot + ((k + 1) // 2 if k & 1 else -(k // 2))
         index = index - count if index >= count else (index + count if index < 0 else index)
-        centre, corner, worst = look_at(looks[index], box, baseline, longest)
+        centre, corner, worst = misses(looks[index], box, baseline, longest)
         if worst <= 0.0 and centre < 0.0:
             return index, True
         if centre < 0.0:
@@ -172,7 +172,7 @@ def judge(
     """
     for m in range(len(centres)):
         box = as_box(centres[m], halves[m])
-        nearest, proven = judged(looks, hot[m], box, baseline, longest)
+        nearest, proven = nearest_look(looks, hot[m], box, baseline, longest)
         verdicts[m] = PROVEN if proven else OPEN
         if proven:
             continue

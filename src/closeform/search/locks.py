@@ -89,12 +89,12 @@ def lock_times(
     instance("search", search, Search)
     times, legs = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
     if errors is None:
-        perfect(search, positions, velocities, times, legs)
+        fill_perfect(search, positions, velocities, times, legs)
     else:
-        from closeform.search.imperfect import imperfect  # whose kernel perfect searches can spare
+        from closeform.search.imperfect import fill_imperfect  # whose kernel perfect searches can spare
 
         instance("errors", errors, SearchErrors)
-        imperfect(search, positions, velocities, errors, times, legs)
+        fill_imperfect(search, positions, velocities, errors, times, legs)
     if (legs == NOT_FINITE).any():
         which = int(np.argmax(legs == NOT_FINITE))
         name = "relative_velocity" if np.isfinite(positions[which]).all() else "relative_position"
@@ -105,7 +105,7 @@ def lock_times(
     return Locks(times, legs)
 
 
-def perfect(search: Search, positions: Floats, velocities: Floats, times: Floats, legs: Any) -> None:
+def fill_perfect(search: Search, positions: Floats, velocities: Floats, times: Floats, legs: Any) -> None:
     """The first locks of M pairs that do what the search asks of them, into `times` and `legs` (M,)."""
     sensor = search.sensor
 

@@ -18,7 +18,7 @@ from closeform.search.own_turns import OwnTurns
 from closeform.search.request import Burns, Groups, cleared, sides
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, craft_of, of_each
+from closeform.search.search_errors import SearchErrors, craft_rows, of_each
 from closeform.search.sensor import positive
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, all_made, pair_zones
@@ -59,10 +59,10 @@ class LostFleet:
             see = np.array([sensor.baseline, sensor.cosine, sensor.range])
             fly_all(self.search.table, first, second, self.pushes[0], see, *flown)
         else:
-            from closeform.search.imperfect import turns
+            from closeform.search.imperfect import turn_rows
             from closeform.search.imperfect_gather import fly_astray  # a kernel that perfect ones can spare
 
-            own = turns(self.search), self.craft[some], self.ends[some], self.search.sensor.offset
+            own = turn_rows(self.search), self.craft[some], self.ends[some], self.search.sensor.offset
             fly_astray(self.search.table, first, second, self.pushes[some], *own, *flown)
         count = int(results[-1, EVENTS])
         if room and count > room:
@@ -140,6 +140,6 @@ def lost_fleet(
         instance("errors", errors, SearchErrors)
         cases = f" in {shape[0]} cases is (C, N{{}}), (N{{}})" if shape[0] > 1 else " is (N{})"
         asked = f"{count} craft{cases}, or alike for all"
-        craft = craft_of(errors, search.sensor, shape, np.array(told) == "B", asked)
+        craft = craft_rows(errors, search.sensor, shape, np.array(told) == "B", asked)
         errors = of_each(errors, shape)
     return LostFleet(flown, int(rounds), drifts, told, kept, push, errors, craft)

@@ -103,7 +103,7 @@ class SearchErrors:
         return None if values is None else np.broadcast_to(values, (*shape, *(3,) * (name == "pointing")))
 
 
-def craft_of(
+def craft_rows(
     errors: SearchErrors, sensor: Sensor, shape: tuple[int, ...], second: Any, asked: str, some: Any = ...
 ) -> Floats:
     """What kernels know of `some` of the craft of a shape (..., 8), those of B (`second`) as if of A.

@@ -79,7 +79,7 @@ def enclose(tracks, k, craft, boxes):
 
 
 @kernel()
-def first_of(node, number, depth):
+def first_box(node, number, depth):
     """The first box of a leaf among `number`; the last is before that of the next leaf."""
     return ((node - (1 << depth)) * number) >> depth
 
@@ -94,7 +94,7 @@ def grow(boxes, count, depth, nodes):
     for leaf in range(1 << depth, 2 << depth):
         for axis in range(3):
             least, most = inf, -inf
-            for k in range(first_of(leaf, count, depth), first_of(leaf + 1, count, depth)):
+            for k in range(first_box(leaf, count, depth), first_box(leaf + 1, count, depth)):
                 least, most = min(least, boxes[k, axis]), max(most, boxes[k, axis + 3])
             nodes[leaf, axis], nodes[leaf, axis + 3] = least, most
     for node in range((1 << depth) - 1, 0, -1):
@@ -129,11 +129,11 @@ def overlap(boxes, i, others, j):
 def compare(chords, total, boxes, number, depth, nodes, one, two, codes, count):
     """Append who of a leaf may meet who of another, or of the same: the new count, and how many overlap."""
     overlaps = 0
-    for i in range(first_of(one, number, depth), first_of(one + 1, number, depth)):
+    for i in range(first_box(one, number, depth), first_box(one + 1, number, depth)):
         if not overlap(boxes, i, nodes, two):
             continue
-        begin = i + 1 if one == two else first_of(two, number, depth)
-        for j in range(begin, first_of(two + 1, number, depth)):
+        begin = i + 1 if one == two else first_box(two, number, depth)
+        for j in range(begin, first_box(two + 1, number, depth)):
             if overlap(boxes, i, boxes, j):
                 overlaps += 1
                 if count_near(chords, i, chords, j, 0, 1) > 0:
