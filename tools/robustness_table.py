@@ -20,9 +20,10 @@ import matplotlib as mpl
 import numpy as np
 
 import closeform as cf
-from closeform.campaign.draws import drawn, uniform
+from closeform.campaign.draws import drawn, spread, uniform
 from closeform.confidence import estimate
 from closeform.scenario import load
+from closeform.scenario.study import Draw
 
 DOCS = Path(__file__).parents[1] / "docs"
 SCENARIO = load(DOCS.parent / "examples" / "s04.toml")
@@ -32,17 +33,9 @@ AT_ONCE = 131_072
 HALVINGS = 30
 
 
-def directions(first: int, last: int) -> Any:
-    """Unit vectors (C, 2, 3), where a study's shell of one radius has them."""
-    random = uniform(SEED, "craft.pointing_error", 2, first, last)
-    height, longitude = 2.0 * random[..., 1] - 1.0, 2.0 * np.pi * random[..., 2]
-    across = np.sqrt(1.0 - height * height)
-    return np.stack([across * np.cos(longitude), across * np.sin(longitude), height], axis=-1)
-
-
-def signs(key: str) -> Callable[[int, int], Any]:
-    """Of each craft (C, 2), where a study's choice of two has them."""
-    return lambda first, last: np.where(uniform(SEED, key, 2, first, last)[..., 0] < 0.5, -1.0, 1.0)
+def of_study(key: str, draw: Draw, size: int) -> Callable[[int, int], Any]:
+    """What a study draws of each craft (C, 2), or vectors (C, 2, 3) by `size`."""
+    return lambda first, last: spread(draw, draw.numbers(key), uniform(SEED, key, 2, first, last), size)
 
 
 def nothing(first: int, last: int) -> Any:
@@ -68,7 +61,7 @@ ROWS = {
     "pointing": Row(
         "pointing, each craft, constant",
         "deg",
-        directions,
+        of_study("craft.pointing_error", Draw(shell=("1 rad", "1 rad")), 3),
         lambda way, size: cf.SearchErrors(pointing=DEGREE * size[:, None, None] * way),
         0.01,
         (3.0, 5.0, 7.0, 10.0),
@@ -76,15 +69,15 @@ ROWS = {
     "rate": Row(
         "slew rate, each craft",
         "%",
-        signs("craft.slew_rate_error"),
-        lambda way, size: cf.SearchErrors(slew_rate=0.01 * size[:, None] * way),
+        of_study("craft.slew_rate_error", Draw(choice=("-1 %", "1 %")), 1),
+        lambda way, size: cf.SearchErrors(slew_rate=size[:, None] * way),
         1e-3,
         (1.0, 2.0, 3.0, 5.0),
     ),
     "start": Row(
         "start, each craft",
         "s",
-        signs("craft.start_offset"),
+        of_study("craft.start_offset", Draw(choice=("-1 s", "1 s")), 1),
         lambda way, size: cf.SearchErrors(start=size[:, None] * way),
         0.01,
         (60.0, 90.0, 120.0, 180.0),
