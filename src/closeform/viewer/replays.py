@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.campaign.error_cases import ErrorCampaign
-from closeform.campaign.mission_cases import STOPPED, WORDS, MissionCampaign
-from closeform.campaign.mission_cases import UNMET as UNMET_MISSION
+from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS, MissionCampaign
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.result_folder import REPORT, Folder
@@ -17,7 +16,7 @@ from closeform.viewer.scene import scene_of
 from closeform.viewer.shown import Shown
 
 PLANNED = "planned.html"
-UNMET = 2  # cases in which something is not met, at most, of each kind
+MOST = 2  # cases in which something is not met, at most, of each kind
 
 
 class Replay(NamedTuple):
@@ -61,7 +60,7 @@ def with_seed(scenario: Scenario, seed: int) -> Scenario:
 def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
     """Cases, and why they are worth looking at: what is not met, what took longest, cost and came nearest."""
     for what, met in campaign.tally.met.items():
-        for case in met.unmet[:UNMET]:
+        for case in met.unmet[:MOST]:
             yield case, f"not {campaign.told(what)}"
     if "time [s]" in campaign.spreads:
         time, case = campaign.spreads["time [s]"].worst[0]
@@ -72,10 +71,10 @@ def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
 
 def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
     """Missions in which something is not met, that cost most, and in which two came nearest."""
-    for status in (UNMET_MISSION, STOPPED):
-        for case in campaign.endings.first[status][:UNMET]:
+    for status in (UNMET, STOPPED):
+        for case in campaign.endings.first[status][:MOST]:
             yield case, WORDS[status]
-    for spread in [*campaign.spreads.values()][:1]:
+    if spread := campaign.spreads.get("delta-v of all craft [m/s]"):
         cost, case = spread.worst[0]
         yield case, f"most delta-v, {cost:.4g} m/s"
     if campaign.nearest is not None:
@@ -84,11 +83,8 @@ def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:
     """The gatherings that cost most, and in which most craft came within a keep-out zone."""
-    every = {
-        "delta-v": lambda one: one.also["delta_v_m_s"],
-        "pairs": lambda one: one.also["met_unknown"] + one.also["met_known"] + 0.0,
-    }
-    (cost, dearest), (pairs, nearest) = (campaign.most(of) for of in every.values())
+    cost, dearest = campaign.most(lambda one: one.also["delta_v_m_s"])
+    pairs, nearest = campaign.most(lambda one: one.also["met_unknown"] + one.also["met_known"])
     yield dearest, f"most delta-v, {cost:.4g} m/s"
     if pairs:
         yield nearest, f"most pairs within their keep-out zone, {pairs:.0f}"
