@@ -8,7 +8,6 @@ and their multiples lock alike, and a box around the origin is proven on its fac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from math import ceil, cos, inf, isfinite, pi
 from typing import Any
 
@@ -137,10 +136,7 @@ def prove_locks(
     while len(boxes) and judged < most:
         left.append(boxes[most - judged :])
         boxes = boxes[: most - judged]
-        axes, verdicts = np.zeros((2, len(boxes)), dtype=np.int64)
-        in_parts(
-            partial(verdict_of, search, looks, narrowed, until, boxes, axes, verdicts), len(boxes), CHUNK
-        )
+        axes, verdicts = verdicts_of(search, looks, narrowed, until, boxes)
         judged += len(boxes)
         failing.append(boxes.centres[verdicts == FAILS])
         open_ones = verdicts != PROVEN
@@ -149,30 +145,29 @@ def prove_locks(
     return LockProof(float(rest.shares.sum()), rest.edges, np.concatenate(failing), judged)
 
 
-def verdict_of(
-    search: Search,
-    looks: Floats,
-    cosine: float,
-    until: float,
-    boxes: StateBoxes,
-    axes: Any,
-    verdicts: Any,
-    some: slice,
-) -> None:
-    """Judges some of the boxes: what is known of each, and where it is to be halved."""
-    judge(
-        looks,
-        search.table,
-        boxes.centres[some],
-        boxes.halves[some],
-        search.sensor.baseline,
-        cosine,
-        search.sensor.range,
-        until,
-        boxes.looks[some],
-        axes[some],
-        verdicts[some],
-    )
+def verdicts_of(
+    search: Search, looks: Floats, cosine: float, until: float, boxes: StateBoxes
+) -> tuple[Any, Any]:
+    """Where each box is to be halved, and its verdict (M,); the look that came nearest into the boxes."""
+    axes, verdicts = np.zeros((2, len(boxes)), dtype=np.int64)
+
+    def part(some: slice) -> None:
+        judge(
+            looks,
+            search.table,
+            boxes.centres[some],
+            boxes.halves[some],
+            search.sensor.baseline,
+            cosine,
+            search.sensor.range,
+            until,
+            boxes.looks[some],
+            axes[some],
+            verdicts[some],
+        )
+
+    in_parts(part, len(boxes), CHUNK)
+    return axes, verdicts
 
 
 def roots(search: Search, low: Floats, high: Floats) -> StateBoxes:
