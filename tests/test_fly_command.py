@@ -226,3 +226,9 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
         f"--control: replan is for one stage, and {run} has 2; fly it by track, or a run of that stage alone"
     )
     assert capsys.readouterr().err == f"{said}\n"
+
+
+def test_one_option_leaves_the_rest_of_what_leads_impulses_back(tmp_path: Path, capsys):
+    swapped(tmp_path, swap(more='cost = "delta-v"\n'))
+    _, found, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "1", "--horizon", "20 min")
+    assert found["feedback"] == {"every_s": 300.0, "horizon_s": 1200.0, "impulses": 6, "delay_s": 0.0}

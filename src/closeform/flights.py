@@ -10,6 +10,7 @@ from closeform.given import UsageError, quantity
 from closeform.screens import left
 
 if TYPE_CHECKING:
+    from closeform.field.feedback import Feedback
     from closeform.report.flight import FlightReport
     from closeform.scenario.quantity import Parts
 
@@ -76,8 +77,11 @@ def fly(
         raise UsageError(
             f"--control: replan is for one stage, and {directory} has {len(run.flown)}; {remedy}"
         )
-    told = asked.instead_of(run.scenario.flight)
+    from closeform.field.flight import usual_feedback
+    from closeform.motion.path import fires_impulses
     from closeform.report.repeat import Command
+
+    told = asked.instead_of(run.scenario.flight, usual_feedback(control, fires_impulses(run.paths)))
 
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
     command = Command("fly", [directory], options, [directory / SUMMARY])
@@ -118,15 +122,13 @@ class Asked:
             parts("thrust-error", as_thrust_error, given["thrust-error"]),
         )
 
-    def instead_of(self, told: dict[str, Any]) -> dict[str, Any]:
-        """What `fly` is to be told: what the scenario says, but for what was given."""
-        from closeform.field.feedback import Feedback
-
+    def instead_of(self, told: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
+        """What `fly` is to be told: what the scenario says, or what is `usual`, but for what was given."""
         times = {key: value for key in ("every", "horizon") if (value := getattr(self, key)) is not None}
         found = dict(told)
         if times:
             try:
-                found["feedback"] = replace(told["feedback"] or Feedback(), **times)
+                found["feedback"] = replace(told["feedback"] or usual, **times)
             except ValueError as error:
                 raise UsageError(f"--{error}") from None
         if self.navigation is not None:
