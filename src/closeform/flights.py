@@ -1,8 +1,8 @@
 """What the command line does with a run that is to be flown in its field: `fly`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from cyclopts import Parameter
 
@@ -57,7 +57,7 @@ def fly(
     from closeform.result_folder import SUMMARY, check_free
 
     given = {"every": every, "horizon": horizon, "navigation": navigation, "thrust-error": thrust_error}
-    asked = Asked.of(given)
+    asked = Options.of(given)
     if seeds < 1:
         raise UsageError(f"--seeds: {seeds} is below 1; give for example --seeds 100")
     place = out or Path(f"{directory.resolve().name.removesuffix(RESULTS)}{FLIGHTS}")
@@ -100,8 +100,7 @@ def fly(
     return left(report, place, overwrite)
 
 
-@dataclass(frozen=True)
-class Asked:
+class Options(NamedTuple):
     """What options ask for in place of the scenario's: [s], [m, m/s], and as a share and [rad]; or None."""
 
     every: float | None
@@ -110,7 +109,7 @@ class Asked:
     thrust_error: tuple[float, ...] | None
 
     @classmethod
-    def of(cls, given: dict[str, str | None]) -> "Asked":
+    def of(cls, given: dict[str, str | None]) -> "Options":
         """By the options' names."""
         from closeform.scenario.field import as_navigation, as_thrust_error
         from closeform.scenario.quantity import TIME

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from closeform.campaign.chunks import CaseChunks
 
 Columns = dict[str, Any]
+Range = tuple[int, int]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping
@@ -12,11 +11,11 @@ from pathlib import Path
 from sys import maxsize
 from typing import Any, Protocol
 
-from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.cases import Cases, Columns, Range
 from closeform.campaign.chunk import Chunk, decoded
 from closeform.manifest import append, entries, rewrite
+from closeform.result_folder import digest
 
-Range = tuple[int, int]
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
 
 
@@ -157,12 +156,6 @@ def touching(chunks: Iterable[int], size: int, within: Range | None) -> list[int
 def name_of(first: int) -> str:
     """The file of a chunk, by its first case."""
     return f"{first:09d}.parquet"
-
-
-def digest(file: Path) -> str:
-    """SHA-256 of a file."""
-    with file.open("rb") as content:
-        return hashlib.file_digest(content, "sha256").hexdigest()
 
 
 def versions() -> dict[str, str]:

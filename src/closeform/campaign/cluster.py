@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from closeform.campaign import task
-from closeform.campaign.cases import Cases
+from closeform.campaign.cases import Cases, Range
 from closeform.campaign.chunk import Chunk
-from closeform.campaign.chunks import Range, versions
+from closeform.campaign.chunks import versions
 from closeform.campaign.task import Reply, Task
 from closeform.result_folder import FolderError
 from closeform.scenario import ScenarioError

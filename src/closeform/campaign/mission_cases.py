@@ -111,11 +111,7 @@ def figures(mission: Mission) -> dict[str, Any]:
         "least_ratio": min(ratios, default=nan),
         "conflicts": sum(len(result.after.conflicts) for result in flown),
         **{lost_by(one.craft): one.time for one in mission.lost},
-        **(
-            {"drift_ratio": float(np.fmin.reduce([one.ratio for one in mission.lost]))}
-            if mission.lost
-            else {}
-        ),
+        "drift_ratio": np.fmin.reduce([one.ratio for one in mission.lost], initial=nan),
     }
 
 

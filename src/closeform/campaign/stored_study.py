@@ -7,9 +7,9 @@ from functools import partial
 from typing import Any, Protocol
 
 from closeform.campaign import chunk
-from closeform.campaign.cases import Cases
+from closeform.campaign.cases import Cases, Range
 from closeform.campaign.chunk import Chunk
-from closeform.campaign.chunks import Range, Stored
+from closeform.campaign.chunks import Stored
 from closeform.campaign.threads import in_threads
 
 Progress = Callable[[int, int], None]

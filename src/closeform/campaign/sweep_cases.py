@@ -9,9 +9,9 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.cases import Cases, Columns, Range
 from closeform.campaign.chunk import column
-from closeform.campaign.chunks import CaseChunks, Range
+from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread

@@ -8,8 +8,9 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import islice
 from typing import TypeVar
 
+from closeform.campaign.cases import Range
+
 Found = TypeVar("Found")
-Range = tuple[int, int]
 
 
 def in_threads(task: Callable[[int, int], Found], ranges: Iterable[Range]) -> Iterator[tuple[Range, Found]]:

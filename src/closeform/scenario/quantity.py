@@ -84,7 +84,6 @@ KINDS = (
     GRAVITY,
     NOISE,
     SHARE,
-) + (
     DENSITY,
     BALLISTIC,
 )
