@@ -12,11 +12,12 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 import closeform.campaign
 from bridge import hill
-from closeform.campaign import flown
+from closeform.campaign import error_cases, flown
 from closeform.campaign.error_cases import drawn
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report.run import RunReport
+from closeform.result_folder import LOCK, PRIVATE
 from closeform.scenario import ScenarioError, load, parse
 from closeform.uncertain_stage import UncertainStage
 from closeform.uncertainty.carried import carried
@@ -263,6 +264,23 @@ def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatc
             inside[case] > 0
         )
         assert "with the errors of this case" in capsys.readouterr().out
+
+
+def test_a_study_of_errors_flies_its_mission_where_it_holds_its_place(tmp_path, monkeypatch) -> None:
+    """Not before, when another may hold it, or numbers of the command make no sense."""
+    monkeypatch.chdir(tmp_path)
+    held = []
+
+    def planned(scenario):
+        held.append((Path("a-results") / PRIVATE / LOCK).exists())
+        return fly(scenario)
+
+    monkeypatch.setattr(error_cases, "fly", planned)
+    Path("a.toml").write_text(NEAR + PASS + '[study]\ncases = 20\nseed = 1\ndraws = "errors"\n')
+    assert main(["study", "a.toml", "--seed", "-1"]) == 2
+    assert held == []
+    assert main(["study", "a.toml"]) in (0, 1)
+    assert held == [True]
 
 
 def test_histories_of_a_study_are_flown_with_their_errors() -> None:

@@ -95,7 +95,7 @@ def flown(
     held, done = Held(kind, count), 0
     size = kind.at_once
     for (first, end), columns in in_threads(
-        kind.flown, ((k, min(k + size, count)) for k in range(0, count, size))
+        kind.prepared().flown, ((k, min(k + size, count)) for k in range(0, count, size))
     ):
         held.take(first, columns)
         done += end - first
@@ -131,7 +131,7 @@ def kind_of(scenario: Scenario, seed: int) -> Cases:
     if scenario.study is not None and scenario.study.draws == "errors":
         from closeform.campaign.error_cases import ErrorCases  # whose kernels searches can spare
 
-        return ErrorCases.of(scenario, seed)
+        return ErrorCases(scenario, seed)
     if not scenario.searches_alone:
         from closeform.campaign.mission_cases import MissionCases  # whose plans searches can spare
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -41,6 +41,10 @@ class Cases(ABC):
         An array for each, of the same number of rows for each case, in the order of cases; nan is an absent
         number, -1 an absent `leg`.  Raises ScenarioError for cases that cannot be flown.
         """
+
+    def prepared(self) -> Self:
+        """The same with what all cases share, where that takes its time: before threads fly any."""
+        return self
 
     def flown(self, first: int, last: int) -> Columns:
         """The same; whatever cannot be flown is told as what is wrong with the scenario."""

@@ -21,7 +21,6 @@ from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
-from closeform.scenario import Scenario
 from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.histories import Histories
 from closeform.zones.pair_zones import PairZones, portions
@@ -64,28 +63,33 @@ class ErrorCases(Cases):
     within it, and how often they enter.
     """
 
-    mission: Mission
-    meetings: tuple[Meeting, ...]
+    @cached_property
+    def mission(self) -> Mission:
+        """The mission, flown as planned."""
+        return fly(self.scenario)
 
-    @classmethod
-    def of(cls, scenario: Scenario, seed: int) -> Self:
-        """The cases of a mission, which is flown as planned."""
-        mission = fly(scenario)
-        results = [result for result in mission.results if result.flown]
+    @cached_property
+    def meetings(self) -> tuple[Meeting, ...]:
+        """All pairs of which either craft has errors, by the zones and the hard bodies of the mission."""
+        scenario, results = self.scenario, [result for result in self.mission.results if result.flown]
         if not results:
-            return cls(scenario, seed, mission, ())
+            return ()
         paths = [join([result.after.path(name) for result in results]) for name in scenario.names]
         columns = [
             None if craft.errors is None else columns_of(path, craft.errors)
             for craft, path in zip(scenario.craft, paths, strict=True)
         ]
-        meetings = tuple(
+        return tuple(
             meeting(kind, paths, columns, zone, (i, j))
             for kind, table in zip(KINDS, (scenario.zones, scenario.bodies), strict=True)
             for zone, i, j in pairs(table)
             if columns[i] is not None or columns[j] is not None
         )
-        return cls(scenario, seed, mission, meetings)
+
+    def prepared(self) -> Self:
+        """The same with its mission flown."""
+        _ = self.meetings
+        return self
 
     @property
     def at_once(self) -> int:

@@ -25,7 +25,7 @@ class Runner(Protocol):
 
 def local(cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
     """Chunks flown on all cores of this machine."""
-    for _, done in in_threads(partial(chunk.flown, cases), ranges):
+    for _, done in in_threads(partial(chunk.flown, cases.prepared()), ranges):
         yield done
 
 

@@ -60,7 +60,7 @@ def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Reply:
         return Reply((), (f"a worker has {lines}; give all the same versions",))
     try:
         with _building:
-            cases = cases_of(task)
+            cases = cases_of(task).prepared()
         found = (chunk.flown(cases, *one) for one in ranges)
         return Reply(tuple(one._replace(data=one.data.to_pybytes()) for one in found))
     except ScenarioError as error:
