@@ -110,11 +110,11 @@ def gather(
     where, speeds = states(positions, velocities, 2)
     fleet = lost_fleet(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
     with ThreadPoolExecutor(len(WAYS)) as pool:
-        flown = pool.map(lambda code: fleet.fly(where, speeds, code, 8 * where.shape[1]), WAYS.values())
+        flown = pool.map(lambda code: fleet.fly(where, speeds, [code], 8 * where.shape[1]), WAYS.values())
     flights = dict(zip(WAYS, flown, strict=True))
-    results = [flight[2] for flight in flights.values()]
+    results = np.concatenate([flight[2] for flight in flights.values()], axis=1)
     best = list(WAYS)[_least(results)[0]] if burns == "least" else burns
-    totals = {way: float(flight[2][0, TOTAL]) for way, flight in flights.items()}
+    totals = {way: float(flight[2][0, 0, TOTAL]) for way, flight in flights.items()}
     return _gathering(fleet, where[0], speeds[0], best, totals, *flights[best])
 
 
@@ -172,8 +172,8 @@ def gather_cases(
     ways = list(WAYS.values()) if burns == "least" else [WAYS[burns]]
 
     def part(some: slice) -> Floats:
-        each = [fleet.fly(where[some], speeds[some], way, 0, some)[2] for way in ways]
-        best: Floats = np.take_along_axis(np.stack(each), _least(each)[None, :, None], axis=0)[0]
+        each = fleet.fly(where[some], speeds[some], ways, some=some)[2]
+        best: Floats = each[np.arange(len(each)), _least(each)]
         return best
 
     results = np.concatenate(in_parts(part, len(where), EACH_CALL))
@@ -191,14 +191,15 @@ def gather_cases(
     )
 
 
-def _least(results: Sequence[Floats]) -> Any:
-    """The way that leaves the fewest craft in each case, of those the cheapest, of equals the first."""
-    table = np.stack(results)
-    spent = table[:, :, TOTAL]
-    tied = np.abs(spent - spent[:1]) <= 1e-12 * spent[:1]  # the same burns, added up in another order
-    spent = np.where(tied, spent[:1], spent)
-    fewest = table[:, :, LEFT] == table[:, :, LEFT].min(axis=0)
-    return np.argmin(np.where(fewest, spent, inf), axis=0)
+def _least(results: Floats) -> Any:
+    """Of results (C, ways, ...) the way that leaves the fewest craft in each case, of those the cheapest.
+
+    Of equals the first.
+    """
+    spent, left = results[..., TOTAL], results[..., LEFT]
+    tied = np.abs(spent - spent[:, :1]) <= 1e-12 * spent[:, :1]  # the same burns, added up in another order
+    spent = np.where(tied, spent[:, :1], spent)
+    return np.argmin(np.where(left == left.min(axis=1, keepdims=True), spent, inf), axis=1)
 
 
 def _gathering(
@@ -212,11 +213,11 @@ def _gathering(
     results: Floats,
 ) -> Gathering:
     """The kernel's numbers as objects."""
-    duration = float(results[0, END_TIME])
+    duration = float(results[0, 0, END_TIME])
     sets = [np.flatnonzero(labels == k) for k in np.unique(labels[labels != LOST])]
     members = tuple(tuple(map(int, some)) for some in sets)
     lost = tuple(map(int, np.flatnonzero(labels == LOST)))
-    done = results[0, LEFT] == 0
+    done = results[0, 0, LEFT] == 0
     burned = events[events[:, 1] != LOCK]
     delta_v = np.zeros(len(positions))
     np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))

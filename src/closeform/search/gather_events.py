@@ -8,9 +8,19 @@ from numba import bool_, float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, lent
 from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOuts, correction
 from closeform.search.lock_march import END, NEVER, START, LockSensor
-from closeform.search.next_locks import NextLocks, Turns, earliest_row, foresee_anew, forget, perfect
+from closeform.search.next_locks import (
+    NextLocks,
+    Turns,
+    earliest_row,
+    foresee_anew,
+    forget,
+    least_of_row,
+    next_lock,
+    perfect,
+)
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_around, look_between
 
@@ -144,25 +154,33 @@ def newcomers(craft, low, high, label):
 
 
 @kernel()
-def begin(turns, craft, next_locks, log):
-    """All are lost, and all locks are foreseen."""
-    times, earliest, partner = next_locks
+def place(craft, position, velocity):
+    """All are lost, and where they were at first."""
+    rows = craft.rows
+    for i in range(len(rows)):
+        for k in range(3):
+            rows[i, k], rows[i, VELOCITY + k] = position[i, k], velocity[i, k]
+        rows[i, SINCE] = rows[i, SPENT] = 0.0
+        craft.labels[i], craft.moved[i] = LOST, False
+
+
+@kernel()
+def begin(monitor, next_locks, foreseen, log):
+    """Nothing has happened, nobody has met, and the next locks are as they were `foreseen` (A, B)."""
     log.count[0] = 0
-    for i in range(len(craft.labels)):
-        craft.labels[i] = LOST
-        craft.moved[i] = True
-    for a in range(len(earliest)):
-        earliest[a], partner[a] = inf, 0
-        for b in range(times.shape[1]):
-            times[a, b] = inf
-    foresee_anew(turns, craft, next_locks, 0.0)
+    for i in range(len(monitor.met)):
+        for j in range(len(monitor.met)):
+            monitor.looked[i, j], monitor.met[i, j] = 0.0, APART
+    for a in range(len(foreseen)):
+        for b in range(foreseen.shape[1]):
+            next_locks.times[a, b] = foreseen[a, b]
+        least_of_row(next_locks, a)
 
 
 @kernel()
 def fly_one(turns, monitor, craft, next_locks, log, way, result):
-    """Fly one gathering; what came of it in `result`."""
+    """Fly one gathering that has begun; what came of it in `result`."""
     legs, labels, pushes = turns.legs, craft.labels, turns.pushes
-    begin(turns, craft, next_locks, log)
     end, t, leg = turns.end, 0.0, NEVER
     formed, unused, push = 0, 1, 0
     while formed < len(labels):
@@ -214,35 +232,49 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
 
 
 @kernel()
+def fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, velocities, labels, results):
+    """Fly gatherings, each in all ways; what all see at first is foreseen once for all of them."""
+    turns, monitor, craft = lent(turns), lent(monitor), lent(craft)
+    next_locks, log, foreseen = lent(next_locks), lent(log), borrowed(foreseen)
+    positions, velocities = borrowed(positions), borrowed(velocities)
+    labels, results = borrowed(labels), borrowed(results)
+    for c in range(len(positions)):
+        place(craft, positions[c], velocities[c])
+        for a in range(len(foreseen)):
+            for b in range(foreseen.shape[1]):
+                foreseen[a, b] = next_lock(turns, craft, a, b, 0.0)
+        for w in range(len(ways)):
+            place(craft, positions[c], velocities[c])
+            begin(monitor, next_locks, foreseen, log)
+            fly_one(turns, monitor, craft, next_locks, log, ways[w], results[c, w])
+        for i in range(len(craft.labels)):
+            labels[c, i] = craft.labels[i]
+
+
+@kernel()
 def fly_cases(
-    turns, way, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
+    turns, ways, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
 ):
-    """Fly gatherings of one search; `events` holds those of the last one, the others a row for each."""
-    count = positions.shape[1]
+    """Fly gatherings of one search in some ways; `events` holds those of the last one, all have a row each.
+
+    Here is the room in which they are flown, one after another, so that it need not be counted there.
+    """
+    count, seen = positions.shape[1], positions.shape[1] if keeps else 0
     rows, shared, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    seen = count if keeps else 0
+    sets = np.empty(count, dtype=np.int64)
     looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
-    monitor = KeepOutMonitor(keeps, KeepOuts(kinds, table, boxes, matrices), looked, met, scratch)
-    pairs = np.empty((len(turns.first), len(turns.second)))
-    next_locks = NextLocks(pairs, np.empty(len(pairs)), np.empty(len(pairs), dtype=np.int64))
+    monitor = KeepOutMonitor(keeps, lent(KeepOuts(kinds, table, boxes, matrices)), looked, met, scratch)
+    times, foreseen = np.empty((2, len(turns.first), len(turns.second)))
+    next_locks = NextLocks(times, np.empty(len(times)), np.empty(len(times), dtype=np.int64))
     log = EventLog(events, np.zeros(1, dtype=np.int64))
-    for c in range(len(positions)):
-        for i in range(count):
-            for k in range(3):
-                rows[i, k] = positions[c, i, k]
-                rows[i, VELOCITY + k] = velocities[c, i, k]
-            rows[i, SINCE] = rows[i, SPENT] = 0.0
-        for i in range(seen):
-            for j in range(seen):
-                looked[i, j], met[i, j] = 0.0, APART
-        craft = Craft(rows, labels[c], moved, fresh, shared)
-        fly_one(turns, monitor, craft, next_locks, log, way, results[c])
+    craft = Craft(rows, sets, moved, fresh, shared)
+    fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, velocities, labels, results)
 
 
 FLOWN = (  # what entry points take of all gatherings
-    *(int64, bool_, int64[::1], int64[:, ::1], bool_[::1], float64[:, :, :, ::1]),
-    *(float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], int64[:, ::1], float64[:, ::1]),
+    *(int64[::1], bool_, int64[::1], int64[:, ::1], bool_[::1], float64[:, :, :, ::1]),
+    *(float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], int64[:, ::1], float64[:, :, ::1]),
 )
 
 
@@ -253,7 +285,7 @@ def fly_all(
     second: Any,
     pushes: Floats,
     sensor: Floats,
-    way: int,
+    ways: Any,
     keeps: bool,
     kinds: Any,
     table: Any,
@@ -265,9 +297,9 @@ def fly_all(
     labels: Any,
     results: Floats,
 ) -> None:
-    """Fly gatherings of craft that turn as the search asks."""
+    """Fly gatherings of craft that turn as the search asks, in each of some ways."""
     see = LockSensor(sensor[0], sensor[1], sensor[2])
     turns = Turns(legs, first, second, legs[-1, END], pushes, perfect, see)
     fly_cases(
-        turns, way, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
+        turns, ways, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
     )

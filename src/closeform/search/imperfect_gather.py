@@ -10,6 +10,7 @@ from numba import float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
+from closeform.kernel_loans import lent
 from closeform.search.gather_events import FLOWN, fly_cases
 from closeform.search.imperfect import imperfect_lock
 from closeform.search.next_locks import Turns
@@ -30,8 +31,9 @@ class Astray(NamedTuple):
 @kernel()
 def astray(turns, i, j, t, position, velocity):
     """When craft i of A and j of B lock next; the position is that at time 0."""
-    own, craft, offset, swings = turns.see
-    when, _ = imperfect_lock(own, t, position, velocity, offset, craft[i], craft[j], swings)
+    see = turns.see
+    one, other = see.craft[i], see.craft[j]
+    when, _ = imperfect_lock(see.turns, t, position, velocity, see.offset, one, other, see.swings)
     return when
 
 
@@ -57,7 +59,7 @@ def fly_astray(
     craft: Floats,
     ends: Floats,
     offset: float,
-    way: int,
+    ways: Any,
     keeps: bool,
     kinds: Any,
     table: Any,
@@ -72,12 +74,12 @@ def fly_astray(
     """Fly gatherings whose craft (C, N, 8) differ, with `pushes` (C, P, 6), until `ends` (C,)."""
     swings = np.empty((2, 16))
     for c in range(len(positions)):
-        see = Astray(own, craft[c], offset, swings)
+        see = lent(Astray(own, craft[c], offset, swings))
         turns = Turns(legs, first, second, ends[c], pushes[c], astray, see)
         one = slice(c, c + 1)
         fly_cases(
             turns,
-            way,
+            ways,
             keeps,
             kinds,
             table,

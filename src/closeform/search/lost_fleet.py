@@ -39,21 +39,27 @@ class LostFleet:
     craft: Floats  # (C, N, 8) of those that have errors
 
     def fly(
-        self, positions: Floats, velocities: Floats, way: int, room: int, some: slice = slice(None)
+        self,
+        positions: Floats,
+        velocities: Floats,
+        ways: Sequence[int],
+        room: int = 0,
+        some: slice = slice(None),
     ) -> tuple[Floats, Any, Floats]:
-        """Events (E, 10) of the last case, if `room` is not 0, labels (C, N) and results (C, RESULT + N).
+        """Gatherings in each of some `ways` who of the first pair burns; `some` of all cases are these.
 
-        `some` of all cases are these.
+        Events (E, 10) of the last case and way, if there is `room` for any, labels (C, N) of the last way,
+        and results (C, ways, RESULT + N).
         """
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
-        results = np.empty((len(positions), RESULT + positions.shape[1]))  # and what each craft spent
+        results = np.empty((len(positions), len(ways), RESULT + positions.shape[1]))  # and what each spent
         kept = self.keep_out or PairZones.of([None] * len(self.groups))
         both = [(zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)) for zone in kept.zones]
         boxes = np.array([zone.shape == CUBE for zone in kept.zones], dtype=bool)
         zones = bool(kept.zones), kept.kinds, kept.table, boxes, np.array(both).reshape(-1, 2, 3, 3)
         first, second = (np.flatnonzero(np.array(self.groups) == group) for group in ("A", "B"))
-        flown = way, *zones, positions, velocities, events, labels, results
+        flown = np.array(ways), *zones, positions, velocities, events, labels, results
         if self.errors is None:
             sensor = self.search.sensor
             see = np.array([sensor.baseline, sensor.cosine, sensor.range])
@@ -64,9 +70,9 @@ class LostFleet:
 
             own = turn_rows(self.search), self.craft[some], self.ends[some], self.search.sensor.offset
             fly_astray(self.search.table, first, second, self.pushes[some], *own, *flown)
-        count = int(results[-1, EVENTS])
+        count = int(results[-1, -1, EVENTS])
         if room and count > room:
-            return self.fly(positions, velocities, way, count, some)
+            return self.fly(positions, velocities, ways, count, some)
         return events[:count], labels, results
 
     @cached_property

@@ -49,7 +49,7 @@ def perfect(turns, i, j, t, position, velocity):
 
 @kernel()
 def least_of_row(next_locks, a):
-    times, earliest, partner = next_locks
+    times, earliest, partner = next_locks.times, next_locks.earliest, next_locks.partner
     earliest[a], partner[a] = inf, 0
     for b in range(times.shape[1]):
         if times[a, b] < earliest[a]:
@@ -57,23 +57,29 @@ def least_of_row(next_locks, a):
 
 
 @kernel()
-def foresee(turns, craft, next_locks, a, b, t):
-    """Enter the next lock of the craft of row a and column b from time t on; inf if they know each other."""
-    times, earliest, partner = next_locks
+def next_lock(turns, craft, a, b, t):
+    """The next lock of the craft of row a and column b from time t on; inf if they know each other."""
     i, j = turns.first[a], turns.second[b]
     one, other, labels = craft.rows[i], craft.rows[j], craft.labels
-    when = inf
+    if labels[i] != LOST and labels[i] == labels[j]:
+        return inf
     # the march counts from time 0, which loses digits only to craft that fly far beyond their distance
-    if labels[i] == LOST or labels[i] != labels[j]:
-        s, u = one[SINCE], other[SINCE]
-        velocity = other[3] - one[3], other[4] - one[4], other[5] - one[5]
-        position = (
-            other[0] - other[3] * u - (one[0] - one[3] * s),
-            other[1] - other[4] * u - (one[1] - one[4] * s),
-            other[2] - other[5] * u - (one[2] - one[5] * s),
-        )
-        when = turns.next_lock(turns, i, j, t, position, velocity)
-    times[a, b] = when
+    s, u = one[SINCE], other[SINCE]
+    velocity = other[3] - one[3], other[4] - one[4], other[5] - one[5]
+    position = (
+        other[0] - other[3] * u - (one[0] - one[3] * s),
+        other[1] - other[4] * u - (one[1] - one[4] * s),
+        other[2] - other[5] * u - (one[2] - one[5] * s),
+    )
+    return turns.next_lock(turns, i, j, t, position, velocity)
+
+
+@kernel()
+def foresee(turns, craft, next_locks, a, b, t):
+    """Enter the next lock of the craft of row a and column b from time t on."""
+    earliest, partner = next_locks.earliest, next_locks.partner
+    when = next_lock(turns, craft, a, b, t)
+    next_locks.times[a, b] = when
     if when < earliest[a] or (when == earliest[a] and b < partner[a]):
         earliest[a], partner[a] = when, b
     elif partner[a] == b:
