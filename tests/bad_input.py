@@ -861,6 +861,18 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'study.vary."craft.positon": cannot vary; did you mean craft.position?',
     ),
     Bad(
+        "a key that may be one of two",
+        "",
+        STUDY + '[study.vary]\n"craft.pointing" = { ball = "1 deg" }\n',
+        'study.vary."craft.pointing": cannot vary; did you mean craft.position or craft.pointing_error?',
+    ),
+    Bad(
+        "a key that may vary, without its table",
+        "",
+        STUDY + '[study.vary]\nposition = { ball = "1 m" }\n',
+        "study.vary.position: cannot vary; did you mean craft.position?",
+    ),
+    Bad(
         "a draw in the wrong unit",
         "",
         STUDY + '[study.vary]\n"craft.position" = { ball = "1 s" }\n',
@@ -993,6 +1005,13 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         ALTITUDE,
         ALTITUDE + '\nepoch = "2026-06-30T23:59:60Z"',
         f'orbit.epoch: "2026-06-30T23:59:60Z" is no epoch; {AN_EPOCH}',
+    ),
+    Bad(
+        "a key that belongs into a table inside",
+        ALTITUDE,
+        'epoch = "2026-11-22T12:00:00Z"\nchief = { elements = { inclination = "51 deg", latitude = "0 deg", '
+        'altitude = "500 km" }, eccentrcity = 0.01 }',
+        "orbit.chief.eccentrcity: unknown key; did you mean elements.eccentricity?",
     ),
     Bad(
         "a chief without an epoch",

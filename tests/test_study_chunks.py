@@ -101,7 +101,7 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     [
         (["--seed", "8"], "seed 7, not 8"),
         (["--cases", "200"], "cases 300, not 200"),
-        ([], "another scenario"),
+        ([], 'another scenario: study.vary."craft.velocity".normal "5 cm/s", not "6 cm/s"; give'),
         (["versions"], "numpy 0.1, not"),
     ],
 )
@@ -125,6 +125,28 @@ def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) ->
     assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == (
         200 if "--cases" in options else 300
     )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "what"),
+    [
+        ("closeform = 1", "# a note\ncloseform = 1", "another scenario: in comments or layout alone; give"),
+        ("seed = 7", "seed = 8", "another scenario: study.seed 7, not 8; give"),
+        (
+            'slew_rate = "0.25 deg/s"\nsun_limit = "25 deg"\n',
+            'slew_rate = "0.2 deg/s"\nsun_limit = "26 deg"\ntip_angle = "20 deg"\nin_plane_turn = "1 rad"\n',
+            'another scenario: search.slew_rate "0.25 deg/s", not "0.2 deg/s", search.sun_limit "25 deg", '
+            'not "26 deg", search.tip_angle absent, not "20 deg" and 1 more; give',
+        ),
+    ],
+)
+def test_what_differs_is_named(old, new, what, desk, monkeypatch, capsys) -> None:
+    assert stopped(monkeypatch, 2, KeyboardInterrupt()) == 130
+    assert old in NARROW
+    (desk / "narrow.toml").write_text(NARROW.replace(old, new))
+    capsys.readouterr()
+    assert main(STUDY) == 2
+    assert f"an unfinished study of {what} the same again" in capsys.readouterr().err
 
 
 def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:

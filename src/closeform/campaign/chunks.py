@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -15,8 +15,11 @@ from closeform.campaign.cases import Cases, Columns, Range
 from closeform.campaign.chunk import Chunk, decoded
 from closeform.manifest import append, entries, rewrite
 from closeform.result_folder import digest
+from closeform.scenario.changes import changes
+from closeform.scenario.quantity import shown
 
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
+NAMED = 3  # keys of a scenario that are named where more differ
 
 
 class CaseChunks(Protocol):
@@ -97,8 +100,8 @@ class Stored:
         """What the study is: nothing else may be mixed with it."""
         scenario = self.cases.scenario
         return {
-            "scenario": scenario.digest,
-            "inputs": sorted((scenario.inputs.digests if scenario.inputs is not None else {}).values()),
+            "text": scenario.text,
+            "files": scenario.inputs.digests if scenario.inputs is not None else {},
             "seed": self.cases.seed,
             "cases": self.count,
             "chunk": self.cases.at_once,
@@ -165,14 +168,24 @@ def versions() -> dict[str, str]:
 
 def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int) -> str:
     """What differs between the study that is asked for and that which is there, and the remedy."""
-    names = [name for name, value in asked.items() if known.get(name) != value]
-    told = [
-        f"another {name}"
-        if name in ("scenario", "inputs")
-        else f"{name} {known.get(name)}, not {asked[name]}"
-        for name in names
-    ]
+    differing = {name: value for name, value in asked.items() if known.get(name) != value}
+    keys, told = list[str](), list[str]()
+    if "text" in differing:
+        keys = changes(known.get("text", ""), differing.pop("text"))
+        told.append(f"another scenario: {some(keys)}")
+    if "files" in differing:
+        before, after = known.get("files", {}), differing.pop("files")
+        files = (shown(name) for name in {**before, **after} if before.get(name) != after.get(name))
+        told.append(f"other contents of {', '.join(files)}")
+    plain = (f"{name} {known.get(name)}, not {value}" for name, value in differing.items())
+    told += [one for one in plain if f"study.{one}" not in keys[:NAMED]]
     return (
         f"holds {chunks} chunk{'s' * (chunks != 1)} of an unfinished study of {', '.join(told)}; "
         "give the same again to go on, or --overwrite to start anew"
     )
+
+
+def some(keys: Sequence[str]) -> str:
+    """The first of some keys that differ, and how many more do."""
+    more = f" and {len(keys) - NAMED} more" * (len(keys) > NAMED)
+    return ", ".join(keys[:NAMED]) + more or "in comments or layout alone"

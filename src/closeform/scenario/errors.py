@@ -1,7 +1,7 @@
 """What is wrong with a scenario file: one line each, `key: what is wrong; remedy`."""
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, get_args
 
@@ -54,11 +54,17 @@ def meant_by(line: str) -> str | None:
     return found[1] if found else None
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """The remedy for a word that is not among the known ones."""
+def did_you_mean(word: str, known: Iterable[str], near: Sequence[str] | None = None) -> str:
+    """The remedy for a word that is not among the known ones; `near` are others that it may stand for."""
     choices = list(known)
-    near = get_close_matches(word, choices, n=1, cutoff=0.6)
-    return f"did you mean {near[0]}?" if near else f"use one of {', '.join(choices)}"
+    found = get_close_matches(word, choices, n=1, cutoff=0.6) if near is None else near
+    return f"did you mean {' or '.join(found)}?" if found else f"use one of {', '.join(choices)}"
+
+
+def alike(key: str, known: Iterable[str], most: int) -> list[str]:
+    """Of keys with a table before them those whose last part is like that of a key, the most alike first."""
+    last = {one.rpartition(".")[2]: one for one in known}
+    return [last[one] for one in get_close_matches(key.rpartition(".")[2], last, n=most, cutoff=0.7)]
 
 
 def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Place, str]]:
@@ -78,7 +84,8 @@ def message(found: Any, table: type[Table]) -> str:
     if kind == "missing":
         return f"missing; add for example {example}"
     if kind == "extra_forbidden":
-        return f"unknown key; {did_you_mean(key, list(keys))}"
+        inside = [] if owner is None or get_close_matches(key, keys) else alike(key, keys_inside(owner), 1)
+        return f"unknown key; {did_you_mean(key, keys, inside or None)}"
     if kind == "value_error":
         return str(context["error"])
     if kind == "literal_error":
@@ -115,6 +122,13 @@ def owner_of(table: type[Table], place: Place) -> type[Table] | None:
             tables = [*tables_in(field.annotation)]
             owner = tables[-1 if EACH in place else 0] if tables else None
     return owner
+
+
+def keys_inside(table: type[Table]) -> Iterator[str]:
+    """The keys of the tables that a table may hold: `elements.altitude`."""
+    for name, field in table.model_fields.items():
+        for inner in tables_in(field.annotation):
+            yield from (f"{table.key_of(name)}.{key}" for key in inner.examples())
 
 
 def tables_in(annotation: Any) -> Iterator[type[Table]]:

@@ -5,12 +5,13 @@ from math import hypot, inf, pi
 from typing import Any
 
 from closeform.scenario.craft import MOST_TURN, Craft
-from closeform.scenario.errors import did_you_mean, dotted
+from closeform.scenario.errors import alike, did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Gather
 from closeform.scenario.study import NORMAL_REACH, SEARCHED, Draw, draw_error, readers
 
 WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # what readers do not bound
+NEAR = 3  # keys that are named for one that cannot vary
 
 
 def study(scenario: Scenario) -> Iterator[str]:
@@ -28,7 +29,7 @@ def study(scenario: Scenario) -> Iterator[str]:
         place, known = dotted(("study", "vary", key)), readers()
         section = key.split(".")[0]
         if key not in known:
-            yield f"{place}: cannot vary; {did_you_mean(key, known)}"
+            yield f"{place}: cannot vary; {did_you_mean(key, known, alike(key, known, NEAR))}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
         elif section != "craft" and getattr(scenario, section) is None:
