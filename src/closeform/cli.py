@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
+from closeform import own_process
 from closeform.console import (
     WIDTH,
     OutputError,
@@ -23,7 +24,6 @@ from closeform.console import (
 )
 from closeform.flights import fly as fly_run
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
-from closeform.numba_import import collect_rarely, import_numba
 from closeform.screens import encounter, export, screen
 from closeform.studies import study
 
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def make_haste(tokens: list[str]) -> None:
     """What shortens a command that has its process for itself."""
-    collect_rarely()
+    own_process.begin()
     if not sys.stdout.isatty():
         os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
@@ -91,7 +91,7 @@ def make_haste(tokens: list[str]) -> None:
 
         drawing.begin()
     if tokens[:1] in (["run"], ["check"], ["screen"], ["encounter"], ["study"]):
-        import_numba()
+        own_process.import_numba()
 
 
 @app.command(sort_key=0)

@@ -30,7 +30,7 @@ def compile_for(text: str) -> None:
 
 def compile_beside(modules: list[str]) -> None:
     """Start a process that compiles what `modules` hold; it ends with this one at the latest."""
-    ahead = "from closeform.numba_import import import_numba; import_numba()"
+    ahead = "from closeform.own_process import import_numba; import_numba()"
     code = f"{ahead}; from closeform.warmup import compile_all; compile_all({modules})"
     command = [sys.executable, "-P", "-c", code]  # nothing from the folder where the user stands
     other = subprocess.Popen(

@@ -11,7 +11,7 @@ from importlib import import_module
 from threading import Thread
 from typing import TYPE_CHECKING
 
-from closeform.numba_import import collect_rarely, import_numba
+from closeform import own_process
 
 if TYPE_CHECKING:
     from closeform.report.picture import Picture, Progress, Shot
@@ -61,8 +61,8 @@ def begin() -> None:
 def serve() -> None:
     """Draw what standard input asks for, as long as it does: the second process."""
     answers, sys.stdout = sys.stdout.buffer, sys.stderr
-    collect_rarely()
-    import_numba()
+    own_process.begin()
+    own_process.import_numba()
     for ahead in AHEAD:
         import_module(ahead)
     while True:

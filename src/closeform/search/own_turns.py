@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from closeform.arrays import Floats
 from closeform.search.leg import Group, rotation
@@ -54,6 +53,8 @@ class OwnTurns:
 
     def _bodies(self, nominal: Floats) -> Floats:
         """Attitudes (..., N, 3, 3) from what the search asks of A's (3, 3) or (N, 3, 3)."""
+        from scipy.spatial.transform import Rotation  # a quarter of a second, for pictures of any kind else
+
         sides = np.stack([OF_GROUP[group] for group in self.groups])[:, None, :]
         turned = self.errors.pointing
         bodies = Rotation.from_rotvec(np.array(turned).reshape(-1, 3)).as_matrix().reshape(*turned.shape, 3)
