@@ -128,12 +128,15 @@ def flown(
 
 
 def _side_by_side(field: Field, course: Course, each: tuple[Floats, ...]) -> None:
-    """Fly a stretch of all flights on all cores; each array of `each` has one row for a flight."""
+    """Fly a stretch of all flights on all cores; arrays of `each` are (S, N, ...) of S flights."""
+
+    flights, count = each[0].shape[:2]
+    flat = [rows.reshape(flights * count, *rows.shape[2:]) for rows in each]
 
     def some(part: slice) -> None:
-        fly_all(field._constants, course, *(rows[part] for rows in each))
+        of_each = slice(part.start * count, part.stop * count)
+        fly_all(field._constants, course, *(rows[of_each] for rows in flat))
 
-    flights = len(each[0])
     size = max(FEW, -(-flights // (os.cpu_count() or 1)))
     parts = [slice(k, k + size) for k in range(0, flights, size)]
     if len(parts) == 1:

@@ -1,7 +1,8 @@
 """Flights: craft that are integrated in a field, with thrust as commanded and as corrected.
 
 What is integrated is the difference from the chief, whose own motion is known: steps of fourth order are
-then off in proportion to that.
+then off in proportion to that.  Flights go side by side in lanes: what they share is read once for all of
+them, and loops over lanes become vector instructions.
 """
 
 from math import cos, sin, sqrt
@@ -11,9 +12,13 @@ from numba import float64, int64, types, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.field.gravity import pull
-from closeform.kernel_loans import borrowed, lent, stack_vector
+from closeform.field.gravity import pull_all
+from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
 
+LANES = 16  # flights of a craft, side by side
+# Rows of lanes: the state from the chief, inertial, the deviation that counts, that which was seen, errors of
+# thrust, what is spent, the craft, its limit and ballistic coefficient.
+Y, COUNTED, SEEN, ERROR, SPENT, CRAFT, LIMIT, BALLISTIC, LANE = 0, 6, 12, 18, 22, 24, 25, 26, 27
 SIDE, BIT, MOST, THRUSTER = 0, 3, 4, 5  # of a thruster: where it pushes, the least and the most at a time
 CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and what tells how much of each
 
@@ -61,62 +66,53 @@ COURSE = types.NamedTuple(
 
 
 @kernel()
-def relative(course, node, s, out):
-    """Fill `out` (6,) with a state in the chief's axes, of an inertial difference from it."""
-    for axis in range(3):
-        out[axis], out[3 + axis] = 0.0, 0.0
+def relative(axes, turn, s, out):
+    """Fill `out` (6, LANES) with states in the chief's axes, of inertial differences `s` from it."""
+    for m in range(LANES):
         for k in range(3):
-            out[axis] += course.axes[node, axis, k] * s[k]
-            out[3 + axis] += course.axes[node, axis, k] * s[3 + k]
-    wx, wy, wz = course.turn[node, 0], course.turn[node, 1], course.turn[node, 2]
-    out[3] -= wy * out[2] - wz * out[1]
-    out[4] -= wz * out[0] - wx * out[2]
-    out[5] -= wx * out[1] - wy * out[0]
+            out[k, m] = axes[k, 0] * s[0, m] + axes[k, 1] * s[1, m] + axes[k, 2] * s[2, m]
+            out[3 + k, m] = axes[k, 0] * s[3, m] + axes[k, 1] * s[4, m] + axes[k, 2] * s[5, m]
+        out[3, m] -= turn[1] * out[2, m] - turn[2] * out[1, m]
+        out[4, m] -= turn[2] * out[0, m] - turn[0] * out[2, m]
+        out[5, m] -= turn[0] * out[1, m] - turn[1] * out[0, m]
 
 
 @kernel()
-def inertial(course, node, r, out):
+def inertial(axes, turn, r, out):
     """Fill `out` (6,) with the inertial difference from the chief, of a state in its axes."""
-    wx, wy, wz = course.turn[node, 0], course.turn[node, 1], course.turn[node, 2]
-    vx = r[3] + wy * r[2] - wz * r[1]
-    vy = r[4] + wz * r[0] - wx * r[2]
-    vz = r[5] + wx * r[1] - wy * r[0]
+    vx = r[3] + turn[1] * r[2] - turn[2] * r[1]
+    vy = r[4] + turn[2] * r[0] - turn[0] * r[2]
+    vz = r[5] + turn[0] * r[1] - turn[1] * r[0]
     for k in range(3):
-        a = course.axes[node]
-        out[k] = a[0, k] * r[0] + a[1, k] * r[1] + a[2, k] * r[2]
-        out[3 + k] = a[0, k] * vx + a[1, k] * vy + a[2, k] * vz
+        out[k] = axes[0, k] * r[0] + axes[1, k] * r[1] + axes[2, k] * r[2]
+        out[3 + k] = axes[0, k] * vx + axes[1, k] * vy + axes[2, k] * vz
 
 
-@kernel()
-def erred(error, u, axes, out):
-    """Fill `out` (3,), inertial, with a thrust or an impulse as it comes out, and `u` in the chief's axes."""
-    grown = 1.0 + error[0]
-    x = grown * (u[0] + error[2] * u[2] - error[3] * u[1])
-    y = grown * (u[1] + error[3] * u[0] - error[1] * u[2])
-    z = grown * (u[2] + error[1] * u[1] - error[2] * u[0])
-    u[0], u[1], u[2] = x, y, z
-    for k in range(3):
-        out[k] = axes[0, k] * x + axes[1, k] * y + axes[2, k] * z
+@kernel(inline=True)
+def erred(lanes, m, x, y, z):
+    """A thrust or an impulse of a lane as it comes out."""
+    grown, a, b, c = 1.0 + lanes[ERROR, m], lanes[ERROR + 1, m], lanes[ERROR + 2, m], lanes[ERROR + 3, m]
+    return grown * (x + b * z - c * y), grown * (y + c * x - a * z), grown * (z + a * y - b * x)
 
 
-@kernel()
-def push(course, i, step, half, deviation, error, spent, weight, out):
-    """Fill `out` (3,) with the thrust of craft i in a step, inertial; `spent` adds it up, by a weight."""
-    u = stack_vector(3)
-    size = 0.0
-    for axis in range(3):
-        u[axis] = course.commanded[i, step, half, axis]
-        for k in range(6):
-            u[axis] += course.law[course.rows[step] + half, axis, k] * deviation[k]
-        size += u[axis] * u[axis]
-    size = sqrt(size)
-    if size > course.limits[i]:
+@kernel(inline=True)
+def push(course, lanes, step, half, weight, u, out):
+    """Fill `out` (3, LANES) with thrust in a step, inertial; what is spent adds it up, by a weight."""
+    law, axes = course.law[course.rows[step] + half], course.axes[2 * step + half]
+    for m in range(LANES):
         for axis in range(3):
-            u[axis] *= course.limits[i] / size
-        size = course.limits[i]
-        spent[1] += weight
-    spent[0] += weight * size
-    erred(error, u, course.axes[2 * step + half], out)
+            u[axis, m] = course.commanded[int(lanes[CRAFT, m]), step, half, axis]
+            for k in range(6):
+                u[axis, m] += law[axis, k] * lanes[COUNTED + k, m]
+    for m in range(LANES):
+        size, most = sqrt(u[0, m] * u[0, m] + u[1, m] * u[1, m] + u[2, m] * u[2, m]), lanes[LIMIT, m]
+        share = most / size if size > most else 1.0
+        lanes[SPENT, m] += weight * min(size, most)
+        lanes[SPENT + 1, m] += weight if size > most else 0.0
+        u[0, m], u[1, m], u[2, m] = erred(lanes, m, share * u[0, m], share * u[1, m], share * u[2, m])
+    for m in range(LANES):
+        for k in range(3):
+            out[k, m] = axes[0, k] * u[0, m] + axes[1, k] * u[1, m] + axes[2, k] * u[2, m]
 
 
 @kernel()
@@ -149,107 +145,164 @@ def allocated(course, i, angle, v):
 
 
 @kernel()
-def kick(course, i, node, deviation, error, spent, y, fired):
-    """Change the state `y` (6,) by the impulses of craft i at a node, planned and corrected: `fired` (3,)."""
-    planned, way_back, change = stack_vector(3), stack_vector(3), stack_vector(3)
+def kick(course, i, node, deviation, fired):
+    """Fill `fired` (3,) with the impulses of craft i at a node, planned and corrected; what they spend."""
+    planned = stack_vector(3)
     for axis in range(3):
-        planned[axis], way_back[axis] = course.jumps[i, node, axis], 0.0
+        planned[axis], fired[axis] = course.jumps[i, node, axis], 0.0
         if course.kicks[node] >= 0:
             for k in range(6):
-                way_back[axis] += course.gains[course.kicks[node], axis, k] * deviation[k]
+                fired[axis] += course.gains[course.kicks[node], axis, k] * deviation[k]
+    spent = 0.0
     if course.thrusters.shape[1] > 0:
-        spent[0] += allocated(course, i, course.angles[i, node], way_back)
+        spent = allocated(course, i, course.angles[i, node], fired)
     else:
         for axis in range(3):
-            planned[axis] += way_back[axis]
-            way_back[axis] = 0.0
+            planned[axis] += fired[axis]
+            fired[axis] = 0.0
     size = sqrt(planned[0] * planned[0] + planned[1] * planned[1] + planned[2] * planned[2])
     if size < course.bits[i]:
-        size = 0.0
-    spent[0] += size
+        return spent
     for axis in range(3):
-        way_back[axis] += planned[axis] if size > 0.0 else 0.0
-    erred(error, way_back, course.axes[2 * node], change)
-    for k in range(3):
-        y[3 + k] += change[k]
-        fired[k] = way_back[k]
+        fired[axis] += planned[axis]
+    return spent + size
 
 
 @kernel()
-def answer(course, seen, counted):
-    """Make what was `seen` (6,) what is `counted`, as far on as it is by now: with what that has thrust."""
-    found = stack_vector(6)
-    for axis in range(6):
-        found[axis] = 0.0
+def kick_all(course, lanes, node, impulses, here):
+    """Change lanes, and states `here` (6, LANES) in the chief's axes, by `impulses` (W, Q, 3) at a node."""
+    deviation, fired, axes = stack_vector(6), stack_vector(3), course.axes[2 * node]
+    for m in range(len(impulses)):
         for k in range(6):
-            found[axis] += course.late[0, axis, k] * seen[k] + course.late[1, axis, k] * counted[k]
-    for k in range(6):
-        counted[k] = found[k]
+            deviation[k] = lanes[COUNTED + k, m]
+        lanes[SPENT, m] += kick(course, int(lanes[CRAFT, m]), node, deviation, fired)
+        fired[0], fired[1], fired[2] = erred(lanes, m, fired[0], fired[1], fired[2])
+        for k in range(3):
+            impulses[m, course.fires[node], k] = fired[k]
+            here[3 + k, m] += fired[k]
+            lanes[Y + 3 + k, m] += axes[0, k] * fired[0] + axes[1, k] * fired[1] + axes[2, k] * fired[2]
 
 
-@kernel(void(float64[::1], COURSE, FOUR, BLOCKS, BLOCKS, FOUR, FOUR, BLOCKS))
+@kernel()
+def measure(course, lanes, node, wrong, here):
+    """See how far states `here` (6, LANES) are off the plan, with errors `wrong` (W, M, 6)."""
+    for m in range(len(wrong)):
+        i = int(lanes[CRAFT, m])
+        for k in range(6):
+            jump = course.jumps[i, node, k - 3] if k > 2 else 0.0
+            off = here[k, m] - course.planned[i, node, k]
+            lanes[SEEN + k, m] = off + wrong[m, course.looks[node], k] + jump
+
+
+@kernel()
+def answer(late, lanes):
+    """Make what was seen what counts, as far on as it is by now: with what that has thrust."""
+    found = stack_matrix(6, LANES)
+    for m in range(LANES):
+        for axis in range(6):
+            found[axis, m] = 0.0
+            for k in range(6):
+                found[axis, m] += late[0, axis, k] * lanes[SEEN + k, m]
+                found[axis, m] += late[1, axis, k] * lanes[COUNTED + k, m]
+    for m in range(LANES):
+        for k in range(6):
+            lanes[COUNTED + k, m] = found[k, m]
+
+
+@kernel()
+def advance(constants, course, step, lanes):
+    """Fly a step, by Runge and Kutta's method of fourth order."""
+    u, thrust, force = stack_matrix(3, LANES), stack_matrix(3, LANES), stack_matrix(3, LANES)
+    middle, rate, after = stack_matrix(6, LANES), stack_matrix(6, LANES), stack_matrix(6, LANES)
+    for m in range(LANES):
+        for k in range(6):
+            rate[k, m], after[k, m] = 0.0, lanes[Y + k, m]
+    h = course.steps[step]
+    for stage in range(4):
+        half = (stage + 1) // 2
+        share, weight = 0.5 * h * half, h / 6.0 if stage in (0, 3) else h / 3.0
+        if stage != 2:  # in the middle twice the same
+            push(course, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, thrust)
+        node = 2 * step + half
+        place, speed, felt = course.places[node], course.speeds[node], course.felt[node]
+        for m in range(LANES):
+            for k in range(3):
+                middle[k, m] = place[k] + (lanes[Y + k, m] + share * rate[k, m])
+                rate[k, m] = lanes[Y + 3 + k, m] + share * rate[3 + k, m]
+                middle[3 + k, m] = speed[k] + rate[k, m]
+        pull_all(constants, lanes[BALLISTIC], middle, force)
+        if course.beyond.shape[1] > 0:
+            for m in range(LANES):
+                for k in range(3):
+                    force[k, m] += course.beyond[int(lanes[CRAFT, m]), step, half, k]
+        for m in range(LANES):
+            for k in range(3):
+                rate[3 + k, m] = force[k, m] - felt[k] + thrust[k, m]
+                after[k, m] += weight * rate[k, m]
+                after[3 + k, m] += weight * rate[3 + k, m]
+    for m in range(LANES):
+        for k in range(6):
+            lanes[Y + k, m] = after[k, m]
+
+
+@kernel()
+def begin(course, first, errors, now, spent, lanes):
+    """Fill lanes with rows from the `first` on, and with the last one again where there are no more."""
+    there = stack_vector(6)
+    for m in range(LANES):
+        row = min(first + m, len(now) - 1)
+        i = row % len(course.ballistics)
+        inertial(course.axes[0], course.turn[0], now[row], there)
+        lanes[CRAFT, m], lanes[LIMIT, m], lanes[BALLISTIC, m] = i, course.limits[i], course.ballistics[i]
+        for k in range(6):
+            lanes[Y + k, m], lanes[COUNTED + k, m], lanes[SEEN + k, m] = (
+                there[k],
+                now[row, 6 + k],
+                now[row, 12 + k],
+            )
+        for k in range(4):
+            lanes[ERROR + k, m] = errors[row, k]
+        for k in range(2):
+            lanes[SPENT + k, m] = spent[row, k]
+
+
+@kernel(void(float64[::1], COURSE, BLOCKS, ROWS, ROWS, BLOCKS, BLOCKS, ROWS))
 def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
-    """Fly S times, on from `now` (S, N, 18), which becomes what is last.
+    """Fly R = S N times, of N craft one after another, on from `now` (R, 18), which becomes what is last.
 
     That is states before jumps in the chief's axes, which deviations count for feedback, and which were seen.
 
-    Fills `states` (S, N, T, 6) at nodes that are shown, after `impulses` (S, N, Q, 3) [m/s], and adds to
-    `spent` (S, N, 2) the delta-v [m/s] and how long thrust was at its limit [s].  By Runge and Kutta's method
-    of fourth order.  Measurements are off by `wrong` (S, N, M, 6); `errors` (S, N, 4) are those of thrust: of
-    its size, and a small turn.
+    Fills `states` (R, T, 6) at nodes that are shown, after `impulses` (R, Q, 3) [m/s], and adds to `spent`
+    (R, 2) the delta-v [m/s] and how long thrust was at its limit [s].  Measurements are off by `wrong`
+    (R, M, 6); `errors` (R, 4) are those of thrust: of its size, and a small turn.
     """
     course = lent(course)
     wrong, errors, now = borrowed(wrong), borrowed(errors), borrowed(now)
     states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
-    steps, fired = len(course.steps), stack_vector(3)
-    y, middle, force, thrust = stack_vector(6), stack_vector(6), stack_vector(3), stack_vector(3)
-    rate, total, there = stack_vector(6), stack_vector(6), stack_vector(6)
-    for flight in range(len(now)):
-        for i in range(len(course.ballistics)):
-            error, used = errors[flight, i], spent[flight, i]
-            inertial(course, 0, now[flight, i], y)
-            deviation, seen = now[flight, i, 6:12], now[flight, i, 12:]
-            for step in range(steps + 1):
-                if course.answers[step] >= 0 and course.answers[step] != course.looks[step]:
-                    answer(course, seen, deviation)
-                if course.looks[step] >= 0:
-                    relative(course, 2 * step, y, middle)
+    steps, lanes, here = len(course.steps), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
+    for first in range(0, len(now), LANES):
+        some = slice(first, first + LANES)
+        begin(course, first, errors, now, spent, lanes)
+        for node in range(steps + 1):
+            looks, answers = course.looks[node], course.answers[node]
+            relative(course.axes[2 * node], course.turn[2 * node], lanes, here)
+            if answers >= 0 and answers != looks:
+                answer(course.late, lanes)
+            if looks >= 0:
+                measure(course, lanes, node, wrong[some], here)
+                if answers == looks:
+                    answer(course.late, lanes)
+            if course.fires[node] >= 0:
+                kick_all(course, lanes, node, impulses[some], here)
+            if course.shown[node] >= 0:
+                for m in range(min(LANES, len(now) - first)):
                     for k in range(6):
-                        seen[k] = middle[k] - course.planned[i, step, k]
-                        seen[k] += wrong[flight, i, course.looks[step], k]
-                    for k in range(3):
-                        seen[3 + k] += course.jumps[i, step, k]
-                    if course.answers[step] == course.looks[step]:
-                        answer(course, seen, deviation)
-                if course.fires[step] >= 0:
-                    kick(course, i, step, deviation, error, used, y, fired)
-                    for k in range(3):
-                        impulses[flight, i, course.fires[step], k] = fired[k]
-                if course.shown[step] >= 0:
-                    relative(course, 2 * step, y, states[flight, i, course.shown[step]])
-                h = course.steps[step] if step < steps else 0.0
-                for stage in range(4 if step < steps else 0):
-                    share = 0.0 if stage == 0 else (0.5 if stage < 3 else 1.0)
-                    half = (stage + 1) // 2
-                    node = 2 * step + half
-                    for k in range(6):
-                        middle[k] = y[k] + (share * h * rate[k] if stage > 0 else 0.0)
-                    for k in range(3):
-                        there[k] = course.places[node, k] + middle[k]
-                        there[3 + k] = course.speeds[node, k] + middle[3 + k]
-                    weight = h / 6.0 if stage in (0, 3) else h / 3.0
-                    if stage != 2:  # in the middle twice the same
-                        counted = h / 6.0 if stage != 1 else h / 1.5
-                        push(course, i, step, half, deviation, error, used, counted, thrust)
-                    pull(constants, course.ballistics[i], there, force)
-                    if course.beyond.shape[1] > 0:
-                        for k in range(3):
-                            force[k] += course.beyond[i, step, half, k]
-                    for k in range(3):
-                        rate[k], rate[3 + k] = middle[3 + k], force[k] - course.felt[node, k] + thrust[k]
-                    for k in range(6):
-                        total[k] = weight * rate[k] + (total[k] if stage > 0 else 0.0)
-                if step < steps:
-                    for k in range(6):
-                        y[k] += total[k]
-            relative(course, 2 * steps, y, now[flight, i])
+                        states[first + m, course.shown[node], k] = here[k, m]
+            if node < steps:
+                advance(constants, course, node, lanes)
+        for m in range(min(LANES, len(now) - first)):
+            for k in range(6):
+                now[first + m, k] = here[k, m]
+                now[first + m, 6 + k], now[first + m, 12 + k] = lanes[COUNTED + k, m], lanes[SEEN + k, m]
+            for k in range(2):
+                spent[first + m, k] = lanes[SPENT + k, m]

@@ -24,32 +24,54 @@ DEGREES = 5  # of zonals, from the second on
 TABLEAU: Floats = np.vstack([DOP853.A, DOP853.B])  # Hairer, Norsett and Wanner 1993, II.10
 
 
-@kernel()
-def pull(constants, ballistic, s, out):
-    """Fill `out` (3,) with the acceleration of a craft of a ballistic coefficient in the state `s` (6,)."""
-    x, y, z = s[0], s[1], s[2]
-    r = sqrt(x * x + y * y + z * z)
-    sine, share = z / r, constants[RADIUS] / r
+@kernel(inline=True)
+def gravity(constants, x, y, z):
+    """What a body with zonals pulls at a place; without branches, so that many can be taken side by side."""
+    inverse = 1.0 / sqrt(x * x + y * y + z * z)
+    sine, share = z * inverse, constants[RADIUS] * inverse
     p0, p1, slope, power, outward, polar = 1.0, sine, 1.0, share, -1.0, 0.0
     for k in range(DEGREES):
         degree = k + 2.0
         power *= share
-        p2 = ((2.0 * degree - 1.0) * sine * p1 - (degree - 1.0) * p0) / degree
+        p2 = (2.0 - 1.0 / degree) * sine * p1 - (1.0 - 1.0 / degree) * p0
         here = degree * p1 + sine * slope
         after = (degree + 1.0) * p2 + sine * here
         outward += constants[ZONALS + k] * power * after
         polar -= constants[ZONALS + k] * power * here
         p0, p1, slope = p1, p2, here
-    strength = constants[MU] / (r * r)
-    out[0], out[1] = strength * outward * x / r, strength * outward * y / r
-    out[2] = strength * (outward * sine + polar)
+    strength = constants[MU] * inverse * inverse
+    across = strength * outward * inverse
+    return across * x, across * y, strength * (outward * sine + polar)
+
+
+@kernel(inline=True)
+def drag(constants, ballistic, x, y, z, vx, vy, vz):
+    """What air does to a craft of a ballistic coefficient."""
+    r = sqrt(x * x + y * y + z * z)
+    density = constants[DENSITY] * exp((constants[REFERENCE] - r) / constants[SCALE_HEIGHT])
+    wx, wy = vx + constants[SPIN] * y, vy - constants[SPIN] * x
+    slowed = -0.5 * ballistic * density * sqrt(wx * wx + wy * wy + vz * vz)
+    return slowed * wx, slowed * wy, slowed * vz
+
+
+@kernel(inline=True)
+def pull_all(constants, ballistics, s, out):
+    """Fill `out` (3, M) with accelerations, of ballistic coefficients (M,) and states `s` (6, M)."""
+    for m in range(len(ballistics)):
+        out[0, m], out[1, m], out[2, m] = gravity(constants, s[0, m], s[1, m], s[2, m])
+    if constants[DENSITY] > 0.0:
+        for m in range(len(ballistics)):
+            x, y, z = drag(constants, ballistics[m], s[0, m], s[1, m], s[2, m], s[3, m], s[4, m], s[5, m])
+            out[0, m], out[1, m], out[2, m] = out[0, m] + x, out[1, m] + y, out[2, m] + z
+
+
+@kernel()
+def pull(constants, ballistic, s, out):
+    """Fill `out` (3,) with the acceleration of a craft of a ballistic coefficient in the state `s` (6,)."""
+    out[0], out[1], out[2] = gravity(constants, s[0], s[1], s[2])
     if ballistic * constants[DENSITY] > 0.0:
-        density = constants[DENSITY] * exp((constants[REFERENCE] - r) / constants[SCALE_HEIGHT])
-        wx, wy, wz = s[3] + constants[SPIN] * y, s[4] - constants[SPIN] * x, s[5]
-        slowed = -0.5 * ballistic * density * sqrt(wx * wx + wy * wy + wz * wz)
-        out[0] += slowed * wx
-        out[1] += slowed * wy
-        out[2] += slowed * wz
+        x, y, z = drag(constants, ballistic, s[0], s[1], s[2], s[3], s[4], s[5])
+        out[0], out[1], out[2] = out[0] + x, out[1] + y, out[2] + z
 
 
 @kernel(void(float64[::1], float64[::1], float64[:, ::1], float64[:, ::1]))
