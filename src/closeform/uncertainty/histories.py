@@ -196,7 +196,8 @@ class Histories:
         """Whether histories of errors (N, M) begin inside, and how often each enters after: (N, 2)."""
         out = np.empty((len(errors), 2), dtype=np.int64)
         with ThreadPoolExecutor(CORES) as pool:
-            jobs = [slice(k, k + CHUNK // 4) for k in range(0, len(errors), CHUNK // 4)]
+            size = max(1, min(CHUNK // 4, -(-len(errors) // (2 * CORES))))
+            jobs = [slice(k, k + size) for k in range(0, len(errors), size)]
             list(pool.map(lambda part: self._count(errors[part], out[part]), jobs))
         return out
 

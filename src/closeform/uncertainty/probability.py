@@ -3,30 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-from scipy.special import betaincinv, ndtri
 
 from closeform.arrays import Floats, shown, whole
 from closeform.motion.path import Path
 from closeform.result import Result, Rows
-from closeform.uncertainty.entry_rate import draw_entries
+from closeform.uncertainty.drawn_entries import clopper_pearson, drawn, enough, interval_of_mean, lost_of
 from closeform.uncertainty.errors import Errors
-from closeform.uncertainty.histories import CORES, Histories
-from closeform.uncertainty.mean_entries import Flux, expected_entries, inside, pool, rules
+from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.mean_entries import Flux, expected_entries, inside
 from closeform.uncertainty.relative_errors import relative_errors
 from closeform.uncertainty.short_encounter import passes_through
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
-CONFIDENCE = 0.95
-SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
-FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
 LEAST = 100  # samples
+HISTORIES = 40_000  # by Monte Carlo, where nobody says how many
 PASSAGES = 8  # nearest ones, at which a bound looks at who is inside
 UNRESOLVED = 0.05  # of a probability, that quadrature may be off by
-COARSER = 0.5  # nodes from which entries are drawn, as few histories enter more than once
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
 METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
 NONE = np.empty(0)
@@ -98,7 +94,7 @@ def collision_probability(
     errors: Errors,
     other_errors: Errors | None = None,
     method: Method = "entries",
-    samples: int = 40_000,
+    samples: int | None = None,
     seed: int = 0,
 ) -> Probability:
     """The probability that one craft comes within the zone around another, over their common time.
@@ -121,8 +117,9 @@ def collision_probability(
         histories enter: as precise for 1e-20 as for 0.1.  "bound" stops at that rate, and gives an interval
         that is certain up to quadrature.  "monte-carlo" draws histories.  "short-encounter" is Foster's
         integral in two dimensions, of straight motion past each other with the covariance of that moment.
-    samples : int, default 40000
-        Histories to draw, at least 100.
+    samples : int, optional
+        Histories to draw, at least 100.  Without it "entries" draws as many as make half of the interval
+        0.1 % of the probability, up to 100000; "monte-carlo" draws 40000.
     seed : int, default 0
         Of the random numbers: the same for any number of cores.
 
@@ -149,7 +146,8 @@ def collision_probability(
     """
     if not isinstance(method, str) or method not in METHODS:
         raise ValueError(f"method: expected {', '.join(METHODS)}, got {shown(method)}")
-    whole("samples", samples, LEAST)
+    if samples is not None:
+        whole("samples", samples, LEAST)
     whole("seed", seed)
     columns, noise = relative_errors(path, other, zone, errors, other_errors)
     if noise and method in ("entries", "monte-carlo"):
@@ -158,7 +156,7 @@ def collision_probability(
         )
     histories = Histories.of(path, other, columns, noise, zone)
     if method == "monte-carlo":
-        return _monte_carlo(histories, samples, seed)
+        return _monte_carlo(histories, HISTORIES if samples is None else samples, seed)
     if zone.shape != BALL:
         raise ValueError(f'zone: "{method}" holds for spheres and ellipsoids; use method="monte-carlo"')
     if method == "short-encounter":
@@ -168,7 +166,7 @@ def collision_probability(
     return _by_entries(histories, method, samples, seed)
 
 
-def _by_entries(histories: Histories, method: Method, samples: int, seed: int) -> Probability:
+def _by_entries(histories: Histories, method: Method, samples: int | None, seed: int) -> Probability:
     """By the mean rate of entries: a bound, or entries drawn from it."""
     flux = expected_entries(histories)
     start = float(histories.edges[0])
@@ -188,6 +186,8 @@ def _by_entries(histories: Histories, method: Method, samples: int, seed: int) -
         return _told(high, low, high, off, known, nan, flux, method, 0)
     if flux.value == 0.0:
         return _told(at_start, at_start, at_start, off, known, 0.0, flux, method, 0)
+    if samples is None:
+        samples = enough(histories, flux, at_start, off, seed)
     counts = histories.counted(drawn(histories, flux, samples, seed))
     lost = lost_of(counts)
     low, high = interval_of_mean(lost)
@@ -230,69 +230,10 @@ def _told(
     )
 
 
-def drawn(histories: Histories, flux: Flux, samples: int, seed: int) -> Floats:
-    """Errors (samples, M) of histories that enter, drawn from the rate; one in each of equal times of it."""
-    random = np.random.Generator(np.random.Philox(key=seed))
-    strata, shares = random.uniform(size=samples), random.uniform(size=(samples, 2))
-    errors = random.standard_normal((samples, len(histories.columns)))
-    parts = flux.of_time.parts
-    some = parts > 0.0
-    times, parts = flux.of_time.times[some], parts[some]
-    reached = np.concatenate([[0.0], np.cumsum(parts)])
-    place = (np.arange(samples) + strata) / samples * reached[-1]
-    first = np.searchsorted(place, reached)
-    first[0], first[-1] = 0, samples
-    owner = np.repeat(np.arange(len(parts)), np.diff(first))
-    rising = np.lexsort((shares[:, 0], owner))  # as places on the surface are looked for
-    shares = shares[rising]
-    states, matrix = histories.states(times), histories.zone.matrix
-
-    def some_times(some: slice) -> None:
-        held = slice(first[some.start], first[min(some.stop, len(times))])
-        mean, factor = (np.ascontiguousarray(one[some]) for one in states)
-        from_zero = first[some.start : some.stop + 1] - first[some.start]
-        draw_entries(
-            mean, factor, matrix, rules(), COARSER * flux.fineness, from_zero, shares[held], errors[held]
-        )
-
-    size = max(1, -(-len(times) // (4 * CORES)))
-    list(pool().map(some_times, [slice(k, k + size) for k in range(0, len(times), size)]))
-    out = np.empty_like(errors)
-    out[rising] = errors  # neighbours of one time are independent again
-    return out
-
-
-def lost_of(counts: Any) -> Floats:
-    """What each drawn entry (began inside, entries) counts less than one history.  # theory (62)"""
-    entries = np.maximum(counts[:, 1], 1)  # a graze can be lost to rounding
-    return np.where(counts[:, 0] > 0, 1.0, 1.0 - 1.0 / entries)
-
-
-def interval_of_mean(lost: Floats) -> tuple[float, float]:
-    """Of the mean of numbers from 0 to 1, one from each of many strata: neighbours tell their variance."""
-    count, mean = int((lost > 0.0).sum()), float(lost.mean())
-    if count <= FEW:
-        low, high = _clopper_pearson(count, len(lost))
-        each = mean * len(lost) / max(count, 1)
-        return low * each, high * (each if count >= SEEN else 1.0)
-    even = lost[: len(lost) // 2 * 2]
-    deviation = float(np.sqrt(((even[::2] - even[1::2]) ** 2).sum())) / len(even)
-    half = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * deviation
-    return mean - half, mean + half
-
-
-def _clopper_pearson(count: int, total: int) -> tuple[float, float]:
-    """The exact interval of a share (Clopper and Pearson 1934), which holds for 0 too."""
-    tail = 0.5 * (1.0 - CONFIDENCE)
-    low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
-    high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
-    return low, high
-
-
 def _monte_carlo(histories: Histories, samples: int, seed: int) -> Probability:
     """The share of drawn histories that are ever inside."""
     began, met, entries, again = histories.drawn(samples, seed)
-    low, high = _clopper_pearson(met, samples)
+    low, high = clopper_pearson(met, samples)
     return Probability(
         met / samples,
         low,

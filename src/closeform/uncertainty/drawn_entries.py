@@ -1,0 +1,93 @@
+"""Histories that enter a zone, drawn from their rate: what each counts, and how many of them are enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.special import betaincinv, ndtri
+
+from closeform.arrays import Floats
+from closeform.uncertainty.entry_rate import draw_entries
+from closeform.uncertainty.histories import CORES, Histories
+from closeform.uncertainty.mean_entries import Flux, pool, rules
+
+CONFIDENCE = 0.95
+SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
+FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
+PRECISION = 1e-3  # of a probability, half of its interval, where nobody says how many histories
+COARSER = 0.5  # nodes on the surface, from which those are drawn that tell how many are enough
+TRIED, FEWEST, MOST = 2000, 8000, 100_000  # histories that tell how many are enough; how many these may be
+SURE = 1.2  # times as many as the tried ones tell
+
+
+def enough(histories: Histories, flux: Flux, at_start: float, off: float, seed: int) -> int:
+    """How many histories make half of the interval `PRECISION` of the probability.
+
+    Others tell that, which are not counted: a number that depends on nothing counted leaves intervals as
+    they are.  `off` is what quadrature takes of the interval.
+    """
+    coarser = replace(flux, fineness=COARSER * flux.fineness)
+    lost = lost_of(histories.counted(drawn(histories, coarser, TRIED, seed, stream=1)))
+    low, high = interval_of_mean(lost)
+    half = PRECISION * (at_start + flux.value * (1.0 - float(lost.mean())))
+    wide = 0.5 * flux.value * (high - low) / max(half - off, 0.5 * half)
+    return int(np.clip(SURE * TRIED * wide**2, FEWEST, MOST))
+
+
+def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int = 0) -> Floats:
+    """Errors (samples, M) of histories that enter, drawn from the rate; one in each of equal times of it."""
+    random = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, stream]))
+    strata, shares = random.uniform(size=samples), random.uniform(size=(samples, 2))
+    errors = random.standard_normal((samples, len(histories.columns)))
+    parts = flux.of_time.parts
+    some = parts > 0.0
+    times, parts = flux.of_time.times[some], parts[some]
+    reached = np.concatenate([[0.0], np.cumsum(parts)])
+    place = (np.arange(samples) + strata) / samples * reached[-1]
+    first = np.searchsorted(place, reached)
+    first[0], first[-1] = 0, samples
+    owner = np.repeat(np.arange(len(parts)), np.diff(first))
+    rising = np.lexsort((shares[:, 0], owner))  # as places on the surface are looked for
+    shares = shares[rising]
+    states, matrix = histories.states(times), histories.zone.matrix
+
+    def some_times(some: slice) -> None:
+        held = slice(first[some.start], first[min(some.stop, len(times))])
+        mean, factor = (np.ascontiguousarray(one[some]) for one in states)
+        from_zero = first[some.start : some.stop + 1] - first[some.start]
+        draw_entries(mean, factor, matrix, rules(), flux.fineness, from_zero, shares[held], errors[held])
+
+    size = max(1, -(-len(times) // (4 * CORES)))
+    list(pool().map(some_times, [slice(k, k + size) for k in range(0, len(times), size)]))
+    out = np.empty_like(errors)
+    out[rising] = errors  # neighbours of one time are independent again
+    return out
+
+
+def lost_of(counts: Any) -> Floats:
+    """What each drawn entry (began inside, entries) counts less than one history.  # theory (62)"""
+    entries = np.maximum(counts[:, 1], 1)  # a graze can be lost to rounding
+    return np.where(counts[:, 0] > 0, 1.0, 1.0 - 1.0 / entries)
+
+
+def interval_of_mean(lost: Floats) -> tuple[float, float]:
+    """Of the mean of numbers from 0 to 1, one from each of many strata: neighbours tell their variance."""
+    count, mean = int((lost > 0.0).sum()), float(lost.mean())
+    if count <= FEW:
+        low, high = clopper_pearson(count, len(lost))
+        each = mean * len(lost) / max(count, 1)
+        return low * each, high * (each if count >= SEEN else 1.0)
+    even = lost[: len(lost) // 2 * 2]
+    deviation = float(np.sqrt(((even[::2] - even[1::2]) ** 2).sum())) / len(even)
+    half = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * deviation
+    return mean - half, mean + half
+
+
+def clopper_pearson(count: int, total: int) -> tuple[float, float]:
+    """The exact interval of a share (Clopper and Pearson 1934), which holds for 0 too."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0
+    return low, high
