@@ -36,7 +36,7 @@ SAMPLES = 32  # of a block in NumPy; best of 16 ... 128
 Samples = NDArray[np.int64]
 
 # Peers may reorder sums (fastmath); without it LLVM tests one sample at a time.
-compiled = numba.njit(nogil=True, fastmath=True, error_model="numpy")
+compiled = numba.njit(nogil=True, fastmath=True, error_model="numpy", cache=True)
 
 
 @compiled

@@ -26,7 +26,7 @@ ROOM = 16_384  # spells of one craft with all others, at first
 Rows = NDArray[np.int64]
 
 # Peers may reorder sums (fastmath); without it LLVM tests one sample at a time.
-compiled = numba.njit(nogil=True, fastmath=True, error_model="numpy")
+compiled = numba.njit(nogil=True, fastmath=True, error_model="numpy", cache=True)
 
 
 @compiled
