@@ -34,6 +34,7 @@ to = [
 within = "0.4 orbits"
 """
 AIR = 'density = "5.2e-13 kg/m^3", at_altitude = "500 km", scale_height = "60 km"'
+IN_AIR = {"field": f"zonals = 2, {AIR}", "chief": 'ballistic = "0.02 m^2/kg"'}
 
 
 def swap(field: str = "zonals = 2", chief: str = "", craft: str = "", more: str = "") -> str:

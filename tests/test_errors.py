@@ -12,11 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, Bad, Call, Misuse
+from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, STUDY, Bad, Call, Misuse
 from closeform.cli import main
 from closeform.result_folder import Folder
 from closeform.scenario import Scenario, ScenarioError, parse
 from closeform.scenario.table import Table
+from field_scenario import IN_AIR, swap
 from messages import SLOW
 
 ROOT = Path(__file__).parents[1]
@@ -97,6 +98,9 @@ def desk(tmp_path, monkeypatch):
             '"craft.slew_acceleration" = { normal = "0.001 deg/s^2" }',
         )
     )
+    planned = swap(**IN_AIR, craft='ballistic = "0.02 m^2/kg"')
+    drawn = 'vary = { "craft.ballistic" = { uniform = "0.002 m^2/kg" } }'
+    (tmp_path / "planned.toml").write_text(f"{planned}{STUDY}{drawn}\n")
     (tmp_path / "failing.toml").write_text(
         LOST.replace('"craft.velocity" = { ball = "6 cm/s" }', '"craft.fails" = { chance = 0.1 }')
     )

@@ -169,7 +169,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     """Print what a run found."""
     console, mission = stdout(), report.mission
     say(console, mission.scenario.title, report.opening, *report.origin)
-    for section in report.sections:
+    for section in (*report.sections, *report.in_flight):
         console.print(f"\n{section.title}", style="bold")
         say(console, *section.lines)
         for table in section.tables:

@@ -81,7 +81,7 @@ def fly(
     from closeform.motion.path import fires_impulses
     from closeform.report.repeat import Command
 
-    told = asked.instead_of(run.scenario.flight, usual_feedback(control, fires_impulses(run.paths)))
+    told = asked.instead_of(run.scenario.truth.flight, usual_feedback(control, fires_impulses(run.paths)))
 
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
     command = Command("fly", [directory], options, [directory / SUMMARY])
@@ -90,10 +90,8 @@ def fly(
         from closeform.flown_run import FlownRun
         from closeform.report.flight import FlightReport
 
-        field = run.scenario.field
-        assert field is not None
         try:
-            return FlightReport(FlownRun.of(run, field, control, told, seeds), command)
+            return FlightReport(FlownRun.of(run, control, told, seeds), command)
         except ValueError as error:
             raise UsageError(f"{directory}: {error}") from None
 

@@ -1,8 +1,9 @@
 """A run as it is flown in its field, many times: every stage from where the one before was flown to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from closeform.field.least_ratios import least_ratios
 from closeform.field.tube import Tube, tube
 from closeform.mission_result import Stages
 from closeform.motion.path import fires_impulses
+from closeform.verdict import Entered
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -47,24 +49,39 @@ class FlownStage:
 
 @dataclass(frozen=True, eq=False)
 class FlownRun:
-    """All flown stages of a `run`, in one `flight`, as `told` (what `fly` was given); `control` as there."""
+    """All flown stages of a `run`, in one `flight`, as `told` (what `fly` was given); `control` as there.
+
+    `known`: the field that plans and commands are made for; another one than the `field` that is flown in
+    where a case of a study has drawn that.
+    """
 
     run: Stages
     field: Field
+    known: Field
     control: Control
     told: dict[str, Any]
     flight: Flight
 
     @classmethod
-    def of(cls, run: Stages, field: Field, control: Control, told: dict[str, Any], seeds: int) -> "FlownRun":
+    def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
         """Fly it.  Raises ValueError where it cannot be."""
+        known, field = run.scenario.field, run.scenario.truth.field
+        assert known is not None
+        assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
         fires = fires_impulses(run.paths)
         told = told | {"feedback": told["feedback"] or usual_feedback(control, fires)}
         if fires:
             told["max_acceleration"] = None
-        flight = fly(run.paths, field, control, zones=zones, seeds=seeds, **told)
-        return cls(run, field, control, told, flight)
+        flight = fly(run.paths, field, control, zones=zones, known=known, seeds=seeds, **told)
+        return cls(run, field, known, control, told, flight)
+
+    @classmethod
+    def asked(cls, run: Stages) -> Self:
+        """Fly it as the [flight] of its scenario asks for.  Raises ValueError where it cannot be."""
+        scenario = run.scenario
+        assert scenario.flights is not None
+        return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,6 +92,13 @@ class FlownRun:
     def zones(self) -> PairZones:
         """Who keeps which zone with whom."""
         return self.run.scenario.zones
+
+    @property
+    def entered(self) -> Entered:
+        """In how many flights a zone is entered."""
+        flight = self.flight
+        count = round(flight.violated * len(flight.states)) if flight.ratios.size else 0
+        return Entered(count, len(flight.states), flight.least_ratio if flight.ratios.size else None)
 
     @cached_property
     def stages(self) -> tuple[FlownStage, ...]:
@@ -108,7 +132,7 @@ class FlownRun:
     @cached_property
     def commanded(self) -> tuple[CommandedThrust, ...]:
         """What is to be commanded in the field, in each stage."""
-        return tuple(thrust(one.after.paths, self.field) for one in self.run.flown)
+        return tuple(thrust(one.after.paths, self.known) for one in self.run.flown)
 
     @cached_property
     def tube(self) -> Tube | None:

@@ -80,15 +80,25 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
         results.append(result)
         if result.failure is not None:
             stopped = f"stage {number} ({verb}): {result.failure}"
-            return as_happened(Mission(scenario, orbit, tuple(results), stopped))
+            return as_happened(Mission(scenario, orbit, tuple(results), stopped), progress)
         states = result.after.paths.state(result.end)
-    return as_happened(Mission(scenario, orbit, tuple(results)))
+    return as_happened(Mission(scenario, orbit, tuple(results)), progress)
 
 
-def as_happened(mission: Mission) -> Mission:
-    """A mission with the errors that a case of its study has drawn, if this is one."""
-    history = mission.scenario.history
-    return mission if history is None else history.whole(mission)
+def as_happened(mission: Mission, progress: Callable[[str], None]) -> Mission:
+    """A mission with the errors that a case of its study drew; or flown in its field if that is asked."""
+    scenario = mission.scenario
+    if scenario.history is not None:
+        return scenario.history.whole(mission)
+    if scenario.flights is None or not mission.flown:
+        return mission
+    from closeform.flown_run import FlownRun
+
+    progress("flying in the field")
+    try:
+        return replace(mission, flights=FlownRun.asked(mission))
+    except ValueError as error:
+        raise ScenarioError(scenario.file, [f"flight: {error}"]) from error
 
 
 def with_errors(

@@ -22,6 +22,7 @@ from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.field.validity import Validity
+    from closeform.flown_run import FlownRun
     from closeform.passive import PassiveSafety
     from closeform.planning.plan import Avoidance, Plan
     from closeform.pulsed import Pulsed
@@ -212,13 +213,14 @@ class Stages(Result, ABC):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mission(Stages):
-    """All stages flown; `stopped`: why fewer than in the file, or None; `lost`: whose thrust was lost."""
+    """All stages flown; `stopped`: why not all; `lost`: whose thrust was lost; `flights`: in its field."""
 
     scenario: Scenario
     orbit: Orbit
     results: tuple[StageResult[Any, Any], ...]
     stopped: str | None = None
     lost: tuple[LostThrust, ...] = ()
+    flights: "FlownRun | None" = None
 
     @cached_property
     def burns(self) -> dict[str, Any]:
@@ -241,6 +243,7 @@ class Mission(Stages):
         apart = alone or all(result.stage.keeps_out for result in self.results)
         watched = apart or any(result.after.approaches for result in self.results)
         conflicts, pairs = conflicts_in(result.after for result in self.flown)
+        judged = *self.lost, *(() if self.flights is None else (self.flights.entered,))
         return Verdict(
             self.stopped,
             conflicts if watched else None,
@@ -248,8 +251,7 @@ class Mission(Stages):
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
             tuple(result.late for result in self.flown if result.late is not None),
-            asked=tuple(some.asked for some in self.lost)
-            + tuple(one for some in self.flown for one in some.asked),
+            asked=(*(some.asked for some in judged), *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
         )
 
@@ -338,9 +340,10 @@ class Mission(Stages):
     def warnings(self) -> tuple[str, ...]:
         """A chief far from a circle, stages longer than asked, zones entered in a field, limits exceeded."""
         chief, late = self.scenario.chief, (one.warning for one in self.verdict.late)
+        as_planned = self.flown if self.flights is None else ()
         return (
             *(() if chief is None else chief.warnings),
             *late,
-            *(one for result in self.flown for one in eaten(result.number, result.after, result.validity)),
+            *(one for result in as_planned for one in eaten(result.number, result.after, result.validity)),
             *(use.warning(self.grams) for use in self.uses if use.exceeded),
         )

@@ -148,6 +148,55 @@ class LostThrust:
 
 
 @dataclass(frozen=True)
+class Entered:
+    """How many of all flights in a field enter a zone; the `least` ratio of all, None without zones."""
+
+    count: int
+    flights: int
+    least: float | None
+
+    @property
+    def ok(self) -> bool:
+        """Whether none does."""
+        return self.count == 0
+
+    @property
+    def status(self) -> int:
+        """The exit status."""
+        return MET if self.ok else NOT_MET
+
+    @property
+    def many(self) -> str:
+        """The flights in words."""
+        return f"{self.flights} flight{'s' * (self.flights != 1)}"
+
+    @property
+    def asked(self) -> Asked:
+        """The same as part of what a run comes to."""
+        if self.least is None:
+            return Asked(f"{self.many} flown, there is no zone to enter", "", True, inf, "flight")
+        if self.flights == 1:
+            kept, broken = "no zone is entered in flight", "a zone is entered in flight"
+        else:
+            kept = f"no zone is entered in {self.many}"
+            broken = f"zones are entered in {self.count} of {self.many}"
+        least = f", least {self.least:.4f} x zone"
+        return Asked(kept + least, broken + least, self.ok, self.least - 1.0, "flight")
+
+    def __str__(self) -> str:
+        if self.least is None:
+            return f"flown: {self.many}, there is no zone to enter"
+        from closeform.confidence import estimate  # with SciPy, which most runs can spare
+
+        share = estimate(self.count, self.flights)
+        range_ = f"95 % between {100 * share.low:.2g} and {100 * share.high:.2g} %"
+        found = (
+            "clear: no zone is entered in" if self.ok else f"violated: zones are entered in {self.count} of"
+        )
+        return f"{found} {self.many} ({range_}), least {self.least:.4f} x zone"
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Whether what was asked for is met.
 

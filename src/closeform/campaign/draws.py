@@ -2,8 +2,8 @@
 
 Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the
 key's name; craft c of N in case K takes the block of counter K N + c from it, and for the event e of
-that craft the same block of the e-th part of the stream.  So a case depends neither on other cases
-nor on other keys, and may draw for as many events as it has.
+that craft the same block of the e-th part of the stream; what is one for all craft takes block K.  So
+a case depends neither on other cases nor on other keys, and may draw for as many events as it has.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.scenario import Scenario
-from closeform.scenario.study import FAILS, SEARCHED, STATES, Draw
+from closeform.scenario.study import FAILS, SEARCHED, STATES, TABLED, Draw
 from closeform.search.search_errors import SearchErrors
 
 WORDS = 4  # random numbers in one block of Philox
@@ -40,9 +40,12 @@ def varied(scenario: Scenario) -> dict[str, Draw]:
 
 
 def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> Any:
-    """What a key that is no state is for each craft in some cases: (C, N), of vectors (C, N, 3)."""
+    """What a key that is no state is for each craft in some cases: (C, N), of vectors (C, N, 3).
+
+    Of tables that hold for all craft alike (C, 1).
+    """
     given = np.array(scenario.given(key))
-    count, size = len(scenario.craft), 3 if given.ndim > 1 else 1
+    count, size = 1 if key.startswith(TABLED) else len(scenario.craft), 3 if given.ndim > 1 else 1
     draw = varied(scenario).get(key)
     if draw is None:
         return np.broadcast_to(given, (last - first, count, *given.shape[1:]))
@@ -84,12 +87,22 @@ def failing(scenario: Scenario, seed: int, case: int) -> tuple[float, ...]:
     return tuple(np.where(lost, random[:, 1], np.nan).tolist())
 
 
+def flight_seed(seed: int, case: int) -> int:
+    """With which the flight of a case draws its errors: 53 bits of the case's block."""
+    return int(words(seed, "flight", 1, case, case + 1)[0, 0, 0])
+
+
 def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Floats:
     """Random numbers (last - first, blocks, 4) above 0 and below 1, of a key in some cases, for an event."""
+    return np.asarray((words(seed, key, blocks, first, last, event) + 0.5) * 2.0**-53)
+
+
+def words(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Any:
+    """The same as whole numbers of 53 bits."""
     stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
     philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=[first * blocks, event, 0, 0])
-    words = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
-    return np.asarray(((words >> np.uint64(11)) + 0.5) * 2.0**-53)
+    drawn = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
+    return drawn >> np.uint64(11)
 
 
 def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> Any:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.campaign import flight_rows
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import varied
@@ -41,6 +42,8 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 class MissionCases(Cases):
     """Cases with a row each: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`.
 
+    Where cases are flown in the field, what that came to (`flight_rows`) stands beside what was planned.
+
     `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
     numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most;
     where craft fail, when each does, and `drift_ratio`, the least from then on between them and any other.
@@ -63,7 +66,8 @@ class MissionCases(Cases):
         numbers = range(1, len(self.scenario.stages) + 1)
         stages = (*map(of_stage, numbers), *(map(off_in, numbers) if self.replanned else ()))
         lost = (*map(lost_by, self.scenario.names), "drift_ratio") if self.failing else ()
-        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts", *lost
+        last = *lost, *flight_rows.names(self.scenario)
+        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts", *last
 
     @property
     def failing(self) -> bool:
@@ -78,8 +82,11 @@ class MissionCases(Cases):
     def row(self, case: int) -> dict[str, Any]:
         """What became of one case."""
         row: dict[str, Any] = dict.fromkeys(self.names, nan) | {"conflicts": -1}
+        scenario = one_case(self.scenario, self.seed, case)
+        if scenario.flight_seed is not None:
+            row[flight_rows.SEED] = scenario.flight_seed
         try:
-            mission = fly(one_case(self.scenario, self.seed, case))
+            mission = fly(scenario)
         except ScenarioError as error:
             reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
             return row | {"status": REFUSED, "reason": reason}
@@ -112,6 +119,7 @@ def figures(mission: Mission) -> dict[str, Any]:
         "conflicts": sum(len(result.after.conflicts) for result in flown),
         **{lost_by(one.craft): one.time for one in mission.lost},
         "drift_ratio": np.fmin.reduce([one.ratio for one in mission.lost], initial=nan),
+        **({} if mission.flights is None else flight_rows.figures(mission.flights)),
     }
 
 
@@ -269,6 +277,7 @@ class MissionCampaign(FlownCases):
             stages = enumerate(self.scenario.stages, 1)
             named |= {f"stage {number}, {stage.verb}, off [m]": off_in(number) for number, stage in stages}
         named["end [s]"] = "end_s"
+        named = {**dict(flight_rows.named(self.scenario)), **named}
         found = {words: self.spread(name) for words, name in named.items()}
         return {words: spread for words, spread in found.items() if spread is not None}
 
@@ -281,6 +290,11 @@ class MissionCampaign(FlownCases):
                 yield part[name][counts], first + np.flatnonzero(counts)
 
         return Spread.of(values)
+
+    @cached_property
+    def flights(self) -> flight_rows.FlightTally | None:
+        """What became of the flights in the field; None where none was flown."""
+        return None if self.scenario.flights is None else flight_rows.FlightTally.of(self.chunks)
 
     @property
     def nearest(self) -> tuple[float, int] | None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
-from closeform.campaign.draws import drawn, failing, searching, values, varied
+from closeform.campaign.draws import drawn, failing, flight_seed, searching, values, varied
 from closeform.scenario import Craft, Scenario, ScenarioError
-from closeform.scenario.study import FAILS, STATES
+from closeform.scenario.study import FAILS, FLOWN, STATES
 from closeform.search.search_errors import first_of
 
 if TYPE_CHECKING:
@@ -43,18 +44,49 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
         states = states + [history.starts(craft) for craft in scenario.craft]
     columns = {"position": states[:, :3], "velocity": states[:, 3:]}
     for key in varied(scenario):
-        section, name = key.split(".")
-        if section == "craft" and key not in (*STATES, FAILS):
-            columns[field_of(name)] = values(scenario, seed, key, case, case + 1)[0]
-    craft = []
-    for k, one in enumerate(scenario.craft):
-        cells = {name: column[k].tolist() for name, column in columns.items()}
-        known = {"covariance": None} if replanned else {}
-        drawn_now = {name: tuple(cell) if isinstance(cell, list) else cell for name, cell in cells.items()}
-        craft.append(one.model_copy(update={"start": None, "states": None, **known, **drawn_now}))
+        if key.startswith("craft.") and not key.startswith((*STATES, FAILS, *FLOWN)):
+            columns[field_of(key)] = values(scenario, seed, key, case, case + 1)[0]
     errors = searching(scenario, seed, case, case + 1)
-    astray = None if errors is None else first_of(errors)
-    return replace(scenario, title=title, craft=tuple(craft), case=case, astray=astray, history=history)
+    found = replace(
+        scenario,
+        title=title,
+        craft=drawn_craft(scenario.craft, columns, replanned),
+        case=case,
+        astray=None if errors is None else first_of(errors),
+        history=history,
+    )
+    if scenario.flights is None:
+        return found
+    own = flight_seed(seed, case)
+    return replace(found, flight_seed=own, drawn_flight=flight_of(found, seed, case))
+
+
+def drawn_craft(craft: tuple[Craft, ...], columns: dict[str, Any], replanned: bool) -> tuple[Craft, ...]:
+    """Craft with the values (N,) or (N, 3) of some fields."""
+    known = {"start": None, "states": None} | ({"covariance": None} if replanned else {})
+    found = []
+    for k, one in enumerate(craft):
+        cells = {name: column[k].tolist() for name, column in columns.items()}
+        drawn_now = {name: tuple(cell) if isinstance(cell, list) else cell for name, cell in cells.items()}
+        found.append(one.model_copy(update={**known, **drawn_now}))
+    return tuple(found)
+
+
+def flight_of(scenario: Scenario, seed: int, case: int) -> Scenario | None:
+    """A case with what it draws of how it flies, which its plans do not know; None where that is nothing."""
+    found = scenario
+    for key in varied(scenario):
+        if not key.startswith(FLOWN):
+            continue
+        value = values(scenario, seed, key, case, case + 1)[0]
+        table, _, name = key.rpartition(".")
+        if table == "craft":
+            found = replace(found, craft=drawn_craft(found.craft, {field_of(key): value}, False))
+        else:
+            own = attrgetter(table)(found).model_copy(update={name: float(value[0])})
+            orbit = found.orbit.model_copy(update={"field": own})
+            found = replace(found, **({"orbit": orbit} if table == "orbit.field" else {table: own}))
+    return None if found is scenario else found
 
 
 def history_of(scenario: Scenario, seed: int, case: int) -> History | None:
@@ -68,5 +100,5 @@ def history_of(scenario: Scenario, seed: int, case: int) -> History | None:
 
 
 def field_of(key: str) -> str:
-    """The field of a craft that a key of [craft] fills."""
-    return next(name for name in Craft.model_fields if Craft.key_of(name) == key)
+    """The field of a craft that a key such as craft.mass fills."""
+    return next(name for name in Craft.model_fields if f"craft.{Craft.key_of(name)}" == key)

@@ -1,4 +1,4 @@
-"""The report of a run that was flown in its field: how far off, how near, what it cost."""
+"""What is said of a run that was flown in its field: how far off, how near, what it cost; its own report."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from closeform.confidence import estimate
 from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.epochs import Epoch
 from closeform.field.field import described
@@ -21,46 +20,16 @@ from closeform.report.section import Section
 from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Table, counted
 from closeform.result_folder import Folder
-from closeform.verdict import MET, NOT_MET
+from closeform.scenario.study import FLOWN, readers
+from closeform.verdict import Entered
 from closeform.zones.pair_zones import PairZones
 
 
-@dataclass(frozen=True)
-class Entered:
-    """How many of all flights enter a zone; the `least` ratio of all, None without zones."""
-
-    count: int
-    flights: int
-    least: float | None
-
-    @property
-    def ok(self) -> bool:
-        """Whether none does."""
-        return self.count == 0
-
-    @property
-    def status(self) -> int:
-        """The exit status."""
-        return MET if self.ok else NOT_MET
-
-    def __str__(self) -> str:
-        flights = counted(self.flights, "flight")
-        if self.least is None:
-            return f"flown: {flights}, there is no zone to enter"
-        share = estimate(self.count, self.flights)
-        range_ = f"95 % between {100 * share.low:.2g} and {100 * share.high:.2g} %"
-        found = (
-            "clear: no zone is entered in" if self.ok else f"violated: zones are entered in {self.count} of"
-        )
-        return f"{found} {flights} ({range_}), least {self.least:.4f} x zone"
-
-
 @dataclass(frozen=True, eq=False)
-class FlightReport:
-    """What there is to say of a run that was `flown`, and of the command that asked for it."""
+class FlightTold:
+    """What there is to say of a run that was `flown` in its field."""
 
     flown: FlownRun
-    command: Command
 
     @property
     def title(self) -> str:
@@ -89,9 +58,9 @@ class FlightReport:
         count = counted(len(one.flight.states), "flight")
         stages = counted(len(one.stages), "stage")
         what = self.title, f"{count} of {len(one.names)} craft, {stages}"
-        where = f"Field: {described(one.field)}, known; thrust corrected for it"
+        where = f"Field: {described(one.field)}, known{self.unknown}; thrust corrected for it"
         if one.control == "open":
-            return *what, f"{where}; nobody measures", *self.thrust_errors
+            return *what, f"{where}; nobody measures", *self.thrust_errors, *self.drawn
         if one.control == "replan":
             where += "; the rest is planned anew, around the zones, at each measurement"
         law, sight = told["feedback"], told["navigation"]
@@ -105,7 +74,25 @@ class FlightReport:
             seen += f", fading in {sight.correlation:g} s"
         if sight.position_bias or sight.velocity_bias:
             seen += f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
-        return *what, where, f"Feedback: {how}", seen, *self.thrust_errors
+        return *what, where, f"Feedback: {how}", seen, *self.thrust_errors, *self.drawn
+
+    @property
+    def unknown(self) -> str:
+        """Whether a case has drawn some of the field."""
+        return "" if self.flown.field is self.flown.known else " but for what is drawn"
+
+    @property
+    def drawn(self) -> tuple[str, ...]:
+        """What a case has drawn of its flight, which its plans do not know."""
+        scenario = self.flown.run.scenario
+        if scenario.study is None or scenario.drawn_flight is None:
+            return ()
+        told = []
+        for key in scenario.study.vary:
+            if key.startswith(FLOWN) and (reader := readers()[key]) is not None:
+                values = ", ".join(f"{value:.4g}" for value in scenario.truth.given(key))
+                told.append(f"{key} {values} {reader.kind.units[0]}")
+        return (f"Drawn, and not known to plans: {'; '.join(told)}",)
 
     @property
     def thrust_errors(self) -> tuple[str, ...]:
@@ -120,12 +107,10 @@ class FlightReport:
         off = f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight"
         return (*pulses, off)
 
-    @cached_property
+    @property
     def verdict(self) -> Entered:
         """Whether any zone is entered."""
-        flight = self.flown.flight
-        count = round(flight.violated * len(flight.states)) if flight.ratios.size else 0
-        return Entered(count, len(flight.states), flight.least_ratio if flight.ratios.size else None)
+        return self.flown.entered
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -152,18 +137,15 @@ class FlightReport:
         """Stages, what everybody spends, the worst flights."""
         return flown.tables(self.flown)
 
-    @cached_property
-    def chapters(self) -> tuple[Section, ...]:
-        """What the page tells, but for how to repeat it."""
-        found = (*self.lines, *self.worst[0])
-        whole = Section(
-            "What was found", found, (*self.tables, *self.worst[1]), pictures=tuple(self.pictures)
-        )
-        return (
-            Section("What was asked", (), (self.command.table,)),
-            whole,
-            flown.sure(self.flown),
-        )
+    def section(self, title: str, lines: tuple[str, ...] = ()) -> Section:
+        """All of it under a title, after some lines."""
+        found = (*lines, *self.lines, *self.worst[0])
+        return Section(title, found, (*self.tables, *self.worst[1]), pictures=tuple(self.pictures))
+
+    @property
+    def sure(self) -> Section:
+        """What is certified, what sampled."""
+        return flown.sure(self.flown)
 
     @property
     def worst(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
@@ -188,13 +170,10 @@ class FlightReport:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Every figure printed, in full and in SI units, for `summary.json`."""
+        """Every figure of it, in full and in SI units."""
         one, verdict, told = self.flown, self.verdict, self.flown.told
         law, sight, room = told["feedback"], told["navigation"], one.tube
         found = {
-            "kind": "flight",
-            "title": self.title,
-            **self.command.figures,
             "status": verdict.status,
             "verdict": str(verdict),
             "field": described(one.field),
@@ -271,6 +250,24 @@ class FlightReport:
         numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
         told = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
         yield "commanded", {"stage": np.concatenate(numbers), **told, "craft": names[told["craft"]]}
+
+
+@dataclass(frozen=True, eq=False)
+class FlightReport(FlightTold):
+    """The same, and of the `command` that asked for it."""
+
+    command: Command
+
+    @cached_property
+    def chapters(self) -> tuple[Section, ...]:
+        """What the page tells, but for how to repeat it."""
+        asked = Section("What was asked", (), (self.command.table,))
+        return asked, self.section("What was found"), self.sure
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Every figure printed, in full and in SI units, for `summary.json`."""
+        return {"kind": "flight", "title": self.title, **self.command.figures, **super().figures}
 
     def leave(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None

@@ -48,6 +48,7 @@ TUBE = (
 
 def tables(flown: FlownRun) -> tuple[Table, ...]:
     """Stages, what everybody spends, the worst flights."""
+    worst = [flight(flown, seed) for seed in order(flown)[:WORST]]
     return (
         Table(
             "Stages, each from where the one before was flown to; ends are off by, in the median flight",
@@ -55,7 +56,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
             [stage(flown, one) for one in flown.stages],
         ),
         Table("What each craft spends, on feedback in the median flight", SPENT, [*spent(flown)]),
-        Table("The worst flights", FLIGHTS, [flight(flown, seed) for seed in order(flown)[:WORST]]),
+        Table("The worst flights" if len(worst) > 1 else "The flight", FLIGHTS, worst),
     )
 
 

@@ -56,6 +56,9 @@ def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
         yield f"{use.what.capitalize()} of each craft within its limit", most, not use.exceeded
     for result in mission.results:
         yield from of_stage(mission, result)
+    if mission.flights is not None:
+        flown = mission.flights.entered
+        yield "No craft enters a zone in flight, with errors as they are", str(flown), flown.ok
 
 
 def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:

@@ -11,7 +11,7 @@ import numpy as np
 from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
 from closeform.campaign.spread import Spread
 from closeform.confidence import estimate
-from closeform.report import asked, model, results, worst
+from closeform.report import asked, flown_study, model, results, worst
 from closeform.report.cases import SHARES, Replays, percent, repeated, studied
 from closeform.report.page import Head
 from closeform.report.picture import Picture
@@ -70,6 +70,8 @@ class MissionStudyReport:
         found = [Table("How cases ended", ENDED, ended)]
         if campaign.causes:
             found.append(Table("Why", WHY, campaign.causes))
+        if campaign.flights is not None:
+            found += flown_study.tables(campaign.flights)
         if campaign.spreads:
             found.append(
                 Table("What they spent", SPREAD, [self.row(*one) for one in campaign.spreads.items()])
@@ -78,7 +80,9 @@ class MissionStudyReport:
             rows = [(case, spent) for spent, case in dearest]
             found.append(Table("The cases that spent most", DEAREST, rows))
         if campaign.nearest is not None:
-            columns = Column("closest of any pair, in terms of its zone"), Column("in case")
+            as_planned = " as planned" * (campaign.flights is not None)
+            words = f"closest of any pair{as_planned}, in terms of its zone"
+            columns = Column(words), Column("in case")
             ratio, case = campaign.nearest
             found.append(Table("", columns, [(f"{ratio:.6f}", case)]))
         drifting, into = campaign.endings.drifting
@@ -111,6 +115,7 @@ class MissionStudyReport:
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             "least_ratio": None if campaign.nearest is None else campaign.nearest[0],
             "drifting": dict(zip(("cases", "into_a_zone"), campaign.endings.drifting, strict=True)),
+            **({} if campaign.flights is None else {"flights": flown_study.figures(campaign.flights)}),
         }
 
     def leave(self, folder: Folder, replays: Replays = ()) -> None:
@@ -135,10 +140,17 @@ class MissionStudyReport:
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
-        """How the delta-v is spread."""
-        spent = self.campaign.column("delta_v_m_s")
-        flown = spent[~np.isnan(self.campaign.column("end_s"))]
-        if not len(flown):
+        """How the delta-v is spread, and what became of flights."""
+        campaign = self.campaign
+        done = ~np.isnan(campaign.column("end_s"))
+        if not done.any():
             return ()
-        caption = "What all craft spend together"
-        return (Picture("delta-v", caption, "distribution", (flown, "delta-v of all craft [m/s]")),)
+        columns = {"delta-v": ("What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s")}
+        if campaign.flights is not None:
+            columns |= flown_study.PICTURES
+        found = []
+        for name, (caption, words, column) in columns.items():
+            some = campaign.column(column)[done]
+            if not np.isnan(some).any():
+                found.append(Picture(name, caption, "distribution", (some, words)))
+        return tuple(found)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees, hypot, pi
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -52,6 +52,9 @@ from closeform.scenario import (
     Transfer,
 )
 
+if TYPE_CHECKING:
+    from closeform.report.flight import FlightTold
+
 SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Coast: coast.section,
     Transfer: transfer.section,
@@ -63,6 +66,7 @@ SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Gather: gather.section,
 }
 SAMPLES = 201  # instants of each craft and stage in paths.parquet
+FLOWN_PATHS = "flown"  # the table of the worst flight's, beside those that were planned
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
 
@@ -86,6 +90,22 @@ class RunReport:
     def sections(self) -> tuple[Section, ...]:
         """One for each stage flown."""
         return tuple(section(self.mission, result) for result in self.mission.results)
+
+    @cached_property
+    def flights(self) -> "FlightTold | None":
+        """What there is to say of its flights in the field, where it has some."""
+        if self.mission.flights is None:
+            return None
+        from closeform.report.flight import FlightTold  # whose kernels most runs can spare
+
+        return FlightTold(self.mission.flights)
+
+    @cached_property
+    def in_flight(self) -> tuple[Section, ...]:
+        """The section of these."""
+        if self.flights is None:
+            return ()
+        return (self.flights.section("Flown in the field", self.flights.opening[1:]),)
 
     @cached_property
     def by_rule(self) -> left_out.ByRule | None:
@@ -123,7 +143,9 @@ class RunReport:
         if epoch is not None:
             whole = replace(whole, tables=tuple(map(Stamps(epoch).dated, whole.tables)))
         before = asked.section(mission.scenario), whole
-        return (*before, budget.section(mission, self.thrusting), *self.sections, model.section(mission))
+        told = budget.section(mission, self.thrusting), *self.sections, *self.in_flight
+        sure = () if self.flights is None else (self.flights.sure,)
+        return *before, *told, model.section(mission), *sure
 
     @property
     def inputs(self) -> dict[str, str]:
@@ -168,6 +190,7 @@ class RunReport:
             "asked": found.figures(mission),
             "budget": budget.figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
+            **({} if self.flights is None else {"flights": self.flights.figures}),
         }
 
     @property
@@ -298,7 +321,10 @@ def leave(
     mission = report.mission
     folder.scenario(mission.scenario)
     progress("writing tables")
-    for name, columns in {**report.files, "paths": states(mission), **exact(mission)}.items():
+    tables = {**report.files, "paths": states(mission), **exact(mission)}
+    if report.flights is not None:
+        tables |= {FLOWN_PATHS if name == "paths" else name: table for name, table in report.flights.stored}
+    for name, columns in tables.items():
         folder.table(name, columns)
     folder.csv("burns", report.files.get("burns", {}))
     scenario, found = mission.scenario, mission.verdict

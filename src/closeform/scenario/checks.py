@@ -13,7 +13,7 @@ from closeform.scenario.asked import doubted, drifting
 from closeform.scenario.clear_ends import ends, zones
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, key_of, meant_by
-from closeform.scenario.flown import in_field, too_blind
+from closeform.scenario.flown import in_field, in_flight, too_blind
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import Drifting
@@ -63,7 +63,8 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         return
     found.add(in_orbit(scenario) if circular else deep_space(scenario))
     found.add(spans(scenario, orbit))
-    found.add(in_field(scenario), r"craft\.(name|ballistic|thrust_error)|feedback.*|navigation.*")
+    found.add(in_field(scenario), r"craft\.(name|ballistic|thrust_error)|feedback.*|navigation.*|flight.*")
+    found.add(in_flight(scenario), "flight.*|stage.*|study.*")
     if scenario.craft:
         found.add(zones(scenario, orbit), rf"craft\.({PLACED})")
         found.add(too_blind(scenario, orbit), r"craft\.(name|keep_out|ballistic)|feedback.*|navigation.*")

@@ -1,7 +1,7 @@
-"""The real field of a scenario: `field` of [orbit], [feedback] and [navigation]."""
+"""The real field of a scenario: `field` of [orbit], [feedback], [navigation] and [flight]."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -101,3 +101,10 @@ class NavigationTable(Table):
 
         biases = self.position_bias, self.velocity_bias
         return Navigation(self.position, self.velocity, *biases, self.correlation)
+
+
+class FlightTable(Table):
+    """[flight]: a run flies its plans in the field, too, so many times."""
+
+    control: Literal["track", "replan", "open"] = Field("track", examples=['"track"'])
+    seeds: Annotated[int, Field(ge=1)] = Field(100, examples=["100"])

@@ -6,7 +6,9 @@ import numpy as np
 
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft
+from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
+from closeform.scenario.study import FAILS
 
 
 def in_field(scenario: Scenario) -> Iterator[str]:
@@ -17,8 +19,9 @@ def in_field(scenario: Scenario) -> Iterator[str]:
     if table is not None and chief is not None and (chief.center or "EARTH").upper() != "EARTH":
         yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
     if table is None:
-        for key in ("feedback", "navigation"):
-            if getattr(scenario, key) is not None:
+        tables = {"feedback": scenario.feedback, "navigation": scenario.navigation}
+        for key, given in (tables | {"flight": scenario.flights}).items():
+            if given is not None:
                 yield f"{key}: is for flights in a field; {remedy}"
         for number, stage in enumerate(scenario.stages, 1):
             if getattr(stage, "margin", None) == "auto":
@@ -38,6 +41,20 @@ def in_field(scenario: Scenario) -> Iterator[str]:
             'orbit.chief: needs ballistic in air, like craft; add for example ballistic = "0.02 m^2/kg", '
             '"0 m^2/kg" of an orbit that feels none'
         )
+
+
+def in_flight(scenario: Scenario) -> Iterator[str]:
+    """What a flight that is part of a run, or of each case of a study, cannot have."""
+    if scenario.flights is None:
+        return
+    if scenario.flights.control == "replan" and len(scenario.stages) > 1:
+        remedy = 'write control = "track", or leave one stage'
+        yield f"flight.control: replan is for one stage, and there are {len(scenario.stages)}; {remedy}"
+    if scenario.study is not None and scenario.study.draws != "vary":
+        errors = "a flight's errors are those of [navigation] and thrust_error"
+        yield f"study.draws: {errors}; remove draws, or [flight]"
+    if scenario.study is not None and FAILS in scenario.study.vary:
+        yield f"study.vary.{shown(FAILS)}: a flight cannot have it yet; remove it, or [flight]"
 
 
 def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from closeform.scenario.checks import check
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, meant_by
-from closeform.scenario.field import FeedbackTable, NavigationTable
+from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.origin import located
@@ -141,7 +141,7 @@ class Reading:
     def sections(self) -> dict[str, Any]:
         """The validated sections; what is wrong with them is in `lines`."""
         known = ["closeform", "title", "orbit", "craft", "sensor", "search", "feedback", "navigation"]
-        known += ["stage", "study"]
+        known += ["flight", "stage", "study"]
         for key in self.raw:
             if key not in known:
                 self.complain((key,), f"unknown key; {did_you_mean(key, known)}")
@@ -161,6 +161,7 @@ class Reading:
             "study": self.table("study", Study),
             "feedback": self.table("feedback", FeedbackTable),
             "navigation": self.table("navigation", NavigationTable),
+            "flights": self.table("flight", FlightTable),
         }
 
     def complain(self, place: Place, text: str) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, isnan
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,13 +15,13 @@ from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, NavigationTable
+from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather
-from closeform.scenario.study import FAILS, SEARCHED, STATES, Study
+from closeform.scenario.study import FAILS, FLOWN, SEARCHED, STATES, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
@@ -54,9 +55,12 @@ class Scenario:
     study: Study | None = None
     feedback: FeedbackTable | None = None
     navigation: NavigationTable | None = None
+    flights: FlightTable | None = None
     case: int | None = None  # of the study, if this is one
     astray: "SearchErrors | None" = None  # (N,), how the craft search, where a case has drawn it
     history: "History | None" = None  # of a case whose errors are drawn
+    drawn_flight: "Scenario | None" = None  # of a case: with what is drawn that its plans do not know
+    flight_seed: int | None = None  # of a case
     points: "tuple[Scenario, ...]" = ()  # of its sweep
     point: Mapping[str, Any] = field(default_factory=dict)  # of a sweep: the values by key
     place: int | None = None  # of that point among all
@@ -113,6 +117,18 @@ class Scenario:
             "thrust_error": np.array([craft.thrust_error for craft in self.craft]),
             "max_acceleration": most if np.isfinite(most).any() else None,
         }
+
+    @property
+    def truth(self) -> "Scenario":
+        """With what is flown, which plans need not know: of a case with all that it has drawn."""
+        return self.drawn_flight or self
+
+    @property
+    def flight_seeds(self) -> tuple[int, ...]:
+        """With which its flights draw their errors: of a case one of its own."""
+        if self.flight_seed is not None:
+            return (self.flight_seed,)
+        return tuple(range(self.flights.seeds if self.flights is not None else 0))
 
     @property
     def limited(self) -> bool:
@@ -178,9 +194,9 @@ class Scenario:
         return self.search.build(self.sensor.build())
 
     def given(self, key: str) -> tuple[Any, ...]:
-        """What stands in the file for a key of [craft], of each; of [sensor] and [search], once."""
-        section, name = key.split(".")
-        tables = self.craft if section == "craft" else (getattr(self, section),)
+        """What stands in the file for a key of [craft], of each; of other tables, once."""
+        section, _, name = key.rpartition(".")
+        tables = self.craft if section == "craft" else (attrgetter(section)(self),)
         fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
         return tuple(getattr(table, fields[name]) for table in tables)
 
@@ -245,7 +261,9 @@ class Scenario:
                 lines.append(f"{place}: a gathering cannot have it yet; remove it, or that stage")
             elif key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
-            elif key not in SEARCHED and not key.startswith("craft."):
+            elif key.startswith(FLOWN) and self.flights is None:
+                lines.append(f"{place}: is of flights, and cases fly none; add [flight], or remove it")
+            elif key not in SEARCHED and not key.startswith(("craft.", *FLOWN)):
                 lines.append(f"{place}: is one for all cases; run the study for each value")
         return tuple(lines)
 

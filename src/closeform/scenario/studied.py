@@ -2,13 +2,14 @@
 
 from collections.abc import Iterator
 from math import hypot, inf, pi
+from operator import attrgetter
 from typing import Any
 
 from closeform.scenario.craft import MOST_TURN, Craft
 from closeform.scenario.errors import alike, did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Gather
-from closeform.scenario.study import NORMAL_REACH, SEARCHED, Draw, draw_error, readers
+from closeform.scenario.study import NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
 
 WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # what readers do not bound
 NEAR = 3  # keys that are named for one that cannot vary
@@ -27,15 +28,21 @@ def study(scenario: Scenario) -> Iterator[str]:
         yield "study.sampled: samples look at searches without errors; remove sampled, or those"
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
-        section = key.split(".")[0]
+        section = key.rpartition(".")[0]
         if key not in known:
-            yield f"{place}: cannot vary; {did_you_mean(key, known, alike(key, known, NEAR))}"
+            near = [one for one in known if not one.startswith(TABLED) or there(scenario, one)]
+            yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
-        elif section != "craft" and getattr(scenario, section) is None:
+        elif section != "craft" and not there(scenario, key):
             yield f"{place}: there is no [{section}]; add that table or remove the draw"
         elif wrong := too_far(scenario, key, draw):
             yield f"{place}: {wrong}"
+
+
+def there(scenario: Scenario, key: str) -> bool:
+    """Whether the file has the table of a key that is not one of [craft]."""
+    return attrgetter(key.rpartition(".")[0])(scenario) is not None
 
 
 def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
@@ -55,9 +62,16 @@ def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
     least, most = WITHIN.get(key, (-inf if reader.least == "any" else 0.0, inf))
     low, high = min(ends) - reach, max(ends) + reach
     if (low > least and high < most) or (reader.least == "zero" and low == least):
-        return None
+        return unfit(scenario, key, (low, high)) if key.startswith(TABLED) else None
     worst = high if high >= most else low
     return f"some case has {worst:.6g} in SI units, beyond what {key} may be; draw less"
+
+
+def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None:
+    """What does not fit in a key's table where some case draws one of these values; None if all is well."""
+    section, _, name = key.rpartition(".")
+    table = attrgetter(section)(scenario)
+    return next((one for value in values for one in table.model_copy(update={name: value}).flaws()), None)
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:

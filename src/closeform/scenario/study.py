@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, Field
 
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
+from closeform.scenario.field import FeedbackTable, FieldTable, NavigationTable
 from closeform.scenario.quantity import TIME, Reader, shown
 from closeform.scenario.table import Table
 
@@ -25,6 +26,16 @@ SEARCHED = (  # how each craft searches
     "sensor.range",
     "search.slew_rate",
 )
+TABLES: dict[str, type[Table]] = {  # whose keys with a number may vary
+    "craft": Craft,
+    "sensor": SensorTable,
+    "search": SearchTable,
+    "navigation": NavigationTable,
+    "feedback": FeedbackTable,
+    "orbit.field": FieldTable,
+}
+TABLED = "navigation.", "feedback.", "orbit.field."  # one value for all craft
+FLOWN = "craft.ballistic", *TABLED  # how flights go: plans do not know
 NORMAL_REACH = 8.3  # sigmas: no random number of 53 bits is beyond
 ROW = re.compile(r"source|at once|never|(IPS|OPS|mOPS|NFS) [1-9][0-9]*")
 Step = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
@@ -65,7 +76,7 @@ class Draw(Table):
 def readers() -> dict[str, Reader | None]:
     """Every key that may vary: the reader of its quantity, None for a truth value."""
     found: dict[str, Reader | None] = {"craft.silent": None}
-    for section, table in (("craft", Craft), ("sensor", SensorTable), ("search", SearchTable)):
+    for section, table in TABLES.items():
         for name, field in table.model_fields.items():
             notes = [*field.metadata]
             for part in get_args(field.annotation):  # X | None keeps its notes in X

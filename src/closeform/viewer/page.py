@@ -24,10 +24,10 @@ MOST = 1000  # craft that a browser can move
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
 
-def leave(shown: Shown, folder: Folder, pictures: Sequence[Shot] = ()) -> None:
-    """Write `viewer.html` into a result folder that holds `pictures`."""
+def leave(shown: Shown, folder: Folder, pictures: Sequence[Shot] = (), name: str = VIEWER) -> None:
+    """Write a page in motion into a result folder that holds `pictures`."""
     named = [(shot.file.name, shot.caption) for shot in pictures]
-    folder.text(VIEWER, document(scene_of(shown, named, REPORT)))
+    folder.text(name, document(scene_of(shown, named, REPORT)))
 
 
 def document(scene: Scene) -> str:

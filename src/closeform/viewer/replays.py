@@ -9,6 +9,7 @@ from closeform.campaign.error_cases import ErrorCampaign
 from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS, MissionCampaign
 from closeform.mission import fly
 from closeform.mission_result import Mission
+from closeform.report.run import RunReport
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
 from closeform.viewer.page import document
@@ -48,7 +49,9 @@ def leave(campaign: Campaign | ErrorCampaign | MissionCampaign, folder: Folder) 
 
 def write(mission: Mission, folder: Folder, name: str) -> None:
     """One page, with a way back to the study's report."""
-    folder.text(name, document(scene_of(Shown.of_mission(mission), report=REPORT)))
+    flights = RunReport(mission).flights
+    shown = Shown.of_mission(mission) if flights is None else Shown.of_flight(flights)
+    folder.text(name, document(scene_of(shown, report=REPORT)))
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
@@ -74,11 +77,14 @@ def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
     for status in (UNMET, STOPPED):
         for case in campaign.endings.first[status][:MOST]:
             yield case, WORDS[status]
-    if spread := campaign.spreads.get("delta-v of all craft [m/s]"):
-        cost, case = spread.worst[0]
+    if spreads := campaign.spreads:
+        cost, case = next(iter(spreads.values())).worst[0]  # as flown, where that is done
         yield case, f"most delta-v, {cost:.4g} m/s"
-    if campaign.nearest is not None:
-        yield campaign.nearest[1], f"two came nearest, {campaign.nearest[0]:.4g} times their zone"
+    near, where = campaign.nearest, ""
+    if campaign.flights is not None:
+        near, where = campaign.flights.nearest, " in flight"
+    if near is not None:
+        yield near[1], f"two came nearest{where}, {near[0]:.4g} times their zone"
 
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:

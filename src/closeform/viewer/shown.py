@@ -22,7 +22,7 @@ from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, which runs can spare
     from closeform.report.encounter import EncounterReport
-    from closeform.report.flight import FlightReport
+    from closeform.report.flight import FlightReport, FlightTold
     from closeform.report.screening import ScreenReport
     from closeform.uncertainty.errors import Errors
     from closeform.uncertainty.uncertain_flight import UncertainFlight
@@ -95,7 +95,7 @@ class Shown:
         told: dict[str, Callable[[Any], Self]] = {
             "screen": cls._of_screening,
             "encounter": cls._of_encounter,
-            "fly": cls._of_flight,
+            "fly": cls.of_flight,
         }
         return told[report.command.name](report)
 
@@ -117,13 +117,14 @@ class Shown:
         return replace(shown, warnings=met.warnings)
 
     @classmethod
-    def _of_flight(cls, report: "FlightReport") -> Self:
+    def of_flight(cls, report: "FlightTold") -> Self:
+        """The worst flight of a run in its field, as one stage."""
         return cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
 
     @classmethod
     def _of_one(
         cls,
-        report: "ScreenReport | EncounterReport | FlightReport",
+        report: "ScreenReport | EncounterReport | FlightTold",
         epoch: Epoch | None,
         flight: WatchedFlight,
         zones: PairZones,

@@ -1,0 +1,48 @@
+"""What a study of missions says of their flights in the field."""
+
+from typing import Any
+
+from closeform.campaign.flight_rows import END, RATIO, SPENT, FlightTally
+from closeform.confidence import estimate
+from closeform.report.cases import percent
+from closeform.report.study import spread
+from closeform.report.table import Column, Table
+
+ENTERED = Column("flown once in the field", words=True), Column("cases"), *percent("share [%]")
+NEAREST = (
+    Column("nearest pair of a flight", words=True),
+    *(Column(heading, form="{:.4f}".format) for heading in ("median", "5 %", "0.1 %", "least")),
+    Column("in case"),
+)
+CAUSES = tuple(
+    Column(heading, form="{:.6g}".format) for heading in ("plan [m/s]", "field [m/s]", "feedback [m/s]")
+)
+PICTURES = {  # by their names: captions, what is spread, its column
+    "flown-delta-v": ("What all craft spend together in flight", "delta-v of all craft [m/s]", SPENT),
+    "flown-ends": ("How far off its plan the craft that is off most ends", "off at the end [m]", END),
+    "flown-ratios": ("How near the nearest pair of each flight comes", "least ratio, x zone", RATIO),
+}
+
+
+def tables(flights: FlightTally) -> tuple[Table, ...]:
+    """In how many a zone is entered, how near pairs come, and what the delta-v is spent on."""
+    share = estimate(flights.entered, flights.count)
+    found = [Table("Mean delta-v of all craft in flight, by cause", CAUSES, [tuple(flights.mean.values())])]
+    if flights.nearest is not None and flights.nearness is not None:
+        below = [1.0 / one.value for one in flights.nearness.quantiles.values()]
+        row = ("in terms of its zone", *below, *flights.nearest)
+        entered = ("a zone is entered", flights.entered, share, share)
+        found = [Table("Flights in the field", ENTERED, [entered]), Table("", NEAREST, [row]), *found]
+    return tuple(found)
+
+
+def figures(flights: FlightTally) -> dict[str, Any]:
+    """The same for `summary.json`."""
+    near = flights.nearness
+    return {
+        "flown": flights.count,
+        "entered": {"cases": flights.entered} | vars(estimate(flights.entered, flights.count)),
+        "mean_delta_v_m_s": flights.mean,
+        "least_ratio": None if flights.nearest is None else flights.nearest[0],
+        "one_over_ratio": None if near is None else spread(near),
+    }
