@@ -263,7 +263,8 @@ CALLS = {
     "lock_margins": turned(search=SEARCH, position=PLACE, velocity=SPEED),
     "prove_locks": turned(
         search=SEARCH, low=np.append(PLACE, SPEED) - 1e-3, high=np.append(PLACE, SPEED) + 1e-3,
-        pointing_error=0.01, timing_error=1.0, rate_error=0.001, latest=8000.0, nodes=9,
+        pointing_error=0.01, timing_error=1.0, rate_error=0.001, slew_acceleration=0.01,
+        latest=8000.0, nodes=9,
     ),
     "longest_lock": turned(
         search=SEARCH, low=np.append(PLACE, SPEED) - 1e-3, high=np.append(PLACE, SPEED) + 1e-3, seed=2,

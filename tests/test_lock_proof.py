@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from bodies import Body, first_lock
+from closeform.search.error_bounds import ErrorBounds
 from closeform.search.lock_proof import looks_of
 from turns import Turning, tip_angle, turns
 
@@ -60,7 +62,7 @@ def test_what_is_proven_locks_whatever_the_errors():
     states = states[decided(proof, onto_faces(states))]
     assert len(states) > 1400
     sides = [Turning(turns("modified", radians(70)), RATE, group) for group in "AB"]
-    times = looks_of(S04, S04.duration, 0.0, 0.0, 0.0)[:, 0]
+    times = looks_of(S04, S04.duration, ErrorBounds())[:, 0]
     seen = np.zeros((len(states), len(times)), dtype=bool)
     draw = generator(2)
     for some in np.array_split(np.arange(len(states)), 20):
@@ -151,6 +153,79 @@ def test_counterexamples_never_lock_with_boresights_that_lean_away(degrees, node
     assert still.any() == (degrees == 2.0)
 
 
+def assert_never_lock(proof):
+    """Each with its own errors, seen by bodies that turn for themselves, densely."""
+    plan = turns("modified", radians(70))
+    errors = {name: getattr(proof.errors, name) for name in ("half_angle", "slew_rate", "start")}
+    errors["slew_acceleration"] = proof.errors.slew_acceleration
+    for k, state in enumerate(proof.counterexamples[:20]):
+        one, other = (
+            Body(plan, group, **{name: values[k, side] for name, values in errors.items()})
+            for side, group in enumerate("AB")
+        )
+        assert np.isnan(first_lock(one, other, S04.sensor, state[:3], state[3:]))
+
+
+BOUNDS = [
+    {"timing_error": 5.0},
+    {"rate_error": 2e-3},
+    {"slew_acceleration": radians(0.1)},
+    {"pointing_error": radians(0.5), "timing_error": 2.0, "rate_error": 1e-3},
+    {
+        "pointing_error": radians(1),
+        "timing_error": 3.0,
+        "rate_error": 5e-4,
+        "slew_acceleration": radians(0.5),
+    },
+]
+
+
+@pytest.mark.parametrize("bounds", BOUNDS)
+def test_counterexamples_by_clocks_rates_and_ramps_are_replayed(bounds):
+    """Within the bounds, by the certified march and by bodies that are sampled."""
+    proof = cf.prove_locks(S04, -DRAWN, DRAWN, **bounds, nodes=50_000)
+    states, errors = proof.counterexamples, proof.errors
+    assert len(states) > 0
+    assert errors.shape == (len(states), 2)
+    assert (cf.lock_times(S04, states[:, :3], states[:, 3:], errors).leg == -1).all()
+    assert (abs(errors.start) <= bounds.get("timing_error", 0.0)).all()
+    assert (abs(errors.slew_rate) <= bounds.get("rate_error", 0.0)).all()
+    assert (-errors.half_angle <= bounds.get("pointing_error", 0.0)).all()
+    assert (errors.slew_acceleration >= bounds.get("slew_acceleration", inf)).all()
+    assert not decided(proof, onto_faces(states)).any()
+    assert_never_lock(proof)
+
+
+@pytest.mark.parametrize("bounds", BOUNDS[2::2])
+def test_what_is_proven_locks_with_any_clock_rate_and_ramp(bounds):
+    """Errors between and at their bounds, drawn for each craft; a share of the pairs by sampled bodies."""
+    proof = cf.prove_locks(S04, -DRAWN, DRAWN, **bounds, nodes=20_000)
+    states = inside(-DRAWN, DRAWN, 20_000, 11)
+    states = states[decided(proof, onto_faces(states))]
+    assert len(states) > 19_000
+    draw = generator(12)
+    shape = len(states), 2
+    share = draw.choice([-1.0, 1.0, 0.0], shape) * draw.choice([1.0, 0.5], shape)
+    pointing = draw.normal(size=(*shape, 3)) * [1, 1, 0]
+    pointing *= bounds.get("pointing_error", 0.0) / np.linalg.norm(pointing, axis=-1, keepdims=True)
+    ramps = draw.random(shape) < 0.5
+    each = {
+        "pointing": pointing,
+        "start": bounds.get("timing_error", 0.0) * share,
+        "slew_rate": bounds.get("rate_error", 0.0) * draw.choice([-1.0, 1.0], shape),
+        "slew_acceleration": np.where(ramps, bounds.get("slew_acceleration", inf), inf),
+    }
+    found = cf.lock_times(S04, states[:, :3], states[:, 3:], cf.SearchErrors(**each))
+    assert (found.time <= S04.duration).all()
+    plan = turns("modified", radians(70))
+    for k in np.argsort(-found.time)[:3]:
+        one, other = (
+            Body(plan, group, **{name: values[k, side] for name, values in each.items()})
+            for side, group in enumerate("AB")
+        )
+        assert first_lock(one, other, S04.sensor, states[k, :3], states[k, 3:]) <= S04.duration
+
+
 def exact_boresight(time):
     """Of A in S04's search, to 50 digits, from the turns as the paper has them."""
     mp = mpmath.mp
@@ -178,7 +253,7 @@ def exact_turn(axis, angle, vector):
 def test_bounds_against_intervals_of_fifty_digits():
     """Boxes hardly small enough to be proven at one look: so say intervals; hardly larger ones fail."""
     mpmath.mp.dps = 50
-    table = looks_of(S04, S04.duration, 0.0, 0.0, 0.0)
+    table = looks_of(S04, S04.duration, ErrorBounds())
     draw = generator(6)
     for state in inside(-DRAWN, DRAWN, 12, 5):
         line = state[:3] + table[:, :1] * state[3:]
@@ -261,7 +336,8 @@ def test_errors_that_eat_the_whole_cone_leave_nothing():
     assert cf.prove_locks(S04, near, near + 1.0, pointing_error=radians(69), nodes=3).ok
     late = cf.prove_locks(S04, near, near + 1.0, timing_error=281.0, nodes=3)
     assert late.open == 1.0
-    assert not len(late.counterexamples)  # clocks may be right
+    assert len(late.counterexamples) > 0  # one turns away before the other begins
+    assert_never_lock(late)
 
 
 def test_a_cone_wider_than_half_of_the_sky():
@@ -280,6 +356,9 @@ def test_a_cone_wider_than_half_of_the_sky():
         ({"pointing_error": -0.1}, "pointing_error: must be finite and at least 0, got -0.1"),
         ({"timing_error": inf}, "timing_error: must be finite and at least 0, got inf"),
         ({"rate_error": nan}, "rate_error: must be finite"),
+        ({"rate_error": 1.0}, "rate_error: must be below 1, got 1"),
+        ({"slew_acceleration": 0.0}, "slew_acceleration: must be positive, got 0"),
+        ({"slew_acceleration": nan}, "slew_acceleration: must be positive, got nan"),
         ({"latest": -1.0}, "latest: must be finite and at least 0"),
         ({"nodes": 0}, "nodes: expected a whole number from 1 on, got 0"),
         ({"search": 1}, "search: expected Search"),

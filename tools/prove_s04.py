@@ -41,6 +41,7 @@ def main() -> None:
     parser.add_argument("--pointing-error", type=float, default=0.0, help="deg")
     parser.add_argument("--timing-error", type=float, default=0.0, help="s")
     parser.add_argument("--rate-error", type=float, default=0.0)
+    parser.add_argument("--slew-acceleration", type=float, default=np.inf, help="deg/s^2, the least")
     given = parser.parse_args()
     degree = np.pi / 180
     search = cf.Search.modified(cf.Sensor(70 * degree), 0.25 * degree, 25 * degree)
@@ -57,6 +58,7 @@ def main() -> None:
                 pointing_error=given.pointing_error * degree,
                 timing_error=given.timing_error,
                 rate_error=given.rate_error,
+                slew_acceleration=given.slew_acceleration * degree,
                 nodes=given.nodes,
             )
             share = share_of_draws(proof.undecided)

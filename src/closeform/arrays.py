@@ -36,6 +36,14 @@ def number(name: str, value: ArrayLike) -> float:
     return float(array)
 
 
+def size(name: str, value: ArrayLike, unit: str = "") -> float:
+    """An argument as a finite float from 0 on; its `unit` as an error says it, like " m"."""
+    found = number(name, value)
+    if not 0.0 <= found < np.inf:
+        raise ValueError(f"{name}: must be finite and at least 0{unit}, got {found:g}")
+    return found
+
+
 def whole(name: str, value: Any, least: int = 0) -> int:
     """An argument as a whole number."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, size
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.planning.pieces import inner_curvature
@@ -26,7 +26,7 @@ from closeform.planning.scene import Contacts
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.gauges import gauges
 from closeform.uncertainty.planes import faced
-from closeform.uncertainty.search import checked_sigmas, given_errors, one_for_each, search_of
+from closeform.uncertainty.search import given_errors, one_for_each, search_of
 from closeform.uncertainty.spread import Spread, covariances, spread_of
 from closeform.zones.solids import Ellipsoid
 from closeform.zones.sums import outer_sum
@@ -61,7 +61,7 @@ class Margin:
 
     @classmethod
     def _of(cls, errors: list[Errors | None], sigmas: Any) -> Margin | None:
-        many = checked_sigmas(sigmas)
+        many = size("sigmas", sigmas)
         return cls(tuple(errors), many) if many and any(errors) else None
 
     def fixed(self, count: int) -> tuple[Errors | None, ...]:

@@ -15,12 +15,11 @@ from numba import float64, int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.lock_march import LockSensor, first_lock
 
 TIME, BORESIGHT, COSINE, SHIFT = 0, 1, 4, 5  # columns of a table of looks
 ROUNDING = 1e-12  # of all that q is summed from: a thousand times what rounding can do to g
 ALONG = 0.01  # how much a width along the line of sight counts, beside one across
-PROVEN, OPEN, FAILS = 0, 1, 2  # verdicts: all lock; not known; the centre never does
+PROVEN, OPEN, UNSEEN = 0, 1, 2  # verdicts: all lock; not known; no look sees the centre
 
 
 class LockBox(NamedTuple):
@@ -143,8 +142,6 @@ def nearest_look(looks, hot, box, baseline, longest):
         float64[:, ::1],
         float64[:, ::1],
         float64[:, ::1],
-        float64[:, ::1],
-        float64,
         float64,
         float64,
         float64,
@@ -155,34 +152,22 @@ def nearest_look(looks, hot, box, baseline, longest):
 )
 def judge(
     looks: Floats,
-    legs: Floats,
     centres: Floats,
     halves: Floats,
     baseline: float,
-    cosine: float,
     longest: float,
-    latest: float,
+    duration: float,
     hot: Any,
     axes: Any,
     verdicts: Any,
 ) -> None:
-    """What is known of each box: its verdict, the look nearest to a proof (into `hot`), where to halve it.
-
-    The centre fails if a sensor of this `cosine` does not lock by the time `latest`.
-    """
+    """What is known of each box: its verdict, the look nearest to a proof (into `hot`), where to halve it."""
     for m in range(len(centres)):
         box = as_box(centres[m], halves[m])
         nearest, proven = nearest_look(looks, hot[m], box, baseline, longest)
-        verdicts[m] = PROVEN if proven else OPEN
         if proven:
-            continue
-        if nearest >= 0:
-            hot[m] = nearest
-            axes[m] = axis_to_halve(looks[nearest], box, baseline)
-            continue
-        axes[m] = longest_side(box, latest)
-        if abs(box.x) + abs(box.y) + abs(box.z) > 0.0:
-            position, velocity = (box.x, box.y, box.z), (box.vx, box.vy, box.vz)
-            when, _ = first_lock(legs, 0.0, position, velocity, LockSensor(baseline, cosine, longest))
-            if when > latest:
-                verdicts[m] = FAILS
+            verdicts[m] = PROVEN
+        elif nearest >= 0:
+            verdicts[m], hot[m], axes[m] = OPEN, nearest, axis_to_halve(looks[nearest], box, baseline)
+        else:
+            verdicts[m], axes[m] = UNSEEN, longest_side(box, duration)

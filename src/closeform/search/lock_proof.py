@@ -8,22 +8,26 @@ and their multiples lock alike, and a box around the origin is proven on its fac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, cos, inf, isfinite, pi
+from math import ceil, inf, pi
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, instance, number, numbers, whole
+from closeform.arrays import LARGEST, Floats, instance, number, numbers, size, whole
 from closeform.result import Result
-from closeform.search.lock_boxes import FAILS, PROVEN, judge
+from closeform.search.adversary import DRAWN, ROUNDS, Adversary
+from closeform.search.error_bounds import ErrorBounds, chosen
+from closeform.search.lock_boxes import PROVEN, UNSEEN, judge
 from closeform.search.lock_march import in_parts
+from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
+from closeform.search.search_errors import SearchErrors
 from closeform.search.state_boxes import StateBoxes, joined
 
 STEP = pi / 90.0  # between two looks, of the boresight's turn
+EACH_ROUND = 5000  # boxes that take as long as a round of an adversary's climb
 CHUNK = 4096  # boxes that one core judges in a row
-BLIND = 1.5  # a cosine that no direction has
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,6 +43,8 @@ class LockProof(Result):
         the given box holds the origin they are flat, in its faces, and each stands for all its multiples.
     counterexamples : array of shape (C, 6) [m, m/s]
         States that certainly do not lock in time with errors within the bounds, in the inertial frame.
+    errors : SearchErrors
+        With which they do not (C, 2), of the craft in A and in B: `lock_times` with them says so.
     nodes : int
         How many boxes were judged.
     """
@@ -46,6 +52,7 @@ class LockProof(Result):
     open: float
     undecided: Floats
     counterexamples: Floats
+    errors: SearchErrors
     nodes: int
 
     @property
@@ -67,6 +74,7 @@ def prove_locks(
     pointing_error: float = 0.0,
     timing_error: float = 0.0,
     rate_error: float = 0.0,
+    slew_acceleration: float = inf,
     latest: float | None = None,
     nodes: int = 1_000_000,
 ) -> LockProof:
@@ -85,7 +93,9 @@ def prove_locks(
     timing_error : float [s], default 0
         The most by which each clock is off.
     rate_error : float, no unit, default 0
-        The most by which each slew rate is off, relative to the search's, from its start on.
+        The most by which each slew rate is off, relative to the search's, from its start on; below 1.
+    slew_acceleration : float [rad/s^2], default inf
+        The least with which each craft's turns gain and lose their rate: it may have any from there on.
     latest : float [s], optional
         Until when they must have locked: the end of the search unless given.
     nodes : int, default 1_000_000
@@ -105,9 +115,10 @@ def prove_locks(
     Notes
     -----
     What is proven allows for rounding: g of theory (13) is below 0 by 1e-12 of all lengths that it is summed
-    from.  A counterexample is a state whose pair the certified march of `lock_times` never sees lock, though
-    clocks and rates are right, with sensors narrower by the pointing error: boresights that always lean away
-    from the other craft.  Sensors with an offset are flown without any error.
+    from.  A counterexample is a state whose pair the certified march of `lock_times` never sees lock with
+    errors as bad as the bounds allow: boresights that always lean away from the other craft, which is told as
+    sensors narrower by the pointing error, and clocks that are right, or of who is behind or ahead of all
+    others.  Sensors with an offset do not lean.
 
     References
     ----------
@@ -122,44 +133,50 @@ def prove_locks(
     """
     sensor = instance("search", search, Search).sensor
     least, greatest = ends_of_box(low, high)
-    pointing = bound("pointing_error", pointing_error)
-    errors = pointing, bound("timing_error", timing_error), bound("rate_error", rate_error)
-    until = search.duration if latest is None else min(bound("latest", latest), search.duration)
+    bounds = ErrorBounds(
+        size("pointing_error", pointing_error),
+        size("timing_error", timing_error),
+        size("rate_error", rate_error),
+        number("slew_acceleration", slew_acceleration),
+    )
+    if bounds.rate >= 1.0:
+        raise ValueError(f"rate_error: must be below 1, got {bounds.rate:g}")
+    if not bounds.acceleration > 0.0:
+        raise ValueError(f"slew_acceleration: must be positive, got {bounds.acceleration:g}")
+    until = search.duration if latest is None else min(size("latest", latest), search.duration)
     most = whole("nodes", nodes, 1)
-    looks = looks_of(search, until, *errors)
-    lean = pointing if sensor.offset == 0.0 else 0.0
-    narrowed = sensor.cosine if lean == 0.0 else cos(sensor.half_angle - lean)
-    narrowed = narrowed if lean < sensor.half_angle else BLIND
-
+    looks, adversaries = looks_of(search, until, bounds), bounds.adversaries(sensor)
     boxes = roots(search, least, greatest)
-    judged, left, failing = 0, [boxes[:0]], [boxes.centres[:0]]
+    judged, left, found = 0, [boxes[:0]], [refuted(search, boxes.centres[:0], until, adversaries)]
     while len(boxes) and judged < most:
         left.append(boxes[most - judged :])
         boxes = boxes[: most - judged]
-        axes, verdicts = verdicts_of(search, looks, narrowed, until, boxes)
+        axes, verdicts = verdicts_of(search, looks, until, boxes)
         judged += len(boxes)
-        failing.append(boxes.centres[verdicts == FAILS])
+        found.append(refuted(search, boxes.centres[verdicts == UNSEEN], until, adversaries))
         open_ones = verdicts != PROVEN
         boxes = boxes[open_ones].halved(axes[open_ones])
     rest = joined([*left, boxes])
-    return LockProof(float(rest.shares.sum()), rest.edges, np.concatenate(failing), judged)
+    if len(rest) and bounds != ErrorBounds() and not any(len(states) for states, _ in found):
+        box = search, least, greatest, scales(search, least, greatest)
+        states = sought([Adversary(*box, errors) for errors in adversaries], most)
+        found.append(refuted(search, states, until, adversaries))
+    failing, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    return LockProof(float(rest.shares.sum()), rest.edges, failing, chosen(adversaries, which), judged)
 
 
-def verdicts_of(
-    search: Search, looks: Floats, cosine: float, until: float, boxes: StateBoxes
-) -> tuple[Any, Any]:
+def verdicts_of(search: Search, looks: Floats, until: float, boxes: StateBoxes) -> tuple[Any, Any]:
     """Where each box is to be halved, and its verdict (M,); the look that came nearest into the boxes."""
     axes, verdicts = np.zeros((2, len(boxes)), dtype=np.int64)
+    sensor = search.sensor
 
     def part(some: slice) -> None:
         judge(
             looks,
-            search.table,
             boxes.centres[some],
             boxes.halves[some],
-            search.sensor.baseline,
-            cosine,
-            search.sensor.range,
+            sensor.baseline,
+            sensor.range,
             until,
             boxes.looks[some],
             axes[some],
@@ -168,6 +185,36 @@ def verdicts_of(
 
     in_parts(part, len(boxes), CHUNK)
     return axes, verdicts
+
+
+def refuted(
+    search: Search, states: Floats, until: float, adversaries: list[SearchErrors]
+) -> tuple[Floats, Any]:
+    """Of some states (M, 6) those that do not lock in time with one of the errors, and with which (C,)."""
+    states = states[states[:, :3].any(axis=1)]  # two at one place are nobody's example
+    lost, which = [states[:0]], [np.empty(0, dtype=np.int64)]
+    for kind, errors in enumerate(adversaries):
+        if not len(states):
+            break
+        found = lock_times(search, states[:, :3], states[:, 3:], errors)
+        late = (found.leg < 0) | (found.time > until)
+        lost.append(states[late])
+        which.append(np.full(int(late.sum()), kind))
+        states = states[~late]
+    return np.concatenate(lost), np.concatenate(which)
+
+
+def sought(adversaries: list[Adversary], effort: int) -> Floats:
+    """States (M, 6) that may never lock: of those that adversaries draw, else the latest of each climb."""
+    random = np.random.Generator(np.random.Philox(0))
+    drawn = [one.drawn(random, min(effort, DRAWN)) for one in adversaries]
+    for one, states in zip(adversaries, drawn, strict=True):
+        never: Floats = states[one.times(states) == inf]
+        if len(never):
+            return never
+    rounds = min(effort // EACH_ROUND, ROUNDS)
+    climbed = [one.climbed(states, random, rounds)[0] for one, states in zip(adversaries, drawn, strict=True)]
+    return np.array(climbed)
 
 
 def roots(search: Search, low: Floats, high: Floats) -> StateBoxes:
@@ -181,23 +228,24 @@ def scales(search: Search, low: Floats, high: Floats) -> bool:
     return of_all_sizes and bool((low <= 0.0).all() and (high >= 0.0).all())
 
 
-def looks_of(search: Search, until: float, pointing: float, timing: float, rate: float) -> Floats:
+def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
     """Times at which boxes are looked at, densely, with the cone in which both certainly see each other then.
 
-    Rows (N, 6): time [s], boresight of A, cosine of the narrowed cone, and by how much [m] errors
-    displace the two sensors.                                                            # theory (57)
+    Rows (N, 6): time [s], boresight of A midway between the slowest and the fastest, cosine of the narrowed
+    cone, and by how much [m] errors displace the two sensors.                           # theory (57)
     """
     times = [0.0]
     for leg in search.legs:
         count = ceil(abs(leg.angle) / STEP)
         times += [leg.start + (leg.end - leg.start) * k / count for k in range(1, count)] + [leg.end]
     when = np.array([t for t in times if t < until] + [until])
-    error = pointing + search.slew_rate * ((1.0 + rate) * timing + rate * when)
+    behind, ahead = bounds.searched(search, when)
+    error = bounds.pointing + search.slew_rate * 0.5 * (ahead - behind)
     half_angle = search.sensor.half_angle - error
     # the cone is convex up to half of the sky: of a wider one that half is looked at
     cosines = np.where(half_angle < pi / 2.0, np.cos(half_angle), 0.0)
     shift = 2.0 * search.sensor.baseline * np.sin(np.minimum(error, pi) / 2.0)
-    rows = np.column_stack([when, search.boresight(when), cosines, shift])
+    rows = np.column_stack([when, search.boresight(0.5 * (behind + ahead)), cosines, shift])
     return np.ascontiguousarray(rows[half_angle > 0.0])
 
 
@@ -216,11 +264,3 @@ def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
     if not (least.any() or greatest.any()):
         raise ValueError("high: the box is the origin alone, two craft at one place; give it a width")
     return least, greatest
-
-
-def bound(name: str, value: float) -> float:
-    """An argument as a finite float from 0 on."""
-    size = number(name, value)
-    if not (isfinite(size) and size >= 0.0):
-        raise ValueError(f"{name}: must be finite and at least 0, got {size:g}")
-    return size

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.search.leg import Group, rotation
+from closeform.search.leg import Group
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
 
@@ -62,21 +62,24 @@ class OwnTurns:
 
     def attitudes(self, time: float) -> Floats:
         """Attitudes (N, 3, 3) at a time [s], of craft whose errors are (N,); columns are the body axes."""
-        return self._bodies(np.stack([self._nominal(k, time) for k in range(len(self.groups))]))
+        return self._bodies(self.search.attitude(self.searched(np.array([time]))[:, 0]))
 
-    def _nominal(self, k: int, time: float) -> Floats:
-        """What the search asks of A's attitude (3, 3) where craft k is in it."""
-        legs, begins = self.search.legs, self.begins[k]
-        time = min(max(time, begins[0]), begins[-1])
-        at = min(int(np.searchsorted(begins, time, side="right")) - 1, len(legs) - 1)
-        angle, rate, ramp = (
-            float(one) for one in (self._angles[at], self._rates[0][k, at], self._rates[1][k, at])
-        )
-        since, left = time - begins[at], begins[at + 1] - time
-        turned = rate * (since - 0.5 * ramp)
-        if since < ramp:
-            turned = 0.5 * rate / ramp * since**2
-        elif left < ramp:
-            turned = angle - 0.5 * rate / ramp * left**2
-        way = np.sign(legs[at].angle)
-        return rotation(legs[at].axis, way * turned) @ legs[at].attitude
+    def searched(self, times: Floats) -> Floats:
+        """When the search is where craft, whose errors are (N,), have come at some times (N, T) [s]."""
+        legs = self.search.legs
+        starts = np.array([leg.start for leg in legs])
+        lengths = np.array([leg.end - leg.start for leg in legs])
+        found = np.empty((len(self.groups), len(times)))
+        for out, begins, rates, ramps in zip(found, self.begins, *self._rates, strict=True):
+            at = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(legs) - 1)
+            inside = np.clip(times, begins[0], begins[-1])
+            since, left = inside - begins[at], begins[at + 1] - inside
+            angle, rate, ramp = self._angles[at], rates[at], ramps[at]
+            bend = rate / np.where(ramp > 0.0, ramp, 1.0)
+            turned = rate * (since - 0.5 * ramp)
+            turned = np.where(left < ramp, angle - 0.5 * bend * left**2, turned)
+            turned = np.where(since < ramp, 0.5 * bend * since**2, turned)
+            moves = angle > 0.0
+            share = np.where(moves, turned, since) / np.where(moves, angle, lengths[at])
+            out[:] = starts[at] + lengths[at] * np.clip(share, 0.0, 1.0)
+        return np.minimum(found, self.search.duration)

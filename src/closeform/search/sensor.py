@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, inf, isfinite, pi
 
-from closeform.arrays import numbers, shown
+from closeform.arrays import numbers, shown, size
 
 
 def one_number(name: str, value: float) -> float:
@@ -58,8 +58,7 @@ class Sensor:
             raise ValueError(
                 f"half_angle: must be above 0 and below pi (180 deg), got {self.half_angle:g} rad"
             )
-        if not (isfinite(self.offset) and self.offset >= 0.0):
-            raise ValueError(f"offset: must be finite and at least 0 m, got {self.offset:g}")
+        size("offset", self.offset, " m")
         if not self.range > 0.0:
             raise ValueError(f"range: must be positive, got {self.range:g} m")
 

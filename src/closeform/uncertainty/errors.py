@@ -11,12 +11,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, numbers
+from closeform.arrays import Floats, number, numbers, size
 from closeform.conflicts.two_paths import Conflict
 from closeform.motion.ends import checked_below
 from closeform.motion.path import Path, of_one_craft
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
-from closeform.uncertainty.search import checked_sigmas, one_for_each, search_of, stays_of_two
+from closeform.uncertainty.search import one_for_each, search_of, stays_of_two
 from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
@@ -240,7 +240,7 @@ class Errors:
     def _search_of(paths: Path, errors: Any, zones: Sequence[Zone], sigmas: Any) -> Any:
         """What `screen` searches some pairs with, where there are errors."""
         spread = spread_of(paths, one_for_each("errors", errors, paths, Errors))
-        return search_of(spread, zones, paths.orbit.mean_motion, checked_sigmas(sigmas))
+        return search_of(spread, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
 
     @cached_property
     def _execution(self) -> Floats:

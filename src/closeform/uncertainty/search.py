@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.arrays import Floats, number, shown
+from closeform.arrays import Floats, shown, size
 from closeform.conflicts.entries import COLUMNS
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.motion.path import Path
@@ -45,14 +45,6 @@ def stays(
     return np.concatenate(found)
 
 
-def checked_sigmas(sigmas: Any) -> float:
-    """How many are to be clear."""
-    many = number("sigmas", sigmas)
-    if not 0.0 <= many < np.inf:
-        raise ValueError(f"sigmas: must be finite and at least 0, got {many:g}")
-    return many
-
-
 def one_for_each(name: str, errors: Any, path: Path, kind: Any) -> list[Errors | None]:
     """Errors of the craft of a batch: one for all, or one for each (None: where its path is)."""
     return given_errors(name, errors, len(path.offsets) - 1, kind)
@@ -72,7 +64,7 @@ def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Errors |
 def stays_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: float, sigmas: Any) -> Floats:
     """Stays of two craft."""
     first = np.zeros(1, dtype=np.int64)
-    return stays(one, two, first, first, zone, mean_motion, checked_sigmas(sigmas))
+    return stays(one, two, first, first, zone, mean_motion, size("sigmas", sigmas))
 
 
 def search_of(spread: Spread, zones: Sequence[Zone], mean_motion: float, sigmas: float) -> Any:

@@ -1,0 +1,112 @@
+"""Adversary: who looks among the initial states of a box for the pair that locks last, or never.
+
+It draws pairs, most of which pass close by each other, and climbs from the latest of them by ever smaller
+changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.search.locks import lock_times
+from closeform.search.schedule import Search
+from closeform.search.search_errors import SearchErrors
+
+DRAWN = 200_000  # states to begin with
+ROUNDS, PATIENCE = 300, 30  # most in a climb; how many without gain end it
+ISLANDS, MEMBERS, TRIED = 8, 12, 64  # who climb together, how many, what each tries in a round
+GAIN = 1e-4  # s
+
+
+@dataclass(frozen=True)
+class Adversary:
+    """A search, the `least` and `greatest` states (6,) of a box, whether its surface stands for it all.
+
+    `errors`: of the craft in A and in B, alike for all pairs.
+    """
+
+    search: Search
+    least: Floats
+    greatest: Floats
+    scaled: bool
+    errors: SearchErrors | None = None
+
+    def drawn(self, random: Any, count: int = DRAWN) -> Floats:
+        """States (count, 6) of the box: half of them anywhere, half of pairs that pass close by meanwhile."""
+        anywhere = random.uniform(self.least, self.greatest, (count - count // 2, 6))
+        velocity = random.uniform(self.least, self.greatest, (count // 2, 6))[:, 3:]
+        along = random.random(len(velocity)) < 0.5  # the sun line, where cones are left out
+        velocity[along, :2] *= 10.0 ** random.uniform(-4.0, 0.0, (int(along.sum()), 1))
+        speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+        miss = random.normal(size=(len(velocity), 3)) * 10.0 ** random.uniform(-4.0, 0.0, (len(velocity), 1))
+        duration = self.search.duration
+        closest = random.uniform(0.0, duration, (len(velocity), 1))
+        passing = np.hstack([(miss * speed * duration) - velocity * closest, velocity])
+        return self.within(np.concatenate([anywhere, passing]))
+
+    def within(self, states: Floats) -> Floats:
+        """States (N, 6) brought into the box: to its surface, where lengths scale, else to what is next."""
+        if not self.scaled:
+            return np.clip(states, self.least, self.greatest)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            least = np.where(states < 0.0, states / self.least, 0.0)
+            shares = np.where(states > 0.0, states / self.greatest, least)
+            states = states / shares.max(axis=1, keepdims=True)
+        return np.where(np.isfinite(states), states, 0.0)
+
+    def times(self, states: Floats) -> Floats:
+        """First locks of states (N, 6) [s]: inf for never, -inf for two craft at one place."""
+        apart = np.abs(states[:, :3]).max(axis=1) > 0.0
+        times = np.full(len(states), -inf)
+        found = lock_times(self.search, states[apart, :3], states[apart, 3:], self.errors).time
+        times[apart] = np.where(np.isnan(found), inf, found)
+        return times
+
+    def climbed(self, states: Floats, random: Any, rounds: int = ROUNDS) -> tuple[Floats, float]:
+        """The state with the latest lock that is reached from some, and its time.
+
+        By differential evolution (Storn and Price 1997): ridges of the time to lock are narrow, and lie along
+        what separates those who climb them.  Who begins in one octant of positions climbs apart from all
+        others.
+        """
+        width = self.greatest - self.least
+        all_times = self.times(states)
+        members = []
+        octants = (states[:, :3] > 0.5 * (self.least + self.greatest)[:3]) @ [1, 2, 4]
+        for island in range(ISLANDS):
+            here = octants == island
+            own = np.flatnonzero(here if here.any() else ~here)
+            best = own[np.argsort(-all_times[own], kind="stable")[:MEMBERS]]
+            members.append(np.resize(best, MEMBERS))
+        states, times = states[np.concatenate(members)], all_times[np.concatenate(members)]
+        rows, latest, idle = np.arange(len(states)), -inf, 0
+        for _ in range(rounds):
+            if times.max() == inf or idle == PATIENCE:
+                break
+            tried = self.within((states[:, None] + steps(states, width, random)).reshape(-1, 6))
+            found = self.times(tried).reshape(len(states), TRIED)
+            which = found.argmax(axis=1)
+            better = found[rows, which] > times
+            states[better] = tried.reshape(len(states), TRIED, 6)[rows, which][better]
+            times[better] = found[rows, which][better]
+            idle = 0 if times.max() > latest + GAIN else idle + 1
+            latest = max(latest, times.max())
+        winner = int(times.argmax())
+        return states[winner], float(times[winner])
+
+
+def steps(states: Floats, width: Floats, random: Any) -> Floats:
+    """Steps (N, TRIED, 6) of all sizes: of some components, or along what lies between two of an island."""
+    shape = len(states), TRIED
+    size = 10.0 ** random.uniform(-8.0, -0.5, (*shape, 1))
+    moved = random.random((*shape, 6)) < random.choice([0.2, 0.5, 1.0], (*shape, 1))
+    anyhow = width * size * moved * random.normal(size=(*shape, 6))
+    home = MEMBERS * (np.arange(len(states)) // MEMBERS)[:, None]
+    one, other = home + random.integers(MEMBERS, size=(2, *shape))
+    along = (states[one] - states[other]) * 10.0 ** random.uniform(-2.0, 0.3, (*shape, 1))
+    return np.asarray(np.where(random.random((*shape, 1)) < 0.5, anyhow, along))
