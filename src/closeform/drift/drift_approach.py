@@ -11,6 +11,7 @@ from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.conflicts.two_paths import check_comparable, craft_of
 from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, Side
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
+from closeform.drift.flown import MEETS
 from closeform.drift.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
 from closeform.motion.arc import IMPULSE, START, THRUST
@@ -255,7 +256,8 @@ def _worst(
     for who in ("path", "other") if failing == "either" else (failing,):
         one = side_of(path, None if who == "other" else failure, soon, end == np.inf)
         two = side_of(other, None if who == "path" else failure, soon, end == np.inf)
-        rows = search_pairs(one, two, first, second, soon, path.orbit, zone, certain, end == np.inf)
+        most = np.inf if certain > 0.0 else MEETS
+        rows = search_pairs(one, two, first, second, soon, path.orbit, zone, certain, most, end == np.inf)
         found.append((who, rows, zone, (one, two), (first, second)))
     return found
 
@@ -269,6 +271,7 @@ def search_pairs(
     orbit: Orbit,
     zone: Zone,
     certain: float,
+    most: float,
     for_ever: bool = False,
 ) -> Floats:
     """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
@@ -276,7 +279,7 @@ def search_pairs(
     rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
     tube = tube_form(zone) if for_ever else zone.form
-    rest = orbit.mean_motion, zone.form, zone.stretch, certain, far * for_ever, tube, room
+    rest = orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):

@@ -13,6 +13,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.drift.drift_approach import checked_end, failed_at, search_pairs
 from closeform.drift.failures import Failure, ThrustLost
+from closeform.drift.flown import MEETS
 from closeform.drift.search import FAILURE, RATIO, TIME
 from closeform.drift.sides import side_of
 from closeform.motion.joining import stack
@@ -105,10 +106,12 @@ def drift_screen(
     def search(job: tuple[Zone, Any, Any]) -> tuple[Any, Floats]:
         one, first, second = job
         sides = side_of(batch, failure, end), side_of(batch, None, end, carry_on=True)
-        verdicts = search_pairs(*sides, first, second, end, batch.orbit, one, 0.0)
-        unsafe = np.isfinite(verdicts[:, RATIO])
-        first, second = first[unsafe], second[unsafe]
-        rows = search_pairs(*sides, first, second, end, batch.orbit, one, ENOUGH)
+        rows = search_pairs(*sides, first, second, end, batch.orbit, one, ENOUGH, MEETS)
+        unsafe = np.isfinite(rows[:, RATIO])
+        first, second, rows = first[unsafe], second[unsafe], rows[unsafe]
+        unsure = np.isnan(rows[:, TIME])
+        doubtful = first[unsure], second[unsure]
+        rows[unsure] = search_pairs(*sides, *doubtful, end, batch.orbit, one, ENOUGH, np.inf)
         at = failed_at(sides[0], rows[:, FAILURE + 1 :], first)
         return np.stack([first, second], axis=1), np.stack([at, rows[:, TIME], rows[:, RATIO]], axis=1)
 

@@ -17,11 +17,15 @@ from closeform.drift.cells import (
 )
 from closeform.drift.fans import open_window
 from closeform.drift.planes import widest
+from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
 from closeform.motion.extrema import minimum_norm
 from closeform.zones.shapes import FACES
 
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
+LEAST_SHARE = 0.2  # of a cell, that a cut leaves on either side
+FIRST_STEP, LAST_STEP = 0.1, 1e-3  # downhill: in n t, and of the first
+NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
 SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
 
 
@@ -29,9 +33,9 @@ SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
 def target_below(best, certain):
     """Up to which norm cells must be clear, for the least that was met to be that of all.
 
-    Cells may hide the share `certain` of it, or of 1; where that is 0 only whether it is above 1 is asked.
+    Cells may hide the share `certain` of it, or of 1; but whether it is above 1, until any is met below.
     """
-    return best - certain * max(abs(best), 1.0) if certain > 0.0 else 1.0
+    return best - certain * max(abs(best), 1.0) if certain > 0.0 and best != MEETS else 1.0
 
 
 @kernel()
@@ -104,6 +108,40 @@ def note(room, cell):
 
 
 @kernel()
+def descend(one, two, width, when, end, n, form, room, best):
+    """Follow the worst failure that was met downhill, from one instant to the next: least norm, its time."""
+    cell, worst = room.point[0], room.point[1]
+    for second in range(2):
+        side, o = (two, 1 + width) if second else (one, 1)
+        if not is_instant(side, worst, o):
+            continue
+        arc = side.arcs[int(worst[o + PIECE]) // 2]
+        start, end_of = arc[START], arc[END]
+        step = min(FIRST_STEP / n, 0.1 * (end_of - start)) if n > 0.0 else 0.02 * (end_of - start)
+        least_step = LAST_STEP * step
+        while abs(step) > least_step:
+            for c in range(len(cell)):
+                cell[c] = worst[c]
+            at = min(max(worst[o + LOW] + step, start), end_of)
+            cell[o + LOW] = cell[o + HIGH] = at
+            reach = NEAR / n if n > 0.0 else 0.05 * (end - at)
+            s = max(earliest(one, cell, 1), earliest(two, cell, 1 + width))
+            begin = max(s, when - reach)
+            least, time = best, when
+            if at != worst[o + LOW] and begin <= end:
+                least, time = fly(
+                    one, two, cell, width, begin, min(end, max(when, begin) + reach), n, form, room, best
+                )
+            if least < best:
+                best, when = least, time
+                note(room, cell)
+                step *= 2.0
+            else:
+                step *= -0.3
+    return best, when
+
+
+@kernel()
 def cut(one, two, width, top, t, room, count):
     """Put a cell's two halves in its place, to go on from time t; the half to be searched first is last.
 
@@ -114,7 +152,10 @@ def cut(one, two, width, top, t, room, count):
     for _ in range(count):
         column = 1 + LOW + 2 * which if which < mine else 1 + width + LOW + 2 * (which - mine)
         low, high = cells[top, column], cells[top, column + 1]
-        middle = 0.5 * (low + high)
+        share = room.shares[which]
+        if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:
+            share = LEAST_SHARE if share < 0.5 else 1.0 - LEAST_SHARE
+        middle = low + share * (high - low)
         if low < middle < high:
             break
         which = (which + 1) % count  # floats end here: along another edge
@@ -122,7 +163,7 @@ def cut(one, two, width, top, t, room, count):
         return top
     for c in range(cells.shape[1]):
         cells[top + 1, c] = cells[top, c]
-    upper = room.shares[which] > 0.5
+    upper = room.shares[which] > (middle - low) / (high - low)
     cells[top, column], cells[top, column + 1] = (low, middle) if upper else (middle, high)
     cells[top + 1, column], cells[top + 1, column + 1] = (middle, high) if upper else (low, middle)
     for k in range(2):

@@ -20,6 +20,7 @@ from closeform.zones.shapes import BALL, CYLINDER, norm, part, part_count, time_
 
 STEPS = 200  # in a window, before a cell is cut though planes still pass
 LEAST_STEP = 2.3e-16
+GOLDEN = 0.6180339887498949
 
 
 @kernel()
@@ -67,20 +68,27 @@ def norm_at(room, count, form):
 
 
 @kernel()
-def sink(room, count, form):
+def sink(room, count, form, fine):
     """Move `shares` to where the norm is least, by one edge after another: it is convex along each."""
     for _ in range(3 if count > 1 else 1):
         for k in range(count):
             low, high = 0.0, 1.0
-            for _ in range(45):
-                third = (high - low) / 3.0
-                room.shares[k] = low + third
-                lower = norm_at(room, count, form)
-                room.shares[k] = high - third
-                if lower < norm_at(room, count, form):
-                    high = high - third
+            left, right = 1.0 - GOLDEN, GOLDEN
+            room.shares[k] = left
+            lower = norm_at(room, count, form)
+            room.shares[k] = right
+            upper = norm_at(room, count, form)
+            while high - low > fine:
+                if lower < upper:
+                    high, right, upper = right, left, lower
+                    left = high - GOLDEN * (high - low)
+                    room.shares[k] = left
+                    lower = norm_at(room, count, form)
                 else:
-                    low = low + third
+                    low, left, lower = left, right, upper
+                    right = low + GOLDEN * (high - low)
+                    room.shares[k] = right
+                    upper = norm_at(room, count, form)
             room.shares[k] = 0.5 * (low + high)
 
 
@@ -244,7 +252,7 @@ def deepest(one, two, room, window, local, form):
     count = find_edges(one, two, room, window)
     nearest(room, count)
     if form[0] != BALL:
-        sink(room, count, form)
+        sink(room, count, form, 1e-8)
     return norm_at(room, count, form)
 
 
@@ -262,8 +270,9 @@ def valley(one, two, room, window, local, span, form):
             break
         low, middle, value = middle, high, there
         step *= 2.0
+    fine = 1e-9 if form[0] == BALL else 1e-13  # a smooth least is flat, one at an edge is not
     for _ in range(60):
-        if high - low <= 1e-9 * (span + local):
+        if high - low <= fine * (span + local):
             break
         upper = high - middle > middle - low
         at = middle + 0.381966 * (high - middle) if upper else middle - 0.381966 * (middle - low)
@@ -307,7 +316,7 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
             count = find_edges(one, two, room, window)
             x, y, z = nearest(room, count)
             if form[0] == CYLINDER:  # whose gradient depends on where
-                sink(room, count, form)
+                sink(room, count, form, 1e-5)
                 x, y, z = place_at(room, count, -1.0)
             wanted = span - local
             h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)

@@ -20,7 +20,7 @@ from closeform.drift.cells import (
     span_both,
 )
 from closeform.drift.fans import ROOM_TYPE, open_window
-from closeform.drift.flown import MEETS, SMALLEST, aim, cut, fly, has_extent, note, target_below
+from closeform.drift.flown import MEETS, NEAR, SMALLEST, aim, cut, descend, fly, has_extent, note, target_below
 from closeform.drift.for_ever import search_tail
 from closeform.drift.planes import march, widest
 from closeform.kernel_loans import borrowed, lent
@@ -29,7 +29,6 @@ from closeform.motion.extrema import NIL
 from closeform.zones.shapes import FACES, FORM
 
 RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cell is marched again, uncut
-NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
 # Cells after which a verdict is that nothing is certain, and a least norm is looked for less closely.
 MANY, LESS = 5_000, 10.0
 # Columns of what is told of a pair; the place in zone coordinates, the failure a cell.
@@ -71,6 +70,8 @@ def sample(one, two, top, width, end, n, form, room):
         swap = room.cells[worst, c]
         room.cells[worst, c] = room.cells[top - 1, c]
         room.cells[top - 1, c] = swap
+    if best < inf:
+        best, when = descend(one, two, width, when, end, n, form, room, best)
     return best, when
 
 
@@ -87,13 +88,13 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
 
 
 @kernel()
-def search(one, two, top, width, end, n, form, scale, certain, room):
+def search(one, two, top, width, end, n, form, scale, certain, most, room):
     """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
 
-    If `certain` is 0, any up to 1 or none, or 1 without a time where nothing is certain.  The failure stands
-    in `room.point[1]`.
+    It is told if it is below `most`; with MEETS for that it is 1 without a time where nothing is certain.
+    If `certain` is 0, any that is.  The failure stands in `room.point[1]`.
     """
-    best, when = sample(one, two, top, width, end, n, form, room) if certain > 0.0 else (MEETS, nan)
+    best, when = sample(one, two, top, width, end, n, form, room) if most == inf else (most, nan)
     count = parameter_count(one) + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
@@ -101,7 +102,7 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
     while top > 0:
         spent += 1
         if spent > MANY:
-            if certain == 0.0:
+            if best == MEETS:
                 return 1.0, nan, 0.0
             certain, spent = LESS * certain, 0
         target = target_below(best, certain)
@@ -125,6 +126,8 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
             note(room, room.point[0])
             if certain == 0.0:
                 break
+            if much:
+                best, when = descend(one, two, width, when, end, n, form, room, best)
             if extended and much:  # perhaps it is clear of what is asked now
                 cell[FROM] = t
                 top += 1
@@ -152,12 +155,13 @@ def search(one, two, top, width, end, n, form, scale, certain, room):
         float64,
         float64,
         float64,
+        float64,
         FORM,
         ROOM_TYPE,
         float64[:, ::1],
     )
 )
-def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, tube, room, out):
+def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, far, tube, room, out):
     """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
 
     The ratio is `certain` to that share of itself, or of 1, or to more where that takes too many cells: no
@@ -183,7 +187,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, far, 
             out[p, RATIO] = -inf
             out[p, TIME] = top
             continue
-        ratio, when, known = search(one, two, top, width, end, n, form, scale, certain, room)
+        ratio, when, known = search(one, two, top, width, end, n, form, scale, certain, most, room)
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
             top = fill_cells(one, two, end, width, n, room.cells)
             ratio, found, full = search_tail(
