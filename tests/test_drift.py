@@ -231,6 +231,10 @@ def test_a_screen_says_of_each_pair_what_the_two_say():
     assert unsafe == [tuple(pair) for pair in found.pairs.tolist()]
     assert 0 < len(found) < 20
     assert (found.ratio <= 1.0).all()
+    flown_on = cf.join([fleet, ORBIT.coast(fleet.state(PERIOD), PERIOD, start=PERIOD)])
+    i, j = found.pairs.T
+    least = cf.drift_approach(fleet[i], flown_on[j], zone, until).ratio
+    assert np.abs(found.ratio - least).max() <= 1e-3
 
 
 def test_straight_lines_in_deep_space():

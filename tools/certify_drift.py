@@ -3,11 +3,11 @@
     python tools/certify_drift.py --cases 100000 [--first 0] [--samples 10000] [--seed 1]
 
 Failures of all kinds, of one craft or both, and times are drawn, and flown by the textbook's matrix
-(tests/pairs.py), which shares nothing with the package; a case depends on the seed and its number alone. Exit status 1 if a drift comes nearer than the
-certified least by more than 1e-9, if that is not attained by the failure that is named, or if the
-verdict is another one.  Where a failure has more unknowns than its instant
-(both craft's, how weak, how long, which burns), only the verdict beside round zones is held against what
-is drawn: the rest can take many seconds.
+(tests/pairs.py), which shares nothing with the package; what a case draws depends on the seed and its
+number alone. Exit status 1 if a drift comes nearer than the certified least by more than 1e-9, if that is
+not attained by the failure that is named, or if the verdict is another one.  Where a failure has more
+unknowns than its instant (both craft's, how weak, how long, which burns), only the verdict beside round
+zones is held against what is drawn: the rest can take many seconds.
 """
 
 import argparse

@@ -109,29 +109,30 @@ def note(room, cell):
 
 @kernel()
 def descend(one, two, width, when, end, n, form, room, best):
-    """Follow the worst failure that was met downhill, from one instant to the next: least norm, its time."""
+    """Follow the worst failure that was met downhill, from instant to instant: the least norm and its time.
+
+    Within its arc, as far as steps that grow downhill and turn back smaller uphill lead.
+    """
     cell, worst = room.point[0], room.point[1]
     for second in range(2):
         side, o = (two, 1 + width) if second else (one, 1)
         if not is_instant(side, worst, o):
             continue
         arc = side.arcs[int(worst[o + PIECE]) // 2]
-        start, end_of = arc[START], arc[END]
-        step = min(FIRST_STEP / n, 0.1 * (end_of - start)) if n > 0.0 else 0.02 * (end_of - start)
+        whole = arc[END] - arc[START]
+        step = min(FIRST_STEP / n, 0.1 * whole) if n > 0.0 else 0.02 * whole
         least_step = LAST_STEP * step
         while abs(step) > least_step:
             for c in range(len(cell)):
                 cell[c] = worst[c]
-            at = min(max(worst[o + LOW] + step, start), end_of)
-            cell[o + LOW] = cell[o + HIGH] = at
+            at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
+            cell[o + LOW], cell[o + HIGH] = at, at
             reach = NEAR / n if n > 0.0 else 0.05 * (end - at)
-            s = max(earliest(one, cell, 1), earliest(two, cell, 1 + width))
-            begin = max(s, when - reach)
+            begin = max(when - reach, earliest(one, cell, 1), earliest(two, cell, 1 + width))
             least, time = best, when
             if at != worst[o + LOW] and begin <= end:
-                least, time = fly(
-                    one, two, cell, width, begin, min(end, max(when, begin) + reach), n, form, room, best
-                )
+                until = min(end, max(when, begin) + reach)
+                least, time = fly(one, two, cell, width, begin, until, n, form, room, best)
             if least < best:
                 best, when = least, time
                 note(room, cell)
@@ -143,9 +144,11 @@ def descend(one, two, width, when, end, n, form, room, best):
 
 @kernel()
 def cut(one, two, width, top, t, room, count):
-    """Put a cell's two halves in its place, to go on from time t; the half to be searched first is last.
+    """Put a cell's two parts in its place, to go on from time t; the part to be searched first is last.
 
-    How many cells there are then: as many as without it, if all in it is one failure.
+    It is cut where the set was nearest, so that what is nearest ends both, or near that end: parts farther
+    off are clear the sooner.  How many cells there are then: as many as without it, if all in it is one
+    failure.
     """
     cells, mine = room.cells, parameter_count(one)
     which, _ = widest(room, count)

@@ -1,7 +1,7 @@
 """The search over failures and drifts at once, by cells that are cut until each is clear or is met.
 
 What a cell spans is marched (see `fans`); where that ends, the failure whose motion is nearest there is
-flown, and the cell is cut along its longest edge.  Both halves go on from there.
+flown, and the cell is cut across its longest edge.  Both parts go on from there.
 """
 
 from math import inf, nan
@@ -20,7 +20,18 @@ from closeform.drift.cells import (
     span_both,
 )
 from closeform.drift.fans import ROOM_TYPE, open_window
-from closeform.drift.flown import MEETS, NEAR, SMALLEST, aim, cut, descend, fly, has_extent, note, target_below
+from closeform.drift.flown import (
+    MEETS,
+    NEAR,
+    SMALLEST,
+    aim,
+    cut,
+    descend,
+    fly,
+    has_extent,
+    note,
+    target_below,
+)
 from closeform.drift.for_ever import search_tail
 from closeform.drift.planes import march, widest
 from closeform.kernel_loans import borrowed, lent
@@ -91,8 +102,8 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
 def search(one, two, top, width, end, n, form, scale, certain, most, room):
     """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
 
-    It is told if it is below `most`; with MEETS for that it is 1 without a time where nothing is certain.
-    If `certain` is 0, any that is.  The failure stands in `room.point[1]`.
+    Of norms up to `most` alone, if that is MEETS, and 1 without a time where nothing is certain; any of these
+    if `certain` is 0.  The failure stands in `room.point[1]`.
     """
     best, when = sample(one, two, top, width, end, n, form, room) if most == inf else (most, nan)
     count = parameter_count(one) + parameter_count(two)
@@ -135,11 +146,11 @@ def search(one, two, top, width, end, n, form, scale, certain, most, room):
         if extended:
             if top + 2 > len(room.cells):
                 return -inf, float(top), 0.0
-            halves = cut(one, two, width, top, t, room, count)
-            if halves == top and until < end:  # all in it is one failure
+            parts = cut(one, two, width, top, t, room, count)
+            if parts == top and until < end:  # all in it is one failure
                 cell[FROM] = until
-                halves += 1
-            top = halves
+                parts += 1
+            top = parts
     return best, when, certain
 
 
@@ -165,9 +176,10 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
     """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
 
     The ratio is `certain` to that share of itself, or of 1, or to more where that takes too many cells: no
-    failure leads below LOWER.  With 0 it is the first that meets the zone, inf, or 1 where nothing is
-    certain.  A pair without a common time has nan and inf; one that needs more room than there is has
-    -inf, and how many cells there were for a time.
+    failure leads below LOWER.  With `most` MEETS failures that stay out of the zone have inf, and 1 without
+    a time is told where nothing is certain; with `certain` 0 the first that meets the zone is enough.  A
+    pair without a common time has nan and inf; one that needs more room than there is has -inf, and how
+    many cells there were for a time.
     With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
