@@ -53,6 +53,18 @@ def test_the_second_process_draws_the_same(tmp_path, alone, second):
     assert here < alone[1] == len(PICTURES)  # some were drawn there
 
 
+def test_of_a_study_the_second_process_draws_all(tmp_path, monkeypatch):
+    """Where this process has not loaded matplotlib, to load it takes longer than a few pictures."""
+    monkeypatch.setattr(drawing, "_seconds", [])
+    drawing.begin(drawing.STUDIED._replace(alone=60.0))
+    try:
+        assert draw(tmp_path)[1] == 0
+    finally:
+        (second,) = drawing._seconds
+        second.process.kill()
+        second.process.communicate()
+
+
 def test_one_draws_all_where_the_second_is_gone(tmp_path, alone, second):
     second.process.kill()
     second.process.wait()

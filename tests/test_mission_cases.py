@@ -113,6 +113,18 @@ def test_a_case_does_not_depend_on_its_chunk(missions):
         )
 
 
+def test_chunks_of_a_small_study_are_small(missions):
+    """So that a stop loses little, and progress is told; case K is the same in any chunk."""
+    assert [missions.kind.in_chunk(count) for count in (1, 24, 100, 640, 1024, 100_000)] == [
+        1,
+        1,
+        3,
+        20,
+        32,
+        32,
+    ]
+
+
 def test_what_cannot_be_flown_stays_in_the_denominator(blocked):
     assert len(blocked) == 40 == sum(blocked.counts.values()) == len(blocked.statuses)
     assert blocked.counts["met"] >= 1

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
+from closeform.search.coverage import greatest
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
@@ -391,3 +392,14 @@ def test_bad_sensors(arguments, message):
 def test_bad_calls(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, pi, -pi, 3.5, -5.9, 2.0 * pi, 9.0])
+def test_the_greatest_cosine_of_a_turn_is_that_of_dense_samples(angle: float) -> None:
+    """4001 angles of up to 9 rad miss the crest by (9 / 8000)^2 / 2 of an amplitude below 6 at most."""
+    steady, cosine, sine = np.random.default_rng(7).normal(size=(3, 500))
+    turned = np.linspace(0.0, angle, 4001)[:, None]
+    sampled = (steady + cosine * np.cos(turned) + sine * np.sin(turned)).max(axis=0)
+    found = greatest(steady, cosine, sine, angle)
+    assert (found >= sampled - 1e-12).all()
+    assert (found <= sampled + 4e-6).all()

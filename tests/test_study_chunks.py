@@ -14,12 +14,13 @@ from scipy import stats
 from closeform.campaign import case_of, chunk, chunks, flown, lock_cases, spread, task
 from closeform.campaign.campaign import kind_of
 from closeform.campaign.chunks import Stored
+from closeform.campaign.cluster import Waiting
 from closeform.campaign.spread import Spread, order_statistics
 from closeform.campaign.task import Task
 from closeform.cli import main
 from closeform.console import Lines
-from closeform.plots.lockings import Binned
 from closeform.scenario import ScenarioError, load, parse
+from closeform.search.binned import Binned
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
 STUDY = ["study", "narrow.toml", "--out", "out"]
@@ -86,6 +87,11 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert not (desk / "out" / "summary.json").exists()
     assert main(["run", "narrow.toml", "--case", "1", "--out", "out"]) == 2  # nobody else takes its place
     assert "out: holds an unfinished study; go on with it, add --overwrite" in capsys.readouterr().err
+    assert main(["view", "out"]) == 2
+    told = (
+        "out: holds an unfinished study, 3 of 6 chunks are whole; go on with it by the same closeform study\n"
+    )
+    assert capsys.readouterr().err == told
     again = flown_ranges(monkeypatch)
     assert main(STUDY) == 1
     assert len(again) == 3
@@ -357,3 +363,23 @@ def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
         assert f"{value:.4f}" in page
         assert f"closeform run narrow.toml --case {case}" in page
     assert f'href="case-{worst[0][1]}.html"' in page
+
+
+def test_what_is_drawn_is_printed(desk, capsys) -> None:
+    main(STUDY)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if line.startswith("Drawn: ")] == [
+        "Drawn: craft.position, uniform 500 m",
+        "Drawn: craft.velocity, uniform 20 cm/s",
+    ]
+
+
+def test_workers_get_fewer_chunks_towards_the_end() -> None:
+    """Four at a time, so that many are under way; the last ones one by one, so that nobody waits for long."""
+    waiting = Waiting((k, k + 1) for k in range(50))
+    given = list(iter(lambda: waiting.next_of(4), ()))
+    assert [first for some in given for first, _ in some] == list(range(50))
+    sizes = [len(some) for some in given]
+    assert sizes[0] == 4
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-4:] == [1, 1, 1, 1]

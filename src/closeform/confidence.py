@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 from math import sqrt
 
-from scipy.special import ndtri
-
 CONFIDENCE = 0.95
-DEVIATIONS = float(ndtri(0.5 + 0.5 * CONFIDENCE))
+DEVIATIONS = 1.959963984540054  # between which a normal number lies as often
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import io
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -199,11 +199,13 @@ def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: 
 
 
 def tell_study(
-    report: "StudyReport | ErrorStudyReport | MissionStudyReport | SweepReport", place: Path
+    report: "StudyReport | ErrorStudyReport | MissionStudyReport | SweepReport",
+    drawn: Sequence[str],
+    place: Path,
 ) -> None:
-    """Print what a study found."""
+    """Print what a study found; `drawn` says what was drawn for its cases."""
     console = stdout()
-    say(console, *report.opening)
+    say(console, *report.opening, *drawn)
     for table in report.tables:
         show(console, table)
     say(console, "")

@@ -255,8 +255,19 @@ def page_of(path: Path, report: bool = False) -> Path:
     pages = (REPORT,) if report else (VIEWER, REPORT)
     found = next((path / name for name in pages if os.path.isfile(path / name)), None)
     if not finished(path) or found is None:
-        raise FolderError(f"{path}: holds no finished results; run the scenario first")
+        raise FolderError(f"{path}: {unfinished(path)}")
     return found
+
+
+def unfinished(path: Path) -> str:
+    """What a folder is that has no finished results, and what to do."""
+    whole, every = manifest.progress(path / PRIVATE / manifest.NAME)
+    chunks = f"{whole} of {every} chunks are whole"
+    if is_held(path / PRIVATE / LOCK):
+        return f"a study is under way in it{f', {chunks}' * (every > 0)}; wait for its end"
+    if whole:
+        return f"holds an unfinished study, {chunks}; go on with it by the same closeform study"
+    return "holds no finished results; run the scenario first"
 
 
 def summary_of(path: Path) -> dict[str, Any]:
@@ -267,7 +278,7 @@ def summary_of(path: Path) -> dict[str, Any]:
     try:
         content: dict[str, Any] = json.loads((path / SUMMARY).read_bytes())
     except FileNotFoundError:
-        raise FolderError(f"{path}: holds no finished results; run the scenario first") from None
+        raise FolderError(f"{path}: {unfinished(path)}") from None
     except (OSError, ValueError, RecursionError):
         raise FolderError(f"{path}: {SUMMARY} is damaged; {AGAIN}") from None
     form = content.get("closeform") if isinstance(content, dict) else None

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
+from threading import Timer
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
@@ -54,7 +56,6 @@ def study(
     from closeform.report.any_study import report_of
     from closeform.scenario import ScenarioError
     from closeform.verdict import MET, NOT_MET
-    from closeform.viewer import replays
 
     notes = stderr()
     try:
@@ -65,10 +66,16 @@ def study(
                 complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
                 if chunks.whole:
                     complain(f"{place}: going on, {chunks.flown} of {count} cases are flown")
+                beside = Timer(0.1, import_module, ["scipy.special"])  # for the end, while cases fly
+                beside.daemon = True
+                beside.start()
                 with progress(notes, count) as tell:
                     campaign = stored_study.fly(chunks, runner, tell)
             report = report_of(campaign, loaded)
             under_way.known.update(chunks.digests)
+            from closeform.report.study import draw_lines
+            from closeform.viewer import replays
+
             with notes.status("writing results"), written(place):
                 report.leave(under_way, replays.leave(campaign, under_way))
     except ScenarioError as error:
@@ -81,7 +88,7 @@ def study(
     except ValueError as error:  # cases or seed
         raise UsageError(f"--{error}") from None
     with kept(place):
-        tell_study(report, place)
+        tell_study(report, draw_lines(campaign), place)
     return MET if campaign.ok else NOT_MET
 
 

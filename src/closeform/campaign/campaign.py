@@ -93,7 +93,7 @@ def flown(
             line = f"{count} of {len(kind.pairs)} pairs, {shape[0]} ways of detection, are too many at once"
             raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     held, done = Held(kind, count), 0
-    size = kind.at_once
+    size = kind.in_chunk(count)
     for (first, end), columns in in_threads(
         kind.prepared().flown, ((k, min(k + size, count)) for k in range(0, count, size))
     ):

@@ -21,8 +21,8 @@ Range = tuple[int, int]
 class Cases(ABC):
     """The cases of one kind of study, made from a scenario and a seed alone, on any machine.
 
-    `at_once`: how many are flown in a chunk, some tenths of a second's work: what a killed study loses at
-    most.  `drawn`: the columns that seed and case give again, which are left out where arrays are held.
+    `at_once`: how many are flown in a chunk at most, some tenths of a second's work, what a killed study
+    loses.  `drawn`: the columns that seed and case give again, which are left out where arrays are held.
     """
 
     scenario: Scenario
@@ -33,6 +33,10 @@ class Cases(ABC):
     @abstractmethod
     def at_once(self) -> int:
         """Cases in a chunk."""
+
+    def in_chunk(self, count: int) -> int:
+        """Cases in a chunk of a study of so many, at most `at_once`."""
+        return self.at_once
 
     @abstractmethod
     def fly(self, first: int, last: int) -> Columns:

@@ -71,6 +71,7 @@ def array(values: Any) -> Any:
 
     if pyarrow.types.is_list(values.type) or pyarrow.types.is_fixed_size_list(values.type):
         return values.flatten().to_numpy(zero_copy_only=False).reshape(len(values), -1)
-    if pyarrow.types.is_integer(values.type):
-        values = values.fill_null(-1)
-    return values.to_numpy(zero_copy_only=False)
+    found = values.to_numpy(zero_copy_only=False)
+    if pyarrow.types.is_integer(values.type) and values.null_count:
+        return np.where(np.isnan(found), -1, found).astype(values.type.to_pandas_dtype())
+    return found

@@ -54,7 +54,7 @@ class Held:
 
     def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
         """Some columns of each chunk."""
-        for first in touching(self.columns, self.cases.at_once, within):
+        for first in touching(self.columns, self.cases.in_chunk(self.count), within):
             columns = self.columns[first]
             yield first, {name: columns[name] for name in names if name in columns}
 
@@ -104,16 +104,17 @@ class Stored:
             "files": scenario.inputs.digests if scenario.inputs is not None else {},
             "seed": self.cases.seed,
             "cases": self.count,
-            "chunk": self.cases.at_once,
+            "chunk": self.cases.in_chunk(self.count),
             **versions(),
         }
 
     @property
     def missing(self) -> Iterator[Range]:
         """Which cases are still to be flown, chunk by chunk."""
-        for first in range(0, self.count, self.cases.at_once):
+        size = self.cases.in_chunk(self.count)
+        for first in range(0, self.count, size):
             if first not in self.whole:
-                yield first, min(first + self.cases.at_once, self.count)
+                yield first, min(first + size, self.count)
 
     @property
     def flown(self) -> int:
@@ -146,7 +147,7 @@ class Stored:
 
     def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
         """Some columns of each chunk, from its file."""
-        for first in touching(self.whole, self.cases.at_once, within):
+        for first in touching(self.whole, self.cases.in_chunk(self.count), within):
             yield first, decoded(self.folder / name_of(first), names)
 
 

@@ -24,7 +24,7 @@ from closeform.scenario import ScenarioError
 
 ANSWER = 5.0  # s in which a scheduler answers
 PATIENCE = 30.0  # s without any worker
-TOGETHER = 4  # chunks that a worker flies at a time
+TOGETHER = 4  # chunks that a worker flies at a time, but towards the end
 AHEAD = 2  # tasks for each thread of the workers
 DEATHS = 3  # of workers at the same cases, each time as often as the scheduler allows
 
@@ -34,6 +34,19 @@ Ranges = tuple[Range, ...]
 
 class ClusterError(FolderError):
     """A scheduler or its workers that cannot be used, or are gone; one line with the remedy."""
+
+
+class Waiting:
+    """Ranges of cases that nobody flies yet, of which few are looked at."""
+
+    def __init__(self, ranges: Iterator[Range]) -> None:
+        self.later, self.soon = ranges, deque[Range]()
+
+    def next_of(self, tasks: int) -> Ranges:
+        """Those of the next of some tasks under way: fewer towards the end, so that nobody waits."""
+        self.soon.extend(islice(self.later, TOGETHER * tasks - len(self.soon)))
+        size = max(1, len(self.soon) // tasks)
+        return tuple(self.soon.popleft() for _ in range(min(size, len(self.soon))))
 
 
 class Cluster:
@@ -87,7 +100,7 @@ class Cluster:
 
     def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
         """The chunks of some ranges of cases, as they are done; a worker that is lost costs time alone."""
-        what, waiting, again = Task.of(cases), iter(ranges), deque[Ranges]()
+        what, waiting, again = Task.of(cases), Waiting(iter(ranges)), deque[Ranges]()
         under_way: dict[Any, Ranges] = {}
         deaths: dict[Ranges, int] = {}
         alone = time.monotonic()
@@ -97,7 +110,7 @@ class Cluster:
             if time.monotonic() - alone > PATIENCE:
                 raise ClusterError(f"--scheduler: {self.name} has no workers; start some")
             while len(under_way) < AHEAD * max(threads, 1):
-                some = again.popleft() if again else tuple(islice(waiting, TOGETHER))
+                some = again.popleft() if again else waiting.next_of(AHEAD * max(threads, 1))
                 if not some:
                     break
                 under_way[self.client.submit(task.fly, what, some, pure=False)] = some

@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.scenario import Scenario
@@ -115,6 +114,8 @@ def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> A
     if draw.uniform is not None:
         return np.asarray(numbers[0] * (2.0 * some - 1.0))
     if draw.normal is not None:
+        from scipy.special import ndtri  # which others can spare
+
         return np.asarray(numbers[0] * ndtri(some))
     inner, outer = numbers if draw.shell is not None else (0.0, numbers[0])
     radius = np.cbrt(inner**3 + (outer**3 - inner**3) * random[..., 0])

@@ -25,7 +25,8 @@ from closeform.mission_result import Mission, StageResult
 from closeform.scenario import ScenarioError
 from closeform.scenario.study import FAILS
 
-AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft
+AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft; of many, a minute
+CHUNKS = 32  # of a small study at least: what is lost by a stop, and how finely progress is told
 MET, UNMET, STOPPED, REFUSED = "met", "unmet", "stopped", "refused"
 STATUSES = (MET, UNMET, STOPPED, REFUSED)
 WORDS = {
@@ -53,6 +54,10 @@ class MissionCases(Cases):
     def at_once(self) -> int:
         """Cases in a chunk."""
         return AT_ONCE
+
+    def in_chunk(self, count: int) -> int:
+        """Cases in a chunk of a study of so many."""
+        return max(1, min(AT_ONCE, count // CHUNKS))
 
     def fly(self, first: int, last: int) -> Columns:
         """All stages of each case, as a run of it flies them."""

@@ -12,7 +12,6 @@ from math import ceil, floor
 from typing import Any, NamedTuple, Self
 
 import numpy as np
-from scipy.special import bdtr
 
 from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE
@@ -77,6 +76,8 @@ def greatest(values: Floats) -> Any:
 
 def ranks_of(share: float, count: int) -> tuple[int, int, int | None, int | None]:
     """The ranks between which a quantile of `count` values lies, and those that hold the true one."""
+    from scipy.special import bdtr  # not before cases fly
+
     place, tail = share * (count - 1), (1.0 - CONFIDENCE) / 2.0
     low = first_rank(lambda k: bdtr(k, count, share) > tail, count)  # as many at most are below it, 19 in 20
     high = first_rank(lambda k: bdtr(k, count, share) >= 1.0 - tail, count)

@@ -36,6 +36,10 @@ class SweepCases(Cases):
         """Cases in a chunk."""
         return int(self.kinds[0].at_once)
 
+    def in_chunk(self, count: int) -> int:
+        """Cases in a chunk of a study of so many."""
+        return min(self.at_once, int(self.kinds[0].in_chunk(count)))
+
     def parts(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
         """The points in a range of all cases, with the range of each within it."""
         for point in range(first // self.each, (last - 1) // self.each + 1):

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from threading import Thread
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from closeform import own_process
 
 if TYPE_CHECKING:
-    from closeform.report.picture import Picture, Progress, Shot
+    from closeform.report.picture import Progress, Shot
     from closeform.result_folder import Folder
 
 AHEAD = (  # what pictures of most stages need; no scenario, no tables
@@ -29,11 +29,44 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
 _seconds: list["Second"] = []  # at most one
 
 
+class Drawable(Protocol):
+    """What leaves a file in a folder: a picture, or a page of a case."""
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+        ...
+
+    @property
+    def moves(self) -> bool:
+        """Whether it takes long."""
+        ...
+
+    def leave(self, folder: "Folder", progress: "Progress") -> "Shot":
+        """Make it."""
+        ...
+
+
+class Share(NamedTuple):
+    """What the second process has to do with a command: modules that it loads `ahead`.
+
+    This one draws as well once the second has worked `alone` [s]: longer than matplotlib takes to load.
+    """
+
+    ahead: tuple[str, ...]
+    alone: float
+
+
+DRAWN = Share(AHEAD, 0.0)  # of a run, which has many pictures, and has loaded matplotlib for its viewer
+STUDIED = Share((*AHEAD, "closeform.plots.lockings", "closeform.mission", "closeform.viewer.page"), 1.0)
+
+
 class Second:
     """A second process that draws; it loads matplotlib while this one flies."""
 
-    def __init__(self) -> None:
-        code = "from closeform.report.drawing import serve; serve()"
+    def __init__(self, share: Share) -> None:
+        self.alone = share.alone
+        code = f"from closeform.report.drawing import serve; serve({share.ahead})"
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-c", code],  # nothing from the folder where the user stands
             stdin=subprocess.PIPE,
@@ -42,7 +75,7 @@ class Second:
         )
         atexit.register(self.process.kill)
 
-    def draw(self, picture: "Picture", folder: "Folder") -> "Shot":
+    def draw(self, picture: Drawable, folder: "Folder") -> "Shot":
         """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
@@ -52,18 +85,18 @@ class Second:
         return shot
 
 
-def begin() -> None:
+def begin(share: Share = DRAWN) -> None:
     """Start the second process, ahead of the first picture; where there can be none, this one draws all."""
     with suppress(OSError):
-        _seconds.append(Second())
+        _seconds.append(Second(share))
 
 
-def serve() -> None:
+def serve(modules: tuple[str, ...]) -> None:
     """Draw what standard input asks for, as long as it does: the second process."""
     answers, sys.stdout = sys.stdout.buffer, sys.stderr
     own_process.begin()
     own_process.import_numba()
-    for ahead in AHEAD:
+    for ahead in modules:
         import_module(ahead)
     while True:
         picture, folder = pickle.load(sys.stdin.buffer)
@@ -71,7 +104,7 @@ def serve() -> None:
         answers.flush()
 
 
-def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress") -> "list[Shot]":
+def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") -> "list[Shot]":
     """All pictures as files in a folder.
 
     This process draws from the front, films first; the second, if there is one, from the back.
@@ -92,6 +125,8 @@ def drawn(pictures: "Sequence[Picture]", folder: "Folder", progress: "Progress")
     others = [Thread(target=ask, args=(second,), daemon=True) for second in _seconds]
     for other in others:
         other.start()
+    for other, second in zip(others, _seconds, strict=True):
+        other.join(second.alone)
     while True:
         while waiting:
             picture = waiting.popleft()

@@ -37,7 +37,7 @@ def one_round(search: Search, rounds: int) -> Search:
 
 
 @lru_cache(maxsize=16)  # tables and figures ask for the same
-def covered(search: Search, phase: str | None = None) -> float:
+def covered(search: Search, phase: str | None) -> float:
     """The share of the sky that one cone covers in a phase, or in all; from 0 to 1."""
     return search.coverage(phase)
 
@@ -54,7 +54,7 @@ def facts(search: Search, duration: float) -> Table:
         ("greatest angle between body x and the sun line", f"{degrees(search.sun_angle):.3f} deg"),
         (f"the sun's own motion in {duration:.1f} s at 1 AU", f"{sun:.3f} deg"),
         ("turn to the start attitude, before the search, at most", f"180 deg, {pi / search.slew_rate:.1f} s"),
-        ("sky covered by one cone", f"{100 * covered(search):.2f} %"),
+        ("sky covered by one cone", f"{100 * covered(search, None):.2f} %"),
     ]
     if isinf(search.near_field):
         rows.append(("near field of a craft, where its cone never comes", "no end: tips too small"))

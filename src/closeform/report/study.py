@@ -29,12 +29,13 @@ from closeform.report.picture import Picture
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
+from closeform.search.binned import Binned
 from closeform.search.gather_result import listed
 
 if TYPE_CHECKING:
+    from closeform.campaign.error_cases import ErrorCampaign
     from closeform.campaign.mission_cases import MissionCampaign  # whose plans searches can spare
     from closeform.campaign.sweep_cases import SweepCampaign
-    from closeform.plots.lockings import Binned
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +128,6 @@ class StudyReport:
     @property
     def times(self) -> Binned:
         """When what the histogram shows happens."""
-        from closeform.plots.lockings import Binned
-
         campaign = self.campaign
         parts = (part for _, part in campaign.chunks.read(*campaign.wanted))
         times = (campaign.settled(part).times for part in parts)
@@ -138,7 +137,7 @@ class StudyReport:
         """What the page tells, but for how to repeat it."""
         campaign, what = self.campaign, self.subject.what
         scenario = campaign.scenario
-        whole = search.facts(campaign.search, campaign.search.duration)
+        whole = search.facts(self.subject.search, campaign.search.duration)
         request = asked.section(scenario)
         caption = f"When cases were {campaign.done}"
         picture = Picture(
@@ -212,7 +211,7 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     return (Table("How long", columns, rows),) if rows else ()
 
 
-def draws(campaign: Campaign | MissionCampaign | SweepCampaign) -> dict[str, Any]:
+def draws(campaign: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign) -> dict[str, Any]:
     """What was drawn, as the file says it."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
@@ -221,6 +220,25 @@ def draws(campaign: Campaign | MissionCampaign | SweepCampaign) -> dict[str, Any
 
 def draw_table(campaign: Campaign | MissionCampaign | SweepCampaign) -> tuple[Table, ...]:
     """The same as a table."""
-    rows = [(key, " ".join(draw), str(next(iter(draw.values())))) for key, draw in draws(campaign).items()]
+    rows = [(key, *sized(draw)) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
     return (Table("Drawn for each case and craft", columns, rows),) if rows else ()
+
+
+def draw_lines(campaign: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign) -> list[str]:
+    """The same as lines."""
+    study = campaign.scenario.study
+    lines = [f"Drawn: {key}, {' '.join(sized(draw))}" for key, draw in draws(campaign).items()]
+    if study is not None and study.draws == "replanned":
+        lines.append(
+            "Drawn: errors of states at the start and of burns; stages are planned from where they lead"
+        )
+    return lines
+
+
+def sized(draw: dict[str, Any]) -> tuple[str, str]:
+    """The name of a distribution, and its size, sizes or values."""
+    ((name, size),) = draw.items()
+    if not isinstance(size, tuple):
+        return name, str(size)
+    return name, (" to " if name == "shell" else ", ").join(map(str, size))

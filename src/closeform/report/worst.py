@@ -1,13 +1,18 @@
 """The cases of a study that are worth a look: why, and how to see each."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from closeform.campaign import Campaign
-from closeform.campaign.error_cases import MOST, ErrorCampaign
 from closeform.campaign.search_campaign import LATER
 from closeform.report.cases import Replays
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
+
+if TYPE_CHECKING:
+    from closeform.campaign.error_cases import ErrorCampaign  # whose kernels searches can spare
 
 PAGES = (
     Column("in motion", "file", words=True, links=True),
@@ -60,5 +65,7 @@ def command(file: str | None, what: str) -> str | None:
 
 def of_errors(campaign: ErrorCampaign) -> Table:
     """The cases in which anybody is inside, those with most entries first."""
+    from closeform.campaign.error_cases import MOST
+
     some = f", the {MOST} with most entries" if len(campaign.worst) == MOST else ""
     return Table(f"Cases in which anybody is ever inside{some}", CASES, campaign.worst)

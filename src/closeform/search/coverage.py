@@ -38,6 +38,9 @@ def greatest(steady: Any, cosine: Any, sine: Any, angle: float) -> Any:
     """Greatest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
     turn = abs(angle)
     sine = sine if angle >= 0.0 else -sine
+    if turn >= 2.0 * pi:
+        return steady + np.hypot(cosine, sine)
     ends = np.maximum(cosine, cosine * cos(turn) + sine * sin(turn))
-    inside = np.arctan2(sine, cosine) % (2.0 * pi) <= turn
+    rises, falls = sine >= 0.0, sine * cos(turn) <= cosine * sin(turn)  # at the start, at the end
+    inside = rises & falls if turn <= pi else rises | falls  # the crest, where a is that of (cosine, sine)
     return steady + np.where(inside, np.hypot(cosine, sine), ends)

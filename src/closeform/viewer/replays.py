@@ -1,20 +1,20 @@
 """Replays: the cases of a study that are worth looking at, each flown again with a page of its own."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
-from closeform.campaign.error_cases import ErrorCampaign
-from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS, MissionCampaign
-from closeform.mission import fly
-from closeform.mission_result import Mission
-from closeform.report.run import RunReport
+from closeform.report.drawing import drawn
+from closeform.report.picture import Progress, Shot
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
-from closeform.viewer.page import document
-from closeform.viewer.scene import scene_of
-from closeform.viewer.shown import Shown
+
+if TYPE_CHECKING:
+    from closeform.campaign.mission_cases import MissionCampaign
+    from closeform.mission_result import Mission
 
 PLANNED = "planned.html"
 MOST = 2  # cases in which something is not met, at most, of each kind
@@ -28,30 +28,47 @@ class Replay(NamedTuple):
     why: str
 
 
-def leave(campaign: Campaign | ErrorCampaign | MissionCampaign, folder: Folder) -> tuple[Replay, ...]:
+@dataclass(frozen=True)
+class Page:
+    """The page of a mission, or of a scenario that is flown for it, with a way back to the study's report."""
+
+    name: str
+    of: Mission | Scenario
+    moves: ClassVar[bool] = False
+
+    def leave(self, folder: Folder, progress: Progress) -> Shot:
+        """Write it into a folder."""
+        from closeform.mission import fly  # in the process that draws, so that this one need not
+        from closeform.report.run import RunReport
+        from closeform.viewer.page import document
+        from closeform.viewer.scene import scene_of
+        from closeform.viewer.shown import Shown
+
+        mission = fly(self.of) if isinstance(self.of, Scenario) else self.of
+        flights = RunReport(mission).flights
+        shown = Shown.of_mission(mission) if flights is None else Shown.of_flight(flights)
+        folder.text(self.name, document(scene_of(shown, report=REPORT)))
+        return Shot(folder.path / self.name, mission.scenario.title, "")
+
+
+def leave(campaign: Any, folder: Folder, progress: Progress = lambda text: None) -> tuple[Replay, ...]:
     """Write a page of each case worth looking at into a folder; of errors, of the mission as planned."""
-    if campaign.scenario.points:
+    scenario = campaign.scenario
+    if scenario.points:
         return ()
-    if isinstance(campaign, ErrorCampaign):
-        write(campaign.mission, folder, PLANNED)
+    if scenario.study.draws == "errors":
+        drawn([Page(PLANNED, campaign.mission)], folder, progress)
         return (Replay(PLANNED, "the mission as planned", "without errors"),)
     reasons: dict[int, list[str]] = {}
-    for case, why in missions(campaign) if isinstance(campaign, MissionCampaign) else worst(campaign):
+    for case, why in worst(campaign) if isinstance(campaign, Campaign) else missions(campaign):
         reasons.setdefault(case, []).append(why)
-    seeded = with_seed(campaign.scenario, campaign.seed)
+    seeded = with_seed(scenario, campaign.seed)
     found = tuple(
         Replay(f"case-{case}.html", f"case {case}", "; ".join(why)) for case, why in reasons.items()
     )
-    for case, replay in zip(reasons, found, strict=True):
-        write(fly(case_of(seeded, case)), folder, replay.file)
+    pages = [Page(one.file, case_of(seeded, case)) for case, one in zip(reasons, found, strict=True)]
+    drawn(pages, folder, progress)
     return found
-
-
-def write(mission: Mission, folder: Folder, name: str) -> None:
-    """One page, with a way back to the study's report."""
-    flights = RunReport(mission).flights
-    shown = Shown.of_mission(mission) if flights is None else Shown.of_flight(flights)
-    folder.text(name, document(scene_of(shown, report=REPORT)))
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
@@ -74,6 +91,8 @@ def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
 
 def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
     """Missions in which something is not met, that cost most, and in which two came nearest."""
+    from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS  # whose plans searches can spare
+
     for status in (UNMET, STOPPED):
         for case in campaign.endings.first[status][:MOST]:
             yield case, WORDS[status]

@@ -1,0 +1,60 @@
+"""Binned: how many times of a search lie in bins, counted part after part, for a picture of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.search.schedule import Search
+
+FINER = 12  # bins of a curve in one of the bars
+
+
+@dataclass(eq=False)
+class Binned:
+    """How many of `every` times are 0 and how many lie in bins of length `bin` [s] and in finer ones.
+
+    `inside`: in each phase of a search; `last`: the greatest [s].
+    """
+
+    bin: float
+    counts: Any
+    finer: Any
+    inside: Any
+    every: int = 0
+    at_once: int = 0
+    last: float = 0.0
+
+    @classmethod
+    def of(cls, parts: Iterable[Floats], longest: float, search: Search | None, bin: float = 60.0) -> Self:
+        """Count times [s] up to the `longest`, nan where there is none, part after part."""
+        bins, phases = int(np.ceil(longest / bin)), search.phases if search is not None else ()
+        edges, finer = bin * np.arange(bins + 1), bin / FINER * np.arange(FINER * bins + 1)
+        ends = np.array([(start, end) for *_, start, end in phases]).reshape(-1, 2)
+        counts, inside = (np.zeros(size, dtype=np.int64) for size in (FINER * bins, len(phases)))
+        one = cls(bin, np.zeros(bins, dtype=np.int64), counts, inside)
+        for times in parts:
+            later = np.sort(times[times > 0.0])
+            one.counts += counted_in(later, edges)
+            one.finer += counted_in(later, finer)
+            one.inside += np.diff(np.searchsorted(later, ends, side="right"), axis=1).ravel()
+            one.every += len(times)
+            one.at_once += int(np.count_nonzero(times == 0.0))
+            one.last = max(one.last, float(later[-1]) if len(later) else 0.0)
+        return one
+
+    @property
+    def later(self) -> int:
+        """How many are neither 0 nor absent."""
+        return int(self.counts.sum())
+
+
+def counted_in(ordered: Floats, edges: Any) -> Any:
+    """How many of some times in order lie between edges, the last edge included."""
+    places = np.searchsorted(ordered, edges)
+    places[-1] = len(ordered)
+    return np.diff(places)
