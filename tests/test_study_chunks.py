@@ -369,8 +369,8 @@ def test_what_is_drawn_is_printed(desk, capsys) -> None:
     main(STUDY)
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.startswith("Drawn: ")] == [
-        "Drawn: craft.position, uniform 500 m",
-        "Drawn: craft.velocity, uniform 20 cm/s",
+        "Drawn: craft.velocity, normal 5 cm/s",
+        "Drawn: craft.position, shell 50 m to 200 m",
     ]
 
 

@@ -5,10 +5,10 @@ import pickle
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
-from threading import Thread
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from closeform import own_process
@@ -65,7 +65,7 @@ class Second:
     """A second process that draws; it loads matplotlib while this one flies."""
 
     def __init__(self, share: Share) -> None:
-        self.alone = share.alone
+        self.alone, self.free = share.alone, Lock()
         code = f"from closeform.report.drawing import serve; serve({share.ahead})"
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-c", code],  # nothing from the folder where the user stands
@@ -79,9 +79,10 @@ class Second:
         """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        pickle.dump((picture, folder), self.process.stdin)
-        self.process.stdin.flush()
-        shot: Shot = pickle.load(self.process.stdout)
+        with self.free:
+            pickle.dump((picture, folder), self.process.stdin)
+            self.process.stdin.flush()
+            shot: Shot = pickle.load(self.process.stdout)
         return shot
 
 
@@ -104,10 +105,10 @@ def serve(modules: tuple[str, ...]) -> None:
         answers.flush()
 
 
-def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") -> "list[Shot]":
-    """All pictures as files in a folder.
+def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress], list[Shot]]":
+    """Pictures that become files in a folder, by the second process at once; who is called finishes them.
 
-    This process draws from the front, films first; the second, if there is one, from the back.
+    This process then draws from the front, films first; the second, if there is one, from the back.
     What it cannot draw is drawn here, where an error is heard.
     """
     waiting = deque(sorted(pictures, key=lambda picture: not picture.moves))
@@ -125,14 +126,23 @@ def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") 
     others = [Thread(target=ask, args=(second,), daemon=True) for second in _seconds]
     for other in others:
         other.start()
-    for other, second in zip(others, _seconds, strict=True):
-        other.join(second.alone)
-    while True:
-        while waiting:
-            picture = waiting.popleft()
-            progress(f"picture {len(pictures) - len(waiting)} of {len(pictures)}")
-            shots[picture.name] = picture.leave(folder, progress)
-        for other in others:
-            other.join()
-        if not waiting:
-            return [shots[picture.name] for picture in pictures]
+
+    def finish(progress: "Progress") -> "list[Shot]":
+        for other, second in zip(others, _seconds, strict=True):
+            other.join(second.alone)
+        while True:
+            while waiting:
+                picture = waiting.popleft()
+                progress(f"picture {len(pictures) - len(waiting)} of {len(pictures)}")
+                shots[picture.name] = picture.leave(folder, progress)
+            for other in others:
+                other.join()
+            if not waiting:
+                return [shots[picture.name] for picture in pictures]
+
+    return finish
+
+
+def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") -> "list[Shot]":
+    """All pictures as files in a folder."""
+    return begun(pictures, folder)(progress)

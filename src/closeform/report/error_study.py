@@ -110,8 +110,8 @@ class ErrorStudyReport:
             },
         }
 
-    def leave(self, folder: Folder, replays: Replays = ()) -> None:
-        """Fill a result folder: the page, the summary, and a row for each case; `replays` are pages in it."""
+    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
+        """Fill a result folder: the page, the summary, rows of cases; `replays` are `pages` begun in it."""
         campaign = self.campaign
         folder.scenario(campaign.scenario)
         title, *lines = self.opening
@@ -124,4 +124,4 @@ class ErrorStudyReport:
             *worst.section(replays, Path(campaign.scenario.file).name, worth),
             Section("Limits of the model", tables=(model.certain(sure),)),
         )
-        results.leave(folder, head, chapters, partial(repeated, campaign), self.summary)
+        results.leave(folder, head, chapters, partial(repeated, campaign), self.summary, pages=pages)

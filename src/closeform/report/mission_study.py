@@ -118,13 +118,15 @@ class MissionStudyReport:
             **({} if campaign.flights is None else {"flights": flown_study.figures(campaign.flights)}),
         }
 
-    def leave(self, folder: Folder, replays: Replays = ()) -> None:
-        """Fill a result folder; `replays` are pages in it."""
+    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
+        """Fill a result folder; `replays` are `pages` begun in it."""
         campaign = self.campaign
         folder.scenario(campaign.scenario)
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, campaign.ok)
-        results.leave(folder, head, self.chapters(replays), partial(repeated, campaign), self.summary)
+        results.leave(
+            folder, head, self.chapters(replays), partial(repeated, campaign), self.summary, pages=pages
+        )
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
         """What the page tells, but for how to repeat it."""

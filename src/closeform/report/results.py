@@ -13,6 +13,12 @@ from closeform.result_folder import REPORT, VIEWER, Folder
 
 Viewer = Callable[[Folder, Sequence[Shot]], None]  # what writes a page that moves, beside pictures
 
+Pages = Callable[[Progress], object]  # what finishes pages that were begun
+
+
+def nothing(progress: Progress) -> None:
+    """No page was begun."""
+
 
 def leave(
     folder: Folder,
@@ -22,17 +28,19 @@ def leave(
     figures: Mapping[str, Any],
     progress: Progress = lambda text: None,
     viewer: Viewer | None = None,
+    pages: Pages = nothing,
 ) -> None:
     """Draw all pictures, then write the page and, last, the summary; all other files are there.
 
     `repeated` makes the last chapter from the files beside the page; `viewer` leaves a page that moves
-    beside the pictures.
+    beside the pictures; `pages` finishes those of cases.
     """
     pictures = [picture for told in chapters for picture in told.pictures]
     shots = drawn(pictures, folder, progress)
     if viewer is not None:
         progress(f"writing {VIEWER}")
         viewer(folder, shots)
+    pages(progress)
     files = repeat.beside(folder)
     whole = [*chapters, repeated(files)]
     folder.text(REPORT, page.document(replace(head, links=repeat.links(files)), whole, shots))

@@ -117,13 +117,13 @@ class StudyReport:
             **self.subject.figures,
         }
 
-    def leave(self, folder: Folder, replays: Replays = ()) -> None:
-        """Fill a result folder with everything that a study leaves; `replays` are pages in it."""
+    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
+        """Fill a result folder with all that a study leaves; `replays` are `pages` begun in it."""
         campaign = self.campaign
         folder.scenario(campaign.scenario)
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, campaign.ok)
-        results.leave(folder, head, self.chapters(replays), self.repeated, self.summary)
+        results.leave(folder, head, self.chapters(replays), self.repeated, self.summary, pages=pages)
 
     @property
     def times(self) -> Binned:

@@ -85,13 +85,13 @@ class SweepReport:
             ],
         }
 
-    def leave(self, folder: Folder, replays: Replays = ()) -> None:
+    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
         """Fill a result folder."""
         campaign = self.campaign
         folder.scenario(campaign.scenario)
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, campaign.ok)
-        results.leave(folder, head, self.chapters, partial(repeated, campaign), self.summary)
+        results.leave(folder, head, self.chapters, partial(repeated, campaign), self.summary, pages=pages)
 
     @property
     def chapters(self) -> Sequence[Section]:

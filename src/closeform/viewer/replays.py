@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
-from closeform.report.drawing import drawn
+from closeform.report.drawing import begun
 from closeform.report.picture import Progress, Shot
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from closeform.mission_result import Mission
 
 PLANNED = "planned.html"
+Finish = Callable[[Progress], object]
 MOST = 2  # cases in which something is not met, at most, of each kind
 
 
@@ -51,14 +52,17 @@ class Page:
         return Shot(folder.path / self.name, mission.scenario.title, "")
 
 
-def leave(campaign: Any, folder: Folder, progress: Progress = lambda text: None) -> tuple[Replay, ...]:
-    """Write a page of each case worth looking at into a folder; of errors, of the mission as planned."""
+def begin(campaign: Any, folder: Folder) -> tuple[tuple[Replay, ...], Finish]:
+    """Begin a page of each case worth looking at in a folder; of errors, of the mission as planned.
+
+    What they are, and what finishes them.
+    """
     scenario = campaign.scenario
     if scenario.points:
-        return ()
+        return (), begun([], folder)
     if scenario.study.draws == "errors":
-        drawn([Page(PLANNED, campaign.mission)], folder, progress)
-        return (Replay(PLANNED, "the mission as planned", "without errors"),)
+        planned = Replay(PLANNED, "the mission as planned", "without errors")
+        return (planned,), begun([Page(PLANNED, campaign.mission)], folder)
     reasons: dict[int, list[str]] = {}
     for case, why in worst(campaign) if isinstance(campaign, Campaign) else missions(campaign):
         reasons.setdefault(case, []).append(why)
@@ -67,8 +71,7 @@ def leave(campaign: Any, folder: Folder, progress: Progress = lambda text: None)
         Replay(f"case-{case}.html", f"case {case}", "; ".join(why)) for case, why in reasons.items()
     )
     pages = [Page(one.file, case_of(seeded, case)) for case, one in zip(reasons, found, strict=True)]
-    drawn(pages, folder, progress)
-    return found
+    return found, begun(pages, folder)
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
