@@ -226,10 +226,12 @@ def draw_table(campaign: Campaign | MissionCampaign | SweepCampaign) -> tuple[Ta
 
 
 def draw_lines(campaign: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign) -> list[str]:
-    """The same as lines."""
+    """The same as lines, but for what a sweep has in its table."""
     study = campaign.scenario.study
-    lines = [f"Drawn: {key}, {' '.join(sized(draw))}" for key, draw in draws(campaign).items()]
-    if study is not None and study.draws == "replanned":
+    assert study is not None
+    fixed = {key: draw for key, draw in draws(campaign).items() if not any(key in one for one in study.sweep)}
+    lines = [f"Drawn: {key}, {' '.join(sized(draw))}" for key, draw in fixed.items()]
+    if study.draws == "replanned":
         lines.append(
             "Drawn: errors of states at the start and of burns; stages are planned from where they lead"
         )
