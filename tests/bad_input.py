@@ -2348,6 +2348,11 @@ CALLS = (
         "planned: a function of a margin that makes a plan, got 0.3",
     ),
     Call(
+        "a flight that surely stays near its path",
+        "cf.tube(orbit, cf.Feedback(), cf.Navigation(0.1, 3e-4)).containment(5400.0, 1.0)",
+        "probability: between 0 and 1, got 1; nothing random is bounded",
+    ),
+    Call(
         "a delay of impulses",
         "cf.Feedback(every=600.0, horizon=2400.0, impulses=4, delay=10.0)",
         "delay: goes with thrust that lasts; leave it out, or give 0 impulses",

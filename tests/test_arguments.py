@@ -353,6 +353,10 @@ CALLS = {
         orbit=ORBIT, feedback=cf.Feedback(), navigation=cf.Navigation(), residual=np.array([1e-6, 2e-6]),
         thrust_error=np.array([1e-6, 2e-6]), sigmas=3.0, minimum_bit=0.0,
     ),
+    "Tube.containment": turned(
+        self=cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4)), duration=5400.0, probability=0.99,
+        craft=3,
+    ),
     "Tube.of_pairs": turned(
         self=cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4)), craft=2, fixed=1
     ),

@@ -51,10 +51,11 @@ def test_a_field_of_higher_degree(example: ModuleType, tmp_path: Path) -> None:
 
 
 def test_twelve_flights_under_feedback(example: ModuleType, tmp_path: Path) -> None:
-    """No pair uses up the room that `tube` gave it; a craft leaves four sigmas in one flight of twelve."""
+    """All are within the tube of a whole flight, eleven within that of one direction; no zone is entered."""
     flights = example.twelve_flights(tmp_path)
-    radius, off, _, slack = np.array(flights).T
+    whole, radius, off, _, left = np.array(flights).T
     assert len(flights) == 12
-    assert slack.min() > 0.0
+    assert left.min() > 0.0
+    assert (off <= whole).all()
     assert (off <= radius).sum() >= 11
     assert (off > 0.5 * radius).all()  # the tube is no wide one

@@ -80,8 +80,8 @@ class ClosedLoop:
             brought[:, begin:end] = np.einsum("sij,rj->rsi", self.law[kept], believed)
         return off[..., :3], brought
 
-    def noise(self, sight: Navigation, wrong: Floats | None = None) -> tuple[float, float]:
-        """Standard deviations in the worst direction, of position [m] and of thrust [m/s^2]; steady.
+    def covariances(self, sight: Navigation, wrong: Floats | None = None) -> tuple[Floats, Floats]:
+        """Of deviations (S + 1, 6, 6) and of thrust (S + 1, 3, 3) by random errors of measurements; steady.
 
         `wrong` (4,): thrust is larger by a share, and turned; as of a craft that flies.
         """
@@ -95,9 +95,14 @@ class ClosedLoop:
         step[:6, :6], step[:6, 6:], step[6:, 6:] = left[-1], taken[-1], kept * np.eye(6)
         new[6:, 6:] = (1.0 - kept**2) * white
         held = solve_discrete_lyapunov(step, new)  # of a deviation, and of the error that is new with it
-        seen = np.concatenate([left, taken], axis=2)[:, :3]
+        seen = np.concatenate([left, taken], axis=2)
         thrust = np.concatenate([self.law, self.law @ self.late], axis=2)
-        return _greatest(seen, held), _greatest(thrust, held)
+        return seen @ held @ np.swapaxes(seen, 1, 2), thrust @ held @ np.swapaxes(thrust, 1, 2)
+
+    def noise(self, sight: Navigation, wrong: Floats | None = None) -> tuple[float, float]:
+        """Standard deviations in the worst direction, of position [m] and of thrust [m/s^2]; as above."""
+        off, thrust = self.covariances(sight, wrong)
+        return greatest_sigma(off[:, :3, :3]), greatest_sigma(thrust)
 
     def spread(self, sight: Navigation, errors: Floats) -> tuple[float, float]:
         """As `noise`, at the worst of errors of thrust (N, 2)."""
@@ -190,10 +195,9 @@ class ClosedLoop:
         return gain * (unknown + wrong * thrust) + bias, thrust
 
 
-def _greatest(rows: Floats, held: Floats) -> float:
-    """The greatest standard deviation of (..., 3, K) of a covariance (K, K)."""
-    spread = rows @ held @ np.swapaxes(rows, -1, -2)
-    return float(np.sqrt(max(np.linalg.eigvalsh(spread)[..., -1].max(), 0.0)))
+def greatest_sigma(covariances: Floats) -> float:
+    """The greatest standard deviation in any direction, of covariances (..., 3, 3)."""
+    return float(np.sqrt(max(np.linalg.eigvalsh(covariances)[..., -1].max(), 0.0)))
 
 
 def _by_size(rows: Floats, sizes: tuple[float, float]) -> float:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import erfc, sqrt
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, whole
-from closeform.field.closed_loop import ClosedLoop
+from closeform.field.closed_loop import ClosedLoop, greatest_sigma
 from closeform.field.feedback import Feedback, Navigation, kicks_back, nonnegative
+from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 
@@ -19,7 +21,10 @@ BETWEEN = 8  # instants between two measurements at which a tube is looked at
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tube(Result):
-    """How far craft under feedback are off their paths at any time, and from what; made by `tube`.
+    """How far craft under feedback are off their paths, and from what; made by `tube`.
+
+    Its `radius` counts so many standard deviations along the one direction in which a zone is approached, at
+    an instant; `containment` is how far off in any direction a craft is at any time of a whole flight.
 
     Attributes
     ----------
@@ -29,10 +34,11 @@ class Tube(Result):
         From thrust that is not as commanded, at most.
     bias : float [m]
         From measurements that are off by something constant, at most.
-    noise : float [m]
-        The standard deviation, in the worst direction, from measurements that are off at random.
+    covariances : array of shape (S, 6, 6) [m, m/s]
+        Of deviations from measurements that are off at random, radial, along-track and cross-track, evenly
+        from one measurement to the next.
     sigmas : float, no unit
-        As many of which count.
+        As many standard deviations of these count.
     """
 
     _told: ClassVar = ("radius", "model", "thrust", "bias", "noise", "sigmas")
@@ -40,13 +46,74 @@ class Tube(Result):
     model: Any
     thrust: Any
     bias: float
-    noise: float
+    covariances: Floats
     sigmas: float
 
     @property
+    def noise(self) -> float:
+        """The standard deviation from errors at random, in the worst direction [m]."""
+        return greatest_sigma(self.covariances[:, :3, :3])
+
+    @property
     def radius(self) -> Any:
-        """How far off a craft is (N,) or () [m]."""
+        """How far off a craft is along any one direction (N,) or () [m]."""
         return self.model + self.thrust + self.bias + self.sigmas * self.noise
+
+    @property
+    def probability(self) -> float:
+        """With which what is random stays within `sigmas` along one direction, no unit: 0.99997 of four."""
+        return 1.0 - self._chance
+
+    @property
+    def _chance(self) -> float:
+        return 0.5 * erfc(self.sigmas / sqrt(2.0))
+
+    def containment(self, duration: float, probability: float | None = None, craft: int = 1) -> Any:
+        """How far off craft are at most in any direction, at any time of a flight, with a probability.
+
+        Parameters
+        ----------
+        duration : float [s]
+            Of the flight.
+        probability : float, no unit, optional
+            With which all of `craft` stay so near their paths all the time, at least; as sure as the tube is
+            along one direction (`Tube.probability`) unless given.
+        craft : int, default 1
+            How many.
+
+        Returns
+        -------
+        float or array of shape (N,) [m]
+            What is bounded at most, and so much of what is random.
+
+        Raises
+        ------
+        ValueError
+            If the duration is not positive, the probability not between 0 and 1, or there is no craft.
+
+        Notes
+        -----
+        A flight is outside if it begins there or crosses outward; the mean number of crossings bounds the
+        chance of any.  What is random is in steady state, and errors of measurements are normal.
+
+        References
+        ----------
+        docs/theory.md (95); Belyaev, Theory of Probability and its Applications 13(2), 320-324, 1968.
+        """
+        time, count = (
+            checked("duration", number("duration", duration), positive=True),
+            whole("craft", craft, 1),
+        )
+        chance = self._chance if probability is None else 1.0 - number("probability", probability)
+        if not 0.0 < chance < 1.0:
+            raise ValueError(f"probability: between 0 and 1, got {1.0 - chance:g}; nothing random is bounded")
+        most = self.model + self.thrust + self.bias
+        if not self.noise > 0.0:
+            return most
+        from closeform.field.outcrossings import Outcrossings  # which loads scipy.special
+
+        # of an interval: its last instant is the first of the next
+        return most + Outcrossings(self.covariances[:-1]).radius(float(time), chance / count)
 
     @property
     def of_a_pair(self) -> float:
@@ -98,7 +165,7 @@ def tube(
     sigmas: float = 4.0,
     minimum_bit: float = 0.0,
 ) -> Tube:
-    """How far craft are off their planned paths at any time, under feedback.
+    """How far craft are off their planned paths under feedback, along any one direction.
 
     Parameters
     ----------
@@ -158,6 +225,5 @@ def tube(
         if not feedback.impulses:
             raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
         missed *= loop.missed(kicks_back(orbit, feedback)[0])
-    return Tube(
-        gain * unknown[()], gain * off[()] + missed, loop.biased(navigation)[0], loop.noise(navigation)[0], k
-    )
+    random, bias = loop.covariances(navigation)[0], loop.biased(navigation)[0]
+    return Tube(gain * unknown[()], gain * off[()] + missed, bias, random, k)

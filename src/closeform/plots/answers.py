@@ -271,7 +271,7 @@ def _tube(result: Any) -> Figure:
     worst = {name: float(np.max(part)) for name, part in parts.items()}
     worst |= {"bias": result.bias, f"noise, {result.sigmas:g} sigmas": result.sigmas * result.noise}
     values = list(worst.values())
-    said = f"Craft stay within {worst['in all']:.3g} m of their paths"
+    said = f"Craft are within {worst['in all']:.3g} m of their paths along any one direction"
     return intervals(list(worst), values, [0.0] * len(values), values, "off the path at most [m]", said)
 
 

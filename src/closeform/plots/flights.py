@@ -87,7 +87,10 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     seed, craft, step = (
         int(k) for k in np.unravel_index(int(np.argmax(flight.deviations)), flight.deviations.shape)
     )
-    radius = 0.0 if tube is None else float(np.max(tube.radius))
+    radius = 0.0
+    if tube is not None:
+        lasts = float(flight.times[-1] - flight.times[0])
+        radius = float(np.max(tube.containment(lasts, craft=flight.states.shape[1])))
     unit = length_unit(max(float(off.max()), radius))
     figure = sheet(5.8)
     (axes,) = column(figure, [1.0], 1.1)
@@ -104,7 +107,7 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     most = f"Off by at most {length(float(off.max()))} in {_flights(flight)}"
     inside = ""
     if tube is not None:
-        inside = f"; tube {length(radius)}, {tube.sigmas:g} sigmas along any direction"
+        inside = f"; {tube.probability:.3%} of flights stay within {length(radius)}, said beforehand"
     _meanings(figure, ("each flight, its craft farthest off", "median", "the worst"))
     plain(headline(figure, f"{most}{inside}"))
     return figure

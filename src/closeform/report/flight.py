@@ -127,8 +127,10 @@ class FlightTold:
             told.append(
                 f"Tube of any plan of such thrust: {sure}, {room.sigmas:g} sigmas along any one direction"
             )
+            farthest, within = flight.greatest_deviation, flown.contained(self.flown)
             told.append(
-                f"Farthest off its plan of all craft at all times: {flight.greatest_deviation:.3g} m in space"
+                f"Farthest off its plan of all craft at all times: {farthest:.3g} m in space; "
+                f"{room.probability:.3%} of flights stay within {within:.3g} m"
             )
         return tuple(told)
 
@@ -202,7 +204,11 @@ class FlightTold:
             "worst_flight": conflicts.figures(self.flight),
         }
         if room is not None:
-            found["tube"] = {"radius_m": np.ravel(room.radius).tolist(), "of_a_pair_m": room.of_a_pair}
+            found["tube"] = {
+                "radius_m": np.ravel(room.radius).tolist(),
+                "of_a_pair_m": room.of_a_pair,
+                "containment_m": flown.contained(one),
+            }
         return found
 
     @property

@@ -116,6 +116,13 @@ def pair(flown: FlownRun, row: int) -> tuple[str, str]:
     return flown.names[i], flown.names[j]
 
 
+def contained(flown: FlownRun) -> float:
+    """How far off craft are at most in nearly all flights [m], as said beforehand."""
+    times, room = flown.flight.times, flown.tube
+    assert room is not None
+    return float(np.max(room.containment(float(times[-1] - times[0]), craft=len(flown.names))))
+
+
 def sure(flown: FlownRun) -> Section:
     """What is certified, what sampled, and what the tube takes for granted."""
     room, fading = flown.tube, flown.told["navigation"].correlation
@@ -144,6 +151,7 @@ def sure(flown: FlownRun) -> Section:
         parts = [("the field, not known", room.model), ("thrust that is off", room.thrust)]
         parts += [("biases", room.bias), (f"noise, {room.sigmas:g} sigmas", room.sigmas * room.noise)]
         parts += [("all of it", room.radius), ("all of it, of a pair", room.of_a_pair)]
+        parts += [(f"all craft at all times, in {room.probability:.3%} of flights", contained(flown))]
         tables.append(
             Table("The tube, said beforehand", TUBE, [(one, float(np.max(part))) for one, part in parts])
         )
