@@ -35,8 +35,8 @@ class Tube(Result):
     bias : float [m]
         From measurements that are off by something constant, at most.
     covariances : array of shape (S, 6, 6) [m, m/s]
-        Of deviations from measurements that are off at random, radial, along-track and cross-track, evenly
-        from one measurement to the next.
+        In the chief's axes, of deviations from measurements that are off at random; at instants evenly from
+        one measurement to the next.
     sigmas : float, no unit
         As many standard deviations of these count.
     """
