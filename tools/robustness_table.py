@@ -75,7 +75,7 @@ ROWS = {
         (1.0, 2.0, 3.0, 5.0),
     ),
     "start": Row(
-        "start, each craft",
+        "start, each early or late",
         "s",
         of_study("craft.start_offset", Draw(choice=("-1 s", "1 s")), 1),
         lambda way, size: cf.SearchErrors(start=size[:, None] * way),
@@ -99,7 +99,7 @@ ROWS = {
         (1e-4,),
     ),
     "range": Row(
-        "range of the sensors",
+        "range, of all sensors",
         "m",
         nothing,
         lambda way, size: cf.SearchErrors(range=size[:, None] + way),
@@ -159,7 +159,7 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
     wide, tall = figure.get_size_inches()
     each = (wide - 1.0 - 0.2) / len(names)
     for k, name in enumerate(names):
-        axes = area(figure, 1.0 + k * each, 0.75, each - 0.2, tall - 0.75 - 0.8)
+        axes = area(figure, 1.0 + k * each, 0.95, each - 0.2, tall - 0.95 - 0.65)
         dress(axes)
         sizes, counts = np.array([one for one in shares[name] if one[1] > 0], dtype=float).T
         found = [estimate(int(count), cases) for count in counts]
@@ -171,7 +171,8 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
         axes.set_ylim(0.3 / cases, 1.0)
         if ROWS[name].least > safe[name]:
             axes.invert_xaxis()
-        axes.set_xlabel(f"{name} [{ROWS[name].unit}]", fontsize=SMALL, color=INK)
+        what, _, whose = ROWS[name].name.partition(", ")
+        axes.set_xlabel(f"{what} [{ROWS[name].unit}]\n{whose}", fontsize=SMALL, color=INK)
         if k:
             axes.set_yticklabels([])
         else:

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, numbers, shown
+from closeform.arrays import Floats, number, size
 from closeform.motion.ends import checked_below
 from closeform.motion.mean_motion import (
     EARTH_MU,
@@ -27,12 +27,7 @@ class CircularOrbit:
     mean_motion: float
 
     def __post_init__(self) -> None:
-        value = numbers("mean_motion", self.mean_motion)
-        if value.shape or not (np.isfinite(value) and value >= 0):
-            raise ValueError(
-                f"mean_motion: must be one finite number, at least 0 rad/s, got {shown(self.mean_motion)}"
-            )
-        object.__setattr__(self, "mean_motion", float(value))
+        object.__setattr__(self, "mean_motion", size("mean_motion", self.mean_motion, " rad/s"))
 
     @classmethod
     def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
