@@ -46,7 +46,7 @@ class Failures(Protocol):
         """The contacts for fewer moments `after`, each of which stands for those of `before` near it."""
 
     def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
-        """The same, amid impulses where their chords touch, and whether all of them do."""
+        """Those that are touched, amid impulses where their chords are, and whether all of them are."""
 
     def brief(self, flown: Flown) -> Flown:
         """The same paths, their impulses as brief burns, in the midst of which thrust may be lost."""

@@ -68,7 +68,7 @@ class ImpulseFailures:
         return Checked(missed, lost, nearest)
 
     def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
-        """The same, amid impulses where their chords touch, and whether all of them do."""
+        """Those that are touched, amid impulses where their chords are, and whether all of them are."""
         wide = self.brief(flown)
         lasting = np.ptp(wide[0][self.rows_of(wide, contacts), START : END + 1], axis=1)
         amid = np.flatnonzero(drifting(contacts) & (lasting < 3.0 * BRIEF * self.lengths.max()))
@@ -77,7 +77,8 @@ class ImpulseFailures:
         places = self.problem.motions(wide, contacts)[:, 0]
         kinds = self.problem.kinds[contacts.which]
         sizes = [scaled_norm(self.problem.zones[kind], q) for kind, q in zip(kinds, places, strict=True)]
-        return contacts, max(map(float, sizes), default=1.0) < TOUCHING
+        touched = np.array(sizes) < TOUCHING
+        return contacts.some(np.flatnonzero(touched)), bool(touched.all())
 
     def starts(self) -> Iterator[Contacts]:
         """Contacts of passively safe paths of least energy, one after another."""
