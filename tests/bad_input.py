@@ -2395,7 +2395,7 @@ CALLS = (
     Call(
         "a limit beside thrusters in flight",
         "cf.fly(plan, cf.Field(chief), thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), max_acceleration=1.0)",
-        "thrusters: have limits and bits of their own, and lead back by impulses; leave out max_acceleration, minimum_bit and cancel, and give Feedback(impulses=...)",
+        "thrusters: have limits and bits of their own, and fly in the field; leave out max_acceleration, minimum_bit and cancel",
     ),
     Call(
         "a mass without thrusters that burn it",

@@ -1,7 +1,7 @@
 """A run as it is flown in its field, many times: every stage from where the one before was flown to."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Self
 
@@ -13,14 +13,18 @@ from closeform.field.commanded import CommandedThrust, thrust
 from closeform.field.field import Field
 from closeform.field.flight import fly, usual_feedback
 from closeform.field.flight_result import Flight
+from closeform.field.flown_plan import spanning
 from closeform.field.least_ratios import least_ratios
 from closeform.field.tube import Tube, tube
+from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
-from closeform.motion.path import fires_impulses
+from closeform.motion.joining import stack
+from closeform.motion.path import Path, ends_of, fires_impulses
 from closeform.verdict import Entered
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
+TANK = "mass", "specific_impulse"
 PARTIAL = 1e-9  # of a time: stages that end at one that is shown
 
 
@@ -69,11 +73,20 @@ class FlownRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        fires = fires_impulses(run.paths)
+        own, plan = [craft.fired(1.0) for craft in run.scenario.craft], run.paths
+        pulsed = control != "replan" and any(one is not None for one in own)
+        fires = pulsed or fires_impulses(plan)
         told = told | {"feedback": told["feedback"] or usual_feedback(control, fires)}
         if fires:
             told["max_acceleration"] = None
-        flight = fly(run.paths, field, control, zones=zones, known=known, seeds=seeds, **told)
+        if pulsed:
+            from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
+
+            told |= {"thrusters": own, "feedback": led_by_pulses(told["feedback"], own)}
+            plan = unfired(run)
+        flight = fly(plan, field, control, zones=zones, known=known, seeds=seeds, **told)
+        if pulsed:  # off what was certified, which is flown by pulses, too
+            flight = replace(flight, planned=spanning(run.paths, flight.times))
         return cls(run, field, known, control, told, flight)
 
     @classmethod
@@ -105,6 +118,24 @@ class FlownRun:
         """Each by itself."""
         return tuple(self.stage(one) for one in self.run.flown)
 
+    @property
+    def thrusters(self) -> tuple[str, ...]:
+        """Who fires pulses."""
+        own = self.told.get("thrusters", [None] * len(self.names))
+        return tuple(name for name, one in zip(self.names, own, strict=True) if one is not None)
+
+    @cached_property
+    def propellant(self) -> Floats:
+        """What each craft burns (S, N) [kg]; nan for one without mass and specific impulse."""
+        craft = self.run.scenario.craft
+        mass, impulse = (np.array([getattr(one, key) for one in craft], dtype=float) for key in TANK)
+        return np.asarray(-mass * np.expm1(-self.flight.delta_v / (STANDARD_GRAVITY * impulse)))
+
+    @property
+    def grams(self) -> bool:
+        """Whether propellant is printed in grams: nobody burns more than a kilogram."""
+        return bool(np.nanmax(self.propellant, initial=0.0) <= 1.0)
+
     def stage(self, result: Any) -> FlownStage:
         """One of them."""
         flight = self.flight
@@ -132,7 +163,7 @@ class FlownRun:
     @cached_property
     def commanded(self) -> tuple[CommandedThrust, ...]:
         """What is to be commanded in the field, in each stage."""
-        return tuple(thrust(one.after.paths, self.known) for one in self.run.flown)
+        return tuple(thrust(one.planned.paths, self.known) for one in self.run.flown)
 
     @cached_property
     def tube(self) -> Tube | None:
@@ -145,3 +176,18 @@ class FlownRun:
         sizes = np.broadcast_to(self.told["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)
         return tube(self.run.paths.orbit, self.told["feedback"], self.told["navigation"], thrust_error=off)
+
+
+def unfired(run: Stages) -> Path:
+    """What thrusters follow (N,) from the first stage to the last: the planned thrust of all stages.
+
+    Each begins from where the thrust before it led.
+    """
+    from closeform.fuel.pulses import linked
+
+    plans = [spanning(one.planned.paths, np.array([one.start, one.end])) for one in run.flown]
+    followed = []
+    for k in range(len(plans[0])):
+        arcs = np.concatenate([plan[k].arcs for plan in plans])
+        followed.append(linked(run.paths.orbit, arcs, ends_of(plans[0][k])[0]))
+    return stack(followed)

@@ -41,9 +41,9 @@ class LoadedStage(Result):
         What the scenario says of it; `stage.verb` is its `do`, `stage.name` its name or None.
     start : float [s]
         When it begins.
-    before, after : WatchedFlight
-        The paths of all craft before avoidance and as flown, `paths` (N,) by `names`, with `conflicts` and
-        closest `approaches` by name.
+    before, after, planned : WatchedFlight
+        The paths of all craft before avoidance, as flown and as thrusters were to follow, `paths` (N,) by
+        `names`; with `conflicts` and closest `approaches` by name, but of a plan that thrusters follow.
     result : Gathering, FirstLocks or None
         What a search came to: of a lock the `search`, its `pairs` and their `locks`; None of other stages, of
         whose plans the paths and the `figures` are kept.
@@ -58,6 +58,7 @@ class LoadedStage(Result):
     start: float
     before: WatchedFlight
     after: WatchedFlight
+    planned: WatchedFlight
     result: Gathering | FirstLocks | None
     burns: Columns
     figures: Mapping[str, Any]
@@ -235,17 +236,14 @@ class RunTables:
             raise FolderError(f"{self.place}: arcs.parquet is missing; {AGAIN}")
         for figures in self.summary["stages"]:
             number = int(figures["number"])
-            stage = self.scenario.stages[number - 1]
+            stage, start = self.scenario.stages[number - 1], float(figures["start_s"])
+            kept = set(self.rows("arcs", stage=number)["when"])
             after = self.flight(number, "after")
-            apart = len(self.rows("arcs", stage=number, when="before")["craft"]) > 0
-            before = self.flight(number, "before") if apart else after
+            others = (self.flight(number, when) if when in kept else after for when in ("before", "planned"))
+            before, planned = others
+            found = self.found(stage.verb, figures, after)
             yield LoadedStage(
-                number,
-                stage,
-                float(figures["start_s"]),
-                before,
-                after,
-                self.found(stage.verb, figures, after),
+                *(number, stage, start, before, after, planned, found),
                 self.rows("burns", stage=number) or NO_BURNS,
                 figures,
             )

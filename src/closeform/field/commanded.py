@@ -16,7 +16,7 @@ from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.result import Rows
@@ -184,9 +184,10 @@ def thrust(
     from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
 
     jumps = impulses.craft, impulses.time, impulses.impulse
-    firing = fired_in(paths, jumps, field, thrusters, mass, specific_impulse)
-    when, done = flown_pulses(
-        firing, field, field, None, lambda table: exactly(len(paths), table.measurements)
+    own = each_set(thrusters, len(paths), Thrusters)
+    firing = fired_in(paths, jumps, field, own, mass, specific_impulse)
+    when, _, done = flown_pulses(
+        paths, firing, own, (field, field), None, lambda table: exactly(len(paths), table.measurements)
     )
     path = paths.orbit._through(when, done.states[0])
     off = done.states[0, ..., :3] - spanning(paths, when).position(when)

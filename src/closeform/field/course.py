@@ -12,9 +12,10 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.feedback import Feedback, delayed, kicks_back, way_back
+from closeform.field.feedback import Feedback, delayed, kicks_back, slots_of, way_back
 from closeform.field.field import Field
-from closeform.field.flying import FACET, THRUSTER, Course, fly_all
+from closeform.field.flying import Course, fly_all
+from closeform.field.orders import FACET, THRUSTER
 from closeform.field.residual import beyond, residuals
 from closeform.field.timetable import BESIDE, COAST, PULSED, STEP, Timetable, bends_of, edges_of, impulses_of
 from closeform.motion.arc import IMPULSE, STATE
@@ -26,11 +27,27 @@ STRETCH = 20_000  # steps that are in memory together, about
 
 
 class Nozzles(NamedTuple):
-    """Thrusters as kernels know them, see `field/flying.py`; `turns` where they are fixed inertially."""
+    """One craft's thrusters as kernels know them, see `field/orders.py`, and when they are on by plan.
+
+    `turns` where they are fixed inertially; from `begins` to `ends` (P,) [s] a pulse of each `whose` (P,) is.
+    """
 
     thrusters: Floats  # (J, 5)
     facets: Floats  # (F, 12)
     turns: bool
+    whose: Any
+    begins: Floats
+    ends: Floats
+
+    def free(self, times: Floats) -> Floats:
+        """For how long (J, T) [s] each was not on between the first of some times and each of them."""
+        found = np.tile(times - times[0], (len(self.thrusters), 1))
+        for j in np.unique(self.whose):
+            edges = np.stack([self.begins[self.whose == j], self.ends[self.whose == j]], axis=1)
+            on = np.concatenate([[0.0], np.cumsum(np.diff(edges, axis=1))])
+            since = np.interp(times, edges.ravel(), np.repeat(on, 2)[1:-1])
+            found[j] -= since - since[0]
+        return found
 
 
 class Known(NamedTuple):
@@ -73,11 +90,13 @@ class Commands:
 class Flights:
     """S flights: `states` (S, N, T, 6) as shown, and `arrivals`, the same before impulses.
 
+    `fired` (S, N, Q, 3) [m/s] are impulses at the times of the table, or what thrusters are told then.
     What was `spent` (S, N) [m/s], what is `asked` (N,) without errors, and `limited` (S, N) [s] at the limit.
     """
 
     states: Floats
     arrivals: Floats
+    fired: Floats
     spent: Floats
     asked: Floats
     limited: Floats
@@ -112,19 +131,19 @@ def flown(
     now = np.zeros((flights, count, 18))
     now[..., :6] = begin
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
-    impulses = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
+    fired = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
-    each = wrong, errors, now, states, impulses, spent
+    each = wrong, errors, now, states, fired, spent
     for course in courses(commands, field, frame, around):
         _side_by_side(field, course, each)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
         asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
         asked += np.linalg.norm(course.jumps, axis=2).sum(axis=1)
     arrivals = states
-    if impulses.size:
+    if fired.size and commands.nozzles is None:
         arrivals = states.copy()
-        arrivals[:, :, table.shown[table.fires >= 0], 3:] -= impulses
-    return Flights(states, arrivals, spent[..., 0], asked, spent[..., 1])
+        arrivals[:, :, table.shown[table.fires >= 0], 3:] -= fired
+    return Flights(states, arrivals, fired, spent[..., 0], asked, spent[..., 1])
 
 
 def _side_by_side(field: Field, course: Course, each: tuple[Floats, ...]) -> None:
@@ -155,16 +174,22 @@ def commands_of(
     bit: float = 0.0,
     nozzles: Nozzles | None = None,
     span: tuple[float, float] | None = None,
+    beside: Floats | None = None,
 ) -> Commands:
-    """What planned paths (N,) ask for, their impulses as planned; or in a span that has none."""
+    """What planned paths (N,) ask for, their impulses as planned; or in a span that has none.
+
+    `beside` others that fire pulses states are shown at these times, too.
+    """
     craft, when, sizes = impulses_of(path)
-    offsets = np.zeros(0) if law is None or not law.impulses else kicks_back(path.orbit, law)[0]
-    longest = STEP if nozzles is None else PULSED
-    if nozzles is None and not path.peak_thrust.any() and (law is None or law.impulses):
+    offsets = np.zeros(0) if law is None or not law.impulses else slots_of(law)[0]
+    pulses = nozzles is not None or beside is not None
+    longest = PULSED if pulses else STEP
+    if not pulses and not path.peak_thrust.any() and (law is None or law.impulses):
         longest = COAST
     edges = edges_of(path)
     # where others fly beside, or on after it, all are shown at the same times
-    bends = bends_of(path) if span is None and nozzles is None else edges[:0]
+    bends = bends_of(path) if span is None and not pulses else edges[:0]
+    bends = bends if beside is None else beside
     span = span or (float(path.start[0]), float(path.end[0]))
     table = Timetable.of(span, law, offsets, np.union1d(edges, bends), when, longest, bends)
     count = len(path)
@@ -180,7 +205,7 @@ def commands_of(
 
 def together(parts: Sequence[Flights], axis: int) -> Flights:
     """Flights of the same times, one after another: of other seeds (0) or other craft (1)."""
-    names = "states", "arrivals", "spent", "limited"
+    names = "states", "arrivals", "fired", "spent", "limited"
     joined = (np.concatenate([getattr(one, name) for one in parts], axis=axis) for name in names)
     return replace(parts[0], **dict(zip(names, joined, strict=True)))
 
@@ -196,7 +221,7 @@ def courses(commands: Commands, field: Field, frame: ChiefFrame, around: Path | 
     rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
     late = np.stack([np.eye(6), np.zeros((6, 6))])
     if law is not None and law.impulses:
-        gains = kicks_back(orbit, law)[1]
+        gains = kicks_back(orbit, law, commands.nozzles is not None)[1]
     elif law is not None:
         rules = way_back(orbit, law.horizon, table.since)[2]
     if law is not None and law.delay > 0.0:
@@ -252,12 +277,18 @@ def _course(
         for part in (lengths, *chief, commanded, pulled, jumps, planned)
     ]
     bounds = commands.ballistics, commands.limits, commands.bits
-    fire = commands.nozzles or Nozzles(np.zeros((0, THRUSTER)), np.zeros((0, FACET)), False)
-    angles = path.orbit.mean_motion * table.nodes[nodes] * fire.turns
-    sides = (np.broadcast_to(one, (count, *one.shape)).copy() for one in (*fire[:2], angles))
+    fire = commands.nozzles
+    sides = np.zeros((0, THRUSTER)), np.zeros((0, FACET)), np.zeros(len(fires)), np.zeros((0, len(fires)))
+    if fire is not None:
+        now = table.nodes[nodes]
+        sides = fire.thrusters, fire.facets, path.orbit.mean_motion * now * fire.turns, fire.free(now)
+    begun = np.flatnonzero(kicks >= 0)
+    slots = np.zeros(len(fires), dtype=np.int64)
+    slots[begun] = [*begun[1:], len(fires) - 1][: len(begun)]
+    of_each = (np.broadcast_to(one, (count, *one.shape)).copy() for one in sides)
     rules, gains, late = answers_by
     rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires
-    return Course(*(*floats, *rules_of, *bounds, *sides))
+    return Course(*(*floats, *rules_of, *bounds, *of_each, slots))
 
 
 def _stepwise(values: Floats) -> Floats:

@@ -65,6 +65,9 @@ class Feedback:
             raise ValueError("delay: goes with thrust that lasts; leave it out, or give 0 impulses")
 
 
+BY_IMPULSES = Feedback(300.0, 1800.0, 6)  # unless told otherwise
+
+
 @dataclass(frozen=True)
 class Navigation:
     """How well states are measured: random errors of each axis, and constant ones.
@@ -135,12 +138,21 @@ def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Float
     return left, moved, moved[:, :3] @ primers
 
 
-def kicks_back(orbit: Orbit, law: Feedback) -> tuple[Floats, Floats]:
+def slots_of(law: Feedback) -> tuple[Floats, Floats]:
+    """From when and until when after a measurement each impulse has time to be fired (J,) and (J,) [s]."""
+    begin = np.asarray(np.arange(law.impulses) * (law.horizon / law.impulses), dtype=float)
+    over = begin + law.horizon / law.impulses
+    return begin, np.where(begin < law.every, np.minimum(over, law.every), over)
+
+
+def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floats, Floats]:
     """When after a measurement impulses are (J,) [s], and the gains (J, 3, 6) that make them of a deviation.
 
-    The least sum of squares that brings it to zero in the horizon.                           # theory (88)
+    The least sum of squares that brings it to zero in the horizon; at the begin of their slots, or of burns
+    that are `lasting` about the middle.                                                      # theory (88)
     """
-    times = np.asarray(np.arange(law.impulses) * (law.horizon / law.impulses), dtype=float)
+    begin, over = slots_of(law)
+    times = 0.5 * (begin + over) if lasting else begin
     scale = np.repeat([1.0, law.horizon], 3)  # velocities as lengths
     pushed = orbit.transition(law.horizon - times)[:, :, 3:] * scale[:, None]
     gramian = np.einsum("jik,jlk->il", pushed, pushed)

@@ -11,21 +11,20 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, number, numbers, shown, whole
 from closeform.field.course import commands_of, flown
 from closeform.field.drag import ballistics_of
-from closeform.field.feedback import Feedback, Navigation, thrust_errors
+from closeform.field.feedback import BY_IMPULSES, Feedback, Navigation, thrust_errors
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.least_ratios import least_ratios
-from closeform.field.retargeted import changed_impulses, retargeted
+from closeform.field.retargeted import retargeted
 from closeform.field.timetable import Timetable
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import fires_impulses
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 BY_PLANS = Feedback(300.0, 900.0)
-BY_IMPULSES = Feedback(300.0, 1800.0, 6)
 
 
 def fly(
@@ -40,7 +39,7 @@ def fly(
     thrust_error: ArrayLike = (0.0, 0.0),
     max_acceleration: ArrayLike | None = None,
     minimum_bit: float = 0.0,
-    thrusters: Thrusters | Sequence[Thrusters] | None = None,
+    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     seeds: int | Sequence[int] = 1,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
@@ -70,12 +69,13 @@ def fly(
         By how much each craft's thrust is off at most, as a share of its size, and in direction; drawn evenly
         for each flight, through which it stays.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses.
+        That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses, nor with
+        thrusters.
     minimum_bit : float [m/s], default 0
         The least impulse that is fired.
-    thrusters : Thrusters or sequence of Thrusters, optional
-        Of all craft, or of each, which fire what `thrust` says, and lead back by impulses in their directions
-        that are a bit or more.
+    thrusters : Thrusters or sequence of Thrusters or None, optional
+        Of all craft, or of each that has some, which fire what `thrust` says, and lead back by burns: in
+        their directions, a bit or more, when they are not on by plan.
     seeds : int or sequence of int, default 1
         How many flights, or the seed of each: its errors are the same however many others there are.
 
@@ -133,6 +133,7 @@ def fly(
         return np.stack([one for one, _ in draws]), np.stack([one for _, one in draws])
 
     planned, made, refused = np.array(paths.delta_v), [0] * len(each), []
+    firing, ordered, orders = None, np.zeros(0), np.zeros((len(each), len(paths), 0, 3))
     if control == "replan":
         if zones is None or not cancel or law.impulses or law.delay or fires or thrusters is not None:
             raise ValueError(
@@ -145,17 +146,18 @@ def fly(
         times, done, made, why = Replanning(paths, zones, room, field, believed, law, limit).flights(wrong)
         refused = [(seed, *one) for seed, some in zip(each, why, strict=True) for one in some]
     elif thrusters is not None:
-        if not cancel or limit.min() < np.inf or least > 0.0 or (followed and not law.impulses):
+        if not cancel or limit.min() < np.inf or least > 0.0:
             raise ValueError(
-                "thrusters: have limits and bits of their own, and lead back by impulses; leave out "
-                "max_acceleration, minimum_bit and cancel, and give Feedback(impulses=...)"
+                "thrusters: have limits and bits of their own, and fly in the field; leave out "
+                "max_acceleration, minimum_bit and cancel"
             )
-        from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
+        from closeform.field.pulsed_flight import fly_pulses  # whose kernels only thrusters need
 
-        jumps, _, _ = changed_impulses(paths, believed)
-        firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), believed, thrusters)
-        times, done = flown_pulses(firing, field, believed, followed, wrong)
-        paths = spanning(paths, times)
+        own_sets = each_set(thrusters, len(paths))
+        firing, planned, times, ordered, done = fly_pulses(
+            paths, own_sets, (field, believed), followed, wrong
+        )
+        orders, paths = done.fired, spanning(paths, times)
     else:
         own = ballistics_of(field.drag, len(paths))
         commands = commands_of(paths, followed, believed if cancel else None, own, limit, least)
@@ -180,6 +182,9 @@ def fly(
         paths,
         np.array(made),
         tuple(refused),
+        firing,
+        ordered,
+        orders,
     )
 
 

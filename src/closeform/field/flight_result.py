@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from closeform.arrays import Floats, whole
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
+
+if TYPE_CHECKING:
+    from closeform.fuel.firing import Firing
 
 DAY = 86400.0  # s
 
@@ -31,12 +34,13 @@ class Flight(Rows):
     delta_v : array of shape (S, N) [m/s]
         Spent: the sum of the three that follow.
     planned_delta_v : array of shape (N,) [m/s]
-        Of the plan.
+        Of the plan; of a craft with thrusters what these fire for it in Hill's equations, each counted.
     field_delta_v : array of shape (N,) [m/s]
         What it takes beyond that to command against what Hill's equations leave out; negative where that
         helps, 0 without `cancel`.
     limited : array of shape (S, N), no unit
-        The share of time in which each craft is asked for more thrust than `max_acceleration`.
+        The share of time in which each craft is asked for more thrust than `max_acceleration`, or to come
+        back by more than its thrusters give, or where none of them pushes.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     ratios : array of shape (S, P), no unit
@@ -47,6 +51,13 @@ class Flight(Rows):
         How many new plans were flown.
     refused : tuple of (int, float [s], str)
         New plans that there were not: the seed, the time, and with how much of the room and why.
+    firing : Firing or None
+        What thrusters fire by plan, of craft that have some; None without.
+    ordered : array of shape (Q,) [s]
+        When thrusters are told how to lead back; none without thrusters.
+    orders : array of shape (S, N, Q, 3) [m/s]
+        How: the delta-v of their burns until the next time, each about the middle of what their plan leaves
+        them of it; radial, along-track and cross-track, in the chief's axes.
     """
 
     _columns: ClassVar = {
@@ -70,6 +81,9 @@ class Flight(Rows):
     planned: Path
     replans: Any
     refused: tuple[tuple[int, float, str], ...]
+    firing: Firing | None
+    ordered: Floats
+    orders: Floats
 
     @property
     def orbit(self) -> Orbit:

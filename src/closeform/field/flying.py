@@ -5,7 +5,7 @@ then off in proportion to that.  Flights go side by side in lanes: what they sha
 them, and loops over lanes become vector instructions.
 """
 
-from math import cos, sin, sqrt
+from math import sqrt
 from typing import Any, NamedTuple
 
 from numba import float64, int64, types, void
@@ -13,14 +13,24 @@ from numba import float64, int64, types, void
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.field.gravity import pull_all
+from closeform.field.lanes import (
+    BALLISTIC,
+    BURN,
+    COUNTED,
+    CRAFT,
+    ERROR,
+    LANE,
+    LANES,
+    LIMIT,
+    ORDER,
+    SEEN,
+    SPENT,
+    Y,
+    correct,
+    erred,
+)
+from closeform.field.orders import burn_all, order
 from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
-
-LANES = 16  # flights of a craft, side by side
-# Rows of lanes: the state from the chief, inertial, the deviation that counts, that which was seen, errors of
-# thrust, what is spent, the craft, its limit and ballistic coefficient.
-Y, COUNTED, SEEN, ERROR, SPENT, CRAFT, LIMIT, BALLISTIC, LANE = 0, 6, 12, 18, 22, 24, 25, 26, 27
-SIDE, BIT, MOST, THRUSTER = 0, 3, 4, 5  # of a thruster: where it pushes, the least and the most at a time
-CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and what tells how much of each
 
 
 class Course(NamedTuple):
@@ -51,6 +61,8 @@ class Course(NamedTuple):
     thrusters: Floats  # (N, J, 5), see above; J = 0 where impulses go anywhere
     facets: Floats  # (N, F, 12)
     angles: Floats  # (N, K + 1) [rad] from the frame of the thrusters to the chief's axes
+    free: Floats  # (N, J, K + 1) [s], for how long a thruster was not on by plan until then
+    slots: Any  # (K + 1,) the node at which an order to thrusters ends that is given at one
 
 
 NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1]
@@ -60,6 +72,7 @@ COURSE = types.NamedTuple(
         *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, FOUR, BLOCKS, BLOCKS, WHICH),
         *(WHICH, BLOCKS, WHICH, BLOCKS),
         *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, NUMBERS, BLOCKS, BLOCKS, ROWS),
+        *(BLOCKS, WHICH),
     ),
     Course,
 )
@@ -89,13 +102,6 @@ def inertial(axes, turn, r, out):
 
 
 @kernel(inline=True)
-def erred(lanes, m, x, y, z):
-    """A thrust or an impulse of a lane as it comes out."""
-    grown, a, b, c = 1.0 + lanes[ERROR, m], lanes[ERROR + 1, m], lanes[ERROR + 2, m], lanes[ERROR + 3, m]
-    return grown * (x + b * z - c * y), grown * (y + c * x - a * z), grown * (z + a * y - b * x)
-
-
-@kernel(inline=True)
 def push(course, lanes, step, half, weight, u, out):
     """Fill `out` (3, LANES) with thrust in a step, inertial; what is spent adds it up, by a weight."""
     law, axes = course.law[course.rows[step] + half], course.axes[2 * step + half]
@@ -110,72 +116,37 @@ def push(course, lanes, step, half, weight, u, out):
         lanes[SPENT, m] += weight * min(size, most)
         lanes[SPENT + 1, m] += weight if size > most else 0.0
         u[0, m], u[1, m], u[2, m] = erred(lanes, m, share * u[0, m], share * u[1, m], share * u[2, m])
+    if course.thrusters.shape[1] > 0:
+        for m in range(LANES):
+            for k in range(3):
+                u[k, m] += lanes[BURN + k, m]
     for m in range(LANES):
         for k in range(3):
             out[k, m] = axes[0, k] * u[0, m] + axes[1, k] * u[1, m] + axes[2, k] * u[2, m]
 
 
 @kernel()
-def allocated(course, i, angle, v):
-    """Make an impulse `v` (3,) what the thrusters of craft i fire for it; returns the sum of that."""
-    c, s = cos(angle), sin(angle)
-    x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
-    facets = course.facets[i]
-    best, least = 0, -1e300
-    for f in range(len(facets)):
-        lowest = 1e300
-        for k in range(3):
-            q = x * facets[f, INVERSE + k] + y * facets[f, INVERSE + 3 + k] + z * facets[f, INVERSE + 6 + k]
-            lowest = min(lowest, q)
-        if lowest > least:
-            best, least = f, lowest
-    total, fx, fy, fz = 0.0, 0.0, 0.0, 0.0
-    for k in range(3):
-        own = course.thrusters[i, int(facets[best, CORNER + k])]
-        q = (
-            x * facets[best, INVERSE + k]
-            + y * facets[best, INVERSE + 3 + k]
-            + z * facets[best, INVERSE + 6 + k]
-        )
-        q = min(q, own[MOST]) if q >= own[BIT] and q > 0.0 else 0.0
-        total += q
-        fx, fy, fz = fx + q * own[SIDE], fy + q * own[SIDE + 1], fz + q * own[SIDE + 2]
-    v[0], v[1], v[2] = c * fx + s * fy, c * fy - s * fx, fz
-    return total
-
-
-@kernel()
-def kick(course, i, node, deviation, fired):
-    """Fill `fired` (3,) with the impulses of craft i at a node, planned and corrected; what they spend."""
-    planned = stack_vector(3)
-    for axis in range(3):
-        planned[axis], fired[axis] = course.jumps[i, node, axis], 0.0
-        if course.kicks[node] >= 0:
-            for k in range(6):
-                fired[axis] += course.gains[course.kicks[node], axis, k] * deviation[k]
-    spent = 0.0
-    if course.thrusters.shape[1] > 0:
-        spent = allocated(course, i, course.angles[i, node], fired)
-    else:
-        for axis in range(3):
-            planned[axis] += fired[axis]
-            fired[axis] = 0.0
-    size = sqrt(planned[0] * planned[0] + planned[1] * planned[1] + planned[2] * planned[2])
-    if size < course.bits[i]:
-        return spent
-    for axis in range(3):
-        fired[axis] += planned[axis]
-    return spent + size
-
-
-@kernel()
 def kick_all(course, lanes, node, impulses, here):
-    """Change lanes, and states `here` (6, LANES) in the chief's axes, by `impulses` (W, Q, 3) at a node."""
-    deviation, fired, axes = stack_vector(6), stack_vector(3), course.axes[2 * node]
+    """Change lanes, and states `here` (6, LANES) in the chief's axes, by `impulses` (W, Q, 3) at a node.
+
+    Planned and corrected; thrusters have orders in their place.
+    """
+    fired, axes = stack_vector(3), course.axes[2 * node]
     for m in range(len(impulses)):
-        for k in range(6):
-            deviation[k] = lanes[COUNTED + k, m]
-        lanes[SPENT, m] += kick(course, int(lanes[CRAFT, m]), node, deviation, fired)
+        i = int(lanes[CRAFT, m])
+        if course.thrusters.shape[1] > 0:
+            if course.kicks[node] >= 0:
+                order(course, lanes, m, node, fired)
+                for k in range(3):
+                    impulses[m, course.fires[node], k] = fired[k]
+            continue
+        correct(course, lanes, m, node, fired)
+        for k in range(3):
+            fired[k] += course.jumps[i, node, k]
+        size = sqrt(fired[0] * fired[0] + fired[1] * fired[1] + fired[2] * fired[2])
+        if size < course.bits[i]:
+            continue
+        lanes[SPENT, m] += size
         fired[0], fired[1], fired[2] = erred(lanes, m, fired[0], fired[1], fired[2])
         for k in range(3):
             impulses[m, course.fires[node], k] = fired[k]
@@ -264,6 +235,8 @@ def begin(course, first, errors, now, spent, lanes):
             lanes[ERROR + k, m] = errors[row, k]
         for k in range(2):
             lanes[SPENT + k, m] = spent[row, k]
+        for k in range(ORDER, LANE):
+            lanes[k, m] = 0.0
 
 
 @kernel(void(float64[::1], COURSE, BLOCKS, ROWS, ROWS, BLOCKS, BLOCKS, ROWS))
@@ -272,7 +245,8 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
 
     That is states before jumps in the chief's axes, which deviations count for feedback, and which were seen.
 
-    Fills `states` (R, T, 6) at nodes that are shown, after `impulses` (R, Q, 3) [m/s], and adds to `spent`
+    Fills `states` (R, T, 6) at nodes that are shown, after `impulses` (R, Q, 3) [m/s], or as large as
+    thrusters are told to burn from then on, and adds to `spent`
     (R, 2) the delta-v [m/s] and how long thrust was at its limit [s].  Measurements are off by `wrong`
     (R, M, 6); `errors` (R, 4) are those of thrust: of its size, and a small turn.
     """
@@ -299,6 +273,8 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
                     for k in range(6):
                         states[first + m, course.shown[node], k] = here[k, m]
             if node < steps:
+                if course.thrusters.shape[1] > 0:
+                    burn_all(course, lanes, node)
                 advance(constants, course, node, lanes)
         for m in range(min(LANES, len(now) - first)):
             for k in range(6):

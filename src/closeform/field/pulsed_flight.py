@@ -11,20 +11,24 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Flights, Nozzles, commands_of, exactly, flown, together
+from closeform.field.course import Commands, Flights, Nozzles, commands_of, exactly, flown, together
 from closeform.field.drag import ballistics_of
-from closeform.field.feedback import Feedback
+from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
+from closeform.field.flown_plan import spanning
+from closeform.field.orders import BIT, STRENGTH, THRUSTER
 from closeform.field.residual import residuals
-from closeform.field.timetable import BESIDE, Timetable, edges_of
+from closeform.field.retargeted import changed_impulses, retargeted
+from closeform.field.timetable import BESIDE, Timetable, edges_of, impulses_of, joined
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.firing import Firing, fire
-from closeform.fuel.pulses import linked
+from closeform.fuel.pulses import Pulses, linked
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of
 
+NEGLIGIBLE = 1e-9  # m/s: not missed where no thruster pushes
 PIECE = 30.0  # s: in so long what is commanded is one arc's thrust, met at four instants
 INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
 
@@ -33,32 +37,33 @@ def fired_in(
     paths: Path,
     jumps: tuple[Any, Floats, Floats],
     field: Field,
-    thrusters: Thrusters | Sequence[Thrusters],
+    thrusters: Sequence[Thrusters | None],
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
 ) -> Firing:
     """What thrusters fire for planned paths (N,) in a field: their thrust less the residual, or `jumps`.
 
-    These are the craft (M,), times (M,) and sizes (M, 3) of impulses as changed for the field.
+    These are the craft (M,), times (M,) and sizes (M, 3) of impulses as changed for the field.  Of craft that
+    have thrusters; nothing for those that coast.
     """
     craft, when, sizes = jumps
-    steady = _commanded(paths, field)
-    asked = []
-    for k in range(len(paths)):
+    steady, asked = _commanded(paths, field), []
+    shooters = [k for k, own in enumerate(thrusters) if own is not None]
+    for k in shooters:
         one = paths[k]
-        arcs = one.arcs.copy() if (craft == k).any() else steady[k]
+        arcs = one.arcs.copy() if (craft == k).any() or not one.delta_v else steady[k]
         for time, size in zip(when[craft == k], sizes[craft == k], strict=True):
             kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1) & (arcs[:, START] == time)
             arcs[kicked, IMPULSE : IMPULSE + 3] = size
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
-    return fire(stack(asked), thrusters, mass, specific_impulse)
+    return fire(stack(asked), [one for one in thrusters if one is not None], mass, specific_impulse)
 
 
 def _commanded(paths: Path, field: Field) -> Floats:
     """Arcs (N, M, 30) of the thrust less the residual, without states."""
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.unique(np.concatenate([even, edges_of(paths)]))
+    edges = np.union1d(even, joined(edges_of(paths), even))
     lengths = np.diff(edges)
     within = edges[:-1, None] + lengths[:, None] * INSIDE
     times = within.ravel()
@@ -73,43 +78,120 @@ def _commanded(paths: Path, field: Field) -> Floats:
     return arcs
 
 
-def nozzles_of(thrusters: Thrusters, law: Feedback | None) -> Nozzles:
-    """One craft's thrusters, for what leads back: no burn is longer than from one impulse to the next."""
+def led_by_pulses(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedback:
+    """The same by pulses: thrust that lasts is fired once in each period of the craft whose is the longest.
+
+    Raises ValueError where thrusters are to fire more often.
+    """
+    longest = max((one.period or 0.0 for one in thrusters if one is not None), default=0.0)
+    if law.delay:
+        raise ValueError("delay: goes with thrust that lasts, and thrusters fire pulses; leave it out")
+    if not law.impulses:
+        return replace(law, impulses=max(int(law.horizon / longest), 2) if longest else BY_IMPULSES.impulses)
+    if law.horizon / law.impulses < longest * (1.0 - BESIDE):
+        raise ValueError(
+            f"feedback: pulses {law.horizon / law.impulses:g} s apart, of thrusters that fire once in "
+            f"{longest:g} s; give fewer impulses, or a longer horizon"
+        )
+    return law
+
+
+def nozzles_of(thrusters: Thrusters, pulses: Pulses) -> Nozzles:
+    """One craft's thrusters, beside the pulses that it fires by plan; after them pushes that none makes."""
     allocation = Allocation.of(thrusters.directions)
-    rows = np.zeros((allocation.count + 6, 5))
-    rows[: allocation.count, :3] = thrusters.directions
-    rows[:, 3] = np.inf  # of pushes where no thruster is
-    rows[: allocation.count, 3] = thrusters.minimum_bit
-    if law is not None:
-        rows[: allocation.count, 4] = thrusters.acceleration * min(law.every, law.horizon / law.impulses)
+    rows = np.zeros((allocation.count + 6, THRUSTER))
+    rows[: allocation.count, :BIT] = thrusters.directions
+    rows[: allocation.count, BIT] = thrusters.minimum_bit
+    rows[: allocation.count, STRENGTH] = thrusters.acceleration
+    rows[allocation.count :, BIT] = NEGLIGIBLE
     facets = np.hstack([allocation.corners.astype(float), allocation.inverses.reshape(-1, 9)])
-    return Nozzles(rows, facets, thrusters.frame == "inertial")
+    ends = pulses.start + pulses.duration
+    return Nozzles(rows, facets, thrusters.frame == "inertial", pulses.thruster, pulses.start, ends)
+
+
+def fly_pulses(
+    paths: Path,
+    thrusters: Sequence[Thrusters | None],
+    fields: tuple[Field, Field],
+    law: Feedback | None,
+    wrong: Callable[[Timetable], tuple[Floats, Floats]],
+) -> tuple[Firing, Floats, Floats, Floats, Flights]:
+    """What thrusters fire for planned paths (N,), what these cost (N,) [m/s], and what `flown_pulses` gives.
+
+    They cost what thrusters fire for it in Hill's equations, each counted.
+    """
+    law = law and led_by_pulses(law, thrusters)
+    jumps, _, _ = changed_impulses(paths, fields[1])
+    firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), fields[1], thrusters)
+    shooters = [k for k, own in enumerate(thrusters) if own is not None]
+    planned = np.array(paths.delta_v)
+    planned[shooters] = fire(paths[shooters], firing.thrusters).delta_v
+    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, wrong)
 
 
 def flown_pulses(
+    paths: Path,
     firing: Firing,
-    field: Field,
-    believed: Field,
+    thrusters: Sequence[Thrusters | None],
+    fields: tuple[Field, Field],
     law: Feedback | None,
     wrong: Callable[[Timetable], tuple[Floats, Floats]],
-) -> tuple[Floats, Flights]:
-    """Times (T,) and flights of craft that fire, each with steps of its own.
+) -> tuple[Floats, Floats, Flights]:
+    """Times (T,), when thrusters get orders (Q,), and flights of planned paths (N,) by what is fired.
 
-    They are led back to where the pulses lead in the field that is believed.
-
-    `wrong` makes errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+    In the first of two `fields`, the second of which is believed.  Craft with thrusters have steps of their
+    own, and are led back to where their pulses lead, those that only coast to the plan; the others
+    as without thrusters.  `wrong` makes errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
     """
-    count, each = len(firing.path), []
-    own, theirs = ballistics_of(field.drag, count), ballistics_of(believed.drag, count)
-    for k, thrusters in enumerate(firing.thrusters):
-        nozzles, path = nozzles_of(thrusters, law), firing.path[k : k + 1]
-        commands = commands_of(path, law, None, theirs[k : k + 1], nozzles=nozzles)
-        table = commands.table
-        frame = ChiefFrame.of(field, table.times)
-        if law is not None:
-            known = frame if believed is field else ChiefFrame.of(believed, table.times)
-            alone = flown(replace(commands, law=None), believed, known, *exactly(1, 1))
-            commands = replace(commands, reference=alone.states[0])
-        measured, thrust = (part[:, k : k + 1].copy() for part in wrong(table))
-        each.append(flown(replace(commands, ballistics=own[k : k + 1]), field, frame, measured, thrust))
-    return table.shown_times, replace(together(each, 1), asked=np.concatenate([one.asked for one in each]))
+    field, believed = fields
+    span = np.array([firing.path.start.min(), firing.path.end.max()])
+    rest = [k for k, one in enumerate(thrusters) if one is None]
+    shooters = [k for k, one in enumerate(thrusters) if one is not None]
+    beside = impulses_of(paths[rest])[1] if rest else span[:0]
+    each = []
+    for j, k in enumerate(shooters):
+        pulses = firing.pulses[firing.pulses.craft == j]
+        nozzles = nozzles_of(firing.thrusters[j], pulses)
+        own, theirs = firing.path[j : j + 1], _ballistics(believed, paths, [k])
+        led = plain = commands_of(own, law, None, theirs, nozzles=nozzles, beside=beside)
+        frame = ChiefFrame.of(field, plain.table.times)
+        if law is not None and len(pulses):
+            known = frame if believed is field else ChiefFrame.of(believed, plain.table.times)
+            alone = flown(replace(plain, law=None), believed, known, *exactly(1, 1))
+            led = replace(plain, reference=alone.states[0])
+        done = _as_drawn(led, field, frame, paths, [k], wrong)
+        fired = np.array([pulses.impulse.sum()])  # each thruster counts, not their sum
+        each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
+    if rest:
+        own = spanning(paths, span)[rest]
+        commands = commands_of(own, law, believed, _ballistics(believed, paths, rest), beside=beside)
+        frame = ChiefFrame.of(field, commands.table.times)
+        if len(beside):
+            commands, _ = retargeted(commands, believed)
+        done = _as_drawn(commands, field, frame, paths, rest, wrong)
+        orders = np.zeros((len(done.spent), len(rest), *each[0].fired.shape[2:]))
+        each.append(replace(done, fired=orders))
+    found, back = together(each, 1), np.argsort(shooters + rest)
+    asked = np.concatenate([one.asked for one in each])[back]
+    names = "states", "arrivals", "fired", "spent", "limited"
+    found = replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in names})
+    return plain.table.shown_times, plain.table.fired_times, found
+
+
+def _ballistics(field: Field, paths: Path, some: list[int]) -> Floats:
+    """Those of some craft of all in a field."""
+    return ballistics_of(field.drag, len(paths))[some]
+
+
+def _as_drawn(
+    commands: Commands,
+    field: Field,
+    frame: ChiefFrame,
+    paths: Path,
+    some: list[int],
+    wrong: Callable[[Timetable], tuple[Floats, Floats]],
+) -> Flights:
+    """Flights of some craft of all, with their errors."""
+    measured, thrust = (np.ascontiguousarray(part[:, some]) for part in wrong(commands.table))
+    own = _ballistics(field, paths, some)
+    return flown(replace(commands, ballistics=own), field, frame, measured, thrust)

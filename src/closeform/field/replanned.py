@@ -84,7 +84,7 @@ class Replanning:
         spent, limited = (
             np.sum([getattr(one, name) for one in parts], axis=0) for name in ("spent", "limited")
         )
-        done = Flights(states, states, spent, parts[0].asked, limited)
+        done = Flights(states, states, parts[0].fired, spent, parts[0].asked, limited)
         return np.concatenate(times), done, made, refused
 
     def plan(self, states: Floats, begin: float) -> tuple[Path | None, list[str]]:

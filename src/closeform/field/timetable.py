@@ -72,7 +72,6 @@ class Timetable(NamedTuple):
         measurement impulses are fired.  States are shown where one is `looked_at`, too: some of these ends.
         """
         start, end = span
-        edges, looked_at = (some[(some > start) & (some < end)] for some in (edges, looked_at))
         looks = 1 if law is None else int(np.ceil((end - start) / law.every - SAME))
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))
@@ -80,10 +79,12 @@ class Timetable(NamedTuple):
         base = np.linspace(start, end, looks * each + 1)
         measured = base[:-1:each]
         inside = offsets[offsets < (end - start) / looks * (1.0 - BESIDE)]
-        kicked = measured[:, None] + inside
+        kicked = _snapped(measured[:, None] + inside, np.sort(fired))
         firing = np.unique(np.concatenate([kicked.ravel(), fired]))
+        edges = joined(edges[edges > start + SAME], np.union1d(base, firing))
+        looked_at = joined(looked_at[looked_at > start + SAME], np.union1d(edges, np.union1d(base, firing)))
         wait = 0.0 if law is None else min(law.delay, (end - start) / looks)
-        answered = _joined(measured + wait, base)
+        answered = joined(measured + wait, base)
         nodes = np.unique(np.concatenate([base, firing, edges, answered]))
         times = np.empty(2 * len(nodes) - 1)
         times[::2], times[1::2] = nodes, 0.5 * (nodes[:-1] + nodes[1:])
@@ -110,11 +111,19 @@ class Timetable(NamedTuple):
         return self._replace(rows=3 * which.ravel(), since=since.ravel())
 
 
-def _joined(times: Floats, base: Floats) -> Floats:
-    """Times before the end of a base, and those of its that differ from them by rounding."""
+def _snapped(times: Floats, base: Floats) -> Floats:
+    """Times, and in place of those that differ from one of a base by rounding that one."""
+    if not len(base):
+        return times
     near = base[np.minimum(np.searchsorted(base, times - SAME), len(base) - 1)]
-    times = np.where(np.abs(times - near) <= SAME, near, times)
-    return np.asarray(times[times < base[-1] - SAME])
+    return np.where(np.abs(times - near) <= SAME, near, times)
+
+
+def joined(times: Floats, base: Floats) -> Floats:
+    """Times before the end of a base, each once, as in the base where they differ from it by rounding."""
+    times = np.unique(_snapped(times, base))
+    apart = np.diff(times, prepend=-np.inf) > SAME
+    return np.asarray(times[apart & (times < base[-1] - SAME)])
 
 
 def _numbered(nodes: Floats, times: Floats, numbers: Any) -> Any:

@@ -15,7 +15,7 @@ from closeform.conflicts.two_paths import PairConflict
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.fuel.order import order_of
 from closeform.fuel.pulses import Pulses, extended, one_table
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.arc import START
 from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
@@ -143,7 +143,7 @@ def fire(
     crafts = [path[k] for k in range(count)] if path.shape else [path]
     orders = []
     for k, (one, own, tank) in enumerate(
-        zip(crafts, _each_set(thrusters, count), _tanks(mass, specific_impulse, count), strict=True)
+        zip(crafts, each_set(thrusters, count, Thrusters), _tanks(mass, specific_impulse, count), strict=True)
     ):
         try:
             orders.append(order_of(k, one, own, *tank))
@@ -190,16 +190,6 @@ def planned_path(plan: Any) -> Path:
     if len(path.shape) > 1 or path.shape == (0,):
         raise ValueError(f"plan: expected one craft's path or a batch of shape (N,), got shape {path.shape}")
     return path
-
-
-def _each_set(thrusters: Thrusters | Sequence[Thrusters], count: int) -> list[Thrusters]:
-    """The thrusters of each craft."""
-    if isinstance(thrusters, Thrusters):
-        return [thrusters] * count
-    own = sequence("thrusters", thrusters, Thrusters)
-    if len(own) != count:
-        raise ValueError(f"thrusters: {len(own)} sets for {count} craft; give one, or one for each")
-    return own
 
 
 def _tanks(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, numbers, shown
+from closeform.arrays import Floats, instance, number, numbers, sequence, shown
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
@@ -222,6 +223,18 @@ class Thrusters:
             return np.broadcast_to(self.directions, (*angles.shape, *self.directions.shape))
         turned: Floats = np.einsum("...ij,mj->...mi", turn(angles), self.directions)
         return turned
+
+
+def each_set(
+    thrusters: Thrusters | Sequence[Thrusters | None] | None, count: int, *kinds: type
+) -> tuple[Any, ...]:
+    """The thrusters of each craft; None where it pushes freely, unless `kinds` are named; or ValueError."""
+    if isinstance(thrusters, Thrusters) or (thrusters is None and not kinds):
+        return (thrusters,) * count
+    own = sequence("thrusters", thrusters, *(kinds or (Thrusters, type(None))))
+    if len(own) != count:
+        raise ValueError(f"thrusters: {len(own)} sets for {count} craft; give one, or one for each")
+    return tuple(own)
 
 
 def turn(angle: ArrayLike) -> Floats:

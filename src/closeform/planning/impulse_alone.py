@@ -5,24 +5,12 @@ from math import inf
 
 import numpy as np
 
-from closeform.arrays import Floats, sequence
+from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.ends import arcs_between
 from closeform.motion.impulses import answers
 from closeform.motion.orbit import Orbit
 from closeform.motion.reduced import ANSWER, LOWER
-
-
-def each_set(
-    thrusters: Thrusters | Sequence[Thrusters | None] | None, count: int
-) -> tuple[Thrusters | None, ...]:
-    """The thrusters of each craft, None where it pushes freely; raises ValueError."""
-    if thrusters is None or isinstance(thrusters, Thrusters):
-        return (thrusters,) * count
-    own = sequence("thrusters", thrusters, Thrusters, type(None))
-    if len(own) != count:
-        raise ValueError(f"thrusters: {len(own)} sets for {count} craft; give one, or one for each")
-    return tuple(own)
 
 
 def answers_alone(

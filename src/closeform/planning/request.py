@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import LARGEST, Floats, numbers, sequence
 from closeform.fuel.bound import least_delta_v
-from closeform.fuel.thrusters import Thrusters
+from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.planning.impulse_alone import costs_alone, each_set
+from closeform.planning.impulse_alone import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names
 from closeform.planning.plan import Cost
 from closeform.planning.problem import Problem

@@ -3,7 +3,7 @@
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from math import isfinite
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -28,9 +28,17 @@ def above(spent: float, least: float) -> float | None:
     return spent / least - 1.0 if spent < UNTOLD * least else None
 
 
-def in_grams(mission: Mission, column: Column) -> Column:
+class Weighed(Protocol):
+    """What propellant is told of."""
+
+    @property
+    def grams(self) -> bool:
+        """Whether in grams."""
+
+
+def in_grams(told: Weighed, column: Column) -> Column:
     """A column of propellant in the one unit that the whole mission is told in."""
-    if not mission.grams or column.heading is None:
+    if not told.grams or column.heading is None:
         return column
     return replace(column, heading=column.heading.replace("[kg]", "[g]"), form="{:.2f}".format, scale=1e3)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.epochs import Epoch
+from closeform.export_source import PUSH
 from closeform.field.field import described
 from closeform.flown_run import FlownRun
 from closeform.report import conflicts, flown, results
@@ -66,7 +67,7 @@ class FlightTold:
         law, sight = told["feedback"], told["navigation"]
         how = f"measured every {law.every:g} s, brought back within {law.horizon:g} s"
         if law.impulses:
-            how += f" by impulses, of {law.impulses}"
+            how += f" by {'burns' if one.thrusters else 'impulses'}, of {law.impulses}"
         if law.delay:
             how += f", {law.delay:g} s late"
         seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
@@ -98,14 +99,22 @@ class FlightTold:
     def thrust_errors(self) -> tuple[str, ...]:
         """By how much thrust is off."""
         size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
-        shot = any(craft.thrusters is not None for craft in self.flown.run.scenario.craft)
-        pulses = (
-            "Thrusters: pulses as planned; what corrects them is thrust that lasts, in any direction",
-        ) * shot
+        pulses = self.pulses
         if not size and not angle:
             return (*pulses, "Thrust: as commanded; thrust_error of [craft] says by how much it is off")
         off = f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight"
         return (*pulses, off)
+
+    @property
+    def pulses(self) -> tuple[str, ...]:
+        """Who fires pulses, and by what."""
+        shot = self.flown.thrusters
+        if not shot:
+            has = any(craft.thrusters is not None for craft in self.flown.run.scenario.craft)
+            return ("Thrusters: new plans are of thrust that lasts, in any direction",) * has
+        who = "all" if len(shot) == len(self.flown.names) else ", ".join(shot)
+        back = "" if self.flown.control == "open" else ", and what leads back, a bit or more at a time"
+        return (f"Thrusters: {who} fire the plan, less what the field does, as pulses{back}",)
 
     @property
     def verdict(self) -> Entered:
@@ -132,6 +141,13 @@ class FlightTold:
                 f"Farthest off its plan of all craft at all times: {farthest:.3g} m in space; "
                 f"{room.probability:.3%} of flights stay within {within:.3g} m"
             )
+        short = dict(zip(self.flown.names, flight.limited.max(axis=0).tolist(), strict=True))
+        told += [
+            f"{name} cannot come back as it should for up to {100.0 * short[name]:.3g} % of a flight: "
+            "its thrusters are too weak, or push elsewhere"
+            for name in self.flown.thrusters
+            if short[name] > 0.0
+        ]
         return tuple(told)
 
     @cached_property
@@ -252,6 +268,17 @@ class FlightTold:
                 **dict(zip(STATE_COLUMNS, worst.reshape(-1, 6).T, strict=True)),
             },
         )
+        if self.flown.thrusters:
+            orders = flight.orders[flight.worst]
+            who, when = orders.any(axis=2).nonzero()
+            given = dict(zip(PUSH, orders[who, when].T, strict=True))
+            assert flight.firing is not None
+            shot, burns = np.array(self.flown.thrusters), flight.firing.burns
+            yield "pulses", {**burns, "craft": shot[burns["craft"]], "thruster": burns["thruster"] + 1}
+            yield (
+                "corrections",
+                {"craft": names[who], "time_s": flight.ordered[when], **given},
+            )
         parts = [one.columns() for one in self.flown.commanded]
         numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
         told = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}

@@ -1,12 +1,14 @@
 """The tables of a run that was flown in its field: stages, what everybody spends, the worst flights."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from closeform.field.field import described
 from closeform.flown_run import FlownRun, FlownStage
+from closeform.report import effort
 from closeform.report.section import Section
 from closeform.report.table import PAIR, Column, Table
 
@@ -49,13 +51,15 @@ TUBE = (
 def tables(flown: FlownRun) -> tuple[Table, ...]:
     """Stages, what everybody spends, the worst flights."""
     worst = [flight(flown, seed) for seed in order(flown)[:WORST]]
+    fuel = effort.in_grams(flown, replace(effort.FUEL, heading="most [kg]"))
+    columns = (*SPENT[:-1], fuel, SPENT[-1])
     return (
         Table(
             "Stages, each from where the one before was flown to; ends are off by, in the median flight",
             STAGES,
             [stage(flown, one) for one in flown.stages],
         ),
-        Table("What each craft spends, on feedback in the median flight", SPENT, [*spent(flown)]),
+        Table("What each craft spends, on feedback in the median flight", columns, [*spent(flown)]),
         Table("The worst flights" if len(worst) > 1 else "The flight", FLIGHTS, worst),
     )
 
@@ -74,8 +78,8 @@ def stage(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
 
 def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
     """Rows of SPENT."""
-    told, limits = flown.flight, flown.told["max_acceleration"]
-    back = told.feedback_delta_v
+    told, back, tanks = flown.flight, flown.flight.feedback_delta_v, flown.propellant
+    bounded = flown.told["max_acceleration"] is not None
     for k, name in enumerate(flown.names):
         yield (
             name,
@@ -84,13 +88,20 @@ def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
             float(np.median(back[:, k])),
             float(back[:, k].max()),
             float(told.delta_v[:, k].max()),
-            None if limits is None else float(told.limited[:, k].max()),
+            known(tanks[:, k].max()),
+            float(told.limited[:, k].max()) if bounded or name in flown.thrusters else None,
         )
     planned, field, every = (
         one.sum(axis=-1) for one in (told.planned_delta_v, told.field_delta_v, told.delta_v)
     )
     of_all = back.sum(axis=1)
-    yield ("all", *map(float, (planned, field, np.median(of_all), of_all.max(), every.max())), None)
+    costs = map(float, (planned, field, np.median(of_all), of_all.max(), every.max()))
+    yield "all", *costs, known(tanks.sum(axis=1).max()), None
+
+
+def known(value: Any) -> float | None:
+    """A number, None where it is none."""
+    return None if np.isnan(value) else float(value)
 
 
 def order(flown: FlownRun) -> list[int]:

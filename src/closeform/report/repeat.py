@@ -31,6 +31,8 @@ HOLDS = {  # files of results, in the order in which they are listed
     "flights.parquet": "how far off each craft ends in each flight, and what it spends",
     "ends.parquet": "the same at the end of each stage",
     "ratios.parquet": "how near each pair comes in each flight",
+    "pulses.parquet": "what thrusters fire in the field by plan",
+    "corrections.parquet": "what thrusters fire beyond that in the worst flight: from when on, and how much",
     "commanded.parquet": "the thrust to command in the field, and what is left out along the plan",
     "states.parquet": "states in the common frame, at every epoch",
     "events.parquet": "every lock and burn of a gathering",

@@ -301,6 +301,8 @@ def exact(mission: Mission) -> dict[str, dict[str, Any]]:
         flights = {"after": result.after} | (
             {"before": result.before} if result.before is not result.after else {}
         )
+        if result.pulsed is not None:
+            flights["planned"] = result.planned
         for when, flight in flights.items():
             arcs.append(arc_tables.of_paths(flight.paths, flight.names, result.number, when))
         if result.stage.searches:
