@@ -10,7 +10,6 @@ import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.epochs import Epoch
-from closeform.export_source import PUSH
 from closeform.field.field import described
 from closeform.flown_run import FlownRun
 from closeform.report import conflicts, flown, results
@@ -271,7 +270,9 @@ class FlightTold:
         if self.flown.thrusters:
             orders = flight.orders[flight.worst]
             who, when = orders.any(axis=2).nonzero()
-            given = dict(zip(PUSH, orders[who, when].T, strict=True))
+            given = dict(
+                zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[who, when].T, strict=True)
+            )
             assert flight.firing is not None
             shot, burns = np.array(self.flown.thrusters), flight.firing.burns
             yield "pulses", {**burns, "craft": shot[burns["craft"]], "thruster": burns["thruster"] + 1}
