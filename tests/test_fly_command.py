@@ -232,3 +232,38 @@ def test_one_option_leaves_the_rest_of_what_leads_impulses_back(tmp_path: Path, 
     swapped(tmp_path, swap(more='cost = "delta-v"\n'))
     _, found, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "1", "--horizon", "20 min")
     assert found["feedback"] == {"every_s": 300.0, "horizon_s": 1200.0, "impulses": 6, "delay_s": 0.0}
+
+
+SHOOTERS = """\
+mass = "12 kg"
+max_thrust = ["20 mN", "25 mN"]
+thrusters = "rtn"
+minimum_bit = "1 mN s"
+period = "60 s"
+specific_impulse = "60 s"
+thrust_error = "2 %, 1 deg"
+"""
+
+
+def test_thrusters_fire_what_leads_back(tmp_path: Path):
+    """Two stages, led back to the certified path of the pulses; each thruster counts, and grams."""
+    text = swap(craft=SHOOTERS, more='margin = "3 m"\n' + COAST + NAVIGATION)
+    loaded, _ = swapped(tmp_path, text)
+    _, found, tables = flown(tmp_path / "run", tmp_path / "led", "--seeds", "10")
+    _, blind, _ = flown(tmp_path / "run", tmp_path / "blind", "--seeds", "10", "--control", "open")
+    assert found["feedback"] == {"every_s": 300.0, "horizon_s": 1800.0, "impulses": 6, "delay_s": 0.0}
+    off, lost = (one["stages"][1]["end_median_m"] for one in (found, blind))
+    assert off < 0.5 * lost
+    pulses, more = tables["pulses"], tables["corrections"]
+    worst = tables["flights"]["seed"] == found["worst"]
+    for name, spent in zip(loaded.names, tables["flights"]["delta_v_m_s"][worst], strict=True):
+        axes = ("radial_m_s", "along_track_m_s", "cross_track_m_s")
+        fired = sum(
+            np.abs(table[key][table["craft"] == name]).sum() for table in (pulses, more) for key in axes
+        )
+        assert spent == pytest.approx(fired, rel=1e-9)
+    row = max(found["spent"][:2], key=lambda one: one["delta_v_m_s"])
+    assert row["propellant_kg"] == pytest.approx(12.0 * -np.expm1(-row["delta_v_m_s"] / (60.0 * 9.80665)))
+    ended = loaded.results[0].after.paths.position(loaded.results[0].end)
+    planned = loaded.results[0].planned.paths.position(loaded.results[0].end)
+    assert 1e-3 < np.abs(ended - planned).max() < 1.0  # m: what is followed, and what is flown
