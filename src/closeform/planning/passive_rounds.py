@@ -38,6 +38,7 @@ GIVEN_UP = 2.0  # times the energy to beat
 CHEAP = 0.2  # of the unconstrained energy: plans that add less are not looked for as long
 STEPS, STRIDE = 60, 0.3  # short steps of a formation, and how long one is, in zones
 HELD, FORGOTTEN = 0.95, 1e-3  # shares of pushes that the next step begins with, and below which they end
+OUTWARD = 1.002  # zones, to which nearly safe paths step
 LOOSE, LOOSER = 3.0, 0.7  # how far planes give way in the first step, and how fast that fades
 SETTLING = 1e-2  # and in the first round after the last of them
 
@@ -53,7 +54,7 @@ class Rounds:
     """Of one problem, with zones `margin` times as large."""
 
     def __init__(self, problem: Problem, margin: float) -> None:
-        scene = problem.seen
+        self.problem, scene = problem, problem.seen
         edged = scene.shapes != BALL
         self.scene = scene._replace(
             powers=np.where(edged, POWER, inf),
@@ -111,23 +112,38 @@ class Rounds:
         return Relaxed(pressing(planes), inf)
 
     def walked(self, planes: Contacts, bar: float = inf) -> Relaxed:
-        """The same by rounds in short steps from paths to the next, until they are nearly safe.
+        """The same by rounds from paths that short steps make safe; where these come to nothing, such paths."""
+        safe, planes = self.stepped(Contacts.none(), planes, LOOSE)
+        if not safe.energy < inf:
+            return safe
+        best = self.relaxed(planes, bar, soft=SETTLING)
+        return best if best.energy < safe.energy else safe
 
-        Each begins with most of what the ones before have pushed.
+    def stepped(self, held: Contacts, planes: Contacts, loose: float = HARD) -> tuple[Relaxed, Contacts]:
+        """Safe paths, in short steps from those of contacts that are `held` to the next; and their planes.
+
+        Each step begins with most of what the ones before have pushed, of nearly safe paths with more and
+        more of it, and leads these a little out of the zones.  Planes give way by `loose` at first.
         """
-        held = Contacts.none()
+        keep, short = HELD, inf
         for turn in range(STEPS):
-            held = held._replace(multipliers=HELD * held.multipliers)
-            held = held.some(held.multipliers > FORGOTTEN * held.multipliers.max(initial=0.0))
+            held = held._replace(multipliers=keep * held.multipliers)
+            if short >= NEARLY:
+                held = held.some(held.multipliers > FORGOTTEN * held.multipliers.max(initial=0.0))
             direct, direct_offsets = self.flown(held)
             there = self.scene._replace(direct=direct, direct_offsets=direct_offsets)
-            if press_in(there, planes, 1.0, max(LOOSE * LOOSER**turn, HARD), STRIDE)[0] == inf:
+            lift = 1.0 if short >= NEARLY else OUTWARD
+            if press_in(there, planes, lift, max(loose * LOOSER**turn, HARD), STRIDE)[0] == inf:
                 break
-            held = held.joined(pressing(planes))
-            planes, short = self.failures(*self.flown(held), pressing(planes))
-            if short < NEARLY:
-                return self.relaxed(planes, bar, soft=SETTLING)
-        return Relaxed(pressing(planes), inf)
+            pressed = pressing(planes)
+            held = held.joined(pressed)
+            arcs, offsets = self.flown(held)
+            planes, short = self.failures(arcs, offsets, pressed)
+            if short == 0.0:
+                energy = self.problem.energy((arcs, offsets)) - self.direct_energy
+                return Relaxed(held, energy), planes
+            keep = 0.5 * (1.0 + keep) if short < NEARLY else HELD
+        return Relaxed(held, inf), planes
 
     def flown(self, contacts: Contacts) -> tuple[Floats, Any]:
         """The craft's arcs under the contacts' multipliers."""

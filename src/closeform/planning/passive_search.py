@@ -115,7 +115,8 @@ class PassiveSearch:
                 return solution
             own = self.problem.path(solution.flown)
             planes, _ = self.rounds.failures(own.arcs, own.offsets, missed.joined(relaxed.contacts))
-            relaxed = self.rounds.relaxed(planes, bar, soft=0.0)
+            again = self.rounds.relaxed(planes, bar, soft=0.0)
+            relaxed = again if again.energy < inf else self.rounds.stepped(relaxed.contacts, planes)[0]
         return Solution(self.problem, relaxed.contacts, inf, False, False)
 
     def missed(self, solution: Solution) -> Contacts:
