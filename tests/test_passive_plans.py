@@ -290,13 +290,29 @@ def test_craft_of_a_formation_may_fail_one_at_a_time():
     assert safe[1] < 1.0
 
 
+@pytest.mark.parametrize("phase", [0.0, np.pi / 3])
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_a_hold_is_left_for_a_safety_ellipse_safely_or_not_at_all(phase, cost):
+    """In an orbit, for centimetres per second: not by impulses of kilometres per second that fly far away."""
+    client = ORBIT.coast(CLIENT, 2 * PERIOD)
+    ellipse = cf.targets.safety_ellipse(ORBIT, 1, 50.0, 50.0)[0]
+    hold, final = [0, 200, 0, 0, 0, 0], ORBIT.transition(phase / (2 * np.pi) * PERIOD) @ ellipse
+    plan = cf.avoid(ORBIT.transfer(hold, final, PERIOD), client, cf.Sphere(20.0), drift=PERIOD, cost=cost)
+    assert plan.ok or plan.path is None
+    assert plan.ok or phase > 0.0
+    if plan.ok:
+        assert plan.path.delta_v < 0.3
+        _, places, lost = flown_with_failures(plan.path, 2 * PERIOD, 300, seed=1)
+        assert np.where(lost, np.linalg.norm(places, axis=2), np.inf).min() > 20.0 * (1.0 - 1e-5)
+
+
 @pytest.mark.parametrize(
     ("count", "number", "budget"), [(4, 0, None), (8, 0, None), (12, 0, None), (12, 1, 1)]
 )
 def test_rings_of_many_craft_are_turned_safely(count, number, budget):
     """Each fails in turn at random instants, and keeps out of the others, which fly on and then coast.
 
-    In the last rounds of planes never settle: what they were stepped to is safe.
+    In the last, rounds of planes never settle: what they were stepped to is safe.
     """
     case = ring_formations(count)[number]
     asked = case.orbit, case.initial, case.final, case.duration, case.zone

@@ -83,10 +83,11 @@ class ImpulseFailures:
     def starts(self) -> Iterator[Contacts]:
         """Contacts of passively safe paths of least energy, one after another."""
         search, known = PassiveSearch(self.problem, MARGINS[0], None, False), np.empty(0)
-        for seed in range(MORE_STARTS):
-            if seed >= STARTS and len(known) >= ENOUGH:
+        for number in range(MORE_STARTS + STARTS):
+            walking = number >= MORE_STARTS
+            if number >= STARTS and len(known) >= (1 if walking else ENOUGH):
                 return
-            found = search.examine(seed)
+            found = search.examine(number % MORE_STARTS, walking)
             if found.clear and (np.abs(known - found.energy) > ANOTHER * found.energy).all():
                 known = np.append(known, found.energy)
                 yield found.contacts

@@ -14,6 +14,7 @@ from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
 from closeform.planning.limits import FULL
+from closeform.planning.passive_planes import TOGETHER
 from closeform.planning.plan import TooWeak
 from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
@@ -81,6 +82,8 @@ def solved(
             if solver.failures is not None:
                 solver.failures.holding = holding
             found = solver.solve(start, inf if best is None else best.delta_v)
+            if found is not None and solver.failures is not None and strayed(problem, free, found):
+                continue
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
         tried += 1
     if best is not None:
@@ -100,6 +103,13 @@ def solved(
         return Outcome(None, (), nan, 1.0, False, tried, blocked(solver, free)), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried), free
+
+
+def strayed(problem: Problem, free: Spent, found: Spent) -> bool:
+    """Whether contacts push anybody so far from where it would be alone that no plan comes of it."""
+    there, here = (problem.motions(one.flown, found.contacts)[:, 0] for one in (free, found))
+    pushed = (found.contacts.normals * (here - there)).sum(axis=1)
+    return bool((np.abs(pushed) > TOGETHER).any())
 
 
 def thrusting(problem: Problem, found: Outcome) -> Outcome:

@@ -112,7 +112,7 @@ class Rounds:
         return Relaxed(pressing(planes), inf)
 
     def walked(self, planes: Contacts, bar: float = inf) -> Relaxed:
-        """The same by rounds from paths that short steps make safe; where these come to nothing, such paths."""
+        """The same by rounds from paths that short steps make safe; else these."""
         safe, planes = self.stepped(Contacts.none(), planes, LOOSE)
         if not safe.energy < inf:
             return safe

@@ -1,5 +1,6 @@
 """The search for passively safe plans: starts that lead to other sides, and what certifies a plan."""
 
+from collections.abc import Iterator
 from math import inf
 
 import numpy as np
@@ -82,15 +83,16 @@ class PassiveSearch:
         self.few = problem.count < FORMATION
         starts = STARTS if self.few else STARTS_OF_MANY
         self.budget = starts * (1 + more) if budget is None else budget
-        self.patience = PATIENCE if budget is None else inf
+        self.limited = budget is not None
+        self.patience = inf if self.limited else PATIENCE
         self.best: Solution | None = None
         self.tried = 0
 
     def run(self) -> Found:
         """Examine starts until no better plan turns up, or the budget is over."""
         improved = 0
-        while self.tried < self.budget:
-            found = self.examine(self.tried)
+        for seed, walking in self.starts():
+            found = self.examine(seed, walking)
             self.tried += 1
             if self.best is None or found.energy < self.best.energy:
                 self.best, improved = found, self.tried
@@ -99,13 +101,21 @@ class PassiveSearch:
         assert self.best is not None  # a budget is at least one start
         return Found(self.best, self.margin, False, self.tried)
 
-    def examine(self, number: int) -> Solution:
+    def starts(self) -> Iterator[tuple[int, bool]]:
+        """Seeds, and whether paths are walked from there: a formation's, and where nothing else led on."""
+        if self.few:
+            yield from ((seed, False) for seed in range(self.budget))
+            if not self.limited and not (self.best is not None and self.best.clear):
+                yield from ((seed, True) for seed in range(STARTS))
+        else:
+            every = [(0, True), (0, False), *((seed, True) for seed in range(1, self.budget))]
+            yield from every[: self.budget]
+
+    def examine(self, seed: int, walking: bool = False) -> Solution:
         """What a start leads to, certified; what samples missed becomes a contact."""
         bar = self.best.energy if self.best is not None else inf
-        seed = number if self.few else max(number - 1, 0)
         planes = self.rounds.shifted(shifts(self.problem, seed) if seed else self.rounds.unshifted)
-        lead = self.rounds.relaxed if self.few or number == 1 else self.rounds.walked
-        relaxed = lead(planes, bar)
+        relaxed = (self.rounds.walked if walking else self.rounds.relaxed)(planes, bar)
         for _ in range(FINER):
             solution = Solution(self.problem, relaxed.contacts, relaxed.energy, relaxed.energy < inf, False)
             if not relaxed.energy < bar:
