@@ -1643,7 +1643,8 @@ MISUSES = (
     Misuse(
         "a failure in a gathering",
         "study failing.toml",
-        'failing.toml: study.vary."craft.fails": a gathering cannot have it yet; remove it, or that stage',
+        'failing.toml: study.vary."craft.fails": a gathering cannot have it yet; '
+        'remove it, or draw "craft.silent", who never answers',
     ),
     Misuse(
         "a draw of flights where nothing is flown",

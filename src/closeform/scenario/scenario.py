@@ -258,7 +258,8 @@ class Scenario:
         for key in self.study.vary:
             place = f"study.vary.{shown(key)}"
             if key == FAILS and any(isinstance(stage, Gather) for stage in self.stages):
-                lines.append(f"{place}: a gathering cannot have it yet; remove it, or that stage")
+                remedy = 'remove it, or draw "craft.silent", who never answers'
+                lines.append(f"{place}: a gathering cannot have it yet; {remedy}")
             elif key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
             elif key.startswith(FLOWN) and self.flights is None:
