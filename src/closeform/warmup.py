@@ -8,28 +8,33 @@ from importlib import import_module
 
 from closeform.compiled import ENTRIES, before_first_compilation, prepare
 
+# What a line of a scenario file begins with, and the modules whose kernels that needs; the longest first, for
+# the process that flies begins with others.
+NEEDS = (
+    (
+        r'do\s*=\s*"(avoid|reconfigure|scatter|regather)"',
+        "planning.local planning.dual_bound planning.turns planning.deflection planning.qp"
+        " planning.approaches",
+    ),
+    (r'do\s*=\s*"gather"', "search.gather_events"),
+    (r'do\s*=\s*"lock"', "search.lock_march"),
+    (r'cost\s*=\s*"delta-v"', "planning.joint_barrier planning.impulse_peaks planning.impulse_flight"),
+    (r'cost\s*=\s*"delta-v"|do\s*=\s*"transfer"|thrusters\s*=', "motion.impulses motion.constant_primers"),
+    (r"thrusters\s*=", "motion.saturated"),
+    (r"\[\[\s*stage\s*\]\]", "conflicts.entries motion.steering motion.effort motion.path"),
+)
+
 
 def compile_for(text: str) -> None:
     """Have what the stages of a scenario file need compiled ahead, once a kernel is found missing."""
-    searches = re.search(r"^\s*\[\s*search\s*\]", text, re.MULTILINE) is not None
-    moves = set(re.findall(r'^\s*do\s*=\s*"(avoid|reconfigure|scatter|regather)"', text, re.MULTILINE))
-    modules = []
-    if moves - {"avoid"}:
-        modules.append("closeform.planning.reconfigure")
-    if "avoid" in moves:
-        modules.append("closeform.planning.avoid")
-    if re.search(r'^\s*(cost\s*=\s*"delta-v"|do\s*=\s*"transfer")', text, re.MULTILINE):
-        modules.append("closeform.fuel.bound")
-    if re.search(r"^\s*thrusters\s*=", text, re.MULTILINE):
-        modules.append("closeform.fuel.firing")
-    if searches:
-        modules.append("closeform.search.gather")
+    needed = " ".join(needs for said, needs in NEEDS if re.search(rf"^\s*({said})", text, re.MULTILINE))
+    modules = [f"closeform.{module}" for module in needed.split()]
     if modules:
         before_first_compilation.append(lambda: compile_beside(modules))
 
 
 def compile_beside(modules: list[str]) -> None:
-    """Start a process that compiles what `modules` hold; it ends with this one at the latest."""
+    """Start a process that compiles the kernels of `modules`; it ends with this one at the latest."""
     ahead = "from closeform.own_process import import_numba; import_numba()"
     code = f"{ahead}; from closeform.warmup import compile_all; compile_all({modules})"
     command = [sys.executable, "-P", "-c", code]  # nothing from the folder where the user stands
@@ -40,8 +45,9 @@ def compile_beside(modules: list[str]) -> None:
 
 
 def compile_all(modules: list[str]) -> None:
-    """Compile the entry points that `modules` bring along, last ones first: others begin with the first."""
+    """Compile the entry points of `modules`, but for those that another process has under way."""
     for module in modules:
         import_module(module)
-    for entry in reversed(ENTRIES):
-        prepare(entry, wait=False)
+        for entry in ENTRIES:
+            if entry.__module__ == module:
+                prepare(entry, wait=False)

@@ -1,0 +1,49 @@
+"""What is compiled ahead of a first run: the kernels that its stages call, and no others."""
+
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from closeform import compiled
+from closeform.warmup import NEEDS, compile_for
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def needed(name: str, monkeypatch) -> list[str]:
+    """The modules that are compiled ahead for an example."""
+    monkeypatch.setattr("closeform.warmup.before_first_compilation", begun := [])
+    found: list[str] = []
+    monkeypatch.setattr("closeform.warmup.compile_beside", found.extend)
+    compile_for((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
+    for begin in begun:
+        begin()
+    return found
+
+
+def test_every_module_that_is_compiled_ahead_has_kernels() -> None:
+    for _, needs in NEEDS:
+        for module in needs.split():
+            import_module(f"closeform.{module}")
+            assert any(entry.__module__ == f"closeform.{module}" for entry in compiled.ENTRIES), module
+
+
+def test_what_a_run_calls_is_compiled_ahead_and_what_it_does_not_call_is_not(monkeypatch, tmp_path) -> None:
+    """A swap of twelve by energy: all but what finds conflicts between chords, which few runs need."""
+    code = (
+        "import sys; from closeform.cli import main; from closeform.compiled import ENTRIES;"
+        "main(sys.argv[1:]);"
+        "print(*{entry.__module__ for entry in ENTRIES if entry.overloads})"
+    )
+    command = [sys.executable, "-c", code, "run", str(EXAMPLES / "swap.toml"), "--no-viewer"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    called = set(done.stdout.splitlines()[-1].split())
+    assert called - {*needed("swap", monkeypatch)} == {"closeform.conflicts.exclusion"}
+    assert {*needed("swap", monkeypatch)} - called == set()
+
+
+def test_impulses_and_searches_are_compiled_where_they_are_asked_for(monkeypatch) -> None:
+    assert needed("tpf", monkeypatch)[0] == "closeform.search.gather_events"
+    assert "closeform.planning.joint_barrier" in needed("swap_impulses", monkeypatch)
+    assert "closeform.search.lock_march" in needed("s04_counterexample", monkeypatch)
