@@ -205,7 +205,7 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
         if fly and end == np.inf:
             if one.arcs[:, THRUST:].any() or one.arcs[:, IMPULSE : IMPULSE + 3].any():
                 raise ValueError(f"until: inf needs {name} to coast, which flies on while the other fails")
-        elif fly and not (np.asarray(one.end) >= end - forgiven(one)).all():
+        elif fly and np.min(one.end) < end and (one.end < end - forgiven(one)).any():
             raise ValueError(
                 f"{name}: ends at {np.min(one.end):g} s, and flies on while the other fails; "
                 f"carry it on to {end:g} s, such as by a coast"
@@ -231,7 +231,7 @@ def forgiven(path: Path) -> Any:
 def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
     """The end of the drift of a path that can fail like that, and ends before it."""
     end = drift_end(until, path.orbit)
-    if not (np.asarray(path.end) <= end + forgiven(path)).all():
+    if np.max(path.end) > end and (path.end > end + forgiven(path)).any():
         raise ValueError(
             f"until: {end:g} s is before the end of {name}, {np.max(path.end):g} s; give that or later"
         )
@@ -311,15 +311,15 @@ def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: A
     """Columns of a `DriftApproach`."""
     width = (rows.shape[1] - FAILURE - 1) // 2
     instants = [
-        failed_at(side, rows[:, FAILURE + 1 + k * width : FAILURE + 1 + (k + 1) * width], craft[k])
-        for k, side in enumerate(sides)
+        failed_at(sides[k], rows[:, FAILURE + 1 + k * width : FAILURE + 1 + (k + 1) * width], craft[k])
+        for k in {"path": (0,), "other": (1,), "both": (0, 1)}[who]
     ]
     time, ratio = rows[:, TIME], rows[:, RATIO]
     met = np.isfinite(time)  # not in a slow drift, of which only the ratio is known
     place = np.where(met[:, None], rows[:, PLACE : PLACE + 3], np.inf)
     distance = np.full(len(rows), np.inf)
     distance[met] = np.linalg.norm(place[met] @ np.linalg.inv(zone.matrix).T, axis=1)
-    at = np.stack(instants, axis=1) if who == "both" else instants[who == "other"]
+    at = np.stack(instants, axis=1) if who == "both" else instants[0]
     at = np.where(np.isnan(time).reshape(-1, *[1] * (at.ndim - 1)), np.nan, at)
     return [at, time, ratio, distance, np.full(len(rows), who), rows[:, LOWER]]
 
