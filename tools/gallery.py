@@ -49,6 +49,7 @@ EXAMPLES = {
     },
     "The real field": {
         "flown_swap": "paths",
+        "flown_cases": "flown-ratios",
     },
     "Thrust fails": {
         "passive_inspector": "drift",

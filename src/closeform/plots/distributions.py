@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from closeform.arrays import instance, numbers
+from closeform.arrays import instance, number, numbers
 from closeform.plots.letters import plain
 from closeform.plots.look import (
     AFTER,
@@ -23,13 +23,12 @@ from closeform.plots.look import (
 )
 
 BINS = 60
-MARKS = (0.5, 0.95)  # shares whose values are marked
 
 
-def distribution(values: ArrayLike, what: str) -> Figure:
+def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     """How many cases lie in each bin, and the share of all that is not above each value.
 
-    Dashed lines are the median and the value that 95 % of cases are not above.
+    Dashed lines are the median and the value that a share of cases is not above, the `tail`.
 
     Parameters
     ----------
@@ -37,6 +36,8 @@ def distribution(values: ArrayLike, what: str) -> Figure:
         One of each case, in the unit that `what` says; nan where a case has none, which is told above.
     what : str
         What they are, with the unit: "delta-v [m/s]".
+    tail : float, no unit, default 0.95
+        That share, between 0 and 1: 0.05 where small values are the bad ones.
 
     Returns
     -------
@@ -46,7 +47,8 @@ def distribution(values: ArrayLike, what: str) -> Figure:
     Raises
     ------
     ValueError
-        If `values` are of another shape, infinite or all nan, or an argument is of another kind.
+        If `values` are of another shape, infinite or all nan, `tail` is not between 0 and 1, or an argument
+        is of another kind.
 
     References
     ----------
@@ -54,6 +56,8 @@ def distribution(values: ArrayLike, what: str) -> Figure:
     """
     given = numbers("values", values)
     instance("what", what, str)
+    if not 0.0 < (end := number("tail", tail)) < 1.0:
+        raise ValueError(f"tail: a share between 0 and 1, got {end:g}")
     if given.ndim != 1:
         raise ValueError(f"values: expected shape (M,), got {given.shape}")
     found = np.sort(given[~np.isnan(given)])
@@ -74,11 +78,12 @@ def distribution(values: ArrayLike, what: str) -> Figure:
     right.plot([low, *found], share, color=AFTER, linewidth=2.2, drawstyle="steps-post", zorder=4)
     right.set_ylim(0.0, 103.0)
     right.set_ylabel("not above [%]", fontsize=TEXT, color=AFTER)
-    middle, most = (float(np.quantile(found, one, method="inverted_cdf")) for one in MARKS)
+    middle, most = (float(np.quantile(found, one, method="inverted_cdf")) for one in (0.5, end))
     for value in (middle, most):
         axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)
     without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""
     name, _, unit = what.partition(" [")
-    said = f"{name} of {len(found)} cases{without}: median {middle:.4g}, 95 % {most:.4g} {unit.rstrip(']')}"
+    marked = f"median {middle:.4g}, {100.0 * end:g} % {most:.4g} {unit.rstrip(']')}"
+    said = f"{name} of {len(found)} cases{without}: {marked}"
     plain(headline(figure, f"{said[0].upper()}{said[1:]}".rstrip()))
     return figure

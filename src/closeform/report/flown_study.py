@@ -17,11 +17,22 @@ NEAREST = (
 CAUSES = tuple(
     Column(heading, form="{:.6g}".format) for heading in ("plan [m/s]", "field [m/s]", "feedback [m/s]")
 )
-PICTURES = {  # by their names: captions, what is spread, its column
-    "flown-delta-v": ("What all craft spend together in flight", "delta-v of all craft [m/s]", SPENT),
-    "flown-ends": ("How far off its plan the craft that is off most ends", "off at the end [m]", END),
-    "flown-ratios": ("How near the nearest pair of each flight comes", "least ratio, x zone", RATIO),
-}
+SURE = (
+    "Flights",
+    "one of each case, with errors of its own; least ratios at instants some seconds apart, and on the cubics "
+    "between them: closeform run FILE --case K certifies those of one",
+)
+PICTURES = (  # names, captions, what is spread, its column, which tail of it is the bad one
+    ("flown-delta-v", "What all craft spend in flight", "delta-v of all craft in flight [m/s]", SPENT, 0.95),
+    ("flown-ends", "How far off its plan the craft that is off most ends", "off at the end [m]", END, 0.95),
+    (
+        "flown-ratios",
+        "How near the nearest pair of each flight comes",
+        "least distance [x zone]",
+        RATIO,
+        0.05,
+    ),
+)
 
 
 def tables(flights: FlightTally) -> tuple[Table, ...]:

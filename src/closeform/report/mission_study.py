@@ -27,6 +27,7 @@ SPREAD = (
     *map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in case")),
 )
 LOST = Column("of", words=True), Column("cases"), *percent("share [%]")
+SPENT = "delta-v", "What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s", 0.95
 DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".format)
 
 
@@ -133,11 +134,12 @@ class MissionStudyReport:
         scenario = self.campaign.scenario
         request = asked.section(scenario)
         file = Path(scenario.file).name if self.campaign.as_in_file else None
+        sure = [flown_study.SURE] * (self.campaign.flights is not None)
         return (
             Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
             Section("What was found", self.hint, self.tables, pictures=self.pictures),
             *worst.section(replays, file),
-            Section("Limits of the model", tables=(model.certain([SHARES]),)),
+            Section("Limits of the model", tables=(model.certain([SHARES, *sure]),)),
         )
 
     @property
@@ -147,12 +149,9 @@ class MissionStudyReport:
         done = ~np.isnan(campaign.column("end_s"))
         if not done.any():
             return ()
-        columns = {"delta-v": ("What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s")}
-        if campaign.flights is not None:
-            columns |= flown_study.PICTURES
-        found = []
-        for name, (caption, words, column) in columns.items():
+        found, flown = [], flown_study.PICTURES if campaign.flights is not None else ()
+        for name, caption, words, column, tail in (SPENT, *flown):
             some = campaign.column(column)[done]
             if not np.isnan(some).any():
-                found.append(Picture(name, caption, "distribution", (some, words)))
+                found.append(Picture(name, caption, "distribution", (some, words), {"tail": tail}))
         return tuple(found)
