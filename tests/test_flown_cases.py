@@ -267,3 +267,11 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
     assert replayed["verdict"] == missions.column("reason")[nearest]
     drawn = "orbit.field.density " + f"{case_of(missions.scenario, nearest).truth.orbit.field.density:.4g}"
     assert drawn in capsys.readouterr().out
+
+
+def test_small_ratios_are_the_bad_tail():
+    figure = cf.plots.distribution(np.arange(1.0, 101.0), "least distance [x zone]", 0.05)
+    words = " ".join(text.get_text() for text in figure.texts)
+    assert "Least distance of 100 cases: median 50, 5 % 5 x zone" in words
+    with pytest.raises(ValueError, match="tail: a share between 0 and 1, got 1"):
+        cf.plots.distribution([1.0, 2.0], "least distance", 1.0)

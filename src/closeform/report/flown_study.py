@@ -19,7 +19,7 @@ CAUSES = tuple(
 )
 SURE = (
     "Flights",
-    "one of each case, with errors of its own; least ratios at instants some seconds apart, and on the cubics "
+    "one of each case, with errors of its own; least ratios at instants some seconds apart, and on cubics "
     "between them: closeform run FILE --case K certifies those of one",
 )
 PICTURES = (  # names, captions, what is spread, its column, which tail of it is the bad one
