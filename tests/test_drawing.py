@@ -56,7 +56,7 @@ def test_the_second_process_draws_the_same(tmp_path, alone, second):
 def test_of_a_study_the_second_process_draws_all(tmp_path, monkeypatch):
     """Where this process has not loaded matplotlib, to load it takes longer than a few pictures."""
     monkeypatch.setattr(drawing, "_seconds", [])
-    drawing.begin(drawing.STUDIED._replace(alone=60.0))
+    drawing.begin(drawing.STUDIED._replace(alone=600.0))
     try:
         assert draw(tmp_path)[1] == 0
     finally:

@@ -375,11 +375,15 @@ def test_what_is_drawn_is_printed(desk, capsys) -> None:
 
 
 def test_workers_get_fewer_chunks_towards_the_end() -> None:
-    """Four at a time, so that many are under way; the last ones one by one, so that nobody waits for long."""
+    """As many as take two seconds, one until that is known; the last one by one, so that nobody waits."""
     waiting = Waiting((k, k + 1) for k in range(50))
-    given = list(iter(lambda: waiting.next_of(4), ()))
+    given = [waiting.next_of(4)]
+    waiting.took(0.5, 1)
+    given += iter(lambda: waiting.next_of(4), ())
     assert [first for some in given for first, _ in some] == list(range(50))
     sizes = [len(some) for some in given]
-    assert sizes[0] == 4
-    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[:3] == [1, 4, 4]
+    assert sizes[1:] == sorted(sizes[1:], reverse=True)
     assert sizes[-4:] == [1, 1, 1, 1]
+    waiting.took(30.0, 3)
+    assert waiting.together == 1

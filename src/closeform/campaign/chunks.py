@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from sys import maxsize
@@ -162,6 +163,7 @@ def name_of(first: int) -> str:
     return f"{first:09d}.parquet"
 
 
+@cache
 def versions() -> dict[str, str]:
     """The versions that numbers depend on."""
     return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}

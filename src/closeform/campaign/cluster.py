@@ -24,7 +24,8 @@ from closeform.scenario import ScenarioError
 
 ANSWER = 5.0  # s in which a scheduler answers
 PATIENCE = 30.0  # s without any worker
-TOGETHER = 4  # chunks that a worker flies at a time, but towards the end
+TASK = 2.0  # s that a worker is to fly, but towards the end, so that what each task costs is little
+TOGETHER = 16  # chunks in a task at most
 AHEAD = 2  # tasks for each thread of the workers
 DEATHS = 3  # of workers at the same cases, each time as often as the scheduler allows
 
@@ -41,12 +42,17 @@ class Waiting:
 
     def __init__(self, ranges: Iterator[Range]) -> None:
         self.later, self.soon = ranges, deque[Range]()
+        self.together = 1
 
     def next_of(self, tasks: int) -> Ranges:
         """Those of the next of some tasks under way: fewer towards the end, so that nobody waits."""
-        self.soon.extend(islice(self.later, TOGETHER * tasks - len(self.soon)))
-        size = max(1, len(self.soon) // tasks)
-        return tuple(self.soon.popleft() for _ in range(min(size, len(self.soon))))
+        self.soon.extend(islice(self.later, max(0, self.together * tasks - len(self.soon))))
+        size = min(self.together, max(1, len(self.soon) // tasks), len(self.soon))
+        return tuple(self.soon.popleft() for _ in range(size))
+
+    def took(self, seconds: float, chunks: int) -> None:
+        """So long took so many chunks: how many make a task."""
+        self.together = max(1, min(TOGETHER, round(TASK * chunks / max(seconds, 1e-3))))
 
 
 class Cluster:
@@ -128,6 +134,7 @@ class Cluster:
                     continue
                 if answer.refused:
                     raise refusal(cases, answer.refused)
+                waiting.took(answer.seconds, len(some))
                 yield from answer.chunks
 
     def threads(self) -> int:

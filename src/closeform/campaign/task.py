@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Lock
+from time import perf_counter
 from typing import NamedTuple
 
 from closeform.campaign import chunk
@@ -48,10 +49,11 @@ class Task(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """Chunks, or why there are none, line by line."""
+    """Chunks and the `seconds` that they took, or why there are none, line by line."""
 
     chunks: tuple[Chunk, ...]
     refused: tuple[str, ...] = ()
+    seconds: float = 0.0
 
 
 def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Reply:
@@ -61,8 +63,10 @@ def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Reply:
     try:
         with _building:
             cases = cases_of(task).prepared()
+        begin = perf_counter()
         found = (chunk.flown(cases, *one) for one in ranges)
-        return Reply(tuple(one._replace(data=one.data.to_pybytes()) for one in found))
+        chunks = tuple(one._replace(data=one.data.to_pybytes()) for one in found)
+        return Reply(chunks, seconds=perf_counter() - begin)
     except ScenarioError as error:
         return Reply((), tuple(error.lines))
 
