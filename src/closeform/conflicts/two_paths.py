@@ -261,8 +261,10 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
 
 def craft_of(path: Path, shape: tuple[int, ...]) -> Any:
     """Which craft of a batch stands for it in each of the pairs of a broadcast shape, flattened."""
-    craft = np.arange(len(path.offsets) - 1, dtype=np.int64).reshape(path.shape)
-    return np.broadcast_to(craft, shape).flatten()  # numba wants it writable
+    craft = np.arange(len(path.offsets) - 1, dtype=np.int64)
+    if path.shape == shape:
+        return craft
+    return np.broadcast_to(craft.reshape(path.shape), shape).flatten()  # numba wants it writable
 
 
 def _drifted(path: Path, craft: Any, time: Floats) -> Any:
