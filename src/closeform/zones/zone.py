@@ -285,10 +285,10 @@ def scaled_norm(zone: Zone, q: Floats) -> Any:
     if zone.shape == FACES:
         return (q @ zone.faces.T).max(axis=-1)
     rounded = LEADING.get(zone.shape, 0)
-    flat = np.abs(q[..., rounded:]).max(axis=-1, initial=0.0)
-    if not rounded:
-        return flat
-    return np.maximum(np.sqrt((q[..., :rounded] ** 2).sum(axis=-1)), flat)
+    length = np.sqrt(np.einsum("...k,...k->...", q[..., :rounded], q[..., :rounded]))
+    if rounded == 3:
+        return length
+    return np.maximum(length, np.abs(q[..., rounded:]).max(axis=-1))
 
 
 def gradient(zone: Zone, position: Floats) -> Floats:
