@@ -142,6 +142,47 @@ def test_impulses_that_are_not_fired():
     assert (off > 0.1 * room.radius).any()
 
 
+def kicked() -> cf.Path:
+    draws = np.random.default_rng(7)
+    scale = 400.0 * np.repeat([1.0, ORBIT.mean_motion], 3)
+    return ORBIT.impulsive(*(draws.normal(size=(2, 4, 6)) * scale), 0.9 * ORBIT.period)
+
+
+@pytest.mark.parametrize("law", [cf.Feedback(300.0, 1800.0, 6), cf.Feedback(600.0, 2400.0, 4)])
+def test_flights_by_impulses_stay_in_their_room_and_use_it(law):
+    """Impulses as large and turned as drawn, led back by impulses: within what it says, and no wide bound."""
+    path = kicked()
+    room = cf.room(path, FIELD, law, thrust_error=OFF)
+    flights = cf.fly(path, FIELD, feedback=law, thrust_error=OFF, seeds=150)
+    off = np.linalg.norm(deviations(path, flights), axis=-1)
+    limit = at(room, room.radius, flights.times)
+    assert (off <= limit).all()
+    assert (off.max(axis=(0, 2)) > 0.6 * room.greatest).all()
+    exact = cf.fly(path, FIELD, feedback=law)
+    aside = at(room, room.shift, flights.times) - deviations(path, exact)[0]
+    assert (
+        np.abs(deviations(path, exact)).max() > 1.0
+    )  # m, by impulses changed for the field
+    assert np.abs(aside).max() < 0.25  # m, of what is known each 50 or 100 s
+
+
+@pytest.mark.parametrize("law", [cf.Feedback(300.0, 1800.0, 6), cf.Feedback(600.0, 2400.0, 4)])
+def test_noise_of_impulses_and_how_it_ends(law):
+    """The covariance of 400 flights against that of the law, in steady state: to a few percent."""
+    path = kicked()
+    quiet = cf.fly(path, FIELD, feedback=law)
+    noisy = cf.fly(path, FIELD, feedback=law, navigation=SIGHT, seeds=400)
+    room = cf.room(path, FIELD, law, SIGHT)
+    off = (noisy.states - quiet.states)[..., :3].reshape(-1, len(noisy.times), 3)
+    spread = np.linalg.eigvalsh(np.einsum("sti,stj->tij", off, off) / len(off))[:, -1] ** 0.5
+    assert spread.max() == pytest.approx(room.noise, rel=0.06)  # of all times; drawn: 2 % each
+    shaky = cf.room(path, FIELD, law, SIGHT, thrust_error=(0.2, 0.2))
+    assert 1.05 < shaky.noise / room.noise < 1.4
+    wild = cf.fly(path, FIELD, feedback=law, thrust_error=(0.2, 0.2), seeds=200)
+    both = cf.fly(path, FIELD, feedback=law, thrust_error=(0.2, 0.2), navigation=SIGHT, seeds=200)
+    assert (both.states - wild.states)[..., :3].std(axis=(0, 1)).max() < 1.03 * shaky.noise
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 

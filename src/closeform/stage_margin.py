@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.motion.path import fires_impulses
-from closeform.scenario import Avoid, Joint
+from closeform.scenario import Avoid, Joint, Scenario
 from closeform.stage_start import StageStart
 from closeform.zones.pair_zones import PairZones
 
@@ -24,26 +24,27 @@ def with_margin(
     """
     if stage.margin != "auto":
         return make(stage.margin or 0.0)
-    from closeform.field.feedback import Feedback
     from closeform.field.fitted import fit_margin
+    from closeform.field.flight import usual_feedback
     from closeform.field.flown_plan import paths_of
     from closeform.field.tube import tube
 
     told, field = start.scenario.flight, start.scenario.field
     assert field is not None
-    law, sight, errors = told["feedback"] or Feedback(), told["navigation"], told["thrust_error"][who]
+    law = told["feedback"] or usual_feedback("track", at_once(start.scenario))
+    sight, errors = told["navigation"], told["thrust_error"][who]
 
     def lasting(margin: Any) -> Any:
         plan = make(margin)
         if (paths := paths_of(plan)) is not None and fires_impulses(paths):
             raise ValueError(
-                'margin: "auto" is not known for impulses; give a length, or craft max_acceleration'
+                'margin: "auto" is not known for impulses beside craft that coast; give a length'
             )
         return plan
 
     if not rest:
         zones = PairZones.of([start.keep_out[k] for k in who])
-        found = fit_margin(lasting, field, zones, law, sight, thrust_error=errors)
+        found = fit_margin(make, field, zones, law, sight, thrust_error=errors)
         if found.plan.ok and not found.fits:
             raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
         return found.plan
@@ -59,3 +60,10 @@ def with_margin(
             return plan
         margin = (1.0 + SPARE) * needed
     raise ValueError(f"margin: still short of {needed:.3g} m after {ROUNDS} plans; give more time")
+
+
+def at_once(scenario: Scenario) -> bool:
+    """Whether a run is led back by impulses or burns: someone has thrusters, or plans by impulses."""
+    free = any(not craft.limited for craft in scenario.craft)
+    impulsive = free and any(getattr(stage, "cost", None) == "delta-v" for stage in scenario.stages)
+    return impulsive or any(craft.thrusters is not None for craft in scenario.craft)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats
-from closeform.field.feedback import Feedback, Navigation, left_of, way_back
+from closeform.field.feedback import Feedback, Navigation, kicks_back, left_of, way_back
 from closeform.motion.orbit import Orbit
 
 PARTS = 24  # of an interval, in which a push counts as one
@@ -27,7 +27,9 @@ class ClosedLoop:
 
     These are of an interval in which one measurement counts.  It begins `delay` after that, for which the
     state is predicted.  Of a state at its begin `left` (S + 1, 6, 6) is left, and `moved` of a coast; `law`
-    (S + 1, 3, 6) is the thrust.                                                        # theory (85) and (86)
+    (S + 1, 3, 6) is the thrust, or (J, 3, 6) the impulses that are `fired` (J,) [s] after a measurement.
+
+    # theory (85), (86) and (88)
     """
 
     orbit: Orbit
@@ -36,6 +38,7 @@ class ClosedLoop:
     left: Floats
     moved: Floats
     law: Floats
+    fired: Floats
 
     @classmethod
     @lru_cache(maxsize=8)  # rounds of plans ask for the same, with all that follows from it
@@ -43,9 +46,10 @@ class ClosedLoop:
         """Of a feedback, of intervals of another length, at so many steps."""
         since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:
-            return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since))
-        lasting = np.zeros((len(since), 3, 6))
-        return cls(orbit, delay, since, *left_of(orbit, feedback, since), lasting)
+            return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since), np.zeros(0))
+        fired, gains = kicks_back(orbit, feedback)
+        now = fired < every
+        return cls(orbit, delay, since, *left_of(orbit, feedback, since), gains[now], fired[now])
 
     @property
     def every(self) -> float:
@@ -63,13 +67,14 @@ class ClosedLoop:
         return np.asarray((self.left - self.moved) @ self.late)
 
     def follow(self, pushed: Floats) -> tuple[Floats, Floats]:
-        """Where pushes bring a craft that are not measured but by what they do, and its thrust (R, T, 3).
+        """Where pushes bring a craft that are not measured but by what they do (R, T, 3), and its thrust.
 
-        `pushed` (R, T, 6) is what they make of a coast, at the steps of all intervals.    # theory (86)
+        That is (R, T, 3) [m/s^2], or of impulses (R, Q, 3) [m/s] in order of time.  `pushed` (R, T, 6) is
+        what they make of a coast, at the steps of all intervals.                              # theory (86)
         """
         steps = len(self.since) - 1
         wait = round(self.delay / self.every * steps)
-        off, brought = pushed.copy(), np.zeros((*pushed.shape[:2], 3))
+        off, brought, kicks = pushed.copy(), np.zeros((*pushed.shape[:2], 3)), []
         for seen in range(0, pushed.shape[1] - 1 - wait, steps):
             begin, end = seen + wait, min(seen + wait + steps + 1, pushed.shape[1])
             now, kept = off[:, begin], slice(end - begin)
@@ -77,8 +82,11 @@ class ClosedLoop:
             coasts = np.einsum("sij,rj->rsi", self.moved[kept], now - pushed[:, begin])
             answers = np.einsum("sij,rj->rsi", (self.left - self.moved)[kept], believed)
             off[:, begin:end] = pushed[:, begin:end] + coasts + answers
-            brought[:, begin:end] = np.einsum("sij,rj->rsi", self.law[kept], believed)
-        return off[..., :3], brought
+            if len(self.fired):
+                kicks.append(np.einsum("sij,rj->rsi", self.law, believed))
+            else:
+                brought[:, begin:end] = np.einsum("sij,rj->rsi", self.law[kept], believed)
+        return off[..., :3], np.concatenate(kicks, axis=1) if kicks else brought
 
     def covariances(self, sight: Navigation, wrong: Floats | None = None) -> tuple[Floats, Floats]:
         """Of deviations (S + 1, 6, 6) and of thrust (S + 1, 3, 3) by random errors of measurements; steady.
@@ -116,6 +124,10 @@ class ClosedLoop:
         """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
         grown, (x, y, z) = 1.0 + wrong[0], wrong[1:]
         off = grown * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) + wrong[0] * np.eye(3)
+        if len(self.fired):
+            since = self.since[:, None] - self.fired
+            each = self.orbit.transition(np.maximum(since, 0.0))[..., 3:] @ off @ self.law
+            return np.asarray(self.left - self.moved + (each * (since >= 0.0)[..., None, None]).sum(axis=1))
         back = self.orbit.transition(-self.since)[:, :, 3:] @ off @ self.law
         step = self.since[1]
         summed = np.concatenate([np.zeros((1, 6, 6)), np.cumsum(0.5 * step * (back[1:] + back[:-1]), axis=0)])
@@ -145,7 +157,7 @@ class ClosedLoop:
         part = self.every / PARTS
         ages = (np.arange(PARTS) + 0.5) * part
         pushed = self.orbit.transition(self.delay + ages)[:, :, 3:]
-        sums = [np.zeros(len(self.since)), np.zeros(len(self.since))]
+        sums = [np.zeros(len(self.since)), np.zeros(len(self.law))]
         for k, since in enumerate(self.since):
             own = (np.arange(PARTS) + 0.5) * (since + self.delay) / PARTS
             near = np.linalg.norm(self.orbit.transition(own)[:, :3, 3:], 2, axis=(1, 2))
@@ -191,6 +203,9 @@ class ClosedLoop:
         stretched = np.linalg.norm(brought[0], axis=-1)
         turned = np.linalg.norm(brought[1], 2, axis=(-2, -1))
         first = (share * stretched.T + (1.0 + share) * angle * turned.T).max(axis=0)
+        if len(self.fired):  # [m/s]; what their errors' own answers are off by is of third order
+            thrust = first + echo * unknown + answer
+            return gain * unknown + self.missed(self.fired) * wrong * thrust + bias, np.zeros_like(thrust)
         thrust = (first + echo * unknown + answer) / np.maximum(1.0 - wrong * echo, np.finfo(float).tiny)
         return gain * (unknown + wrong * thrust) + bias, thrust
 

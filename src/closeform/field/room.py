@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, number, shown
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.closed_loop import ClosedLoop
-from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors
+from closeform.field.feedback import BY_IMPULSES, Feedback, Navigation, nonnegative, thrust_errors
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
+from closeform.field.retargeted import Retargeted, changed_impulses
+from closeform.field.timetable import SAME, impulses_of
 from closeform.field.validity import deviations_of
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
@@ -35,8 +37,8 @@ class Room(Result):
     times : array of shape (T,) [s]
         Since the chief's epoch.
     shift : array of shape (N, T, 3) [m]
-        Where they are expected to be off: by what is known of the field and not commanded
-        against; in the chief's axes.
+        Where they are expected to be off: by what is known of the field and not commanded against, and
+        where impulses lead that are changed for it; in the chief's axes.
     stretch : array of shape (N, T, 3) [m]
         How much further for thrust that is larger by the whole of itself, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
@@ -51,7 +53,8 @@ class Room(Result):
     sigmas : float, no unit
         As many of which count.
     thrust : array of shape (N,) [m/s^2]
-        The most that each is asked for, with what feedback adds; with a lower limit no room is known.
+        The most that each is asked for, with what feedback adds, but for impulses; with a lower limit no room
+        is known.
     """
 
     _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")
@@ -98,11 +101,12 @@ def room(
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Of one craft or of N without impulses, as of `fly`.
+        Of one craft or of N, as of `fly`.
     field : Field
         What is known of the field.
     feedback : Feedback, optional
-        How often they are measured, and within which horizon brought back; as of `fly`.
+        How often they are measured, and within which horizon brought back; as of `fly`, for impulses by one
+        each five minutes, of six in half an hour, unless given.
     navigation : Navigation, optional
         How well; exactly unless given.
     cancel : bool, default True
@@ -123,8 +127,8 @@ def room(
     Raises
     ------
     ValueError
-        If the plan has no paths or has impulses, feedback is by impulses, the plan is of deep space, its
-        mean motion is not the chief's, a number is negative or not finite, or an argument is of another kind.
+        If the plan has no paths, is of deep space, its mean motion is not the chief's, a number is negative
+        or not finite, or an argument is of another kind.
 
     Notes
     -----
@@ -147,14 +151,9 @@ def room(
     True
     """
     paths = paths_to_fly(plan, field)
-    if fires_impulses(paths):
-        raise ValueError(
-            "plan: has impulses; errors are followed along thrust that lasts: plan burns, or use tube"
-        )
-    law = instance("feedback", Feedback() if feedback is None else feedback, Feedback)
+    usual = BY_IMPULSES if fires_impulses(paths) else Feedback()
+    law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
-    if law.impulses:
-        raise ValueError("feedback: by impulses; errors are followed along thrust that lasts: use tube")
     instance("cancel", cancel, bool)
     errors, count = thrust_errors(thrust_error, len(paths)), len(paths)
     k = float(nonnegative("sigmas", number("sigmas", sigmas)))
@@ -167,18 +166,48 @@ def room(
     times = np.linspace(start, end, steps * intervals + 1)
     loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, steps)
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
-    flown = paths.thrust(times) - (left_out if cancel else 0.0)
-    pushes = [left_out * (not cancel), flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
-    off, brought = loop.follow(deviations_of(paths.orbit, times, np.concatenate(pushes)))
+    against = np.full(count, cancel)
+    jumps, aside = _jumps(paths, field, cancel, times, against, law)
+    flown = paths.thrust(times) - left_out * against[:, None, None]
+    felt = left_out * ~(against | np.isin(np.arange(count), jumps.craft) & cancel)[:, None, None]
+    pushes = [felt, flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
+    pushed = deviations_of(paths.orbit, times, np.concatenate(pushes)).reshape(5, count, -1, 6)
+    kicked = np.stack([jumps.impulse, *np.einsum("kij,mj->kmi", TURNS, jumps.impulse)])
+    for k, when, sizes in zip(jumps.craft, jumps.time, kicked.swapaxes(0, 1), strict=True):
+        after = times > when + SAME  # who is measured just then is so before it
+        pushed[1:, k, after] += np.einsum(
+            "tij,rj->rti", paths.orbit.transition(times[after] - when)[:, :, 3:], sizes
+        )
+    off, brought = loop.follow(pushed.reshape(5 * count, -1, 6))
     shift, stretch, *turned = off.reshape(5, count, -1, 3)
+    shift = shift + aside
     steady, more, *turning = brought.reshape(5, count, -1, 3)
     rest, answer = loop.beyond(
         errors, np.broadcast_to(unknown, count), sight, (more, np.stack(turning, axis=-1))
     )
     noise, shaking = loop.spread(sight, errors)
-    asked = np.linalg.norm(flown, axis=-1).max(axis=1) + np.linalg.norm(steady, axis=-1).max(axis=1)
-    asked = asked + answer + k * shaking
+    asked = np.linalg.norm(flown, axis=-1).max(axis=1)
+    if not law.impulses:
+        asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + k * shaking
     return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, rest, noise, k, asked)
+
+
+def _jumps(
+    paths: Path, field: Field, cancel: bool, times: Floats, against: Any, law: Feedback
+) -> tuple[Retargeted, Floats]:
+    """Impulses as they are fired, and how far those lead off the plan (N, T, 3) [m], to where feedback leads.
+
+    Who does not thrust `against` the residual (N,) is taken out of that.
+    """
+    craft, when, planned = impulses_of(paths)
+    jumps, aside = Retargeted(craft, when, planned, planned), np.zeros((len(paths), len(times), 3))
+    against[craft] = False
+    if law.impulses:
+        against &= paths.peak_thrust > 0.0
+    if cancel and len(craft):
+        jumps, path, _ = changed_impulses(paths, field)
+        aside[craft] = (path.position(times) - paths.position(times))[craft]
+    return jumps, aside
 
 
 def _steps(delay: float) -> int:

@@ -51,7 +51,8 @@ TUBE = (
 def tables(flown: FlownRun) -> tuple[Table, ...]:
     """Stages, what everybody spends, the worst flights."""
     worst = [flight(flown, seed) for seed in order(flown)[:WORST]]
-    fuel = effort.in_grams(flown, replace(effort.FUEL, heading="most [kg]"))
+    weighed = not np.isnan(flown.propellant).all()
+    fuel = effort.in_grams(flown, replace(effort.FUEL, heading="most [kg]" if weighed else None))
     columns = (*SPENT[:-1], fuel, SPENT[-1])
     return (
         Table(
