@@ -281,8 +281,9 @@ for k in range(1000):
 @pytest.mark.parametrize("builder", BUILDERS)
 def test_an_end_at_every_step(builder, fault, before, tmp_path) -> None:
     """Results are those before, the new ones or none; never half of them, and the next run needs no help."""
+    step = [AT_EVERY_STEP, str(Path(__file__).parent), builder.__name__, fault, before]
     done = subprocess.run(
-        [sys.executable, "-c", AT_EVERY_STEP, str(Path(__file__).parent), builder.__name__, fault, before],
+        [sys.executable, "-B", "-c", *step],  # no half of a compiled module is left either
         cwd=tmp_path,
         capture_output=True,
         text=True,
