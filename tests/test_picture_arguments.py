@@ -57,7 +57,7 @@ CALLS = {
         "paths": COAST, "names": ["a", "b", "c"], "limits": np.ones(3), "masses": np.ones(3),
         "on_off": np.ones(3, dtype=bool),
     },
-    "plots.distribution": {"values": np.array([1.0, 2.0]), "what": "delta-v [m/s]"},
+    "plots.distribution": {"values": np.array([1.0, 2.0]), "what": "delta-v [m/s]", "tail": 0.05},
     "plots.sweep": {
         "values": np.array([1.0, 2.0]), "share": np.array([[0.5, 0.6]]), "low": np.array([[0.4, 0.5]]),
         "high": np.array([[0.6, 0.7]]), "what": "range [m]", "names": ["a"],

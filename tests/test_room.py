@@ -160,9 +160,7 @@ def test_flights_by_impulses_stay_in_their_room_and_use_it(law):
     assert (off.max(axis=(0, 2)) > 0.6 * room.greatest).all()
     exact = cf.fly(path, FIELD, feedback=law)
     aside = at(room, room.shift, flights.times) - deviations(path, exact)[0]
-    assert (
-        np.abs(deviations(path, exact)).max() > 1.0
-    )  # m, by impulses changed for the field
+    assert np.abs(deviations(path, exact)).max() > 1.0  # m, by impulses changed for the field
     assert np.abs(aside).max() < 0.25  # m, of what is known each 50 or 100 s
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bad_input import GOOD
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
 from closeform.scenario.craft import SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FieldTable, NavigationTable
+from closeform.scenario.field import FeedbackTable, FieldTable, FlightTable, NavigationTable
 from closeform.scenario.formation import Destination, Goal, Shape, Start
 from closeform.scenario.orbit import ChiefTable, Elements, OrbitTable
 from closeform.scenario.quantity import (
@@ -294,6 +294,7 @@ def test_every_key_is_documented() -> None:
         *STAGES.values(),
         FieldTable,
         FeedbackTable,
+        FlightTable,
         NavigationTable,
     ]
     keys = {key for table in tables for key in table.examples()}
