@@ -164,6 +164,13 @@ def test_flights_by_impulses_stay_in_their_room_and_use_it(law):
     assert np.abs(aside).max() < 0.25  # m, of what is known each 50 or 100 s
 
 
+@pytest.mark.parametrize("path", [formation(), kicked()], ids=["thrust", "impulses"])
+def test_as_many_sigmas_count_as_are_asked_for(path):
+    wide, narrow = (cf.room(path, FIELD, navigation=SIGHT, thrust_error=OFF, sigmas=k) for k in (4.0, 1.5))
+    assert (wide.sigmas, narrow.sigmas) == (4.0, 1.5)
+    assert wide.radius - narrow.radius == pytest.approx(2.5 * wide.noise)
+
+
 @pytest.mark.parametrize("law", [cf.Feedback(300.0, 1800.0, 6), cf.Feedback(600.0, 2400.0, 4)])
 def test_noise_of_impulses_and_how_it_ends(law):
     """The covariance of 400 flights against that of the law, in steady state: to a few percent."""

@@ -156,7 +156,7 @@ def room(
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     instance("cancel", cancel, bool)
     errors, count = thrust_errors(thrust_error, len(paths)), len(paths)
-    k = float(nonnegative("sigmas", number("sigmas", sigmas)))
+    many = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown = nonnegative("residual", residual)
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
@@ -188,8 +188,8 @@ def room(
     noise, shaking = loop.spread(sight, errors)
     asked = np.linalg.norm(flown, axis=-1).max(axis=1)
     if not law.impulses:
-        asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + k * shaking
-    return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, rest, noise, k, asked)
+        asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * shaking
+    return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, rest, noise, many, asked)
 
 
 def _jumps(
