@@ -272,3 +272,5 @@ def test_thrusters_fire_what_leads_back(tmp_path: Path):
     ended = loaded.results[0].after.paths.position(loaded.results[0].end)
     planned = loaded.results[0].planned.paths.position(loaded.results[0].end)
     assert 1e-3 < np.abs(ended - planned).max() < 1.0  # m: what is followed, and what is flown
+    _, seldom, _ = flown(tmp_path / "run", tmp_path / "seldom", "--seeds", "1", "--every", "4 min")
+    assert seldom["feedback"] == found["feedback"] | {"every_s": 240.0}  # the rest as without it

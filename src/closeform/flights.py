@@ -77,17 +77,14 @@ def fly(
         raise UsageError(
             f"--control: replan is for one stage, and {directory} has {len(run.flown)}; {remedy}"
         )
-    from closeform.field.flight import usual_feedback
-    from closeform.motion.path import fires_impulses
+    from closeform.flown_run import FlownRun, usually_led
     from closeform.report.repeat import Command
 
-    told = asked.instead_of(run.scenario.truth.flight, usual_feedback(control, fires_impulses(run.paths)))
-
+    told = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
     command = Command("fly", [directory], options, [directory / SUMMARY])
 
     def report() -> "FlightReport":
-        from closeform.flown_run import FlownRun
         from closeform.report.flight import FlightReport
 
         try:

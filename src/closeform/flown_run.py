@@ -10,8 +10,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
 from closeform.field.commanded import CommandedThrust, thrust
+from closeform.field.feedback import Feedback, usual_feedback
 from closeform.field.field import Field
-from closeform.field.flight import fly, usual_feedback
+from closeform.field.flight import fly
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import spanning
 from closeform.field.least_ratios import least_ratios
@@ -74,10 +75,9 @@ class FlownRun:
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
         own, plan = [craft.fired(1.0) for craft in run.scenario.craft], run.paths
-        pulsed = control != "replan" and any(one is not None for one in own)
-        fires = pulsed or fires_impulses(plan)
-        told = told | {"feedback": told["feedback"] or usual_feedback(control, fires)}
-        if fires:
+        told = told | {"feedback": told["feedback"] or usually_led(run, control)}
+        pulsed = fires_pulses(run, control)
+        if pulsed or fires_impulses(plan):
             told["max_acceleration"] = None
         if pulsed:
             from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
@@ -176,6 +176,16 @@ class FlownRun:
         sizes = np.broadcast_to(self.told["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)
         return tube(self.run.paths.orbit, self.told["feedback"], self.told["navigation"], thrust_error=off)
+
+
+def fires_pulses(run: Stages, control: Control) -> bool:
+    """Whether anybody flies a run by pulses; plans that are made anew are flown by thrust that lasts."""
+    return control != "replan" and any(craft.thrusters is not None for craft in run.scenario.craft)
+
+
+def usually_led(run: Stages, control: Control) -> Feedback:
+    """What leads a run back of which nobody said that."""
+    return usual_feedback(control, fires_pulses(run, control) or fires_impulses(run.paths))
 
 
 def unfired(run: Stages) -> Path:

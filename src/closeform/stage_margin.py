@@ -24,8 +24,8 @@ def with_margin(
     """
     if stage.margin != "auto":
         return make(stage.margin or 0.0)
+    from closeform.field.feedback import usual_feedback
     from closeform.field.fitted import fit_margin
-    from closeform.field.flight import usual_feedback
     from closeform.field.flown_plan import paths_of
     from closeform.field.tube import tube
 

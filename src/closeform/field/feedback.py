@@ -65,7 +65,14 @@ class Feedback:
             raise ValueError("delay: goes with thrust that lasts; leave it out, or give 0 impulses")
 
 
-BY_IMPULSES = Feedback(300.0, 1800.0, 6)  # unless told otherwise
+BY_IMPULSES, BY_PLANS = Feedback(300.0, 1800.0, 6), Feedback(300.0, 900.0)
+
+
+def usual_feedback(control: str, by_impulses: bool) -> Feedback:
+    """What leads craft back unless given, of plans that are made anew, fly impulses or thrust that lasts."""
+    if control == "replan":
+        return BY_PLANS
+    return BY_IMPULSES if by_impulses else Feedback()
 
 
 @dataclass(frozen=True)

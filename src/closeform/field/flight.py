@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, number, numbers, shown, whole
 from closeform.field.course import commands_of, flown
 from closeform.field.drag import ballistics_of
-from closeform.field.feedback import BY_IMPULSES, Feedback, Navigation, thrust_errors
+from closeform.field.feedback import Feedback, Navigation, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import paths_to_fly, spanning
@@ -23,8 +23,6 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.path import fires_impulses
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
-
-BY_PLANS = Feedback(300.0, 900.0)
 
 
 def fly(
@@ -186,13 +184,6 @@ def fly(
         ordered,
         orders,
     )
-
-
-def usual_feedback(control: str, by_impulses: bool) -> Feedback:
-    """What leads craft back unless given, of plans that are made anew, fly impulses or thrust that lasts."""
-    if control == "replan":
-        return BY_PLANS
-    return BY_IMPULSES if by_impulses else Feedback()
 
 
 def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:

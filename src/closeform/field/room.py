@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, number, shown
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.closed_loop import ClosedLoop
-from closeform.field.feedback import BY_IMPULSES, Feedback, Navigation, nonnegative, thrust_errors
+from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
@@ -151,7 +151,7 @@ def room(
     True
     """
     paths = paths_to_fly(plan, field)
-    usual = BY_IMPULSES if fires_impulses(paths) else Feedback()
+    usual = usual_feedback("track", fires_impulses(paths))
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     instance("cancel", cancel, bool)
