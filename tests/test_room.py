@@ -223,6 +223,22 @@ def test_a_fitted_margin_is_flown_clear(zone):
     assert cf.fly(planned(0.0), FIELD, **flown).violated > 0.3
 
 
+def test_a_margin_of_impulses_is_for_what_usually_leads_them_back():
+    """Of 300 flights, led back as `fly` does unless told otherwise, none enters."""
+    start, zone = swap(), cf.Sphere(30.0)
+
+    def planned(margin):
+        to, time = start[[1, 0, 2]], 0.4 * ORBIT.period
+        return cf.reconfigure(ORBIT, start, to, time, zone, cost="delta-v", margin=margin)
+
+    found = cf.fit_margin(planned, FIELD, zone, navigation=SIGHT, thrust_error=OFF)
+    assert found.fits
+    assert 1.0 < found.greatest < 2.5  # m; thrust that lasts needs 0.32
+    flown = {"navigation": SIGHT, "zones": zone, "thrust_error": OFF, "seeds": 300}
+    assert cf.fly(found.plan, FIELD, **flown).violated == 0.0
+    assert cf.fly(planned(0.0), FIELD, **flown).violated > 0.3
+
+
 def test_beside_an_obstacle_that_is_known():
     """It needs the room of one craft, not of two."""
     zone, client = cf.Sphere(30.0), ORBIT.coast(np.zeros(6), 1500.0)

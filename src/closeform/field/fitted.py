@@ -117,9 +117,9 @@ def fit_margin(
 
     Notes
     -----
-    The first plan has the margin of noise and of `residual`.  Where a pair comes nearer to its zone than it
-    may be off along the zone's normal there, its margin grows to that; margins never shrink, so that rounds
-    end.  Pairs that come near nobody keep the first.
+    The first plan has the margin of noise and of `residual`, by `feedback` or, unless given, by thrust that
+    lasts.  Where a pair comes nearer to its zone than it may be off along the zone's normal there, its margin
+    grows to that; margins never shrink, so that rounds end.  Pairs that come near nobody keep the first.
 
     References
     ----------
@@ -141,11 +141,11 @@ def fit_margin(
     if not callable(planned):
         raise ValueError(f"planned: a function of a margin that makes a plan, got {shown(planned)}")
     orbit = instance("field", field, Field).chief.orbit
-    law = Feedback() if feedback is None else feedback
     others = obstacle_batch(orbit, obstacles)
     fixed = len(others) if others is not None else 0
     sight = Navigation() if navigation is None else navigation
-    least = tube(orbit, law, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
+    first = Feedback() if feedback is None else feedback  # which room knows of a plan
+    least = tube(orbit, first, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
     limit = np.inf if max_acceleration is None else nonnegative("max_acceleration", max_acceleration)
     margin: Any = np.asarray(least.radius if fixed else least.of_a_pair)
     widest = _least_radius(zones)
@@ -163,7 +163,7 @@ def fit_margin(
             why = f"no plan with a margin of {margin.max():.3g} m: {plan.reason}"
             return FittedMargin(plan, None, margin, False, made, why)
         found = room(
-            *(plan, field, law, sight),
+            *(plan, field, feedback, sight),
             cancel=cancel,
             residual=residual,
             thrust_error=thrust_error,
