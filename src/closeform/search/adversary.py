@@ -67,23 +67,24 @@ class Adversary:
         times[apart] = np.where(np.isnan(found), inf, found)
         return times
 
-    def climbed(self, states: Floats, random: Any, rounds: int = ROUNDS) -> tuple[Floats, float]:
-        """The state with the latest lock that is reached from some, and its time.
+    def climbed(
+        self, states: Floats, times: Floats, random: Any, rounds: int = ROUNDS
+    ) -> tuple[Floats, float]:
+        """The state with the latest lock that is reached from some with their `times`, and its time.
 
         By differential evolution (Storn and Price 1997): ridges of the time to lock are narrow, and lie along
         what separates those who climb them.  Who begins in one octant of positions climbs apart from all
         others.
         """
         width = self.greatest - self.least
-        all_times = self.times(states)
         members = []
         octants = (states[:, :3] > 0.5 * (self.least + self.greatest)[:3]) @ [1, 2, 4]
         for island in range(ISLANDS):
             here = octants == island
             own = np.flatnonzero(here if here.any() else ~here)
-            best = own[np.argsort(-all_times[own], kind="stable")[:MEMBERS]]
+            best = own[np.argsort(-times[own], kind="stable")[:MEMBERS]]
             members.append(np.resize(best, MEMBERS))
-        states, times = states[np.concatenate(members)], all_times[np.concatenate(members)]
+        states, times = states[np.concatenate(members)], times[np.concatenate(members)]
         rows, latest, idle = np.arange(len(states)), -inf, 0
         for _ in range(rounds):
             if times.max() == inf or idle == PATIENCE:

@@ -207,14 +207,16 @@ def refuted(
 def sought(adversaries: list[Adversary], effort: int) -> Floats:
     """States (M, 6) that may never lock: of those that adversaries draw, else the latest of each climb."""
     random = np.random.Generator(np.random.Philox(0))
-    drawn = [one.drawn(random, min(effort, DRAWN)) for one in adversaries]
-    for one, states in zip(adversaries, drawn, strict=True):
-        never: Floats = states[one.times(states) == inf]
+    begun = []
+    for one in adversaries:
+        states = one.drawn(random, min(effort, DRAWN))
+        times = one.times(states)
+        never: Floats = states[times == inf]
         if len(never):
             return never
+        begun.append((one, states, times))
     rounds = min(effort // EACH_ROUND, ROUNDS)
-    climbed = [one.climbed(states, random, rounds)[0] for one, states in zip(adversaries, drawn, strict=True)]
-    return np.array(climbed)
+    return np.array([one.climbed(states, times, random, rounds)[0] for one, states, times in begun])
 
 
 def roots(search: Search, low: Floats, high: Floats) -> StateBoxes:

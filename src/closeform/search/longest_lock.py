@@ -98,7 +98,7 @@ def longest_lock(
     adversary = Adversary(search, least, greatest, scales(search, least, greatest))
     states = adversary.drawn(random)
     for _ in range(CLIMBS):
-        state, time = adversary.climbed(states, random)
+        state, time = adversary.climbed(states, adversary.times(states), random)
         if time == inf:
             break
         proof = prove_locks(search, least, greatest, latest=time, nodes=nodes)
