@@ -6,14 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.special import betaincinv, ndtri
+from scipy.special import betaincinv
 
 from closeform.arrays import Floats
+from closeform.confidence import CONFIDENCE, DEVIATIONS
 from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.histories import CORES, Histories
 from closeform.uncertainty.mean_entries import Flux, pool, rules
 
-CONFIDENCE = 0.95
 SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
 FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
 PRECISION = 1e-3  # of a probability, half of its interval, where nobody says how many histories
@@ -81,7 +81,7 @@ def interval_of_mean(lost: Floats) -> tuple[float, float]:
         return low * each, high * (each if count >= SEEN else 1.0)
     even = lost[: len(lost) // 2 * 2]
     deviation = float(np.sqrt(((even[::2] - even[1::2]) ** 2).sum())) / len(even)
-    half = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * deviation
+    half = DEVIATIONS * deviation
     return mean - half, mean + half
 
 
