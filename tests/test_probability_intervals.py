@@ -7,8 +7,9 @@ import pytest
 from scipy.stats import binom
 
 import closeform as cf
+from closeform.confidence import CONFIDENCE
 from closeform.uncertainty import histories as histories_module
-from closeform.uncertainty.drawn_entries import CONFIDENCE, drawn, interval_of_mean, lost_of
+from closeform.uncertainty.drawn_entries import drawn, interval_of_mean, lost_of
 from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors

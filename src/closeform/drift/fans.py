@@ -35,7 +35,7 @@ from closeform.motion.hill import inverse_transforms, oscillation
 OTHER, PATH, BURNING, GENERATORS = 8, 16, 17, 18  # of `motions`: where the second side's begin, and so on
 
 
-class Room(NamedTuple):
+class PairRoom(NamedTuple):
     """Room for the work on one pair."""
 
     cells: Floats  # (C, W): those that are still to be searched
@@ -49,11 +49,11 @@ class Room(NamedTuple):
     shares: Floats  # (P,): where on them the set is nearest
 
 
-ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, ROWS, NUMBERS), Room)
+ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, ROWS, NUMBERS), PairRoom)
 
 
 class Window(NamedTuple):
-    """Which of the motions in `Room` are seen for a while, and how they move."""
+    """Which of the motions in `PairRoom` are seen for a while, and how they move."""
 
     ones: int  # of the first side, from 0 on
     twos: int  # of the second, from OTHER on

@@ -7,7 +7,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.drift.cells import ACCELERATION, FLIES, HELD, LOST, MEASURE, MISSED, STUCK, WEAK, Side
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
-from closeform.drift.fans import GENERATORS, Room
+from closeform.drift.fans import GENERATORS, PairRoom
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.path import Path, path_of
 
@@ -102,13 +102,13 @@ def _coasts(n: float, start: float, before: Floats, end: float, after: Floats) -
     return rows
 
 
-def room_for(one: Side, two: Side, cells: int = CELLS) -> Room:
+def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
     """Room for the search of one pair at a time."""
     burns = [int(np.diff(side.burn_offsets).max()) if len(side.burns) else 0 for side in (one, two)]
     width = 1 + 2 * max(2, *burns)
     motions = GENERATORS + sum(burns)
     parameters = 2 * max(2, *burns)
-    return Room(
+    return PairRoom(
         np.zeros((cells, 1 + 2 * width)),
         np.zeros((2, 1 + 2 * width)),
         np.zeros((2, 4, WIDTH)),

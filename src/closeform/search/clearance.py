@@ -19,7 +19,7 @@ ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of t
 STOP, NOT_NEARER, AROUND, EDGES, WAYS = 0, 1, 2, 5, 17
 
 
-class Craft(NamedTuple):
+class GatheringCraft(NamedTuple):
     """The craft of a gathering in the hands of the kernel.
 
     `rows` (N, 8): where each was, its velocity, when that was, and the delta-v spent so far; `labels`
@@ -34,7 +34,7 @@ class Craft(NamedTuple):
     shared: Floats
 
 
-class KeepOut(NamedTuple):
+class KeptZone(NamedTuple):
     """A zone in the hands of the kernel: a box or not; its matrix; its half-axes as columns, enlarged."""
 
     box: bool
@@ -42,7 +42,7 @@ class KeepOut(NamedTuple):
     half_axes: Floats
 
 
-class KeepOuts(NamedTuple):
+class KeptZones(NamedTuple):
     """The zones of all pairs in the hands of the kernel: `kinds` (N,) and `table` are those of `PairZones`.
 
     `boxes` (K,) tells which zones are boxes, `matrices` (K, 2, 3, 3) have matrix and half-axes of each.
@@ -62,7 +62,7 @@ def between(zones, i, j):
 
 @kernel()
 def chosen(zones, k):
-    return KeepOut(zones.boxes[k], zones.matrices[k, 0], zones.matrices[k, 1])
+    return KeptZone(zones.boxes[k], zones.matrices[k, 0], zones.matrices[k, 1])
 
 
 @kernel()

@@ -14,7 +14,7 @@ from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, of_each
 from closeform.search.sensor import Sensor
 
-CHOSEN = ("slew_rate", "start", "half_angle", "slew_acceleration")  # fields that differ among adversaries
+DIFFERING = ("slew_rate", "start", "half_angle", "slew_acceleration")  # fields that differ among the worst
 ALONG = 1e-9  # rad: of a cone, at least this is left by a boresight that leans away
 
 
@@ -47,7 +47,7 @@ class ErrorBounds:
         """
         return OwnTurns(search, ("A", "A"), of_two(self.slowest, self.fastest)).searched(times)
 
-    def adversaries(self, sensor: Sensor) -> list[SearchErrors]:
+    def worst(self, sensor: Sensor) -> list[SearchErrors]:
         """Errors (2,) of the craft in A and in B that are as bad as the bounds allow.
 
         Boresights lean away from the other craft, which leaves so much less of the cone; not those of sensors
@@ -64,7 +64,7 @@ def of_two(one: dict[str, float], other: dict[str, float], **alike: Any) -> Sear
     return SearchErrors(**{name: [one[name], other[name]] for name in one}, **alike)
 
 
-def chosen(some: list[SearchErrors], which: Any) -> SearchErrors:
+def errors_numbered(some: list[SearchErrors], which: Any) -> SearchErrors:
     """For each number (C,) the errors (2,) of which it is: (C, 2)."""
     each = [of_each(errors, (2,)) for errors in some]
-    return SearchErrors(**{name: np.stack([getattr(one, name) for one in each])[which] for name in CHOSEN})
+    return SearchErrors(**{name: np.stack([getattr(one, name) for one in each])[which] for name in DIFFERING})

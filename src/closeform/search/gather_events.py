@@ -9,7 +9,7 @@ from numba import bool_, float64, int64, void
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, lent
-from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, Craft, KeepOuts, correction
+from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, GatheringCraft, KeptZones, correction
 from closeform.search.lock_march import END, NEVER, START, LockSensor
 from closeform.search.next_locks import (
     NextLocks,
@@ -264,11 +264,11 @@ def fly_cases(
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
     sets = np.empty(count, dtype=np.int64)
     looked, met = np.empty((seen, seen)), np.empty((seen, seen), dtype=np.int64)
-    monitor = KeepOutMonitor(keeps, lent(KeepOuts(kinds, table, boxes, matrices)), looked, met, scratch)
+    monitor = KeepOutMonitor(keeps, lent(KeptZones(kinds, table, boxes, matrices)), looked, met, scratch)
     times, foreseen = np.empty((2, len(turns.first), len(turns.second)))
     next_locks = NextLocks(times, np.empty(len(times)), np.empty(len(times), dtype=np.int64))
     log = EventLog(events, np.zeros(1, dtype=np.int64))
-    craft = Craft(rows, sets, moved, fresh, shared)
+    craft = GatheringCraft(rows, sets, moved, fresh, shared)
     fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, velocities, labels, results)
 
 

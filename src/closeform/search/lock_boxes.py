@@ -48,7 +48,7 @@ def as_box(centre, half):
 
 
 @kernel()
-def misses(look, box, baseline, longest):
+def shortfalls(look, box, baseline, longest):
     """What a look makes of a box: what misses at its centre, at one corner, at the worst with the slack.
 
     That is g or, if more, the length beyond the range: all lock if the last is not positive.  It is that of
@@ -127,7 +127,7 @@ def nearest_look(looks, hot, box, baseline, longest):
         # from the look that came nearest for the box that this is half of, outwards in both directions
         index = hot + ((k + 1) // 2 if k & 1 else -(k // 2))
         index = index - count if index >= count else (index + count if index < 0 else index)
-        centre, corner, worst = misses(looks[index], box, baseline, longest)
+        centre, corner, worst = shortfalls(looks[index], box, baseline, longest)
         if worst <= 0.0 and centre < 0.0:
             return index, True
         if centre < 0.0:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import LARGEST, Floats, instance, number, numbers, size, whole
 from closeform.result import Result
 from closeform.search.adversary import DRAWN, ROUNDS, Adversary
-from closeform.search.error_bounds import ErrorBounds, chosen
+from closeform.search.error_bounds import ErrorBounds, errors_numbered
 from closeform.search.lock_boxes import PROVEN, UNSEEN, judge
 from closeform.search.lock_march import in_parts
 from closeform.search.locks import lock_times
@@ -145,24 +145,24 @@ def prove_locks(
         raise ValueError(f"slew_acceleration: must be positive, got {bounds.acceleration:g}")
     until = search.duration if latest is None else min(size("latest", latest), search.duration)
     most = whole("nodes", nodes, 1)
-    looks, adversaries = looks_of(search, until, bounds), bounds.adversaries(sensor)
+    looks, worst = looks_of(search, until, bounds), bounds.worst(sensor)
     boxes = roots(search, least, greatest)
-    judged, left, found = 0, [boxes[:0]], [refuted(search, boxes.centres[:0], until, adversaries)]
+    judged, left, found = 0, [boxes[:0]], [refuted(search, boxes.centres[:0], until, worst)]
     while len(boxes) and judged < most:
         left.append(boxes[most - judged :])
         boxes = boxes[: most - judged]
         axes, verdicts = verdicts_of(search, looks, until, boxes)
         judged += len(boxes)
-        found.append(refuted(search, boxes.centres[verdicts == UNSEEN], until, adversaries))
+        found.append(refuted(search, boxes.centres[verdicts == UNSEEN], until, worst))
         open_ones = verdicts != PROVEN
         boxes = boxes[open_ones].halved(axes[open_ones])
     rest = joined([*left, boxes])
     if len(rest) and bounds != ErrorBounds() and not any(len(states) for states, _ in found):
         box = search, least, greatest, scales(search, least, greatest)
-        states = sought([Adversary(*box, errors) for errors in adversaries], most)
-        found.append(refuted(search, states, until, adversaries))
+        states = sought([Adversary(*box, errors) for errors in worst], most)
+        found.append(refuted(search, states, until, worst))
     failing, which = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    return LockProof(float(rest.shares.sum()), rest.edges, failing, chosen(adversaries, which), judged)
+    return LockProof(float(rest.shares.sum()), rest.edges, failing, errors_numbered(worst, which), judged)
 
 
 def verdicts_of(search: Search, looks: Floats, until: float, boxes: StateBoxes) -> tuple[Any, Any]:
@@ -187,13 +187,11 @@ def verdicts_of(search: Search, looks: Floats, until: float, boxes: StateBoxes) 
     return axes, verdicts
 
 
-def refuted(
-    search: Search, states: Floats, until: float, adversaries: list[SearchErrors]
-) -> tuple[Floats, Any]:
+def refuted(search: Search, states: Floats, until: float, worst: list[SearchErrors]) -> tuple[Floats, Any]:
     """Of some states (M, 6) those that do not lock in time with one of the errors, and with which (C,)."""
     states = states[states[:, :3].any(axis=1)]  # two at one place are nobody's example
     lost, which = [states[:0]], [np.empty(0, dtype=np.int64)]
-    for kind, errors in enumerate(adversaries):
+    for kind, errors in enumerate(worst):
         if not len(states):
             break
         found = lock_times(search, states[:, :3], states[:, 3:], errors)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.clearance import SINCE, VELOCITY, KeepOuts, between, chosen, within
+from closeform.search.clearance import SINCE, VELOCITY, KeptZones, between, chosen, within
 from closeform.search.sets import LOST
 
 APART, KNOWN, UNKNOWN = 0, 1, 2
@@ -22,7 +22,7 @@ class KeepOutMonitor(NamedTuple):
     """
 
     on: bool
-    zones: KeepOuts
+    zones: KeptZones
     looked: Floats
     met: Any
     scratch: Floats
