@@ -102,6 +102,9 @@ class Flights:
     limited: Floats
 
 
+OF_FLIGHTS = "states", "arrivals", "fired", "spent", "limited"  # (S, N, ...)
+
+
 def flown(
     commands: Commands,
     field: Field,
@@ -205,9 +208,8 @@ def commands_of(
 
 def together(parts: Sequence[Flights], axis: int) -> Flights:
     """Flights of the same times, one after another: of other seeds (0) or other craft (1)."""
-    names = "states", "arrivals", "fired", "spent", "limited"
-    joined = (np.concatenate([getattr(one, name) for one in parts], axis=axis) for name in names)
-    return replace(parts[0], **dict(zip(names, joined, strict=True)))
+    joined = {name: np.concatenate([getattr(one, name) for one in parts], axis) for name in OF_FLIGHTS}
+    return replace(parts[0], **joined)
 
 
 def exactly(count: int, measurements: int) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Commands, Flights, Nozzles, commands_of, exactly, flown, together
+from closeform.field.course import OF_FLIGHTS, Flights, Nozzles, commands_of, exactly, flown, together
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
@@ -148,50 +148,39 @@ def flown_pulses(
     rest = [k for k, one in enumerate(thrusters) if one is None]
     shooters = [k for k, one in enumerate(thrusters) if one is not None]
     beside = impulses_of(paths[rest])[1] if rest else span[:0]
-    each = []
+    felt, expected = (ballistics_of(one.drag, len(paths)) for one in fields)
+    each, drawn = [], None
     for j, k in enumerate(shooters):
         pulses = firing.pulses[firing.pulses.craft == j]
         nozzles = nozzles_of(firing.thrusters[j], pulses)
-        own, theirs = firing.path[j : j + 1], _ballistics(believed, paths, [k])
-        led = plain = commands_of(own, law, None, theirs, nozzles=nozzles, beside=beside)
-        frame = ChiefFrame.of(field, plain.table.times)
+        own, some = firing.path[j : j + 1], [k]
+        led = plain = commands_of(own, law, None, expected[some], nozzles=nozzles, beside=beside)
+        frame = plain.frame_in(field)
+        drawn = drawn or wrong(plain.table)  # the same of all, who are measured together
         if law is not None and len(pulses):
             known = frame if believed is field else ChiefFrame.of(believed, plain.table.times)
             alone = flown(replace(plain, law=None), believed, known, *exactly(1, 1))
             led = replace(plain, reference=alone.states[0])
-        done = _as_drawn(led, field, frame, paths, [k], wrong)
+        done = flown(replace(led, ballistics=felt[some]), field, frame, *_drawn_of(some, drawn))
         fired = np.array([pulses.impulse.sum()])  # each thruster counts, not their sum
         each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
     if rest:
         own = spanning(paths, span)[rest]
-        commands = commands_of(own, law, believed, _ballistics(believed, paths, rest), beside=beside)
-        frame = ChiefFrame.of(field, commands.table.times)
+        commands = commands_of(own, law, believed, expected[rest], beside=beside)
+        frame = commands.frame_in(field)
         if len(beside):
             commands, _ = retargeted(commands, believed)
-        done = _as_drawn(commands, field, frame, paths, rest, wrong)
+        drawn = drawn or wrong(commands.table)
+        done = flown(replace(commands, ballistics=felt[rest]), field, frame, *_drawn_of(rest, drawn))
         orders = np.zeros((len(done.spent), len(rest), *each[0].fired.shape[2:]))
         each.append(replace(done, fired=orders))
     found, back = together(each, 1), np.argsort(shooters + rest)
     asked = np.concatenate([one.asked for one in each])[back]
-    names = "states", "arrivals", "fired", "spent", "limited"
-    found = replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in names})
+    found = replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in OF_FLIGHTS})
     return plain.table.shown_times, plain.table.fired_times, found
 
 
-def _ballistics(field: Field, paths: Path, some: list[int]) -> Floats:
-    """Those of some craft of all in a field."""
-    return ballistics_of(field.drag, len(paths))[some]
-
-
-def _as_drawn(
-    commands: Commands,
-    field: Field,
-    frame: ChiefFrame,
-    paths: Path,
-    some: list[int],
-    wrong: Callable[[Timetable], tuple[Floats, Floats]],
-) -> Flights:
-    """Flights of some craft of all, with their errors."""
-    measured, thrust = (np.ascontiguousarray(part[:, some]) for part in wrong(commands.table))
-    own = _ballistics(field, paths, some)
-    return flown(replace(commands, ballistics=own), field, frame, measured, thrust)
+def _drawn_of(some: list[int], drawn: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Errors of measurements and of thrust of some craft of all."""
+    measured, thrust = (np.ascontiguousarray(part[:, some]) for part in drawn)
+    return measured, thrust
