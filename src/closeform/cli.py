@@ -123,7 +123,7 @@ def run(
         Leave viewer.html out, the page in which all of it moves.
     """
     from closeform.publishing import folder
-    from closeform.result_folder import FLOWN, check_free, written
+    from closeform.result_folder import WORST_FLIGHT, check_free, written
 
     name = scenario.stem
     for what, number in (("point", point), ("case", case)):
@@ -145,7 +145,7 @@ def run(
 
         page.leave(Shown.of_mission(mission), under_way, pictures)
         if report.flights is not None:
-            page.leave(Shown.of_flight(report.flights), under_way, pictures, FLOWN)
+            page.leave(Shown.of_flight(report.flights), under_way, pictures, WORST_FLIGHT)
 
     notes = stderr()
     try:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from closeform.scenario import Scenario
 
 SUMMARY, SCENARIO = "summary.json", "scenario.toml"
-REPORT, VIEWER, FLOWN = "report.html", "viewer.html", "flown.html"
+REPORT, VIEWER, WORST_FLIGHT = "report.html", "viewer.html", "flown.html"
 FORMAT = 1  # of summary.json
 DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells, and
 INPUTS = "inputs/"  # those that a scenario names

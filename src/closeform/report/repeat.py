@@ -9,14 +9,14 @@ from typing import Any
 
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
-from closeform.result_folder import FLOWN, SUMMARY, VIEWER, Folder, digest, versions
+from closeform.result_folder import SUMMARY, VIEWER, WORST_FLIGHT, Folder, digest, versions
 
 OPTIONS = Column("option", "option", words=True), Column("given", "given", words=True)
 ROWS = Column("what", "what", words=True), Column("is", "is", words=True)
 FILES = Column("file", "file", words=True, links=True), Column("what it holds", "words", words=True)
 HOLDS = {  # files of results, in the order in which they are listed
     VIEWER: "all of it in motion, in space",
-    FLOWN: "the worst flight in the field, in motion",
+    WORST_FLIGHT: "the worst flight in the field, in motion",
     SUMMARY: "every figure, in SI units, with status and verdict",
     "scenario.toml": "the scenario as it was flown",
     "conflicts.parquet": "every conflict",
@@ -118,7 +118,7 @@ def beside(folder: Folder) -> list[str]:
 
 def links(names: Sequence[str]) -> list[tuple[str, str]]:
     """What of it stands above everything."""
-    pages = {VIEWER: "See it in motion", FLOWN: "See the worst flight in motion"}
+    pages = {VIEWER: "See it in motion", WORST_FLIGHT: "See the worst flight in motion"}
     return [(name, words) for name, words in pages.items() if name in names]
 
 
