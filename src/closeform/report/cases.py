@@ -72,7 +72,7 @@ def repeated(
     command = f"closeform study {name}"
     if study is not None and study.cases != len(campaign):
         command += f" --cases {len(campaign)}"
-    if study is not None and study.seed != campaign.seed:
+    if not campaign.as_in_file:
         command += f" --seed {campaign.seed}"
     return repeat.section(command, digests(scenario), beside, seed=campaign.seed)
 

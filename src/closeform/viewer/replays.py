@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.report.drawing import begun
 from closeform.report.picture import Progress, Shot
+from closeform.report.results import Pages, nothing
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from closeform.mission_result import Mission
 
 PLANNED = "planned.html"
-Finish = Callable[[Progress], object]
 MOST = 2  # cases in which something is not met, at most, of each kind
 
 
@@ -52,14 +52,14 @@ class Page:
         return Shot(folder.path / self.name, mission.scenario.title, "")
 
 
-def begin(campaign: Any, folder: Folder) -> tuple[tuple[Replay, ...], Finish]:
+def begin(campaign: Any, folder: Folder) -> tuple[tuple[Replay, ...], Pages]:
     """Begin a page of each case worth looking at in a folder; of errors, of the mission as planned.
 
     What they are, and what finishes them.
     """
     scenario = campaign.scenario
     if scenario.points:
-        return (), begun([], folder)
+        return (), nothing
     if scenario.study.draws == "errors":
         planned = Replay(PLANNED, "the mission as planned", "without errors")
         return (planned,), begun([Page(PLANNED, campaign.mission)], folder)
