@@ -33,6 +33,7 @@ from closeform.plots.look import (
     headline,
     instants,
     legend,
+    right_axis,
     sheet,
     speed_unit,
     thrust_unit,
@@ -264,7 +265,7 @@ def stems(panels: list[Axes], flown: list[Path], ticks: Clock, unit: Unit, great
     """Impulses on an axis of their own, its zero level with that of the thrust."""
     styles = LINES[len(flown) - 1 :: -1]
     for row, axes in enumerate(panels):
-        right = axes.twinx()
+        right = right_axis(axes, INK)
         level(right, 1.15 * greatest / unit.size, row == 0)
         for path, (colour, dashes) in zip(flown, styles, strict=True):
             for time, jump in path.impulses:
@@ -275,7 +276,4 @@ def stems(panels: list[Axes], flown: list[Path], ticks: Clock, unit: Unit, great
                 right.plot(ticks(time), height, "o", color=colour, markersize=7, clip_on=False)
         right.yaxis.set_label_coords(1.0 + 0.72 / 8.65, 0.5)
         right.set_ylabel(f"impulse [{unit.name}]", fontsize=SMALL, color=INK)
-        right.tick_params(labelsize=SMALL, colors=INK, length=3)
-        for side in ("top", "left", "bottom"):
-            right.spines[side].set_visible(False)
-        right.spines["right"].set_color(OTHER)
+        right.spines["right"].set(visible=True, color=OTHER)
