@@ -7,9 +7,11 @@ from pathlib import Path
 import hypothesis
 import pytest
 
+from closeform.own_process import RARELY
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-gc.set_threshold(50_000, 20, 20)  # as the command line does: a tenth of the time of all tests
+gc.set_threshold(*RARELY)  # as the command line does: a tenth of the time of all tests
 
 # the first call of a kernel may compile it for seconds
 hypothesis.settings.register_profile("compiles", deadline=None)
