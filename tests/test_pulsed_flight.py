@@ -132,6 +132,13 @@ def test_some_have_thrusters_and_some_have_none():
     assert end[:3] == pytest.approx(start[:3] + start[3:], abs=1e-3)  # it coasts until its impulse
 
 
+def test_where_nobody_has_thrusters_thrust_lasts():
+    path, _ = swap("energy")
+    nobody, none = (cf.fly(path, FIELD, thrusters=who, navigation=SIGHT) for who in ([None, None], None))
+    assert np.array_equal(nobody.states, none.states)
+    assert nobody.firing is None
+
+
 def test_thrust_that_lasts_is_fired_once_in_a_period():
     path, _ = swap("energy")
     thrusters = cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=1e-5, period=60.0)

@@ -114,8 +114,9 @@ def fly(
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
-    fires = fires_impulses(paths)
-    usual = usual_feedback(control, fires or thrusters is not None)
+    fires, own_sets = fires_impulses(paths), each_set(thrusters, len(paths))
+    pulsed = any(own is not None for own in own_sets)
+    usual = usual_feedback(control, fires or pulsed)
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, len(paths))
@@ -133,7 +134,7 @@ def fly(
     planned, made, refused = np.array(paths.delta_v), [0] * len(each), []
     firing, ordered, orders = None, np.zeros(0), np.zeros((len(each), len(paths), 0, 3))
     if control == "replan":
-        if zones is None or not cancel or law.impulses or law.delay or fires or thrusters is not None:
+        if zones is None or not cancel or law.impulses or law.delay or fires or pulsed:
             raise ValueError(
                 "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
                 "zones, and leave out impulses, thrusters, cancel and delay"
@@ -143,7 +144,7 @@ def fly(
         room = room_of(sight, law.every, np.hypot(*sizes.T) * paths.peak_thrust)
         times, done, made, why = Replanning(paths, zones, room, field, believed, law, limit).flights(wrong)
         refused = [(seed, *one) for seed, some in zip(each, why, strict=True) for one in some]
-    elif thrusters is not None:
+    elif pulsed:
         if not cancel or limit.min() < np.inf or least > 0.0:
             raise ValueError(
                 "thrusters: have limits and bits of their own, and fly in the field; leave out "
@@ -151,7 +152,6 @@ def fly(
             )
         from closeform.field.pulsed_flight import fly_pulses  # whose kernels only thrusters need
 
-        own_sets = each_set(thrusters, len(paths))
         firing, planned, times, ordered, done = fly_pulses(
             paths, own_sets, (field, believed), followed, wrong
         )
