@@ -277,16 +277,19 @@ def test_limit_and_columns():
 # --- impulses -----------------------------------------------------------------------------------
 
 
+def beside(origin: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Inertial states (12,) of a chief, and of a craft at `start` (6,) in its axes."""
+    axes = axes_of(origin)
+    swung = start[3:] + np.cross(turn_of(origin), start[:3])
+    return np.concatenate([origin, origin[:3] + start[:3] @ axes, origin[3:] + swung @ axes])
+
+
 def fired(start, times, impulses, duration: float) -> np.ndarray:
     """States (6,) of one craft in the chief's axes after a flight by DOP853, with impulses at some times.
 
     `start` (6,) is before them; they point along the chief's axes.
     """
-    origin = chief().state
-    axes = axes_of(origin)
-    swung = start[3:] + np.cross(turn_of(origin), start[:3])
-    craft = np.concatenate([origin[:3] + start[:3] @ axes, origin[3:] + swung @ axes])
-    both = np.concatenate([origin, craft])
+    both = beside(chief().state, start)
 
     def rates(t, y):
         states = y.reshape(2, 6)
@@ -301,6 +304,30 @@ def fired(start, times, impulses, duration: float) -> np.ndarray:
     off = (both[6:] - both[:6]).reshape(2, 3) @ axes_of(both[:6]).T
     off[1] -= np.cross(turn_of(both[:6]), off[0])
     return off.ravel()
+
+
+def pushed(
+    origin: np.ndarray,
+    start: np.ndarray,
+    burns: list[tuple[float, float, np.ndarray]],
+    span: tuple[float, float],
+) -> np.ndarray:
+    """Where (3,) a craft ends in the chief's axes after a flight by DOP853 with burns: from, to, thrust.
+
+    `start` (6,) is in the axes of the chief at `origin` (6,), inertial; burns push along its axes.
+    """
+    both, ends = beside(origin, start), np.unique([*span, *(edge for one in burns for edge in one[:2])])
+    for begin, over in zip(ends[:-1], ends[1:], strict=True):
+        push = sum((way for on, off, way in burns if on <= begin and off >= over), np.zeros(3))
+
+        def rates(t, y, push=push):
+            states = y.reshape(2, 6)
+            felt = textbook(states[:, :3])
+            felt[1] += push @ axes_of(states[0])
+            return np.hstack([states[:, 3:], felt]).ravel()
+
+        both = solve_ivp(rates, (begin, over), both, "DOP853", rtol=1e-9, atol=1e-4).y[:, -1]
+    return axes_of(both[:6]) @ (both[6:9] - both[:3])
 
 
 @pytest.mark.parametrize("kind", ["impulsive", "two_impulse"])
@@ -412,23 +439,9 @@ def test_pulses_fly_the_plan_in_the_field():
     assert table.delta_v == pytest.approx(plain.delta_v, rel=0.01)
     for craft in range(1, 2):
         own = fires.pulses[fires.pulses.craft == craft]
-        ends = np.unique(np.concatenate([[0.0, duration], own.start, own.start + own.duration]))
-        origin = chief().state
-        axes, turn = axes_of(origin), turn_of(origin)
-        swung = start[craft, 3:] + np.cross(turn, start[craft, :3])
-        both = np.concatenate([origin, origin[:3] + start[craft, :3] @ axes, origin[3:] + swung @ axes])
-        for begin, over in zip(ends[:-1], ends[1:], strict=True):
-            on = (own.start <= begin) & (own.start + own.duration >= over)
-            push = (own.direction * (own.impulse / own.duration)[:, None])[on].sum(axis=0)
-
-            def rates(t, y, push=push):
-                states = y.reshape(2, 6)
-                felt = textbook(states[:, :3])
-                felt[1] += push @ axes_of(states[0])
-                return np.hstack([states[:, 3:], felt]).ravel()
-
-            both = solve_ivp(rates, (begin, over), both, "DOP853", rtol=1e-9, atol=1e-4).y[:, -1]
-        end = axes_of(both[:6]) @ (both[6:9] - both[:3])
+        pushes = own.direction * (own.impulse / own.duration)[:, None]
+        burns = list(zip(own.start, own.start + own.duration, pushes, strict=True))
+        end = pushed(chief().state, start[craft], burns, (0.0, duration))
         assert table.path[craft].position(duration) == pytest.approx(end, abs=5e-3)  # m
         assert np.linalg.norm(end - final[craft, :3]) <= table.deviation[craft] + 5e-3
 
