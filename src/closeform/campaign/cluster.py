@@ -140,17 +140,19 @@ class Cluster:
     def threads(self) -> int:
         """How many threads the workers have together."""
         try:
-            workers = self.client.scheduler_info()["workers"]
+            return sum(self.client.nthreads().values())
         except Exception as error:
             raise self.gone() from error
-        return sum(int(worker["nthreads"]) for worker in workers.values())
 
     def ended(self, under_way: Iterable[Any]) -> list[Any]:
-        """The tasks that have ended since, well or not; none after a second."""
+        """The tasks that have ended since, well or not; none after a second.
+
+        One is "lost" until another worker flies it again: its worker died before its answer was fetched.
+        """
         futures = list(under_way)
-        with suppress(Exception):  # a time-out, or whatever a lost scheduler makes of it
+        with suppress(Exception), self.client.as_current():  # a time-out, or what a lost scheduler says
             self.distributed.wait(futures, timeout=1.0, return_when="FIRST_COMPLETED")
-        if self.client.status != "running" or any(one.status in ("cancelled", "lost") for one in futures):
+        if self.client.status != "running" or any(one.status == "cancelled" for one in futures):
             raise self.gone()
         return [one for one in futures if one.status in ("finished", "error")]
 
