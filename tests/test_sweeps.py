@@ -15,6 +15,7 @@ from closeform.cli import main
 from closeform.report.sweep_study import numbered
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.sweep import points
+from test_mission_cases import PASS
 
 ROBUST = (Path(__file__).parents[1] / "examples" / "robustness.toml").read_text()
 SWEEP = """
@@ -63,6 +64,19 @@ def test_points_may_begin_within_chunks(swept, monkeypatch):
     table = kind.stored(256, 384, kind.fly(256, 384))
     assert table["point"].to_pylist() == [0] * 44 + [1] * 84
     assert table["case"].to_pylist() == [*range(256, 300), *range(84)]
+
+
+@pytest.mark.parametrize("count", [5, 40])  # in chunks of one and of two, though 32 missions fit in one
+def test_each_point_of_missions_is_the_study_of_its_own_file(count):
+    """Times and delta-v of each case at each thrust, row for row, whatever the size of chunks."""
+    limits = '"1 N"', '"0.2 N"'
+    sweep = f'\n[study.sweep]\n"craft.max_thrust" = [{", ".join(limits)}]\n'
+    swept = flown(parse(PASS + sweep, "swept.toml"), count)
+    for limit, point in zip(limits, swept.points, strict=True):
+        truth = flown(parse(PASS.replace('max_thrust = "1 N"', f"max_thrust = {limit}"), "alone.toml"), count)
+        for name in truth.kind.names:
+            np.testing.assert_array_equal(point.campaign.column(name), truth.column(name))
+        assert (point.met_cases, point.campaign.nearest) == (truth.met_cases, truth.nearest)
 
 
 def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys, swept):

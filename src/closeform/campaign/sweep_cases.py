@@ -95,7 +95,7 @@ class PointChunks:
         """Some columns of its part of each chunk."""
         begin = self.point * self.count
         for first, columns in self.chunks.read(*names, within=(begin, begin + self.count)):
-            last = min(first + self.cases.at_once, self.chunks.count)
+            last = min(first + self.cases.in_chunk(self.chunks.count), self.chunks.count)
             low, high = max(begin - first, 0), min(begin + self.count, last) - first
             own = {}
             for name, values in columns.items():
