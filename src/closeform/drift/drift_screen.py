@@ -102,17 +102,18 @@ def drift_screen(
     if end == np.inf:
         raise ValueError("until: expected a finite time in s, got inf; ask drift_approach pair by pair")
     held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
+    every = side_of(batch, failure, end), side_of(batch, None, end, carry_on=True)
 
     def search(job: tuple[Zone, Any, Any]) -> tuple[Any, Floats]:
         one, first, second = job
-        sides = side_of(batch, failure, end), side_of(batch, None, end, carry_on=True)
-        rows = search_pairs(*sides, first, second, end, batch.orbit, one, ENOUGH, MEETS)
+        fails, flies = (side._replace(now=side.now.copy()) for side in every)  # whom a search looks at
+        rows = search_pairs(fails, flies, first, second, end, batch.orbit, one, ENOUGH, MEETS)
         unsafe = np.isfinite(rows[:, RATIO])
         first, second, rows = first[unsafe], second[unsafe], rows[unsafe]
         unsure = np.isnan(rows[:, TIME])
         doubtful = first[unsure], second[unsure]
-        rows[unsure] = search_pairs(*sides, *doubtful, end, batch.orbit, one, ENOUGH, np.inf)
-        at = failed_at(sides[0], rows[:, FAILURE + 1 :], first)
+        rows[unsure] = search_pairs(fails, flies, *doubtful, end, batch.orbit, one, ENOUGH, np.inf)
+        at = failed_at(fails, rows[:, FAILURE + 1 :], first)
         return np.stack([first, second], axis=1), np.stack([at, rows[:, TIME], rows[:, RATIO]], axis=1)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
