@@ -18,7 +18,7 @@ from closeform.search.next_locks import (
     foresee_anew,
     forget,
     least_of_row,
-    next_lock,
+    lock_of_pair,
     perfect,
 )
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
@@ -242,7 +242,7 @@ def fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, 
         place(craft, positions[c], velocities[c])
         for a in range(len(foreseen)):
             for b in range(foreseen.shape[1]):
-                foreseen[a, b] = next_lock(turns, craft, a, b, 0.0)
+                foreseen[a, b] = lock_of_pair(turns, craft, a, b, 0.0)
         for w in range(len(ways)):
             place(craft, positions[c], velocities[c])
             begin(monitor, next_locks, foreseen, log)

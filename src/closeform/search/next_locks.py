@@ -57,7 +57,7 @@ def least_of_row(next_locks, a):
 
 
 @kernel()
-def next_lock(turns, craft, a, b, t):
+def lock_of_pair(turns, craft, a, b, t):
     """The next lock of the craft of row a and column b from time t on; inf if they know each other."""
     i, j = turns.first[a], turns.second[b]
     one, other, labels = craft.rows[i], craft.rows[j], craft.labels
@@ -78,7 +78,7 @@ def next_lock(turns, craft, a, b, t):
 def foresee(turns, craft, next_locks, a, b, t):
     """Enter the next lock of the craft of row a and column b from time t on."""
     earliest, partner = next_locks.earliest, next_locks.partner
-    when = next_lock(turns, craft, a, b, t)
+    when = lock_of_pair(turns, craft, a, b, t)
     next_locks.times[a, b] = when
     if when < earliest[a] or (when == earliest[a] and b < partner[a]):
         earliest[a], partner[a] = when, b
