@@ -188,6 +188,19 @@ def test_noise_of_impulses_and_how_it_ends(law):
     assert (both.states - wild.states)[..., :3].std(axis=(0, 1)).max() < 1.03 * shaky.noise
 
 
+def test_an_impulse_that_is_due_at_the_next_measurement_is_left_to_it():
+    """Measured each 310 s at most, in 3000 s they are each 300 s, as flown: by 400 flights."""
+    path = ORBIT.impulsive([0, 400, 0, 0, 0, 0], [0, -300, 200, 0, 0, 0], 3000.0)
+    law = cf.Feedback(310.0, 1800.0, 6)
+    quiet = cf.fly(path, FIELD, feedback=law)
+    noisy = cf.fly(path, FIELD, feedback=law, navigation=SIGHT, seeds=400)
+    room = cf.room(path, FIELD, law, SIGHT)
+    assert room.noise == pytest.approx(cf.tube(ORBIT, cf.Feedback(300.0, 1800.0, 6), SIGHT).noise, rel=1e-9)
+    off = (noisy.states - quiet.states)[:, 0, :, :3]
+    spread = np.linalg.eigvalsh(np.einsum("sti,stj->tij", off, off) / len(off))[:, -1] ** 0.5
+    assert spread.max() == pytest.approx(room.noise, rel=0.06)
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 

@@ -11,6 +11,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats
 from closeform.field.feedback import Feedback, Navigation, kicks_back, left_of, way_back
+from closeform.field.timetable import BESIDE
 from closeform.motion.orbit import Orbit
 
 PARTS = 24  # of an interval, in which a push counts as one
@@ -48,8 +49,9 @@ class ClosedLoop:
         if not feedback.impulses:
             return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since), np.zeros(0))
         fired, gains = kicks_back(orbit, feedback)
-        now = fired < every
-        return cls(orbit, delay, since, *left_of(orbit, feedback, since), gains[now], fired[now])
+        now = fired < every * (1.0 - BESIDE)  # the others are left to the next measurement, as in flight
+        fired, gains = fired[now], gains[now]
+        return cls(orbit, delay, since, *left_of(orbit, fired, gains, since), gains, fired)
 
     @property
     def every(self) -> float:
@@ -172,15 +174,16 @@ class ClosedLoop:
             pushed = self.left[-1] @ pushed
         return COARSE * float(sums[0].max()), COARSE * float(sums[1].max())
 
-    def missed(self, fired: Floats) -> float:
-        """How far off [s] impulses that are not fired bring a craft, `fired` (J,) [s] after measurements.
+    @cached_property
+    def missed(self) -> float:
+        """How far off [s] impulses that are not fired bring a craft.
 
         In the worst directions, all of them: the sum over all that were before.           # theory (94)
         """
-        when = fired[fired < self.every]
-        each = self.orbit.transition(np.maximum(self.since[:, None] - when, 0.0))[..., :3, 3:]
-        own = (np.linalg.norm(each, 2, axis=(2, 3)) * (self.since[:, None] >= when)).sum(axis=1)
-        pushed, total = self.orbit.transition(self.every - when)[..., 3:], own
+        since = self.since[:, None] - self.fired
+        each = self.orbit.transition(np.maximum(since, 0.0))[..., :3, 3:]
+        own = (np.linalg.norm(each, 2, axis=(2, 3)) * (since >= 0.0)).sum(axis=1)
+        pushed, total = self.orbit.transition(self.every - self.fired)[..., 3:], own
         added = np.ones(1)
         while added.max() > FADED * total.max():
             added = np.linalg.norm(self.left[:, None, :3] @ pushed, 2, axis=(2, 3)).sum(axis=1)
@@ -205,7 +208,7 @@ class ClosedLoop:
         first = (share * stretched.T + (1.0 + share) * angle * turned.T).max(axis=0)
         if len(self.fired):  # [m/s]; what their errors' own answers are off by is of third order
             thrust = first + echo * unknown + answer
-            return gain * unknown + self.missed(self.fired) * wrong * thrust + bias, np.zeros_like(thrust)
+            return gain * unknown + self.missed * wrong * thrust + bias, np.zeros_like(thrust)
         thrust = (first + echo * unknown + answer) / np.maximum(1.0 - wrong * echo, np.finfo(float).tiny)
         return gain * (unknown + wrong * thrust) + bias, thrust
 

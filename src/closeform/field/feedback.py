@@ -183,12 +183,11 @@ def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
     return late, np.asarray(left[1] - moved[1] - late @ (left[0] - moved[0]))
 
 
-def left_of(orbit: Orbit, law: Feedback, times: Floats) -> tuple[Floats, Floats]:
-    """M and Phi (T, 6, 6) as of `way_back`, of feedback by impulses, at times (T,) after a measurement."""
+def left_of(orbit: Orbit, fired: Floats, gains: Floats, times: Floats) -> tuple[Floats, Floats]:
+    """M and Phi (T, 6, 6) as of `way_back`, at times (T,) after one measurement, by impulses."""
     moved = orbit.transition(times)
     left = moved.copy()
-    for fired, gain in zip(*kicks_back(orbit, law), strict=True):
-        since = np.maximum(times - fired, 0.0)
-        later = (times >= fired) & (fired < law.every)  # the others are left to the next measurement
-        left += later[:, None, None] * (orbit.transition(since)[:, :, 3:] @ gain)
+    for when, gain in zip(fired, gains, strict=True):
+        since = np.maximum(times - when, 0.0)
+        left += (times >= when)[:, None, None] * (orbit.transition(since)[:, :, 3:] @ gain)
     return left, moved

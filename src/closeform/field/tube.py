@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.field.closed_loop import ClosedLoop, greatest_sigma
-from closeform.field.feedback import Feedback, Navigation, kicks_back, nonnegative
+from closeform.field.feedback import Feedback, Navigation, nonnegative
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
@@ -224,6 +224,6 @@ def tube(
     if missed > 0.0:
         if not feedback.impulses:
             raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
-        missed *= loop.missed(kicks_back(orbit, feedback)[0])
+        missed *= loop.missed
     random, bias = loop.covariances(navigation)[0], loop.biased(navigation)[0]
     return Tube(gain * unknown[()], gain * off[()] + missed, bias, random, k)
