@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +12,7 @@ from closeform.scenario import Scenario
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FlownCases(Result):
+class FlownCases(Result, ABC):
     """What became of C cases of one `kind`, drawn with its seed, as `chunks` hold it."""
 
     kind: Any
@@ -35,6 +36,11 @@ class FlownCases(Result):
 
     def __len__(self) -> int:
         return self.chunks.count
+
+    @property
+    @abstractmethod
+    def ok(self) -> bool:
+        """Whether all is met in every case."""
 
     @property
     def as_in_file(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
@@ -34,7 +34,7 @@ class CampaignStatus(StrEnum):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Campaign(FlownCases, ABC):
+class Campaign(FlownCases):
     """What became of C cases of one `kind`, drawn with its seed, as `chunks` hold it.
 
     `tally` has what is counted in them, chunk after chunk.  As arrays (C,), read when they are asked for:

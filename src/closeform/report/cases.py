@@ -3,9 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from closeform.campaign import Campaign, GatherCampaign, LockCampaign, Share
+from closeform.campaign.flown_cases import FlownCases
 from closeform.confidence import Estimate, estimate
 from closeform.report import repeat, search
 from closeform.report.section import Section
@@ -14,12 +15,6 @@ from closeform.scenario import Scenario
 from closeform.search.phases import labels
 from closeform.search.schedule import Search
 from closeform.verdict import MET, NOT_MET
-
-if TYPE_CHECKING:
-    from closeform.campaign.error_cases import ErrorCampaign
-    from closeform.campaign.mission_cases import MissionCampaign
-    from closeform.campaign.sweep_cases import SweepCampaign
-
 
 Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
 
@@ -42,9 +37,7 @@ def percent(heading: str) -> tuple[Column, Column]:
     )
 
 
-def studied(
-    campaign: "Campaign | ErrorCampaign | MissionCampaign | SweepCampaign", verdict: str
-) -> dict[str, Any]:
+def studied(campaign: FlownCases, verdict: str) -> dict[str, Any]:
     """What was studied, and what it has come to."""
     scenario = campaign.scenario
     return {
@@ -63,9 +56,7 @@ def digests(scenario: Scenario) -> dict[str, str]:
     return {name: f"sha256:{digest}" for name, digest in scenario.digests.items()}
 
 
-def repeated(
-    campaign: "Campaign | ErrorCampaign | MissionCampaign | SweepCampaign", beside: Sequence[str]
-) -> Section:
+def repeated(campaign: FlownCases, beside: Sequence[str]) -> Section:
     """How to repeat a study."""
     scenario = campaign.scenario
     name, study = Path(scenario.file).name, scenario.study

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from closeform.campaign import Campaign
+from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
 from closeform.report import asked, model, results, search, worst
@@ -31,11 +32,6 @@ from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
 from closeform.search.binned import Binned
 from closeform.search.gather_result import listed
-
-if TYPE_CHECKING:
-    from closeform.campaign.error_cases import ErrorCampaign
-    from closeform.campaign.mission_cases import MissionCampaign  # whose plans searches can spare
-    from closeform.campaign.sweep_cases import SweepCampaign
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,21 +207,21 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     return (Table("How long", columns, rows),) if rows else ()
 
 
-def draws(campaign: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign) -> dict[str, Any]:
+def draws(campaign: FlownCases) -> dict[str, Any]:
     """What was drawn, as the file says it."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
-def draw_table(campaign: Campaign | MissionCampaign | SweepCampaign) -> tuple[Table, ...]:
+def draw_table(campaign: FlownCases) -> tuple[Table, ...]:
     """The same as a table."""
     rows = [(key, *sized(draw)) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
     return (Table("Drawn for each case and craft", columns, rows),) if rows else ()
 
 
-def draw_lines(campaign: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign) -> list[str]:
+def draw_lines(campaign: FlownCases) -> list[str]:
     """The same as lines, but for what a sweep has in its table."""
     study = campaign.scenario.study
     assert study is not None
