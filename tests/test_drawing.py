@@ -25,9 +25,10 @@ PICTURES = [
 
 
 @pytest.fixture
-def second(monkeypatch):
+def second(monkeypatch, request):
+    """A second process with its share, that of a run unless a test asks for another."""
     monkeypatch.setattr(drawing, "_seconds", [])
-    drawing.begin()
+    drawing.begin(getattr(request, "param", drawing.DRAWN))
     (second,) = drawing._seconds
     yield second
     second.process.kill()
@@ -53,16 +54,10 @@ def test_the_second_process_draws_the_same(tmp_path, alone, second):
     assert here < alone[1] == len(PICTURES)  # some were drawn there
 
 
-def test_of_a_study_the_second_process_draws_all(tmp_path, monkeypatch):
+@pytest.mark.parametrize("second", [drawing.STUDIED._replace(alone=600.0)], indirect=True)
+def test_of_a_study_the_second_process_draws_all(tmp_path, second):
     """Where this process has not loaded matplotlib, to load it takes longer than a few pictures."""
-    monkeypatch.setattr(drawing, "_seconds", [])
-    drawing.begin(drawing.STUDIED._replace(alone=600.0))
-    try:
-        assert draw(tmp_path)[1] == 0
-    finally:
-        (second,) = drawing._seconds
-        second.process.kill()
-        second.process.communicate()
+    assert draw(tmp_path)[1] == 0
 
 
 def test_one_draws_all_where_the_second_is_gone(tmp_path, alone, second):
