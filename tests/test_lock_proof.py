@@ -153,17 +153,20 @@ def test_counterexamples_never_lock_with_boresights_that_lean_away(degrees, node
     assert still.any() == (degrees == 2.0)
 
 
-def assert_never_lock(proof):
-    """Each with its own errors, seen by bodies that turn for themselves, densely."""
+def lock_of_bodies(state, errors):
+    """When two that turn for themselves, each with its own errors by name (2,), lock; sampled densely."""
     plan = turns("modified", radians(70))
-    errors = {name: getattr(proof.errors, name) for name in ("half_angle", "slew_rate", "start")}
-    errors["slew_acceleration"] = proof.errors.slew_acceleration
+    one, other = (
+        Body(plan, group, **{name: values[side] for name, values in errors.items()})
+        for side, group in enumerate("AB")
+    )
+    return first_lock(one, other, S04.sensor, state[:3], state[3:])
+
+
+def assert_never_lock(proof):
+    names = "half_angle", "slew_rate", "start", "slew_acceleration"
     for k, state in enumerate(proof.counterexamples[:20]):
-        one, other = (
-            Body(plan, group, **{name: values[k, side] for name, values in errors.items()})
-            for side, group in enumerate("AB")
-        )
-        assert np.isnan(first_lock(one, other, S04.sensor, state[:3], state[3:]))
+        assert np.isnan(lock_of_bodies(state, {name: getattr(proof.errors, name)[k] for name in names}))
 
 
 BOUNDS = [
@@ -217,13 +220,9 @@ def test_what_is_proven_locks_with_any_clock_rate_and_ramp(bounds):
     }
     found = cf.lock_times(S04, states[:, :3], states[:, 3:], cf.SearchErrors(**each))
     assert (found.time <= S04.duration).all()
-    plan = turns("modified", radians(70))
     for k in np.argsort(-found.time)[:3]:
-        one, other = (
-            Body(plan, group, **{name: values[k, side] for name, values in each.items()})
-            for side, group in enumerate("AB")
-        )
-        assert first_lock(one, other, S04.sensor, states[k, :3], states[k, 3:]) <= S04.duration
+        own = {name: values[k] for name, values in each.items()}
+        assert lock_of_bodies(states[k], own) <= S04.duration
 
 
 def exact_boresight(time):
