@@ -35,8 +35,9 @@ class Binned:
         bins, phases = int(np.ceil(longest / bin)), search.phases if search is not None else ()
         edges, finer = bin * np.arange(bins + 1), bin / FINER * np.arange(FINER * bins + 1)
         ends = np.array([(start, end) for *_, start, end in phases]).reshape(-1, 2)
-        counts, inside = (np.zeros(size, dtype=np.int64) for size in (FINER * bins, len(phases)))
-        one = cls(bin, np.zeros(bins, dtype=np.int64), counts, inside)
+        sizes = bins, FINER * bins, len(phases)
+        counts, finer_counts, inside = (np.zeros(size, dtype=np.int64) for size in sizes)
+        one = cls(bin, counts, finer_counts, inside)
         for times in parts:
             later = np.sort(times[times > 0.0])
             one.counts += counted_in(later, edges)
