@@ -40,6 +40,20 @@ def test_flights_stay_in_their_room_and_use_it():
     assert (room.greatest < flat.radius).all()
 
 
+def test_intervals_are_those_of_the_flight_wherever_it_begins():
+    """Also where the end less the start is longer by rounding."""
+    begin = 4079.2677706076606
+    assert begin + 3000.0 - begin > 3000.0
+    ends = [[0, 400, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]], [[0, -300, 200, 0, 0, 0], [0, 50, 0, 0, 0, 0]]
+    early, late = (ORBIT.transfer(*ends, 3000.0, start) for start in (0.0, begin))
+    rooms = [cf.room(path, FIELD, navigation=SIGHT).times for path in (early, late)]
+    assert rooms[1] == pytest.approx(rooms[0] + begin)
+    seldom = cf.Feedback(600.0, 900.0)
+    for path in (early, late):  # anew three times, not less than 900 s before the end
+        anew = cf.fly(path, FIELD, "replan", zones=cf.Sphere(5.0), feedback=seldom, navigation=SIGHT)
+        assert anew.replans.tolist() == [3]
+
+
 def test_what_is_not_commanded_against_is_expected():
     """Flown without cancelling: where each craft is, to a hundredth of how far."""
     path = formation()

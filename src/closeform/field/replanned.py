@@ -12,7 +12,7 @@ from closeform.field.course import Flights, commands_of, exactly, flown, togethe
 from closeform.field.drag import ballistics_of
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
-from closeform.field.timetable import Timetable
+from closeform.field.timetable import Timetable, intervals_in
 from closeform.motion.path import Path
 from closeform.planning.reconfigure import reconfigure
 from closeform.zones.pair_zones import PairZones
@@ -42,7 +42,7 @@ class Replanning:
     def instants(self) -> Floats:
         """When plans are made, and the end (M + 1,) [s]."""
         start, end = float(self.paths.start[0]), float(self.paths.end[0])
-        return np.linspace(start, end, int(np.ceil((end - start) / self.law.every)) + 1)
+        return np.linspace(start, end, intervals_in(end - start, self.law.every) + 1)
 
     def flights(
         self, wrong: Callable[[Timetable], tuple[Floats, Floats]]

@@ -16,7 +16,7 @@ from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses
-from closeform.field.timetable import SAME, impulses_of
+from closeform.field.timetable import SAME, impulses_of, intervals_in
 from closeform.field.validity import deviations_of
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
@@ -161,7 +161,7 @@ def room(
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
     start, end = float(paths.start[0]), float(paths.end[0])
-    intervals = int(np.ceil((end - start) / law.every))  # of equal length, as flown
+    intervals = intervals_in(end - start, law.every)
     steps = _steps(min(law.delay / (end - start) * intervals, 1.0))
     times = np.linspace(start, end, steps * intervals + 1)
     loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, steps)

@@ -72,7 +72,7 @@ class Timetable(NamedTuple):
         measurement impulses are fired.  States are shown where one is `looked_at`, too: some of these ends.
         """
         start, end = span
-        looks = 1 if law is None else int(np.ceil((end - start) / law.every - SAME))
+        looks = 1 if law is None else intervals_in(end - start, law.every)
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))
         each = thin * int(np.ceil(each / thin))
@@ -109,6 +109,11 @@ class Timetable(NamedTuple):
         _, first, which = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
         since = begin[first][:, None] + np.diff(nodes)[first][:, None] * np.array([0.0, 0.5, 1.0])
         return self._replace(rows=3 * which.ravel(), since=since.ravel())
+
+
+def intervals_in(duration: float, every: float) -> int:
+    """How many equal intervals between measurements, none longer than `every` [s] but by rounding."""
+    return int(np.ceil(duration / every - SAME))
 
 
 def _snapped(times: Floats, base: Floats) -> Floats:
