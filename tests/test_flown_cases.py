@@ -176,6 +176,17 @@ def test_a_case_does_not_depend_on_its_chunk(missions):
         )
 
 
+def test_no_row_asks_for_what_none_shows(missions, monkeypatch):
+    """What a field makes of a plan by rule, `validity`, takes as long as the plan: a run alone tells it."""
+    asked = []
+    monkeypatch.setattr("closeform.field.validity.validity", lambda *given: asked.append(given))
+    rows = MissionCases(missions.scenario, 7).fly(9, 11)
+    np.testing.assert_array_equal(rows["delta_v_m_s"], missions.column("delta_v_m_s")[9:11])
+    assert not asked
+    fly(case_of(missions.scenario, 9))
+    assert len(asked) == 2  # of a run, for each of its two stages
+
+
 def test_what_is_counted(missions):
     """Who enters, how near, by cause: from the rows themselves."""
     ratios, spent = missions.column("flown_ratio"), missions.column("flown_delta_v_m_s")

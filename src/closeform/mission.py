@@ -47,11 +47,14 @@ from closeform.stage_start import StageStart
 NAMED = 10  # pairs that are named where more never lock
 
 
-def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None) -> Mission:
+def fly(
+    scenario: Scenario, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
+) -> Mission:
     """Fly a scenario's stages; `progress` is told what is under way.
 
     A move that finds no clear path or a search that leaves craft lost ends the mission; the Mission
-    says so in `stopped`.  Raises ScenarioError for numbers that are beyond the mathematics.
+    says so in `stopped`.  `predicted`: whether each stage has the `validity` of its plan in the field of the
+    scenario.  Raises ScenarioError for numbers that are beyond the mathematics.
     """
     orbit = scenario.orbit.build()
     states = scenario.states(orbit)
@@ -68,7 +71,7 @@ def fly(scenario: Scenario, progress: Callable[[str], None] = lambda text: None)
             past[stage.name] = start.time, states
         try:
             result = FLIES[type(stage)](start, stage)
-            result = with_drift(scenario, in_field(scenario, result))
+            result = with_drift(scenario, in_field(scenario, result) if predicted else result)
         except ValueError as error:
             raise ScenarioError(scenario.file, [f"stage[{number}]: {error}"]) from error
         if scenario.uncertain and result.flown:
