@@ -546,3 +546,11 @@ def test_kernels_run_uncompiled_too():
     numbers = [[float.fromhex(word) for word in text.split()] for text in (compiled, plain)]
     assert len(numbers[0]) >= 6
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-9)
+
+
+def test_few_pairs_are_searched_without_a_thread(monkeypatch):
+    """A plan asks for those of its craft again and again: to start a thread takes longer than the search."""
+    places = np.array([[0, -50, 0, 0, 0, 0], [-50, 0, 0, 0, 0, 0.0], [0, 0, 90, 0, 0, 0]])
+    monkeypatch.setattr("threading.Thread.start", lambda thread: pytest.fail("a thread is started"))
+    paths = cf.Orbit(0.0).transfer(places, -places, 100.0)
+    assert cf.screen(paths, cf.Sphere(5.0)).pairs.tolist() == [[0, 1], [0, 2], [1, 2]]

@@ -6,6 +6,7 @@ import os
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,9 +70,13 @@ def chunks(first: Any, second: Any) -> Iterator[tuple[Any, Any]]:
 
 
 def ahead(pool: ThreadPoolExecutor, jobs: Any, search: Any) -> Iterator[Any]:
-    """Results of the jobs in order, few of them under way at once."""
+    """Results of the jobs in order, few of them under way at once; a single one is not worth a thread."""
+    first = list(islice(rest := iter(jobs), 2))
+    if len(first) == 1:
+        yield search(*first[0])
+        return
     waiting: deque[Any] = deque()
-    for job in jobs:
+    for job in chain(first, rest):
         waiting.append(pool.submit(search, *job))
         if len(waiting) > AHEAD:
             yield waiting.popleft().result()
