@@ -14,14 +14,11 @@ from unicodedata import normalize
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from closeform.report.cases_report import CasesReport
     from closeform.report.encounter import EncounterReport
-    from closeform.report.error_study import ErrorStudyReport
     from closeform.report.flight import FlightReport
-    from closeform.report.mission_study import MissionStudyReport
     from closeform.report.run import RunReport
     from closeform.report.screening import ScreenReport
-    from closeform.report.study import StudyReport
-    from closeform.report.sweep_study import SweepReport
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of a terminal's output
@@ -198,11 +195,7 @@ def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: 
     console.print(f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
-def tell_study(
-    report: "StudyReport | ErrorStudyReport | MissionStudyReport | SweepReport",
-    drawn: Sequence[str],
-    place: Path,
-) -> None:
+def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None:
     """Print what a study found; `drawn` says what was drawn for its cases."""
     console = stdout()
     say(console, *report.opening, *drawn)

@@ -2,10 +2,11 @@
 
 from typing import Any
 
+from closeform.report.cases_report import CasesReport
 from closeform.scenario import Scenario
 
 
-def report_of(campaign: Any, scenario: Scenario) -> Any:
+def report_of(campaign: Any, scenario: Scenario) -> CasesReport:
     """The report of a campaign, by what was drawn; only its own kind is loaded."""
     if scenario.points:
         from closeform.report.sweep_study import SweepReport

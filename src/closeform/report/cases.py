@@ -1,22 +1,15 @@
 """What a study of one kind of search has of its own: of first locks, and of gatherings."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from closeform.campaign import Campaign, GatherCampaign, LockCampaign, Share
-from closeform.campaign.flown_cases import FlownCases
 from closeform.confidence import Estimate, estimate
-from closeform.report import repeat, search
-from closeform.report.section import Section
+from closeform.report import search
 from closeform.report.table import Column, Table
-from closeform.scenario import Scenario
 from closeform.search.phases import labels
 from closeform.search.schedule import Search
-from closeform.verdict import MET, NOT_MET
-
-Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
 
 SHARES = (
     "Shares of cases",
@@ -35,37 +28,6 @@ def percent(heading: str) -> tuple[Column, Column]:
         Column(heading, form=lambda share: f"{100.0 * share.share:.3f}", absent=""),
         Column("95 % interval", form=interval, absent=""),
     )
-
-
-def studied(campaign: FlownCases, verdict: str) -> dict[str, Any]:
-    """What was studied, and what it has come to."""
-    scenario = campaign.scenario
-    return {
-        "kind": "study",
-        "title": scenario.title,
-        "inputs": digests(scenario),
-        "seed": campaign.seed,
-        "cases": len(campaign),
-        "status": MET if campaign.ok else NOT_MET,
-        "verdict": verdict,
-    }
-
-
-def digests(scenario: Scenario) -> dict[str, str]:
-    """The hashes of a scenario and of the files that it names."""
-    return {name: f"sha256:{digest}" for name, digest in scenario.digests.items()}
-
-
-def repeated(campaign: FlownCases, beside: Sequence[str]) -> Section:
-    """How to repeat a study."""
-    scenario = campaign.scenario
-    name, study = Path(scenario.file).name, scenario.study
-    command = f"closeform study {name}"
-    if study is not None and study.cases != len(campaign):
-        command += f" --cases {len(campaign)}"
-    if not campaign.as_in_file:
-        command += f" --seed {campaign.seed}"
-    return repeat.section(command, digests(scenario), beside, seed=campaign.seed)
 
 
 @dataclass(frozen=True)

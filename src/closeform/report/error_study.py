@@ -1,8 +1,8 @@
 """The report of a study of errors: in how many cases who comes within what."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +10,11 @@ import numpy as np
 
 from closeform.campaign.error_cases import MET, ErrorCampaign, PairCounts
 from closeform.confidence import Estimate, estimate
-from closeform.report import asked, model, results, worst
-from closeform.report.cases import SHARES, Replays, percent, repeated, studied
-from closeform.report.page import Head
+from closeform.report import asked, model, worst
+from closeform.report.cases import SHARES, percent
+from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, Column, Table, counted
-from closeform.result_folder import Folder
 
 COLUMNS = (
     Column("who", words=True),
@@ -27,7 +26,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True, eq=False)
-class ErrorStudyReport:
+class ErrorStudyReport(CasesReport):
     """What there is to say of a campaign of errors."""
 
     campaign: ErrorCampaign
@@ -96,7 +95,7 @@ class ErrorStudyReport:
         """Every figure printed, in full."""
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
-            **studied(campaign, self.verdict),
+            **self.studied,
             "craft": list(scenario.names),
             "draws": "errors",
             "worst": worst.of_errors(campaign).records,
@@ -110,18 +109,14 @@ class ErrorStudyReport:
             },
         }
 
-    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
-        """Fill a result folder: the page, the summary, rows of cases; `replays` are `pages` begun in it."""
+    def chapters(self, replays: Replays) -> Sequence[Section]:
+        """What the page tells, but for how to repeat it."""
         campaign = self.campaign
-        folder.scenario(campaign.scenario)
-        title, *lines = self.opening
-        head = Head(title, lines, self.verdict, campaign.ok)
         worth = worst.of_errors(campaign)
         sure = [SHARES, *model.of_errors(True)]
-        chapters = (
+        return (
             asked.section(campaign.scenario),
             Section("What was found", self.hint, self.tables),
             *worst.section(replays, Path(campaign.scenario.file).name, worth),
             Section("Limits of the model", tables=(model.certain(sure),)),
         )
-        results.leave(folder, head, chapters, partial(repeated, campaign), self.summary, pages=pages)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,13 @@ import numpy as np
 from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
 from closeform.campaign.spread import Spread
 from closeform.confidence import estimate
-from closeform.report import asked, flown_study, model, results, worst
-from closeform.report.cases import SHARES, Replays, percent, repeated, studied
-from closeform.report.page import Head
+from closeform.report import asked, flown_study, model, worst
+from closeform.report.cases import SHARES, percent
+from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
 from closeform.report.study import draw_table, draws, spread
 from closeform.report.table import Column, Table, counted
-from closeform.result_folder import Folder
 
 ENDED = Column("how cases ended", words=True), Column("cases"), *percent("share [%]")
 WHY = Column("why, numbers left out", words=True), Column("cases"), Column("first")
@@ -32,7 +31,7 @@ DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".for
 
 
 @dataclass(frozen=True, eq=False)
-class MissionStudyReport:
+class MissionStudyReport(CasesReport):
     """What there is to say of a campaign of missions."""
 
     campaign: MissionCampaign
@@ -107,7 +106,7 @@ class MissionStudyReport:
         every = len(campaign)
         shares = {one: vars(estimate(count, every)) for one, count in campaign.counts.items()}
         return {
-            **studied(campaign, self.verdict),
+            **self.studied,
             "craft": list(scenario.names),
             "stages": [stage.verb for stage in scenario.stages],
             "draws": draws(campaign),
@@ -118,16 +117,6 @@ class MissionStudyReport:
             "drifting": dict(zip(("cases", "into_a_zone"), campaign.endings.drifting, strict=True)),
             **({} if campaign.flights is None else {"flights": flown_study.figures(campaign.flights)}),
         }
-
-    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
-        """Fill a result folder; `replays` are `pages` begun in it."""
-        campaign = self.campaign
-        folder.scenario(campaign.scenario)
-        title, *lines = self.opening
-        head = Head(title, lines, self.verdict, campaign.ok)
-        results.leave(
-            folder, head, self.chapters(replays), partial(repeated, campaign), self.summary, pages=pages
-        )
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
         """What the page tells, but for how to repeat it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
@@ -13,29 +13,25 @@ from closeform.campaign import Campaign
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
-from closeform.report import asked, model, results, search, worst
+from closeform.report import asked, model, search, worst
 from closeform.report.cases import (
     SHARES,
     SUBJECTS,
-    Replays,
     Subject,
     percent,
     published,
-    repeated,
     shown,
-    studied,
 )
-from closeform.report.page import Head
+from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
-from closeform.result_folder import Folder
 from closeform.search.binned import Binned
 from closeform.search.gather_result import listed
 
 
 @dataclass(frozen=True, eq=False)
-class StudyReport:
+class StudyReport(CasesReport):
     """What there is to say of a campaign."""
 
     campaign: Campaign
@@ -91,7 +87,7 @@ class StudyReport:
         """Every figure printed, in full."""
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
-            **studied(campaign, self.verdict),
+            **self.studied,
             "failed": campaign.tally.never,
             "asked": {what: {"cases": count, **vars(share)} for what, count, share in wanted(campaign)},
             "craft": list(scenario.names),
@@ -112,14 +108,6 @@ class StudyReport:
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             **self.subject.figures,
         }
-
-    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
-        """Fill a result folder with all that a study leaves; `replays` are `pages` begun in it."""
-        campaign = self.campaign
-        folder.scenario(campaign.scenario)
-        title, *lines = self.opening
-        head = Head(title, lines, self.verdict, campaign.ok)
-        results.leave(folder, head, self.chapters(replays), self.repeated, self.summary, pages=pages)
 
     @property
     def times(self) -> Binned:
@@ -146,10 +134,6 @@ class StudyReport:
             *worst.section(replays, file, worst.greatest(campaign, replays, file)),
             Section("Limits of the model", tables=(model.certain([SHARES, model.LOCKS]),)),
         )
-
-    def repeated(self, beside: Sequence[str]) -> Section:
-        """How to repeat it."""
-        return repeated(self.campaign, beside)
 
 
 def share_table(campaign: Campaign) -> Table:

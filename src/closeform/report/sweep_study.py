@@ -3,26 +3,25 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from closeform.campaign.sweep_cases import Point, SweepCampaign
-from closeform.report import asked, model, results
-from closeform.report.cases import SHARES, Replays, percent, repeated, studied
-from closeform.report.page import Head
+from closeform.report import asked, model
+from closeform.report.cases import SHARES, percent
+from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
 from closeform.report.study import draw_table, draws, spread
 from closeform.report.table import Column, Table
-from closeform.result_folder import Folder
 
 NUMBER = re.compile(r"(.*?)([-+]?\d[\d.]*(?:e[-+]?\d+)?)( ?\D.*|)")  # words, a number, its unit
 
 
 @dataclass(frozen=True, eq=False)
-class SweepReport:
+class SweepReport(CasesReport):
     """What there is to say of a sweep."""
 
     campaign: SweepCampaign
@@ -72,7 +71,7 @@ class SweepReport:
         """Every figure printed, in full."""
         campaign = self.campaign
         return {
-            **studied(campaign, self.verdict),
+            **self.studied,
             "craft": list(campaign.scenario.names),
             "draws": draws(campaign),
             "points": [
@@ -85,16 +84,7 @@ class SweepReport:
             ],
         }
 
-    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
-        """Fill a result folder."""
-        campaign = self.campaign
-        folder.scenario(campaign.scenario)
-        title, *lines = self.opening
-        head = Head(title, lines, self.verdict, campaign.ok)
-        results.leave(folder, head, self.chapters, partial(repeated, campaign), self.summary, pages=pages)
-
-    @property
-    def chapters(self) -> Sequence[Section]:
+    def chapters(self, replays: Replays) -> Sequence[Section]:
         """What the page tells, but for how to repeat it."""
         request = asked.section(self.campaign.scenario)
         return (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from closeform.campaign import Campaign
 from closeform.campaign.search_campaign import LATER
-from closeform.report.cases import Replays
+from closeform.report.cases_report import Replays
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 

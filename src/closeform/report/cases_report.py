@@ -1,0 +1,90 @@
+"""CasesReport: what the reports of all kinds of studies have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from closeform.campaign.flown_cases import FlownCases
+from closeform.report import repeat, results
+from closeform.report.page import Head
+from closeform.report.section import Section
+from closeform.report.table import Table
+from closeform.result_folder import Folder
+from closeform.verdict import MET, NOT_MET
+
+Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
+
+
+class CasesReport(ABC):
+    """What there is to say of the cases of a study, of any kind: of a `campaign`."""
+
+    campaign: FlownCases
+
+    @property
+    @abstractmethod
+    def opening(self) -> tuple[str, ...]:
+        """The title, and what was flown."""
+
+    @property
+    @abstractmethod
+    def hint(self) -> tuple[str, ...]:
+        """How to see a case."""
+
+    @property
+    @abstractmethod
+    def tables(self) -> tuple[Table, ...]:
+        """What was found."""
+
+    @property
+    @abstractmethod
+    def verdict(self) -> str:
+        """The last line."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Every figure printed, in full; those of `studied` are the first."""
+
+    @abstractmethod
+    def chapters(self, replays: Replays) -> Sequence[Section]:
+        """What the page tells, but for how to repeat it."""
+
+    @property
+    def studied(self) -> dict[str, Any]:
+        """What was studied, and what it has come to."""
+        campaign = self.campaign
+        return {
+            "kind": "study",
+            "title": campaign.title,
+            "inputs": self.digests,
+            "seed": campaign.seed,
+            "cases": len(campaign),
+            "status": MET if campaign.ok else NOT_MET,
+            "verdict": self.verdict,
+        }
+
+    @property
+    def digests(self) -> dict[str, str]:
+        """The hashes of the scenario and of the files that it names."""
+        return {name: f"sha256:{digest}" for name, digest in self.campaign.scenario.digests.items()}
+
+    def repeated(self, beside: Sequence[str]) -> Section:
+        """How to repeat it."""
+        campaign = self.campaign
+        study = campaign.scenario.study
+        command = f"closeform study {Path(campaign.scenario.file).name}"
+        if study is not None and study.cases != len(campaign):
+            command += f" --cases {len(campaign)}"
+        if not campaign.as_in_file:
+            command += f" --seed {campaign.seed}"
+        return repeat.section(command, self.digests, beside, seed=campaign.seed)
+
+    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
+        """Fill a result folder with all that a study leaves; `replays` are `pages` begun in it."""
+        folder.scenario(self.campaign.scenario)
+        title, *lines = self.opening
+        head = Head(title, lines, self.verdict, self.campaign.ok)
+        results.leave(folder, head, self.chapters(replays), self.repeated, self.summary, pages=pages)
