@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from closeform.campaign.draws import drawn, failing, flight_seed, searching, values, varied
 from closeform.scenario import Craft, Scenario, ScenarioError
-from closeform.scenario.study import FAILS, FLOWN, STATES
+from closeform.scenario.study import FAILS, STATES, UNPLANNED
 from closeform.search.search_errors import first_of
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
         states = states + [history.starts(craft) for craft in scenario.craft]
     columns = {"position": states[:, :3], "velocity": states[:, 3:]}
     for key in varied(scenario):
-        if key.startswith("craft.") and not key.startswith((*STATES, FAILS, *FLOWN)):
+        if key.startswith("craft.") and not key.startswith((*STATES, FAILS, *UNPLANNED)):
             columns[field_of(key)] = values(scenario, seed, key, case, case + 1)[0]
     errors = searching(scenario, seed, case, case + 1)
     found = replace(
@@ -76,7 +76,7 @@ def flight_of(scenario: Scenario, seed: int, case: int) -> Scenario | None:
     """A case with what it draws of how it flies, which its plans do not know; None where that is nothing."""
     found = scenario
     for key in varied(scenario):
-        if not key.startswith(FLOWN):
+        if not key.startswith(UNPLANNED):
             continue
         value = values(scenario, seed, key, case, case + 1)[0]
         table, _, name = key.rpartition(".")

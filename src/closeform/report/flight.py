@@ -20,7 +20,7 @@ from closeform.report.section import Section
 from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Table, counted
 from closeform.result_folder import Folder
-from closeform.scenario.study import FLOWN, readers
+from closeform.scenario.study import UNPLANNED, readers
 from closeform.verdict import Entered
 from closeform.zones.pair_zones import PairZones
 
@@ -89,7 +89,7 @@ class FlightTold:
             return ()
         told = []
         for key in scenario.study.vary:
-            if key.startswith(FLOWN) and (reader := readers()[key]) is not None:
+            if key.startswith(UNPLANNED) and (reader := readers()[key]) is not None:
                 values = ", ".join(f"{value:.4g}" for value in scenario.truth.given(key))
                 told.append(f"{key} {values} {reader.kind.units[0]}")
         return (f"Drawn, and not known to plans: {'; '.join(told)}",)

@@ -21,7 +21,7 @@ from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather
-from closeform.scenario.study import FAILS, FLOWN, SEARCHED, STATES, Study
+from closeform.scenario.study import FAILS, SEARCHED, STATES, UNPLANNED, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
@@ -262,9 +262,9 @@ class Scenario:
                 lines.append(f"{place}: a gathering cannot have it yet; {remedy}")
             elif key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
-            elif key.startswith(FLOWN) and self.flights is None:
+            elif key.startswith(UNPLANNED) and self.flights is None:
                 lines.append(f"{place}: is of flights, and cases fly none; add [flight], or remove it")
-            elif key not in SEARCHED and not key.startswith(("craft.", *FLOWN)):
+            elif key not in SEARCHED and not key.startswith(("craft.", *UNPLANNED)):
                 lines.append(f"{place}: is one for all cases; run the study for each value")
         return tuple(lines)
 

@@ -35,7 +35,7 @@ TABLES: dict[str, type[Table]] = {  # whose keys with a number may vary
     "orbit.field": FieldTable,
 }
 TABLED = "navigation.", "feedback.", "orbit.field."  # one value for all craft
-FLOWN = "craft.ballistic", *TABLED  # how flights go: plans do not know
+UNPLANNED = "craft.ballistic", *TABLED  # how flights go: plans do not know
 NORMAL_REACH = 8.3  # sigmas: no random number of 53 bits is beyond
 ROW = re.compile(r"source|at once|never|(IPS|OPS|mOPS|NFS) [1-9][0-9]*")
 Step = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
