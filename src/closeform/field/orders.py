@@ -10,6 +10,12 @@ SIDE, BIT, STRENGTH, THRUSTER = 0, 3, 4, 5  # of a thruster: where it pushes, th
 CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and what tells how much of each
 
 
+@kernel(inline=True)
+def asked(facet, k, x, y, z):
+    """How much of its thruster `k` a facet takes for a push."""
+    return x * facet[INVERSE + k] + y * facet[INVERSE + 3 + k] + z * facet[INVERSE + 6 + k]
+
+
 @kernel()
 def order(course, lanes, m, node, given):
     """Tell the thrusters of a lane what to do in the slot that begins at a node.
@@ -28,19 +34,14 @@ def order(course, lanes, m, node, given):
     for f in range(len(facets)):
         lowest = 1e300
         for k in range(3):
-            q = x * facets[f, INVERSE + k] + y * facets[f, INVERSE + 3 + k] + z * facets[f, INVERSE + 6 + k]
-            lowest = min(lowest, q)
+            lowest = min(lowest, asked(facets[f], k, x, y, z))
         if lowest > least:
             best, least = f, lowest
     fx, fy, fz, short = 0.0, 0.0, 0.0, False
     for k in range(3):
         j = int(facets[best, CORNER + k])
         own, free = course.thrusters[i, j], course.free[i, j]
-        q = (
-            x * facets[best, INVERSE + k]
-            + y * facets[best, INVERSE + 3 + k]
-            + z * facets[best, INVERSE + 6 + k]
-        )
+        q = asked(facets[best], k, x, y, z)
         most = own[STRENGTH] * (free[until] - free[node])
         if q < own[BIT] or q <= 0.0:
             q = 0.0
