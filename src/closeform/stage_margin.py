@@ -31,7 +31,7 @@ def with_margin(
 
     told, field = start.scenario.flight, start.scenario.field
     assert field is not None
-    law = told["feedback"] or usual_feedback("track", at_once(start.scenario))
+    law = told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario))
     sight, errors = told["navigation"], told["thrust_error"][who]
 
     def lasting(margin: Any) -> Any:
@@ -62,7 +62,7 @@ def with_margin(
     raise ValueError(f"margin: still short of {needed:.3g} m after {ROUNDS} plans; give more time")
 
 
-def at_once(scenario: Scenario) -> bool:
+def led_by_impulses(scenario: Scenario) -> bool:
     """Whether a run is led back by impulses or burns: someone has thrusters, or plans by impulses."""
     free = any(not craft.limited for craft in scenario.craft)
     impulsive = free and any(getattr(stage, "cost", None) == "delta-v" for stage in scenario.stages)
