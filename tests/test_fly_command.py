@@ -250,6 +250,17 @@ thrust_error = "2 %, 1 deg"
 """
 
 
+def test_no_tube_is_told_of_planned_impulses(tmp_path: Path, capsys):
+    """They are off with what they give at once, which no tube of thrust that lasts holds."""
+    feedback = '[feedback]\nevery = "60 s"\n'
+    swapped(tmp_path, swap(more='cost = "delta-v"\n' + NAVIGATION + feedback))
+    capsys.readouterr()
+    _, summary, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "4")
+    assert summary["feedback"]["impulses"] == 0
+    assert "tube" not in summary
+    assert "of flights stay within" not in capsys.readouterr().out
+
+
 def test_thrusters_fire_what_leads_back(tmp_path: Path):
     """Two stages, led back to the certified path of the pulses; each thruster counts, and grams."""
     text = swap(craft=SHOOTERS, more='margin = "3 m"\n' + COAST + NAVIGATION)

@@ -169,9 +169,10 @@ class FlownRun:
     def tube(self) -> Tube | None:
         """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
 
-        Those lead back to what they fly when changed for the field, which is off the plan between them.
+        Those lead back to what they fly when changed for the field, which is off the plan between them.  How
+        far planned ones are off depends on the plan.
         """
-        if self.control != "track" or self.told["feedback"].impulses:
+        if self.control != "track" or self.told["feedback"].impulses or fires_impulses(self.run.paths):
             return None
         sizes = np.broadcast_to(self.told["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)
