@@ -168,7 +168,7 @@ def judge(rng, samples):
     if alone and not impulsive:
         at, when = np.array([found.failed_at]), np.array([found.time])
         gap = [
-            (one.lost(rng, at, when) if fail else one.states(when))[:, :3]
+            (one.lost(rng, np.minimum(at, one.path.end), when) if fail else one.states(when))[:, :3]
             for one, fail in zip(two, fails[found.failing], strict=True)
         ]
         attained = keep_out.norm(gap[0] - gap[1])[0]
