@@ -1,16 +1,24 @@
-"""The least ratio of each pair of craft that are known at equal steps."""
+"""The least ratio of each pair of craft that are known at some times."""
 
 from collections.abc import Sequence
+from math import inf, nan
 from typing import Any
 
 import numpy as np
+from numba import float64, int64, void
 
 from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, stack_matrix
+from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, store
+from closeform.motion.extrema import advance, minimum_norm
 from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import PairZones, by_zone, pair_zones
+from closeform.zones.shapes import FORM, norm
 from closeform.zones.zone import Zone
 
-FINER = 8  # instants of each step about the nearest, on the cubics through states
+FINER = 8  # instants of each step, where a picture shows the cubics between states
+BODIES = float64[:, :, ::1]
 
 
 def least_ratios(
@@ -18,6 +26,7 @@ def least_ratios(
 ) -> tuple[Any, Floats]:
     """Pairs i < j (P, 2) with a zone, and their least norms (P,), of `states` (N, T, 6) at `times` (T,).
 
+    At all instants: between states on the cubics through them, as certain as a closest approach is.
     `arrivals` are the states before impulses at these times.
     """
     if zones is None:
@@ -25,11 +34,12 @@ def least_ratios(
     first, second = np.triu_indices(len(states), 1)
     pairs = np.stack([first, second], axis=1)
     which, shapes = zones_of(first, second, len(states), zones)
-    least = np.full(len(pairs), np.inf)
+    least = np.full(len(pairs), inf)
+    known = [np.ascontiguousarray(one) for one in (states, arrivals, times)]
     for k, some in by_zone(which):
-        i, j = first[some], second[some]
-        before = states[i] - states[j] if arrivals is states else arrivals[i] - arrivals[j]
-        least[some] = least_norms(states[i] - states[j], before, times, shapes[k])
+        found = np.empty(len(some))
+        least_of_pairs(*known, first[some], second[some], shapes[k].form, found)
+        least[some] = found
     return pairs[which != NONE], least[which != NONE]
 
 
@@ -41,22 +51,72 @@ def zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tu
     return which, zones.zones
 
 
-def least_norms(motions: Floats, arrivals: Floats, times: Floats, zone: Zone) -> Floats:
-    """The least norm of each of some relative motions (P, T, 6), by the cubics beside the nearest state."""
-    norms = zone.norm(motions[..., :3])
-    k = np.clip(norms.argmin(axis=1), 1, norms.shape[1] - 2) if len(times) > 2 else np.ones(len(norms), int)
-    rows = np.arange(len(motions))
-    least = norms.min(axis=1)
-    for one in (k - 1, np.minimum(k, len(times) - 2)):
-        step = times[one + 1] - times[one]
-        found = zone.norm(cubic(motions[rows, one], arrivals[rows, one + 1], step[:, None, None]))
-        m = np.clip(found.argmin(axis=1), 1, FINER - 1)
-        before, here, after = (found[rows, m + side] ** 2 for side in (-1, 0, 1))
-        inside = (here <= before) & (here <= after) & (before + after > 2.0 * here)
-        bend = np.where(inside, before - 2.0 * here + after, np.inf)
-        lower = np.maximum(here - (after - before) ** 2 / (8.0 * bend), 0.0)  # by a parabola of squares
-        least = np.minimum(least, np.minimum(np.sqrt(lower), found.min(axis=1)))
-    return np.asarray(least)
+@kernel(void(BODIES, BODIES, float64[::1], int64[::1], int64[::1], FORM, float64[::1]))
+def least_of_pairs(
+    states: Floats, arrivals: Floats, times: Floats, first: Any, second: Any, form: Any, out: Floats
+) -> None:
+    """Least norm of every pair, on the cubics from each of some states to the next arrival."""
+    states, arrivals = borrowed(states), borrowed(arrivals)
+    shape, matrix, faces = form[0], borrowed(form[1]), borrowed(form[2])
+    q, end = stack_matrix(8, 3), stack_matrix(2, 3)
+    for pair in range(len(first)):
+        i, j = first[pair], second[pair]
+        best = inf
+        for k in range(len(times)):
+            between(states[i, k], states[j, k], matrix, q)
+            best = min(best, norm(shape, faces, q[0, 0], q[0, 1], q[0, 2]))
+        for k in range(len(times) - 1):
+            h = times[k + 1] - times[k]
+            between(states[i, k], states[j, k], matrix, q)
+            between(arrivals[i, k + 1], arrivals[j, k + 1], matrix, end)
+            if least_possible(shape, faces, q, end, h) < best:
+                bend(q, end, h)
+                best = least_of_cubic(shape, faces, q, h, best)
+        out[pair] = best
+
+
+@kernel()
+def between(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
+    """Fill two rows of `q` with where one craft is from another, and how fast, in zone coordinates."""
+    for row in range(2):
+        k = 3 * row
+        store(q, row, matrix, one[k] - two[k], one[k + 1] - two[k + 1], one[k + 2] - two[k + 2])
+
+
+@kernel()
+def least_possible(shape: int, faces: Floats, q: Floats, end: Floats, h: float) -> float:
+    """A norm below which a cubic never falls: that at its begin less the way to its control points."""
+    far = 0.0
+    for a, b, c in ((h / 3.0, 0.0, 0.0), (0.0, 1.0, -h / 3.0), (0.0, 1.0, 0.0)):
+        x, y, z = (
+            a * q[1, 0] + b * (end[0, 0] - q[0, 0]) + c * end[1, 0],
+            a * q[1, 1] + b * (end[0, 1] - q[0, 1]) + c * end[1, 1],
+            a * q[1, 2] + b * (end[0, 2] - q[0, 2]) + c * end[1, 2],
+        )
+        far = max(far, norm(shape, faces, -x, -y, -z))
+    begun: float = norm(shape, faces, q[0, 0], q[0, 1], q[0, 2])
+    return begun - far
+
+
+@kernel()
+def bend(q: Floats, end: Floats, h: float) -> None:
+    """Fill the second and third derivative of the cubic that gets to its `end` in h."""
+    for axis in range(3):
+        way, v, w = end[0, axis] - q[0, axis], q[1, axis], end[1, axis]
+        q[2, axis] = (6.0 * way / h - 4.0 * v - 2.0 * w) / h
+        q[3, axis] = (6.0 * (v + w) - 12.0 * way / h) / (h * h)
+
+
+@kernel()
+def least_of_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: float) -> float:
+    """The least norm of a cubic until it stops, if below `best`; spoils `q`."""
+    patience = PATIENCE
+    while True:
+        best, _, reached = minimum_norm(shape, faces, q, 4, 0.0, 0.0, stop, patience, best, nan)
+        if reached >= stop:
+            return best
+        advance(q, 0.0, reached)
+        stop, patience = stop - reached, LESS_PATIENCE
 
 
 def cubic(one: Floats, two: Floats, step: Floats) -> Floats:

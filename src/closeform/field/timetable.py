@@ -79,7 +79,7 @@ class Timetable(NamedTuple):
         base = np.linspace(start, end, looks * each + 1)
         measured = base[:-1:each]
         inside = offsets[offsets < (end - start) / looks * (1.0 - BESIDE)]
-        kicked = _snapped(measured[:, None] + inside, np.sort(fired))
+        kicked = snapped(measured[:, None] + inside, np.sort(fired))
         firing = np.unique(np.concatenate([kicked.ravel(), fired]))
         edges = joined(edges[edges > start + SAME], np.union1d(base, firing))
         looked_at = joined(looked_at[looked_at > start + SAME], np.union1d(edges, np.union1d(base, firing)))
@@ -116,7 +116,7 @@ def intervals_in(duration: float, every: float) -> int:
     return int(np.ceil(duration / every - SAME))
 
 
-def _snapped(times: Floats, base: Floats) -> Floats:
+def snapped(times: Floats, base: Floats) -> Floats:
     """Times, and in place of those that differ from one of a base by rounding that one."""
     if not len(base):
         return times
@@ -126,7 +126,7 @@ def _snapped(times: Floats, base: Floats) -> Floats:
 
 def joined(times: Floats, base: Floats) -> Floats:
     """Times before the end of a base, each once, as in the base where they differ from it by rounding."""
-    times = np.unique(_snapped(times, base))
+    times = np.unique(snapped(times, base))
     apart = np.diff(times, prepend=-np.inf) > SAME
     return np.asarray(times[apart & (times < base[-1] - SAME)])
 

@@ -16,7 +16,10 @@ from closeform.field.flown_plan import paths_to_fly
 from closeform.field.least_ratios import least_ratios
 from closeform.field.residual import residuals
 from closeform.field.rule import HALF, MOST, ends_off, flattening_at
+from closeform.field.timetable import impulses_of, snapped
+from closeform.motion.arc import START
 from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
@@ -47,7 +50,7 @@ class Validity(Result):
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     planned : array of shape (P,), no unit
-        The least ratio of each pair at these times as planned.
+        The least ratio of each pair as planned, at these times and between them.
     flown : array of shape (P,), no unit
         The same as predicted: below 1 the zone is entered.
     """
@@ -135,15 +138,38 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
         if size * size <= WITHIN * before:  # what the next would change, as they fall by equal shares
             break
     deviations = off[:, ::2]
-    coarse = states[:, ::2]
-    pairs, planned = least_ratios(coarse, coarse, times[::2], zones)
-    off = coarse + deviations
-    _, flown = least_ratios(off, off, times[::2], zones)
+    pairs, planned, flown = _least(paths, times[::2], deviations, zones)
     distance = np.linalg.norm(states[..., :3], axis=2).max(axis=1)
     half, most = (
         _by_rule(field, distance, (end - start) / orbit.period, orbit.period, rule) for rule in (HALF, MOST)
     )
     return Validity(described(field), half, most, greatest, times[::2], deviations, pairs, planned, flown)
+
+
+def _least(
+    paths: Path, times: Floats, deviations: Floats, zones: Zone | PairZones | None
+) -> tuple[Any, Floats, Floats]:
+    """Pairs (P, 2), their least ratios (P,) as planned, and with deviations (N, T, 6) at times (T,)."""
+    begins = np.unique(paths.arcs[:, START])
+    nodes = np.union1d(begins, snapped(times, begins))  # thrust and velocities jump at no other time
+    states, jumps = paths.state(nodes), np.zeros((len(paths), len(nodes), 6))
+    craft, fired, sizes = impulses_of(paths)
+    jumps[craft, np.searchsorted(nodes, fired), 3:] = sizes
+    off = states + _carried(times, deviations, nodes)
+    pairs, planned = least_ratios(states, states - jumps, nodes, zones)
+    return pairs, planned, least_ratios(off, off - jumps, nodes, zones)[1]
+
+
+def _carried(times: Floats, deviations: Floats, nodes: Floats) -> Floats:
+    """Deviations (N, K, 6) at nodes (K,), on the cubics through those (N, T, 6) at equal steps."""
+    h = times[1] - times[0]
+    k = np.clip(np.searchsorted(times, nodes, "right") - 1, 0, len(times) - 2)
+    s = ((nodes - times[k]) / h)[:, None]
+    one, two = deviations[:, k], deviations[:, k + 1]
+    r, v, w = two[..., :3] - one[..., :3], one[..., 3:], two[..., 3:]
+    place = one[..., :3] + s * s * (3.0 - 2.0 * s) * r + h * s * (1.0 - s) * ((1.0 - s) * v - s * w)
+    speed = 6.0 / h * s * (1.0 - s) * r + (1.0 - s) * (1.0 - 3.0 * s) * v + s * (3.0 * s - 2.0) * w
+    return np.concatenate([place, speed], axis=2)
 
 
 def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, ...]:
