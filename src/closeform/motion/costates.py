@@ -22,13 +22,14 @@ from closeform.motion.primer import NARROWEST, UNCLEAR, kind_of, series
 COASTING, RISING, SATURATED = 0, 1, 2  # |p| below both levels, between them, beyond both
 
 # Six points of Gauss and their weights on [0, 1]; a piece turns the direction of p by TURN at most
-# and the orbit by ANGLE: what is left out is below 1e-12.
+# and the orbit by ANGLE, or by twice that where thrust is p: what is left out is below 1e-12.
 POINTS: tuple[float, ...] = (0.033765242898423975, 0.16939530676686776, 0.38069040695840156)
 POINTS += (0.6193095930415985, 0.8306046932331322, 0.966234757101576)
 WEIGHTS: tuple[float, ...] = (0.08566224618958525, 0.1803807865240693, 0.23395696728634552)
 WEIGHTS += (0.23395696728634552, 0.1803807865240693, 0.08566224618958525)
 TURN, ANGLE = 0.35, 0.5
 SHORTEST = 1e-14  # piece, as a share of the duration
+SQUARED = 1e-9  # of a piece: after so short a step of Newton's the next is rounding
 
 
 @kernel()
@@ -71,6 +72,8 @@ def crossing(n, c, start, end, level):
         else:
             low = t
         there = t - 0.5 * f / half if half != 0.0 else low
+        if low < there < high and abs(there - t) <= SQUARED * (end - start):
+            return there
         if not low < there < high:
             there = 0.5 * (low + high)
         if abs(there - t) <= 1e-15 * end:
@@ -82,15 +85,16 @@ def crossing(n, c, start, end, level):
 @kernel()
 def left(n, c, start, end, level, outside):
     """When |p| first leaves its side of `level`, in a piece with one turn of it at most; else `end`."""
-    first, before = square(n, c, start, level)
-    last, after = square(n, c, end, level)
     away = 1.0 if outside else -1.0
-    turn = start
-    if before * after < 0.0:
+    last, after = square(n, c, end, level)
+    if last * away < 0.0:
+        return crossing(n, c, start, end, level)
+    before = square(n, c, start, level)[1]
+    if before * away < 0.0 and after * away > 0.0:
         turn = turning(n, c, start, end, before)
-        if before * away < 0.0 and square(n, c, turn, level)[0] * away < 0.0:
+        if square(n, c, turn, level)[0] * away < 0.0:
             return crossing(n, c, start, turn, level)
-    return crossing(n, c, turn, end, level) if last * away < 0.0 else end
+    return end
 
 
 @kernel()
@@ -104,8 +108,9 @@ def side(n, c, t, low, high):
 @kernel()
 def piece_end(n, duration, c, t, region, low, high):
     """End of the piece that begins at time t in a region of |p|, and the region after it."""
-    end = duration if n == 0.0 else min(duration, t + ANGLE / n)
-    if region == SATURATED or (region == RISING and low > 0.0):
+    bent = region == SATURATED or (region == RISING and low > 0.0)  # thrust, where p is not
+    end = duration if n == 0.0 else min(duration, t + (ANGLE if bent else 2.0 * ANGLE) / n)
+    if bent:
         x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
         speed = sqrt(vx * vx + vy * vy + vz * vz)
         if speed * (end - t) > TURN * sqrt(x * x + y * y + z * z):

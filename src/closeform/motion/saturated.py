@@ -105,18 +105,19 @@ def fly(n, duration, origin, c, low, e, limit, rows, first):
     values = stack_matrix(3, 6)
     start, high = origin[START], low + e * limit
     t, region, k = 0.0, side(n, c, 0.0, low, high), first
+    pace = duration  # the longest piece that may do
     before = origin
     while t < duration:
         end, after = t, region
         while after == region and end < duration:
             end, after = piece_end(n, duration, c, end, region, low, high)
         natural = region == COASTING or (region == RISING and low == 0.0)
-        h = end - t
+        if not natural:
+            thrust_and_rate(n, c, t, region, low, e, limit, values[0])
         while t < end:
             if k == len(rows):
                 return -1
-            if end - t < 1.5 * h:
-                h = end - t if end - t <= h else 0.5 * (end - t)
+            h = end - t if natural or end - t <= pace else min(pace, 0.5 * (end - t))
             row = rows[k]
             begins = before[END] if k > first else start
             ends = origin[END] if t + h >= duration else start + t + h
@@ -129,18 +130,18 @@ def fly(n, duration, origin, c, low, e, limit, rows, first):
                     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
                     store(row, THRUST, x, y, z, vx, vy, vz)
             else:
-                for q in range(3):
+                for q in range(1, 3):
                     thrust_and_rate(n, c, t + 0.5 * q * h, region, low, e, limit, values[q])
                 off = push_along(n, h, values[0], values[1], values[2], limit, row)
                 allowed = OFF + ROUNDING / (e * limit) if region == RISING else OFF
                 factor = 0.9 * sqrt(sqrt(allowed / max(off, 1e-4 * allowed)))
                 if off > allowed and h > NARROWEST * duration:
-                    h *= max(0.1, min(factor, 0.9))
+                    pace = h * max(0.1, min(factor, 0.9))
                     continue
-                t = end if h == end - t else t + h
-                h *= factor
-            if natural:
-                t = end
+                pace = h * factor
+                for q in range(6):
+                    values[0, q] = values[2, q]
+            t = end if h == end - t else t + h
             before = row
             k += 1
         t, region = end, after

@@ -11,7 +11,7 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.saturated import CLOSE, ENOUGH, NEEDED, POSSIBLE, PROOF, UNDECIDED, limit_thrust
 from closeform.motion.short_burns import short_burns
 
-ROOM, MORE = 40, 80  # arcs a path, of which a batch is given room at first, and beside
+ROOM, MORE = 40, 1000  # arcs a path, of which a batch is given room at first, and beside
 DEARER = 1e-3  # by what share of impulses short burns may cost more
 
 
