@@ -1,10 +1,11 @@
 """The benchmark: closeform and its peers on the same work, side by side in one run.
 
-    python benchmarks/run.py            measures everything, prints it and writes docs/benchmarks.md
-    python benchmarks/run.py --quick    a small version that only shows that everything runs
+    python benchmarks/run.py                 measures everything, prints it and writes docs/benchmarks.md
+    python benchmarks/run.py --only fuel     measures a section anew; the others stay on the page as they are
+    python benchmarks/run.py --quick         a small version that only shows that everything runs
 
 Each section runs in a process of its own, so that none disturbs another; those that compare
-single cores are pinned to one.
+single cores are pinned to one.  What was measured last is kept in benchmarks/measured.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from datetime import date
 from pathlib import Path
 
 from tables import Report, Table, as_markdown, as_text, figures_table, seconds
@@ -45,31 +47,47 @@ LIMIT = 600  # seconds a section may take
 TESTS = Path(__file__).parents[1] / "tests"  # formations fixed before the planner was tuned
 TOOLS = Path(__file__).parents[1] / "tools"  # crowds
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
+MEASURED = Path(__file__).parent / "measured"  # SECTION.json: when, on what machine, and its report
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="closeform and its peers on the same work.")
     parser.add_argument("--quick", action="store_true", help="a small version; writes no page")
-    parser.add_argument("--only", choices=SECTIONS, nargs="+", help="some sections; writes no page")
+    parser.add_argument(
+        "--only", choices=SECTIONS, nargs="+", help="some sections; the page keeps the others"
+    )
     parser.add_argument("--result", type=Path, help=argparse.SUPPRESS)  # a section's own process
     arguments = parser.parse_args()
     if arguments.result:
         measure_here(arguments.only[0], arguments.quick, arguments.result)
         return 0
-    chosen = arguments.only or list(SECTIONS)
-    reports = [measured(section, arguments.quick) for section in chosen]
-    tables = [figures_table([figure for report in reports for figure in report.figures])]
-    tables += [table for report in reports for table in report.tables]
-    speeds = {name: speed for report in reports for name, speed in report.speeds.items()}
-    tables.append(on_board(speeds))
+    reports = {name: measured(name, arguments.quick) for name in arguments.only or SECTIONS}
     print(machine())
-    for table in tables:
+    for table in tables_of(reports):
         print("\n" + as_text(table))
-    if not arguments.quick and not arguments.only:
-        PAGE.parent.mkdir(exist_ok=True)
-        PAGE.write_text(page(tables), encoding="utf-8")
-        say(f"wrote {PAGE}")
-    return 1 if any(report.failed for report in reports) else 0
+    if not arguments.quick:
+        keep(reports)
+    return 1 if any(report.failed for report in reports.values()) else 0
+
+
+def keep(reports: dict[str, Report]) -> None:
+    """Write what was measured, and the page of what was measured last of every section."""
+    MEASURED.mkdir(exist_ok=True)
+    for name, report in reports.items():
+        if not report.failed:
+            plain = {"date": date.today().isoformat(), "machine": machine(), "report": report.plain()}
+            text = json.dumps(plain, indent=1, ensure_ascii=False)
+            (MEASURED / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+    PAGE.write_text(page(), encoding="utf-8")
+    say(f"wrote {PAGE}")
+
+
+def tables_of(reports: dict[str, Report]) -> list[Table]:
+    """Figures to reach, then each section's tables."""
+    figures = [figure for report in reports.values() for figure in report.figures]
+    speeds = {name: speed for report in reports.values() for name, speed in report.speeds.items()}
+    sections = [table for report in reports.values() for table in report.tables]
+    return [figures_table(figures), *sections, on_board(speeds)]
 
 
 def measured(section: str, quick: bool) -> Report:
@@ -127,12 +145,23 @@ def on_board(speeds: dict[str, float]) -> Table:
     return Table("On board a satellite", columns, rows, [note])
 
 
-def page(tables: list[Table]) -> str:
-    """docs/benchmarks.md."""
+def page() -> str:
+    """docs/benchmarks.md, of what was measured last of every section."""
+    kept = {
+        name: json.loads(file.read_text(encoding="utf-8"))
+        for name in SECTIONS
+        if (file := MEASURED / f"{name}.json").exists()
+    }
+    runs: dict[tuple[str, str], list[str]] = {}
+    for name, one in kept.items():
+        runs.setdefault((one["machine"], one["date"]), []).append(name)
+    told = "\n".join(f"- {', '.join(names)}: {day}, {on}" for (on, day), names in sorted(runs.items()))
     head = f"""# Benchmarks
 
-Written by `python benchmarks/run.py`; do not edit. Everything was measured in one run on this machine:
-{machine()}.
+Written by `python benchmarks/run.py`; do not edit. Each section of `benchmarks/sections` was measured in
+one run:
+
+{told}
 
 Times are medians; “spread” is half the range of the repeats over the median; “takes” is the time relative to
 closeform's in the same table. Compilation is left out, except where a table says so. The peers are in
@@ -144,6 +173,7 @@ closeform's in the same table. Compilation is left out, except where a table say
 V-BAR needs Python 3.12; on 3.11 its table says that it was left out, and so does
 that of Basilisk without the extra `basilisk`.
 """
+    tables = tables_of({name: Report.from_plain(one["report"]) for name, one in kept.items()})
     return head + "\n" + "\n".join(as_markdown(table) for table in tables)
 
 
