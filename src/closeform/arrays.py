@@ -74,6 +74,9 @@ def sequence(name: str, value: Any, *kinds: Any) -> list[Any]:
 
 def broadcast(**shapes: tuple[int, ...]) -> tuple[int, ...]:
     """The batch shape of several arguments; ValueError naming them where there is none."""
+    batches = {shape for shape in shapes.values() if shape}
+    if len(batches) <= 1:
+        return batches.pop() if batches else ()
     try:
         return np.broadcast_shapes(*shapes.values())
     except ValueError:

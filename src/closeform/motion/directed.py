@@ -18,7 +18,7 @@ from scipy.optimize import linprog
 
 from closeform.arrays import Floats, shown
 from closeform.motion.arc import END, START, STATE
-from closeform.motion.impulses import check_lengths
+from closeform.motion.impulses import longest_turn
 from closeform.motion.reduced import ANSWER, COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.steering import transitions
 
@@ -153,7 +153,7 @@ def answers_of(
     """
     if not hasattr(thrusters, "directions"):
         raise ValueError(f"thrusters: expected Thrusters, got {shown(thrusters)}")
-    check_lengths(mean_motion, arcs)
+    longest_turn(mean_motion, arcs)
     directions, inertial = thrusters.directions, thrusters.frame == "inertial"
     out = np.zeros((len(arcs), ANSWER))
     for k, (arc, final) in enumerate(zip(arcs, finals, strict=True)):

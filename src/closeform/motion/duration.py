@@ -24,7 +24,10 @@ def far_beyond(duration: float, mean_motion: float) -> float:
 
 def flaw(durations: Floats, mean_motion: float) -> str | None:
     """Why some of the `durations` [s] cannot be flown at `mean_motion` [rad/s]; None if all can."""
-    shortest, greatest = float(durations.min(initial=np.inf)), float(durations.max(initial=0.0))
+    if durations.ndim:
+        shortest, greatest = float(durations.min(initial=np.inf)), float(durations.max(initial=0.0))
+    else:
+        shortest = greatest = float(durations)
     if not shortest > 0.0:
         return f"must be positive, got {shortest:g} s"
     if shortest < SHORTEST:

@@ -13,20 +13,26 @@ def checked_below(name: str, value: ArrayLike, columns: int | None = None) -> Fl
     array = numbers(name, value)
     if columns is not None and (array.ndim == 0 or array.shape[-1] != columns):
         raise ValueError(f"{name}: expected shape (..., {columns}), got {array.shape}")
-    if not (np.abs(array) < LARGEST).all():
+    greatest = np.abs(array).max(initial=0.0) if array.ndim else abs(float(array))
+    if not greatest < LARGEST:  # nan neither
         raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
     return array
 
 
 def arcs_from(
-    mean_motion: float, duration: ArrayLike, start: ArrayLike, state: ArrayLike, like: tuple[int, ...] = ()
+    mean_motion: float,
+    duration: ArrayLike,
+    start: ArrayLike,
+    state: ArrayLike,
+    like: tuple[int, ...] = (),
+    called: str = "state",
 ) -> Floats:
     """Arcs (..., 30) of natural motion from a state, of the broadcast shape and of that `like` others."""
-    states = checked_below("state", state, 6)
+    states = checked_below(called, state, 6)
     lengths, starts = checked_below("duration", duration), checked_below("start", start)
     if wrong := flaw(lengths, mean_motion):
         raise ValueError(f"duration: {wrong}")
-    shape = broadcast(state=states.shape[:-1], duration=lengths.shape, start=starts.shape, other=like)
+    shape = broadcast(**{called: states.shape[:-1]}, duration=lengths.shape, start=starts.shape, other=like)
     arcs = np.zeros((*shape, WIDTH))
     arcs[..., START] = starts
     arcs[..., END] = starts + lengths
@@ -42,6 +48,7 @@ def arcs_between(
 ) -> tuple[Floats, Floats]:
     """Arcs (..., 30) from an initial state, and their final states (P, 6)."""
     ends = checked_below("final", final, 6)
-    begins = checked_below("initial", initial, 6)
-    arcs = arcs_from(mean_motion, duration, start, state=begins, like=ends.shape[:-1])
-    return arcs, np.broadcast_to(ends, (*arcs.shape[:-1], 6)).reshape(-1, 6).copy()
+    arcs = arcs_from(mean_motion, duration, start, initial, like=ends.shape[:-1], called="initial")
+    finals = np.empty((*arcs.shape[:-1], 6))
+    finals[...] = ends
+    return arcs, finals.reshape(-1, 6)

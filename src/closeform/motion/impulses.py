@@ -258,14 +258,15 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
         counts[p] = count
 
 
-def check_lengths(mean_motion: float, arcs: Floats) -> None:
-    """ValueError for transfers that take too long."""
-    longest = float((arcs[:, END] - arcs[:, START]).max(initial=0.0)) * mean_motion / (2 * np.pi)
-    if longest > LONGEST:
+def longest_turn(mean_motion: float, arcs: Floats) -> float:
+    """The angle [rad] by which the orbit turns in the longest transfer; ValueError where that is too long."""
+    angle = float((arcs[:, END] - arcs[:, START]).max(initial=0.0)) * mean_motion
+    if angle > LONGEST * 2 * np.pi:
         raise ValueError(
-            f"duration: the least delta-v is found over at most {LONGEST:g} orbits, got {longest:g}; "
-            "coast for the rest"
+            f"duration: the least delta-v is found over at most {LONGEST:g} orbits, got "
+            f"{angle / (2 * np.pi):g}; coast for the rest"
         )
+    return angle
 
 
 def at_both_ends(arcs: Floats, finals: Floats, answers: Floats) -> None:
@@ -293,12 +294,11 @@ def at_both_ends(arcs: Floats, finals: Floats, answers: Floats) -> None:
 
 def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
     """Answers (P, 34) to as many transfers, on all cores; see `reduced` for their columns."""
-    check_lengths(mean_motion, arcs)
+    angle = longest_turn(mean_motion, arcs)
     found = np.zeros((len(arcs), ANSWER))
     if mean_motion == 0.0:
         at_both_ends(arcs, finals, found)
         return found
-    angle = mean_motion * float((arcs[:, END] - arcs[:, START]).max(initial=0.0))
     room = int(GRID + 2.0 * GRID_PER_TURN * angle / 6.0) + 200
 
     def solve(first: int) -> None:
@@ -317,7 +317,7 @@ def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
 
 def flown_arcs(mean_motion: float, arcs: Floats, finals: Floats, found: Floats) -> tuple[Floats, Any]:
     """The arcs of plans by their answers, and where those of each begin."""
-    flown, counts = np.zeros((len(arcs), MOST + 2, ARC)), np.empty(len(arcs), dtype=np.int64)
-    fly_answers(mean_motion, arcs, finals, found, flown, counts)
-    used = np.arange(MOST + 2) < counts[:, None]
-    return flown[used], np.concatenate([[0], np.cumsum(counts)])
+    flown, offsets = np.zeros((len(arcs), MOST + 2, ARC)), np.zeros(len(arcs) + 1, dtype=np.int64)
+    fly_answers(mean_motion, arcs, finals, found, flown, offsets[1:])
+    used = np.arange(MOST + 2) < offsets[1:, None]
+    return flown[used], offsets.cumsum()

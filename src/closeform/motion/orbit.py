@@ -244,7 +244,7 @@ class Orbit(CircularOrbit):
 
             found = answers_of(thrusters, *given)
         rows, offsets = flown_arcs(*given, found)
-        return Path(self, rows, offsets, arcs.shape[:-1])
+        return path_of(self, rows, offsets, arcs.shape[:-1])
 
     def burn(
         self,

@@ -39,37 +39,32 @@ def limited(
     shape = broadcast(arguments=arcs.shape[:-1], max_acceleration=limits.shape)
     if arcs.shape[:-1] != shape:
         arcs, finals = (np.broadcast_to(a, shape + a.shape[-1:]) for a in (arcs, finals))
-    rows, ends = arcs.reshape(-1, WIDTH), finals.reshape(-1, 6)
-    limits = np.broadcast_to(limits, shape).ravel()
-    pieces, counts = [np.empty((0, WIDTH))], [np.zeros(1, dtype=np.int64)]
-    told, first, room = [np.empty((0, PROOF + 6))], 0, ROOM * len(rows) + MORE
-    while first < len(rows):
-        made, facts = np.empty((room, WIDTH)), np.zeros((len(rows) - first, PROOF + 6))
-        offsets = np.full(len(facts) + 1, -1)
-        offsets[0] = 0
-        task = (np.ascontiguousarray(a[first:]) for a in (rows, ends, limits))
-        limit_thrust(n, *task, sparing, made, offsets, facts)
-        done = int((offsets[1:] >= 0).sum())
-        if done < len(facts) and facts[done, NEEDED] != POSSIBLE:
-            k = first + done
-            undecided = sparing and facts[done, NEEDED] == UNDECIDED
-            burns = short_burns(n, rows[k], ends[k], limits[k]) if undecided else None
-            if burns is not None and burns.delta_v <= (1.0 + DEARER) * burns.bound:
-                facts[done] = [POSSIBLE, 0.0, burns.bound, burns.delta_v, *burns.primer]
-                pieces += [made[: offsets[done]], burns.arcs]
-                counts += [np.diff(offsets[: done + 1]), np.array([len(burns.arcs)])]
-                told.append(facts[: done + 1])
-                first += done + 1
-                continue
-            name = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
-            words = f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[done])}"
-            raise TooLittleThrust(words, k, facts[done])
-        pieces.append(made[: offsets[done]])
-        counts.append(np.diff(offsets[: done + 1]))
-        told.append(facts[:done])
-        first += done
-        room = room if done else 4 * room
-    return np.concatenate(pieces), np.cumsum(np.concatenate(counts)), shape, np.concatenate(told)
+    rows, finals = (np.ascontiguousarray(a).reshape(-1, a.shape[-1]) for a in (arcs, finals))
+    limits = np.full(shape, limits).ravel()
+    pieces, offsets = [np.empty((0, WIDTH))], np.zeros(len(rows) + 1, dtype=np.int64)
+    facts, k, room = np.zeros((len(rows), PROOF + 6)), 0, ROOM * len(rows) + MORE
+    while k < len(rows):
+        made, ends = np.empty((room, WIDTH)), np.full(len(rows) - k + 1, -1)
+        ends[0] = 0
+        limit_thrust(n, rows[k:], finals[k:], limits[k:], sparing, made, ends, facts[k:])
+        done = int(np.count_nonzero(ends >= 0)) - 1
+        pieces.append(made[: ends[done]])
+        offsets[k + 1 : k + done + 1] = offsets[k] + ends[1 : done + 1]
+        k += done
+        if k < len(rows) and facts[k, NEEDED] != POSSIBLE:
+            undecided = sparing and facts[k, NEEDED] == UNDECIDED
+            burns = short_burns(n, rows[k], finals[k], limits[k]) if undecided else None
+            if burns is None or not burns.delta_v <= (1.0 + DEARER) * burns.bound:
+                name = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
+                words = f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[k])}"
+                raise TooLittleThrust(words, k, facts[k])
+            facts[k] = [POSSIBLE, 0.0, burns.bound, burns.delta_v, *burns.primer]
+            pieces.append(burns.arcs)
+            offsets[k + 1] = offsets[k] + len(burns.arcs)
+            k += 1
+        elif not done:
+            room *= 4
+    return np.concatenate(pieces), offsets, shape, facts
 
 
 def refusal(arc: Floats, limit: float, facts: Floats) -> str:
