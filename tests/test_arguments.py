@@ -363,7 +363,7 @@ CALLS = {
     "room": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), cancel=True, residual=np.full(len(START), 1e-7),
-        thrust_error=np.array([0.01, 0.01]), sigmas=3.0,
+        thrust_error=np.array([0.01, 0.01]), errors=cf.Errors(magnitude=0.01), sigmas=3.0,
     ),
     "fit_margin": turned(
         planned=lambda margin: cf.reconfigure(
@@ -371,12 +371,13 @@ CALLS = {
         ),
         field=cf.Field(LOW), zones=cf.Sphere(3.0), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), obstacles=[], cancel=True,
-        residual=1e-7, thrust_error=np.array([0.0, 0.0]), sigmas=3.0, max_acceleration=1.0,
+        residual=1e-7, thrust_error=np.array([0.0, 0.0]), errors=None, sigmas=3.0, max_acceleration=1.0,
     ),
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),
         thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, thrusters=None, seeds=2,
+        errors=[None] * len(START),
     ),
     "Flight.path": turned(self=cf.fly(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0),
     "thrust": turned(

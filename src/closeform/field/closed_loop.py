@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
@@ -13,6 +14,9 @@ from closeform.arrays import Floats
 from closeform.field.feedback import Feedback, Navigation, kicks_back, left_of, way_back
 from closeform.field.timetable import BESIDE
 from closeform.motion.orbit import Orbit
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
 
 PARTS = 24  # of an interval, in which a push counts as one
 COARSE = 1.01  # of the sum over parts, in place of an integral, and of what has faded
@@ -58,6 +62,11 @@ class ClosedLoop:
         """From one measurement to the next [s]."""
         return float(self.since[-1])
 
+    @property
+    def wait(self) -> int:
+        """The delay in steps."""
+        return round(self.delay / self.every * (len(self.since) - 1))
+
     @cached_property
     def late(self) -> Floats:
         """What a wrong measurement has become (6, 6) when it counts."""
@@ -68,27 +77,84 @@ class ClosedLoop:
         """What a wrong measurement adds (S + 1, 6, 6)."""
         return np.asarray((self.left - self.moved) @ self.late)
 
-    def follow(self, pushed: Floats) -> tuple[Floats, Floats]:
-        """Where pushes bring a craft that are not measured but by what they do (R, T, 3), and its thrust.
+    def intervals(self, count: int) -> Iterator[tuple[int, slice]]:
+        """Of so many steps which one a measurement is made at, and in which it counts, both ends included."""
+        steps = len(self.since) - 1
+        for seen in range(0, count - 1 - self.wait, steps):
+            yield seen, slice(seen + self.wait, min(seen + self.wait + steps + 1, count))
 
-        That is (R, T, 3) [m/s^2], or of impulses (R, Q, 3) [m/s] in order of time.  `pushed` (R, T, 6) is
+    def follow(self, pushed: Floats) -> tuple[Floats, Floats]:
+        """Where pushes bring a craft that are not measured but by what they do (R, T, 3).
+
+        And what it believes to be off by when it answers (R, I, 6), in each interval.  `pushed` (R, T, 6) is
         what they make of a coast, at the steps of all intervals.                              # theory (86)
         """
-        steps = len(self.since) - 1
-        wait = round(self.delay / self.every * steps)
-        off, brought, kicks = pushed.copy(), np.zeros((*pushed.shape[:2], 3)), []
-        for seen in range(0, pushed.shape[1] - 1 - wait, steps):
-            begin, end = seen + wait, min(seen + wait + steps + 1, pushed.shape[1])
-            now, kept = off[:, begin], slice(end - begin)
-            believed = now - pushed[:, begin] + pushed[:, seen] @ self.late.T
-            coasts = np.einsum("sij,rj->rsi", self.moved[kept], now - pushed[:, begin])
+        off, answered = pushed.copy(), [np.empty((len(pushed), 0, 6))]
+        for seen, some in self.intervals(pushed.shape[1]):
+            now, kept = off[:, some.start], slice(some.stop - some.start)
+            believed = now - pushed[:, some.start] + pushed[:, seen] @ self.late.T
+            coasts = np.einsum("sij,rj->rsi", self.moved[kept], now - pushed[:, some.start])
             answers = np.einsum("sij,rj->rsi", (self.left - self.moved)[kept], believed)
-            off[:, begin:end] = pushed[:, begin:end] + coasts + answers
-            if len(self.fired):
-                kicks.append(np.einsum("sij,rj->rsi", self.law, believed))
-            else:
-                brought[:, begin:end] = np.einsum("sij,rj->rsi", self.law[kept], believed)
-        return off[..., :3], np.concatenate(kicks, axis=1) if kicks else brought
+            off[:, some] = pushed[:, some] + coasts + answers
+            answered.append(believed[:, None])
+        return off[..., :3], np.concatenate(answered, axis=1)
+
+    def answers(self, believed: Floats, count: int) -> Floats:
+        """Thrust (R, T, 3) [m/s^2] at so many steps, or impulses (R, Q, 3) [m/s], of what is believed."""
+        each = np.einsum("sij,rkj->rksi", self.law, believed)
+        if len(self.fired):
+            rows, intervals, fired, axes = each.shape
+            return np.asarray(each.reshape(rows, intervals * fired, axes))
+        brought = np.zeros((len(believed), count, 3))
+        for k, (_, some) in enumerate(self.intervals(count)):
+            brought[:, some] = each[:, k, : some.stop - some.start]
+        return brought
+
+    def shaken(self, sight: Navigation, errors: Errors, believed: Floats, count: int) -> Floats:
+        """Covariances (T, 3, 3) [m^2] at so many steps of what answers add, each with errors of its own.
+
+        They answer to what is believed (I, 6, 6), as second moments, to noise, and to what answers before
+        them added.                                                                            # theory (96)
+        """
+        seen = np.hstack([np.eye(6), self.late])
+        noise = seen @ self._held(sight, self.left, self.taken) @ seen.T
+        err = self._struck if len(self.fired) else self._pushed
+        out = np.zeros((count, 6, 6))
+        added, after, known = np.zeros((6, 6)), np.zeros_like(self.left), np.zeros((6, 6))
+        for k, (_, some) in enumerate(self.intervals(count)):
+            before = _moved(self.left, added) + after
+            now, after, known = err(errors, believed[k] + noise + added + known)
+            out[some], added = (before + now)[: some.stop - some.start], before[-1]
+        return out[:, :3, :3]
+
+    @cached_property
+    def erring(self) -> Floats:
+        """What a burn that is larger by itself, or turned by 1 about an axis, adds (4, S + 1, 6, 6)."""
+        return np.array([self._answers(wrong) - self.left + self.moved for wrong in np.eye(4)])
+
+    def _pushed(self, errors: Errors, asked: Floats) -> tuple[Floats, Floats, Floats]:
+        """Covariances (S + 1, 6, 6) that errors of a burn make in its interval and in the next.
+
+        It answers to what is `asked` (6, 6).  With what of them is believed (6, 6) when the next is begun,
+        before which those of the delay are not seen.
+        """
+        sizes = np.array([errors.magnitude, *[errors.pointing] * 3])
+        now = sizes[:, None, None, None] * self.erring
+        end, unseen = now[:, -1:], now[:, -1:] - self.late @ now[:, -1 - self.wait, None]
+        later = self.left @ end - (self.left - self.moved) @ unseen
+        told = _moved(end - unseen, asked)
+        return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), told.sum(axis=0)[0]
+
+    def _struck(self, errors: Errors, asked: Floats) -> tuple[Floats, Floats, Floats]:
+        """The same of Gates' errors of impulses; those of a fixed size count to all sides."""
+        fixed, share, aside, turned = errors.impulse
+        sizes = _moved(self.law, asked)
+        total = np.trace(sizes, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
+        square = max(fixed, aside) ** 2 * np.eye(3) + share**2 * sizes + turned**2 * (total - sizes)
+        since = self.since[:, None] - self.fired
+        each = self.orbit.transition(np.maximum(since, 0.0))[..., 3:] * (since >= 0.0)[..., None, None]
+        now = _moved(each, square).sum(axis=1)
+        return now, _moved(self.left, now[-1]), now[-1]
 
     def covariances(self, sight: Navigation, wrong: Floats | None = None) -> tuple[Floats, Floats]:
         """Of deviations (S + 1, 6, 6) and of thrust (S + 1, 3, 3) by random errors of measurements; steady.
@@ -99,15 +165,19 @@ class ClosedLoop:
         if wrong is not None:
             answers = self._answers(wrong)
             taken, left = answers @ self.late, self.moved + answers
+        held = self._held(sight, left, taken)
+        seen = np.concatenate([left, taken], axis=2)
+        thrust = np.concatenate([self.law, self.law @ self.late], axis=2)
+        return seen @ held @ np.swapaxes(seen, 1, 2), thrust @ held @ np.swapaxes(thrust, 1, 2)
+
+    def _held(self, sight: Navigation, left: Floats, taken: Floats) -> Floats:
+        """Covariance (12, 12) of a deviation, and of the error that is new with it; steady."""
         kept = sight._kept(self.every)  # theory (91)
         white = np.diag(np.repeat([sight.position, sight.velocity], 3) ** 2)
         step, new = np.zeros((12, 12)), np.zeros((12, 12))
         step[:6, :6], step[:6, 6:], step[6:, 6:] = left[-1], taken[-1], kept * np.eye(6)
         new[6:, 6:] = (1.0 - kept**2) * white
-        held = solve_discrete_lyapunov(step, new)  # of a deviation, and of the error that is new with it
-        seen = np.concatenate([left, taken], axis=2)
-        thrust = np.concatenate([self.law, self.law @ self.late], axis=2)
-        return seen @ held @ np.swapaxes(seen, 1, 2), thrust @ held @ np.swapaxes(thrust, 1, 2)
+        return np.asarray(solve_discrete_lyapunov(step, new))
 
     def noise(self, sight: Navigation, wrong: Floats | None = None) -> tuple[float, float]:
         """Standard deviations in the worst direction, of position [m] and of thrust [m/s^2]; as above."""
@@ -211,6 +281,11 @@ class ClosedLoop:
             return gain * unknown + self.missed * wrong * thrust + bias, np.zeros_like(thrust)
         thrust = (first + echo * unknown + answer) / np.maximum(1.0 - wrong * echo, np.finfo(float).tiny)
         return gain * (unknown + wrong * thrust) + bias, thrust
+
+
+def _moved(motion: Floats, covariance: Floats) -> Floats:
+    """Covariances of what motions (..., D, E) make of one."""
+    return np.asarray(motion @ covariance @ np.swapaxes(motion, -1, -2))
 
 
 def greatest_sigma(covariances: Floats) -> float:

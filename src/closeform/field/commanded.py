@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import exactly
+from closeform.field.drawn import nothing_drawn
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.residual import residuals
@@ -186,9 +186,7 @@ def thrust(
     jumps = impulses.craft, impulses.time, impulses.impulse
     own = each_set(thrusters, len(paths), Thrusters)
     firing = fired_in(paths, jumps, field, own, mass, specific_impulse)
-    when, _, done = flown_pulses(
-        paths, firing, own, (field, field), None, lambda table: exactly(len(paths), table.measurements)
-    )
+    when, _, done = flown_pulses(paths, firing, own, (field, field), None, nothing_drawn(len(paths)))
     path = paths.orbit._through(when, done.states[0])
     off = done.states[0, ..., :3] - spanning(paths, when).position(when)
     told = *told[:-3], np.asarray(firing.delta_v), *told[-2:]

@@ -12,6 +12,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
+from closeform.field.drawn import Drawn, exactly
+from closeform.field.executed import Events, nothing_of
 from closeform.field.feedback import Feedback, delayed, kicks_back, slots_of, way_back
 from closeform.field.field import Field
 from closeform.field.flying import Course, fly_all
@@ -79,6 +81,12 @@ class Commands:
     ballistics: Floats
     nozzles: Nozzles | None
 
+    @property
+    def events(self) -> Events:
+        """Which burns and impulses have errors of their own."""
+        lasting = self.law is not None and not self.law.impulses
+        return Events.of(self.path, self.table, lasting, self.nozzles is not None)
+
     def frame_in(self, field: Field) -> ChiefFrame:
         """The chief's frame in a field at half steps."""
         if self.known is not None and self.known.field is field:
@@ -109,35 +117,35 @@ def flown(
     commands: Commands,
     field: Field,
     frame: ChiefFrame,
-    wrong: Floats,
-    errors: Floats,
+    drawn: Drawn,
     begin: Floats | None = None,
     around: Path | None = None,
 ) -> Flights:
-    """Flights with errors of measurements (S, N, M, 6) and of thrust (S, N, 4), in a field.
+    """Flights with errors as drawn, in a field.
 
-    From states `begin` (N, 6) before impulses, unless from those of the path.  What a function pulls more
-    than zonals is taken `around` paths: those of a flight without errors, found in two rounds.
+    From states `begin` (N, 6) before impulses, unless from about those of the path.  What a function pulls
+    more than zonals is taken `around` paths: those of a flight without errors, found in two rounds.
     """
     if field.acceleration is not None and around is None:
         around, still = commands.path, exactly(len(commands.path), commands.table.measurements)
         for _ in range(ROUNDS):
-            alone = flown(commands, field, frame, *still, begin, around)
+            alone = flown(commands, field, frame, still, begin, around)
             times = commands.table.shown_times
             around = commands.path.orbit._through(times, alone.states[0], alone.arrivals[0])
     table, count = commands.table, len(commands.path)
-    flights = len(errors)
+    flights = len(drawn.seen)
     if begin is None:
         first = commands.path.arcs[commands.path.offsets[:-1]]
         begin = first[:, STATE : STATE + 6].copy()
         begin[:, 3:] -= first[:, IMPULSE : IMPULSE + 3]
+        begin = begin + drawn.start
     now = np.zeros((flights, count, 18))
     now[..., :6] = begin
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
     fired = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
-    each = wrong, errors, now, states, fired, spent
-    for course in courses(commands, field, frame, around):
+    each = drawn.seen, drawn.thrust, drawn.events, now, states, fired, spent
+    for course in courses(commands, field, frame, around, drawn):
         _side_by_side(field, course, each)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
         asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
@@ -212,12 +220,9 @@ def together(parts: Sequence[Flights], axis: int) -> Flights:
     return replace(parts[0], **joined)
 
 
-def exactly(count: int, measurements: int) -> tuple[Floats, Floats]:
-    """No errors of measurements (1, N, M, 6) and of thrust (1, N, 4), of one flight."""
-    return np.zeros((1, count, measurements, 6)), np.zeros((1, count, 4))
-
-
-def courses(commands: Commands, field: Field, frame: ChiefFrame, around: Path | None) -> Iterator[Course]:
+def courses(
+    commands: Commands, field: Field, frame: ChiefFrame, around: Path | None, drawn: Drawn
+) -> Iterator[Course]:
     """The course of each stretch, which ends where a measurement is made anew."""
     table, law, orbit = commands.table, commands.law, commands.path.orbit
     rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
@@ -228,12 +233,15 @@ def courses(commands: Commands, field: Field, frame: ChiefFrame, around: Path | 
         rules = way_back(orbit, law.horizon, table.since)[2]
     if law is not None and law.delay > 0.0:
         late = np.stack(delayed(orbit, law, table.interval))
+    events = commands.events if drawn.events.size else nothing_of(len(commands.path), table)
     ends = np.flatnonzero((table.shown if law is None else table.looks)[:-1] >= 0)[1:]
     last = 0
     stops = [*ends.tolist(), len(table.rows)]
     for here, after in zip(stops, [*stops[1:], np.inf], strict=True):
         if after - last > STRETCH:
-            yield _course(commands, field, frame, around, (rules, gains, late), slice(last, int(here)))
+            stretch = slice(last, int(here))
+            own = events.during(stretch)
+            yield _course(commands, field, frame, around, (rules, gains, late), stretch, (*own, drawn.gates))
             last = int(here)
 
 
@@ -244,8 +252,12 @@ def _course(
     around: Path | None,
     answers_by: tuple[Floats, Floats, Floats],
     steps: slice,
+    drawn: tuple[Any, Any, Any, Floats],
 ) -> Course:
-    """That of some steps; what is measured is answered by rules, gains and what is late."""
+    """That of some steps; what is measured is answered by rules, gains and what is late.
+
+    What is `drawn` counts for which burns and impulses, and how far these are off.
+    """
     table, path, count = commands.table, commands.path, len(commands.path)
     halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)
     times = table.times[halves]
@@ -290,7 +302,7 @@ def _course(
     of_each = (np.broadcast_to(one, (count, *one.shape)).copy() for one in sides)
     rules, gains, late = answers_by
     rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires
-    return Course(*(*floats, *rules_of, *bounds, *of_each, slots))
+    return Course(*(*floats, *rules_of, *bounds, *of_each, slots, *drawn))
 
 
 def _stepwise(values: Floats) -> Floats:

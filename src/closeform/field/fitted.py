@@ -73,6 +73,7 @@ def fit_margin(
     cancel: bool = True,
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = (0.0, 0.0),
+    errors: Any = None,
     sigmas: float = 4.0,
     max_acceleration: ArrayLike | None = None,
 ) -> FittedMargin:
@@ -98,6 +99,8 @@ def fit_margin(
     residual : array_like of shape (N,) or () [m/s^2], default 0
         As of `room`.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
+        As of `room`.
+    errors : Errors or sequence of Errors or None, optional
         As of `room`.
     sigmas : float, no unit, default 4
         As of `room`.
@@ -167,6 +170,7 @@ def fit_margin(
             cancel=cancel,
             residual=residual,
             thrust_error=thrust_error,
+            errors=errors,
             sigmas=sigmas,
         )
         craft, paths = len(found.shift), paths_to_fly(plan, field)

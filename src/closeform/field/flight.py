@@ -8,16 +8,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, numbers, shown, whole
+from closeform.arrays import Floats, instance, number, numbers, shown
 from closeform.field.course import commands_of, flown
 from closeform.field.drag import ballistics_of
+from closeform.field.drawn import Draws, drawable, seeds_of
 from closeform.field.feedback import Feedback, Navigation, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.least_ratios import least_ratios
 from closeform.field.retargeted import retargeted
-from closeform.field.timetable import Timetable
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import fires_impulses
@@ -39,6 +39,7 @@ def fly(
     minimum_bit: float = 0.0,
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     seeds: int | Sequence[int] = 1,
+    errors: Any = None,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
 
@@ -76,6 +77,10 @@ def fly(
         their directions, a bit or more, when they are not on by plan.
     seeds : int or sequence of int, default 1
         How many flights, or the seed of each: its errors are the same however many others there are.
+    errors : Errors or sequence of Errors or None, optional
+        Of each craft, beside `thrust_error`, drawn anew for its state at the start, for each burn and each
+        impulse, whether planned or to lead back.  What leads back by thrust that lasts is a burn from one
+        measurement to the next, and so is what thrusters fire from one order to the next.
 
     Returns
     -------
@@ -97,7 +102,7 @@ def fly(
 
     References
     ----------
-    docs/theory.md (85), (86), (88) and (89).
+    docs/theory.md (50), (85), (86), (88) and (89).
 
     Examples
     --------
@@ -123,27 +128,23 @@ def fly(
     limit, least = _limit(max_acceleration, fires, len(paths)), number("minimum_bit", minimum_bit)
     if not checked("minimum_bit", least) >= 0.0:
         raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
-    each, believed = _seeds(seeds), known or field
+    draws, believed = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths))), known or field
     followed = None if control == "open" else law
 
-    def wrong(table: Timetable) -> tuple[Floats, Floats]:
-        kept = sight._kept(table.interval)
-        draws = [_drawn(seed, len(sizes), table.measurements + 1, sight, sizes, kept) for seed in each]
-        return np.stack([one for one, _ in draws]), np.stack([one for _, one in draws])
-
-    planned, made, refused = np.array(paths.delta_v), [0] * len(each), []
-    firing, ordered, orders = None, np.zeros(0), np.zeros((len(each), len(paths), 0, 3))
+    planned, made, refused = np.array(paths.delta_v), [0] * len(draws.seeds), []
+    firing, ordered, orders = None, np.zeros(0), np.zeros((len(draws.seeds), len(paths), 0, 3))
     if control == "replan":
         if zones is None or not cancel or law.impulses or law.delay or fires or pulsed:
             raise ValueError(
                 "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
                 "zones, and leave out impulses, thrusters, cancel and delay"
             )
-        from closeform.field.replanned import Replanning, room_of  # which loads all of planning
+        from closeform.field.replanned import Replanning  # which loads all of planning
 
-        room = room_of(sight, law.every, np.hypot(*sizes.T) * paths.peak_thrust)
-        times, done, made, why = Replanning(paths, zones, room, field, believed, law, limit).flights(wrong)
-        refused = [(seed, *one) for seed, some in zip(each, why, strict=True) for one in some]
+        times, done, made, why = Replanning.of(paths, zones, (field, believed), law, limit, draws).flights(
+            draws
+        )
+        refused = [(seed, *one) for seed, some in zip(draws.seeds, why, strict=True) for one in some]
     elif pulsed:
         if not cancel or limit.min() < np.inf or least > 0.0:
             raise ValueError(
@@ -153,7 +154,7 @@ def fly(
         from closeform.field.pulsed_flight import fly_pulses  # whose kernels only thrusters need
 
         firing, planned, times, ordered, done = fly_pulses(
-            paths, own_sets, (field, believed), followed, wrong
+            paths, own_sets, (field, believed), followed, draws
         )
         orders, paths = done.fired, spanning(paths, times)
     else:
@@ -162,7 +163,8 @@ def fly(
         frame = commands.frame_in(field)
         if cancel and fires:
             commands, _ = retargeted(commands, believed)
-        times, done = commands.table.shown_times, flown(commands, field, frame, *wrong(commands.table))
+        times = commands.table.shown_times
+        done = flown(commands, field, frame, draws.of(commands, range(len(paths))))
     found = [
         least_ratios(one, before, times, zones)
         for one, before in zip(done.states, done.arrivals, strict=True)
@@ -198,32 +200,3 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Float
             "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns"
         )
     return np.broadcast_to(limit, count).copy()
-
-
-def _seeds(seeds: int | Sequence[int]) -> list[int]:
-    """The seed of each flight."""
-    if not isinstance(seeds, list | tuple | range | np.ndarray):
-        return list(range(whole("seeds", seeds, 1)))
-    if not len(seeds):
-        raise ValueError("seeds: give one at least")
-    return [whole("seeds", one) for one in seeds]
-
-
-def _drawn(
-    seed: int, count: int, measurements: int, sight: Navigation, sizes: Floats, kept: float
-) -> tuple[Floats, Floats]:
-    """Errors of measurements (N, M, 6) and of thrust (N, 4) of one flight: its own stream of Philox.
-
-    Of each measurement's error so much is `kept` by the next.                                # theory (91)
-    """
-    draws = np.random.Generator(np.random.Philox(key=seed))
-    ways = draws.normal(size=(count, 3, 3))
-    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
-    shares = draws.uniform([-1.0, 0.0], 1.0, (count, 2)) * sizes
-    errors = np.hstack([shares[:, :1], shares[:, 1:] * ways[:, 2]])
-    stays = ways[:, :2] * np.array([sight.position_bias, sight.velocity_bias])[:, None]
-    white = draws.normal(size=(measurements, count, 6)).swapaxes(0, 1)
-    for k in range(1, measurements if kept else 0):
-        white[:, k] = kept * white[:, k - 1] + np.sqrt(1.0 - kept * kept) * white[:, k]
-    white = white * np.repeat([sight.position, sight.velocity], 3)
-    return np.ascontiguousarray(white + stays.reshape(count, 1, 6)), errors

@@ -14,6 +14,7 @@ from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.field.gravity import pull_all
 from closeform.field.lanes import (
+    BACK,
     BALLISTIC,
     BURN,
     COUNTED,
@@ -23,6 +24,7 @@ from closeform.field.lanes import (
     LANES,
     LIMIT,
     ORDER,
+    OWN,
     SEEN,
     SPENT,
     Y,
@@ -63,16 +65,21 @@ class Course(NamedTuple):
     angles: Floats  # (N, K + 1) [rad] from the frame of the thrusters to the chief's axes
     free: Floats  # (N, J, K + 1) [s], for how long a thruster was not on by plan until then
     slots: Any  # (K + 1,) the node at which an order to thrusters ends that is given at one
+    burns: Any  # (N, K) which event what is planned in each step is, of those whose errors are drawn
+    led: Any  # (K,) which event what leads back in each step is, or -1
+    struck: Any  # (K + 1,) which event an impulse is, or -1
+    gates: Floats  # (N, 4) of its error: theory (50)
 
 
 NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1]
+EACH = int64[:, ::1]
 FOUR = float64[:, :, :, ::1]
 COURSE = types.NamedTuple(
     (
         *(NUMBERS, ROWS, ROWS, ROWS, BLOCKS, ROWS, FOUR, FOUR, BLOCKS, BLOCKS, WHICH),
         *(WHICH, BLOCKS, WHICH, BLOCKS),
         *(WHICH, BLOCKS, WHICH, WHICH, NUMBERS, NUMBERS, NUMBERS, BLOCKS, BLOCKS, ROWS),
-        *(BLOCKS, WHICH),
+        *(BLOCKS, WHICH, EACH, WHICH, WHICH, ROWS),
     ),
     Course,
 )
@@ -102,20 +109,34 @@ def inertial(axes, turn, r, out):
 
 
 @kernel(inline=True)
-def push(course, lanes, step, half, weight, u, out):
+def draw(course, lanes, step, events):
+    """Take the errors with which what is planned, and what leads back, comes out in a step."""
+    for m in range(len(events)):
+        own, back = course.burns[int(lanes[CRAFT, m]), step], course.led[step]
+        for k in range(4):
+            lanes[OWN + k, m] = events[m, own, k]
+            lanes[BACK + k, m] = events[m, back, k] if back >= 0 else 0.0
+
+
+@kernel(inline=True)
+def push(course, lanes, step, half, weight, u, back, out):
     """Fill `out` (3, LANES) with thrust in a step, inertial; what is spent adds it up, by a weight."""
     law, axes = course.law[course.rows[step] + half], course.axes[2 * step + half]
     for m in range(LANES):
         for axis in range(3):
             u[axis, m] = course.commanded[int(lanes[CRAFT, m]), step, half, axis]
+            back[axis, m] = 0.0
             for k in range(6):
-                u[axis, m] += law[axis, k] * lanes[COUNTED + k, m]
+                back[axis, m] += law[axis, k] * lanes[COUNTED + k, m]
     for m in range(LANES):
-        size, most = sqrt(u[0, m] * u[0, m] + u[1, m] * u[1, m] + u[2, m] * u[2, m]), lanes[LIMIT, m]
+        x, y, z = u[0, m] + back[0, m], u[1, m] + back[1, m], u[2, m] + back[2, m]
+        size, most = sqrt(x * x + y * y + z * z), lanes[LIMIT, m]
         share = most / size if size > most else 1.0
         lanes[SPENT, m] += weight * min(size, most)
         lanes[SPENT + 1, m] += weight if size > most else 0.0
-        u[0, m], u[1, m], u[2, m] = erred(lanes, m, share * u[0, m], share * u[1, m], share * u[2, m])
+        x, y, z = erred(lanes, m, BACK, share * back[0, m], share * back[1, m], share * back[2, m])
+        u[0, m], u[1, m], u[2, m] = erred(lanes, m, OWN, share * u[0, m], share * u[1, m], share * u[2, m])
+        u[0, m], u[1, m], u[2, m] = u[0, m] + x, u[1, m] + y, u[2, m] + z
     if course.thrusters.shape[1] > 0:
         for m in range(LANES):
             for k in range(3):
@@ -126,7 +147,20 @@ def push(course, lanes, step, half, weight, u, out):
 
 
 @kernel()
-def kick_all(course, lanes, node, impulses, here):
+def miss(gates, drawn, fired):
+    """Add its error to an impulse, by three normal numbers.                         # theory (50)"""
+    square = fired[0] * fired[0] + fired[1] * fired[1] + fired[2] * fired[2]
+    if square == 0.0:
+        return
+    along = sqrt(gates[0] * gates[0] + gates[1] * gates[1] * square)
+    across = sqrt(gates[2] * gates[2] + gates[3] * gates[3] * square)
+    ahead = (drawn[0] * fired[0] + drawn[1] * fired[1] + drawn[2] * fired[2]) * (along - across) / square
+    for k in range(3):
+        fired[k] += across * drawn[k] + ahead * fired[k]
+
+
+@kernel()
+def kick_all(course, lanes, node, events, impulses, here):
     """Change lanes, and states `here` (6, LANES) in the chief's axes, by `impulses` (W, Q, 3) at a node.
 
     Planned and corrected; thrusters have orders in their place.
@@ -147,7 +181,9 @@ def kick_all(course, lanes, node, impulses, here):
         if size < course.bits[i]:
             continue
         lanes[SPENT, m] += size
-        fired[0], fired[1], fired[2] = erred(lanes, m, fired[0], fired[1], fired[2])
+        fired[0], fired[1], fired[2] = erred(lanes, m, BACK, fired[0], fired[1], fired[2])
+        if events.shape[1] > 0:
+            miss(course.gates[i], events[m, course.struck[node]], fired)
         for k in range(3):
             impulses[m, course.fires[node], k] = fired[k]
             here[3 + k, m] += fired[k]
@@ -184,6 +220,7 @@ def answer(late, lanes):
 def advance(constants, course, step, lanes):
     """Fly a step, by Runge and Kutta's method of fourth order."""
     u, thrust, force = stack_matrix(3, LANES), stack_matrix(3, LANES), stack_matrix(3, LANES)
+    back = stack_matrix(3, LANES)
     middle, rate, after = stack_matrix(6, LANES), stack_matrix(6, LANES), stack_matrix(6, LANES)
     for m in range(LANES):
         for k in range(6):
@@ -193,7 +230,7 @@ def advance(constants, course, step, lanes):
         half = (stage + 1) // 2
         share, weight = 0.5 * h * half, h / 6.0 if stage in (0, 3) else h / 3.0
         if stage != 2:  # in the middle twice the same
-            push(course, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, thrust)
+            push(course, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, back, thrust)
         node = 2 * step + half
         place, speed, felt = course.places[node], course.speeds[node], course.felt[node]
         for m in range(LANES):
@@ -239,8 +276,8 @@ def begin(course, first, errors, now, spent, lanes):
             lanes[k, m] = 0.0
 
 
-@kernel(void(float64[::1], COURSE, BLOCKS, ROWS, ROWS, BLOCKS, BLOCKS, ROWS))
-def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
+@kernel(void(float64[::1], COURSE, BLOCKS, ROWS, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS))
+def fly_all(constants, course, wrong, errors, events, now, states, impulses, spent):
     """Fly R = S N times, of N craft one after another, on from `now` (R, 18), which becomes what is last.
 
     That is states before jumps in the chief's axes, which deviations count for feedback, and which were seen.
@@ -248,10 +285,11 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
     Fills `states` (R, T, 6) at nodes that are shown, after `impulses` (R, Q, 3) [m/s], or as large as
     thrusters are told to burn from then on, and adds to `spent`
     (R, 2) the delta-v [m/s] and how long thrust was at its limit [s].  Measurements are off by `wrong`
-    (R, M, 6); `errors` (R, 4) are those of thrust: of its size, and a small turn.
+    (R, M, 6); `errors` (R, 4) are those of thrust: of its size, and a small turn.  So are `events` (R, E, 4)
+    where they are of thrust that lasts for a while; those of impulses are normal numbers.
     """
     course = lent(course)
-    wrong, errors, now = borrowed(wrong), borrowed(errors), borrowed(now)
+    wrong, errors, events, now = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(now)
     states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
     steps, lanes, here = len(course.steps), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
     for first in range(0, len(now), LANES):
@@ -267,12 +305,14 @@ def fly_all(constants, course, wrong, errors, now, states, impulses, spent):
                 if answers == looks:
                     answer(course.late, lanes)
             if course.fires[node] >= 0:
-                kick_all(course, lanes, node, impulses[some], here)
+                kick_all(course, lanes, node, events[some], impulses[some], here)
             if course.shown[node] >= 0:
                 for m in range(min(LANES, len(now) - first)):
                     for k in range(6):
                         states[first + m, course.shown[node], k] = here[k, m]
             if node < steps:
+                if events.shape[1] > 0:
+                    draw(course, lanes, node, events[some])
                 if course.thrusters.shape[1] > 0:
                     burn_all(course, lanes, node)
                 advance(constants, course, node, lanes)

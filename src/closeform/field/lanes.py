@@ -4,15 +4,17 @@ from closeform.compiled import kernel
 
 LANES = 16  # flights of a craft, side by side
 # Rows of lanes: the state from the chief, inertial, the deviation that counts, that which was seen, errors of
-# thrust, what is spent, the craft, its limit and ballistic coefficient, an order to thrusters and its burn.
+# thrust, what is spent, the craft, its limit and ballistic coefficient, an order to thrusters and its burn,
+# errors of what is planned until the next edge, and of what leads back until it is told anew.
 Y, COUNTED, SEEN, ERROR, SPENT, CRAFT, LIMIT, BALLISTIC = 0, 6, 12, 18, 22, 24, 25, 26
-ORDER, BURN, LANE = 27, 36, 39
+ORDER, BURN, OWN, BACK, LANE = 27, 36, 39, 43, 47
 
 
 @kernel(inline=True)
-def erred(lanes, m, x, y, z):
-    """A thrust or an impulse of a lane as it comes out."""
-    grown, a, b, c = 1.0 + lanes[ERROR, m], lanes[ERROR + 1, m], lanes[ERROR + 2, m], lanes[ERROR + 3, m]
+def erred(lanes, m, row, x, y, z):
+    """A thrust or an impulse of a lane as it comes out, with the errors of a `row` of its own."""
+    grown, a = 1.0 + lanes[ERROR, m] + lanes[row, m], lanes[ERROR + 1, m] + lanes[row + 1, m]
+    b, c = lanes[ERROR + 2, m] + lanes[row + 2, m], lanes[ERROR + 3, m] + lanes[row + 3, m]
     return grown * (x + b * z - c * y), grown * (y + c * x - a * z), grown * (z + a * y - b * x)
 
 

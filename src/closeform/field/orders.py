@@ -3,7 +3,7 @@
 from math import cos, sin
 
 from closeform.compiled import kernel
-from closeform.field.lanes import BURN, CRAFT, LANES, ORDER, SPENT, correct, erred
+from closeform.field.lanes import BACK, BURN, CRAFT, LANES, ORDER, SPENT, correct, erred
 from closeform.kernel_loans import stack_vector
 
 SIDE, BIT, STRENGTH, THRUSTER = 0, 3, 4, 5  # of a thruster: where it pushes, the least at a time, how hard
@@ -79,5 +79,5 @@ def burn_all(course, lanes, step):
         angle = 0.5 * (course.angles[i, step] + course.angles[i, step + 1])
         c, s = cos(angle), sin(angle)
         lanes[BURN, m], lanes[BURN + 1, m], lanes[BURN + 2, m] = erred(
-            lanes, m, c * fx + s * fy, c * fy - s * fx, fz
+            lanes, m, BACK, c * fx + s * fy, c * fy - s * fx, fz
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,15 +11,16 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import OF_FLIGHTS, Flights, Nozzles, commands_of, exactly, flown, together
+from closeform.field.course import OF_FLIGHTS, Flights, Nozzles, commands_of, flown, together
 from closeform.field.drag import ballistics_of
+from closeform.field.drawn import Draws, exactly
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
 from closeform.field.orders import BIT, STRENGTH, THRUSTER
 from closeform.field.residual import residuals
 from closeform.field.retargeted import changed_impulses, retargeted
-from closeform.field.timetable import BESIDE, Timetable, edges_of, impulses_of, joined
+from closeform.field.timetable import BESIDE, edges_of, impulses_of, joined
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.firing import Firing, fire
 from closeform.fuel.pulses import Pulses, linked
@@ -114,7 +115,7 @@ def fly_pulses(
     thrusters: Sequence[Thrusters | None],
     fields: tuple[Field, Field],
     law: Feedback | None,
-    wrong: Callable[[Timetable], tuple[Floats, Floats]],
+    draws: Draws,
 ) -> tuple[Firing, Floats, Floats, Floats, Flights]:
     """What thrusters fire for planned paths (N,), what these cost (N,) [m/s], and what `flown_pulses` gives.
 
@@ -126,7 +127,7 @@ def fly_pulses(
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     planned = np.array(paths.delta_v)
     planned[shooters] = fire(paths[shooters], firing.thrusters).delta_v
-    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, wrong)
+    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws)
 
 
 def flown_pulses(
@@ -135,13 +136,13 @@ def flown_pulses(
     thrusters: Sequence[Thrusters | None],
     fields: tuple[Field, Field],
     law: Feedback | None,
-    wrong: Callable[[Timetable], tuple[Floats, Floats]],
+    draws: Draws,
 ) -> tuple[Floats, Floats, Flights]:
     """Times (T,), when thrusters get orders (Q,), and flights of planned paths (N,) by what is fired.
 
     In the first of two `fields`, the second of which is believed.  Craft with thrusters have steps of their
     own, and are led back to where their pulses lead, those that only coast to the plan; the others
-    as without thrusters.  `wrong` makes errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+    as without thrusters.  `draws` are their errors.
     """
     field, believed = fields
     span = np.array([firing.path.start.min(), firing.path.end.max()])
@@ -149,19 +150,19 @@ def flown_pulses(
     shooters = [k for k, one in enumerate(thrusters) if one is not None]
     beside = impulses_of(paths[rest])[1] if rest else span[:0]
     felt, expected = (ballistics_of(one.drag, len(paths)) for one in fields)
-    each, drawn = [], None
+    each, measured = [], None
     for j, k in enumerate(shooters):
         pulses = firing.pulses[firing.pulses.craft == j]
         nozzles = nozzles_of(firing.thrusters[j], pulses)
         own, some = firing.path[j : j + 1], [k]
         led = plain = commands_of(own, law, None, expected[some], nozzles=nozzles, beside=beside)
         frame = plain.frame_in(field)
-        drawn = drawn or wrong(plain.table)  # the same of all, who are measured together
+        measured = measured or draws.measured(plain.table)  # of all, who are seen together
         if law is not None and len(pulses):
             known = frame if believed is field else ChiefFrame.of(believed, plain.table.times)
-            alone = flown(replace(plain, law=None), believed, known, *exactly(1, 1))
+            alone = flown(replace(plain, law=None), believed, known, exactly(1, 1))
             led = replace(plain, reference=alone.states[0])
-        done = flown(replace(led, ballistics=felt[some]), field, frame, *_drawn_of(some, drawn))
+        done = flown(replace(led, ballistics=felt[some]), field, frame, draws.of(led, some, measured))
         fired = np.array([pulses.impulse.sum()])  # each thruster counts, not their sum
         each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
     if rest:
@@ -170,17 +171,12 @@ def flown_pulses(
         frame = commands.frame_in(field)
         if len(beside):
             commands, _ = retargeted(commands, believed)
-        drawn = drawn or wrong(commands.table)
-        done = flown(replace(commands, ballistics=felt[rest]), field, frame, *_drawn_of(rest, drawn))
+        done = flown(
+            replace(commands, ballistics=felt[rest]), field, frame, draws.of(commands, rest, measured)
+        )
         orders = np.zeros((len(done.spent), len(rest), *each[0].fired.shape[2:]))
         each.append(replace(done, fired=orders))
     found, back = together(each, 1), np.argsort(shooters + rest)
     asked = np.concatenate([one.asked for one in each])[back]
     found = replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in OF_FLIGHTS})
     return plain.table.shown_times, plain.table.fired_times, found
-
-
-def _drawn_of(some: list[int], drawn: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Errors of measurements and of thrust of some craft of all."""
-    measured, thrust = (np.ascontiguousarray(part[:, some]) for part in drawn)
-    return measured, thrust

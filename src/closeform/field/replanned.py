@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.field.course import Flights, commands_of, exactly, flown, together
+from closeform.field.course import Flights, commands_of, flown, together
 from closeform.field.drag import ballistics_of
+from closeform.field.drawn import Draws, exactly
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
-from closeform.field.timetable import Timetable, intervals_in
+from closeform.field.timetable import intervals_in
 from closeform.motion.path import Path
 from closeform.planning.reconfigure import reconfigure
 from closeform.zones.pair_zones import PairZones
@@ -38,44 +39,68 @@ class Replanning:
     law: Feedback
     limits: Floats
 
+    @classmethod
+    def of(
+        cls,
+        paths: Path,
+        zones: Zone | PairZones,
+        fields: tuple[Field, Field],
+        law: Feedback,
+        limits: Floats,
+        draws: Draws,
+    ) -> Self:
+        """With the room that errors need, in the first of two `fields`, the second of which is believed."""
+        off = np.hypot(*draws.sizes.T)
+        if draws.errors is not None:
+            off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in draws.errors])
+        room = room_of(draws.sight, law.every, off * paths.peak_thrust)
+        return cls(paths, zones, room, *fields, law, limits)
+
     @property
     def instants(self) -> Floats:
         """When plans are made, and the end (M + 1,) [s]."""
         start, end = float(self.paths.start[0]), float(self.paths.end[0])
         return np.linspace(start, end, intervals_in(end - start, self.law.every) + 1)
 
-    def flights(
-        self, wrong: Callable[[Timetable], tuple[Floats, Floats]]
-    ) -> tuple[Floats, Flights, list[int], list[list[tuple[float, str]]]]:
+    def flights(self, draws: Draws) -> tuple[Floats, Flights, list[int], list[list[tuple[float, str]]]]:
         """All, with times that are shown, how many plans each flew, and when and why others were refused."""
         own = ballistics_of(self.field.drag, len(self.paths))
         asked = commands_of(self.paths, self.law, self.believed, own, self.limits)
-        each = [self.flight(*one) for one in zip(*wrong(asked.table), strict=True)]
+        measured = draws.measured(asked.table)
+        each = [
+            self.flight(replace(draws, seeds=[seed]), (seen[None], off[None]))
+            for seed, seen, off in zip(draws.seeds, *measured, strict=True)
+        ]
         frame = asked.frame_in(self.field)
-        alone = flown(replace(asked, law=None), self.field, frame, *exactly(len(self.paths), 1))
+        alone = flown(replace(asked, law=None), self.field, frame, exactly(len(self.paths), 1))
         done = replace(together([one[1] for one in each], 0), asked=alone.asked)
         return each[0][0], done, [one[2] for one in each], [one[3] for one in each]
 
-    def flight(self, wrong: Floats, errors: Floats) -> tuple[Floats, Flights, int, list[tuple[float, str]]]:
-        """One, with errors of measurements (N, M, 6) and of thrust (N, 4).
+    def flight(
+        self, draws: Draws, measured: tuple[Floats, Floats]
+    ) -> tuple[Floats, Flights, int, list[tuple[float, str]]]:
+        """One, with errors of measurements (1, N, M, 6) and of thrust (1, N, 4); each leg with its own burns.
 
         With the times that are shown, how many plans it flew, and when and why others were refused.
         """
         instants, last = self.instants, self.paths
         now, parts, times, made = last.state(instants[0]), [], [], 0
         refused: list[tuple[float, str]] = []
+        wrong, errors = measured
         law = replace(self.law, every=float(instants[1] - instants[0]))
         ballistics = ballistics_of(self.field.drag, len(last))
         for k, (begin, over) in enumerate(zip(instants[:-1], instants[1:], strict=True)):
             if k > 0 and instants[-1] - begin >= law.horizon:
-                path, why = self.plan(now + wrong[:, k], float(begin))
+                path, why = self.plan(now + wrong[0, :, k], float(begin))
                 refused += [(float(begin), one) for one in why]
                 if path is not None:
                     last, made = path, made + 1
             span = float(begin), float(over)
             commands = commands_of(last, law, self.believed, ballistics, self.limits, span=span)
             frame = commands.frame_in(self.field)
-            done = flown(commands, self.field, frame, wrong[None, :, k : k + 1].copy(), errors[None], now)
+            drawn = draws.of(commands, range(len(now)), (wrong[:, :, k : k + 1], errors), k)
+            now = now + drawn.start[0] if k == 0 else now
+            done = flown(commands, self.field, frame, drawn, now)
             now = done.states[0, :, -1].copy()
             rest = slice(None) if over == instants[-1] else slice(-1)
             parts.append(replace(done, states=done.states[:, :, rest]))

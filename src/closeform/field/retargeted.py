@@ -10,8 +10,9 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Commands, Flights, commands_of, exactly, flown
+from closeform.field.course import Commands, Flights, commands_of, flown
 from closeform.field.drag import ballistics_of
+from closeform.field.drawn import exactly
 from closeform.field.field import Field
 from closeform.field.timetable import impulses_of
 from closeform.motion.joining import stack
@@ -96,7 +97,7 @@ def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
         end = HARD * states[..., -1, :] * np.repeat([1.0, 1.0 / orbit.mean_motion], 3)
         return np.concatenate([states[..., along, :3].reshape(*states.shape[:-2], -1), end], axis=-1)
 
-    done = flown(alone, field, frame, *exactly(len(crafts), 1))
+    done = flown(alone, field, frame, exactly(len(crafts), 1))
     states = done.states[0]
     did = {k: off(some - states[k]) / NUDGE for k, some in _nudged(alone, crafts, field, frame)}
     jumps = commands.jumps.copy()
@@ -110,7 +111,7 @@ def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
             step = np.linalg.lstsq(pushed, -missed)[0].reshape(-1, 3)
             jumps[k, own] += step
             moved = max(moved, float(np.abs(step).max()) / orbit.mean_motion)
-        done = flown(replace(alone, jumps=jumps), field, frame, *exactly(len(crafts), 1))
+        done = flown(replace(alone, jumps=jumps), field, frame, exactly(len(crafts), 1))
         states = done.states[0]
         if moved < MET:
             break
@@ -138,4 +139,4 @@ def _nudged(
             name: getattr(commands, name)[which] for name in ("cancelled", "limits", "bits", "ballistics")
         }
         beside = replace(commands, path=commands.path[which], jumps=jumps, **some)
-        yield k, flown(beside, field, frame, *exactly(len(which), 1)).states[0]
+        yield k, flown(beside, field, frame, exactly(len(which), 1)).states[0]

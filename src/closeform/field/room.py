@@ -9,23 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, shown
-from closeform.field.chief_frame import ChiefFrame
-from closeform.field.closed_loop import ClosedLoop
+from closeform.field.drawn import drawable
 from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
-from closeform.field.residual import residuals
-from closeform.field.retargeted import Retargeted, changed_impulses
-from closeform.field.timetable import SAME, impulses_of, intervals_in
-from closeform.field.validity import deviations_of
+from closeform.field.followed import Followed
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
 from closeform.zones.padding import gap
 from closeform.zones.pair_zones import PairZones
-
-STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends with one
-NEAR = 0.02  # of a step
-TURNS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)  # (3, 3, 3), small turns about axes
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,6 +40,9 @@ class Room(Result):
     rest : array of shape (N,) [m]
         What else they are off at most: by accelerations that nobody knows, and measurements that are off by
         something constant.
+    spread : array of shape (N, T, 3, 3) [m^2]
+        Covariances of what errors of each burn and impulse, and of states at the start, leave; in the chief's
+        axes.
     noise : float [m]
         The standard deviation, in the worst direction, from measurements that are off at random.
     sigmas : float, no unit
@@ -65,6 +60,7 @@ class Room(Result):
     turn: Floats
     thrust_error: Floats
     rest: Floats
+    spread: Floats
     noise: float
     sigmas: float
     thrust: Floats
@@ -77,7 +73,8 @@ class Room(Result):
         aligned = np.linalg.norm(np.einsum("ntij,nti->ntj", turned, larger), axis=-1)
         square = (larger**2).sum(axis=-1) + np.linalg.norm(turned, 2, axis=(-2, -1)) ** 2 + 2.0 * aligned
         off = np.linalg.norm(self.shift, axis=-1) + np.sqrt(square)
-        return np.asarray(off + self.rest[:, None] + self.sigmas * self.noise)
+        random = np.sqrt(self.noise**2 + np.linalg.eigvalsh(self.spread)[..., -1])
+        return np.asarray(off + self.rest[:, None] + self.sigmas * random)
 
     @property
     def greatest(self) -> Floats:
@@ -94,6 +91,7 @@ def room(
     cancel: bool = True,
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = (0.0, 0.0),
+    errors: Any = None,
     sigmas: float = 4.0,
 ) -> Room:
     """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
@@ -116,8 +114,10 @@ def room(
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         By how much each craft's thrust is off at most, as a share of its size, and in direction; constant
         through a flight.
+    errors : Errors or sequence of Errors or None, optional
+        Of each craft, which `fly` draws.
     sigmas : float, no unit, default 4
-        Of the noise, which count.
+        Of the noise and of `errors`, which count.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def room(
 
     References
     ----------
-    docs/theory.md (86) and (93).
+    docs/theory.md (86), (93) and (96).
 
     Examples
     --------
@@ -155,65 +155,27 @@ def room(
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     instance("cancel", cancel, bool)
-    errors, count = thrust_errors(thrust_error, len(paths)), len(paths)
+    sizes, count = thrust_errors(thrust_error, len(paths)), len(paths)
     many = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown = nonnegative("residual", residual)
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
-    start, end = float(paths.start[0]), float(paths.end[0])
-    intervals = intervals_in(end - start, law.every)
-    steps = _steps(min(law.delay / (end - start) * intervals, 1.0))
-    times = np.linspace(start, end, steps * intervals + 1)
-    loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, steps)
-    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
-    against = np.full(count, cancel)
-    jumps, aside = _jumps(paths, field, cancel, times, against, law)
-    flown = paths.thrust(times) - left_out * against[:, None, None]
-    felt = left_out * ~(against | np.isin(np.arange(count), jumps.craft) & cancel)[:, None, None]
-    pushes = [felt, flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
-    pushed = deviations_of(paths.orbit, times, np.concatenate(pushes)).reshape(5, count, -1, 6)
-    kicked = np.stack([jumps.impulse, *np.einsum("kij,mj->kmi", TURNS, jumps.impulse)])
-    for k, when, sizes in zip(jumps.craft, jumps.time, kicked.swapaxes(0, 1), strict=True):
-        after = times > when + SAME  # who is measured just then is so before it
-        pushed[1:, k, after] += np.einsum(
-            "tij,rj->rti", paths.orbit.transition(times[after] - when)[:, :, 3:], sizes
-        )
-    off, brought = loop.follow(pushed.reshape(5 * count, -1, 6))
-    shift, stretch, *turned = off.reshape(5, count, -1, 3)
-    shift = shift + aside
-    steady, more, *turning = brought.reshape(5, count, -1, 3)
-    rest, answer = loop.beyond(
-        errors, np.broadcast_to(unknown, count), sight, (more, np.stack(turning, axis=-1))
-    )
-    noise, shaking = loop.spread(sight, errors)
-    asked = np.linalg.norm(flown, axis=-1).max(axis=1)
+    flight = Followed.of(paths, field, law, cancel)
+    shift, stretch, *turned = flight.caused[0]
+    steady, more, *turning = flight.brought
+    brought = more, np.stack(turning, axis=-1)
+    rest, answer = flight.loop.beyond(sizes, np.broadcast_to(unknown, count), sight, brought)
+    noise, shaking = flight.loop.spread(sight, sizes)
+    spread = np.zeros((*shift.shape, 3))
+    random = np.full(count, shaking**2)
+    for k, own in enumerate(drawable(errors, count) or ()):
+        spread[k], answers = flight.scattered(k, sight, sizes[k], own)
+        random[k] += np.linalg.eigvalsh(answers)[..., -1].max(initial=0.0)
+    asked = np.linalg.norm(flight.flown, axis=-1).max(axis=1)
     if not law.impulses:
-        asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * shaking
-    return Room(times, shift, stretch, np.stack(turned, axis=-1), errors, rest, noise, many, asked)
-
-
-def _jumps(
-    paths: Path, field: Field, cancel: bool, times: Floats, against: Any, law: Feedback
-) -> tuple[Retargeted, Floats]:
-    """Impulses as they are fired, and how far those lead off the plan (N, T, 3) [m], to where feedback leads.
-
-    Who does not thrust `against` the residual (N,) is taken out of that.
-    """
-    craft, when, planned = impulses_of(paths)
-    jumps, aside = Retargeted(craft, when, planned, planned), np.zeros((len(paths), len(times), 3))
-    against[craft] = False
-    if law.impulses:
-        against &= paths.peak_thrust > 0.0
-    if cancel and len(craft):
-        jumps, path, _ = changed_impulses(paths, field)
-        aside[craft] = (path.position(times) - paths.position(times))[craft]
-    return jumps, aside
-
-
-def _steps(delay: float) -> int:
-    """How many of an interval a `delay` fits, a share of it."""
-    some = range(STEPS, MOST, 2)
-    return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)
+        asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
+    off = shift + flight.aside, stretch, np.stack(turned, axis=-1)
+    return Room(flight.times, *off, sizes, rest, spread, noise, many, asked)
 
 
 def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats, Floats]:
@@ -227,22 +189,22 @@ def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats
     for zone, some in zones.groups():
         for i, j in some[some[:, 0] < craft].tolist():
             off, normals = gap(zone, places[i] - places[j])
-            shift, most = _along(found, i, normals)
-            spread = found.noise
+            shift, most, square = _along(found, i, normals)
             if j < craft:
                 other = _along(found, j, normals)
-                shift, most, spread = shift - other[0], most + other[1], np.sqrt(2.0) * spread
+                shift, most, square = shift - other[0], most + other[1], square + other[2]
             pairs.append((i, j))
             left.append(off)
-            needed.append(most - shift + found.sigmas * spread)
+            needed.append(most - shift + found.sigmas * np.sqrt(square))
     size = (len(pairs), len(found.times))
     return np.array(pairs, dtype=np.int64).reshape(-1, 2), np.reshape(left, size), np.reshape(needed, size)
 
 
-def _along(found: Room, craft: int, normals: Floats) -> tuple[Floats, Floats]:
-    """Where one craft is expected along normals (T, 3) [m], and how much further but for noise."""
+def _along(found: Room, craft: int, normals: Floats) -> tuple[Floats, Floats, Floats]:
+    """Where one craft is expected along normals (T, 3) [m], how much further at most, and its variance."""
     share, angle = found.thrust_error[craft]
     off = share * np.abs((found.stretch[craft] * normals).sum(axis=-1))
     turned = np.einsum("tij,ti->tj", found.turn[craft], normals)
     off += (1.0 + share) * angle * np.linalg.norm(turned, axis=-1)
-    return (found.shift[craft] * normals).sum(axis=-1), off + found.rest[craft]
+    square = np.einsum("ti,tij,tj->t", normals, found.spread[craft], normals) + found.noise**2
+    return (found.shift[craft] * normals).sum(axis=-1), off + found.rest[craft], square

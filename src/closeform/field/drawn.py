@@ -1,0 +1,145 @@
+"""What flights draw: errors of measurements, of thrust, of states at the start, and of each burn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats, whole
+from closeform.field.executed import Events
+from closeform.field.feedback import Navigation
+from closeform.field.timetable import Timetable
+
+if TYPE_CHECKING:
+    from closeform.field.course import Commands
+    from closeform.uncertainty.errors import Errors
+
+START, PLANNED = 0, 1  # streams of a craft in a flight: of its state; of burns by plan, back, and impulses
+
+
+class Drawn(NamedTuple):
+    """Errors of S flights of N craft."""
+
+    seen: Floats  # (S, N, M, 6) [m, m/s] of measurements
+    thrust: Floats  # (S, N, 4) of all thrust: of its size, and a small turn
+    start: Floats  # (S, N, 6) [m, m/s] of states at the start
+    events: Floats  # (S, N, E, 4) the same of each burn, see `Events`; of impulses normal numbers
+    gates: Floats  # (N, 4) which these are times
+
+
+def exactly(count: int, measurements: int) -> Drawn:
+    """No errors of one flight of N craft that are measured so many times."""
+    shapes = (count, measurements, 6), (count, 4), (count, 6), (count, 0, 4)
+    seen, thrust, start, events = (np.zeros((1, *shape)) for shape in shapes)
+    return Drawn(seen, thrust, start, events, np.zeros((count, 4)))
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """What is drawn in the flights of some `seeds`, each by itself, of N craft.
+
+    Measured by one `sight`; `sizes` (N, 2) bound the error of thrust that is constant through a flight, and
+    `errors` are each craft's own, where there are any.
+    """
+
+    seeds: Sequence[int]
+    sight: Navigation
+    sizes: Floats
+    errors: Sequence[Errors] | None
+
+    def measured(self, table: Timetable) -> tuple[Floats, Floats]:
+        """Errors of measurements (S, N, M, 6) and of thrust (S, N, 4): of all craft, seen together."""
+        kept, count = self.sight._kept(table.interval), table.measurements + 1
+        draws = [_drawn(seed, count, self.sight, self.sizes, kept) for seed in self.seeds]
+        return np.stack([one for one, _ in draws]), np.stack([one for _, one in draws])
+
+    def of(
+        self,
+        commands: Commands,
+        some: Sequence[int],
+        measured: tuple[Floats, Floats] | None = None,
+        leg: int = 0,
+    ) -> Drawn:
+        """All that is drawn of `some` craft that are told to fly so, of measurements as `measured`."""
+        measured = measured or self.measured(commands.table)
+        seen, thrust = (np.ascontiguousarray(part[:, some]) for part in measured)
+        size, gates = (len(self.seeds), len(some)), np.zeros((len(some), 4))
+        if self.errors is None:
+            return Drawn(seen, thrust, np.zeros((*size, 6)), np.zeros((*size, 0, 4)), gates)
+        start, events, told = [], [], commands.events
+        for seed in self.seeds:
+            for k in some:
+                start.append(self.errors[k]._root @ _stream(seed, k, START, leg).normal(size=6))
+                events.append(self._executed(seed, k, told, leg))
+        gates += [self.errors[k].impulse for k in some]
+        return Drawn(seen, thrust, np.reshape(start, (*size, 6)), np.reshape(events, (*size, -1, 4)), gates)
+
+    def _executed(self, seed: int, craft: int, events: Events, leg: int) -> Floats:
+        """Errors (E, 4) of each burn and impulse of one craft in one flight."""
+        assert self.errors is not None
+        one = self.errors[craft]
+        burn = np.array([one.magnitude, *[one.pointing] * 3])
+        kinds = (events.planned, burn), (events.backward, burn), (events.struck, np.ones(4))
+        draws = [
+            size * _stream(seed, craft, stream, leg).normal(size=(count, 4))
+            for stream, (count, size) in enumerate(kinds, PLANNED)
+        ]
+        return np.concatenate(draws)
+
+
+def nothing_drawn(count: int) -> Draws:
+    """One flight of N craft without errors."""
+    return Draws([0], Navigation(), np.zeros((count, 2)), None)
+
+
+def seeds_of(seeds: int | Sequence[int]) -> list[int]:
+    """The seed of each flight."""
+    if not isinstance(seeds, list | tuple | range | np.ndarray):
+        return list(range(whole("seeds", seeds, 1)))
+    if not len(seeds):
+        raise ValueError("seeds: give one at least")
+    return [whole("seeds", one) for one in seeds]
+
+
+def drawable(errors: Errors | Sequence[Errors | None] | None, count: int) -> Sequence[Errors] | None:
+    """The argument `errors` as those of each craft; None where nobody has any.
+
+    Raises ValueError where they cannot be drawn.
+    """
+    if errors is None:
+        return None
+    from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+    from closeform.uncertainty.search import given_errors
+
+    each = [Errors() if one is None else one for one in given_errors("errors", errors, count, Errors)]
+    if any(one.noise for one in each):
+        raise ValueError("errors: white noise cannot be drawn; leave out `noise`")
+    return each
+
+
+def _stream(seed: int, craft: int, which: int, leg: int) -> np.random.Generator:
+    """Random numbers of one craft's own in a flight: of the flight's Philox, at another count."""
+    return np.random.Generator(np.random.Philox(key=seed, counter=[0, leg, which, 1 + craft]))
+
+
+def _drawn(
+    seed: int, measurements: int, sight: Navigation, sizes: Floats, kept: float
+) -> tuple[Floats, Floats]:
+    """Errors of measurements (N, M, 6) and of thrust (N, 4) of one flight: its own stream of Philox.
+
+    Of each measurement's error so much is `kept` by the next.                                # theory (91)
+    """
+    count, draws = len(sizes), np.random.Generator(np.random.Philox(key=seed))
+    ways = draws.normal(size=(count, 3, 3))
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    shares = draws.uniform([-1.0, 0.0], 1.0, (count, 2)) * sizes
+    errors = np.hstack([shares[:, :1], shares[:, 1:] * ways[:, 2]])
+    stays = ways[:, :2] * np.array([sight.position_bias, sight.velocity_bias])[:, None]
+    white = draws.normal(size=(measurements, count, 6)).swapaxes(0, 1)
+    for k in range(1, measurements if kept else 0):
+        white[:, k] = kept * white[:, k - 1] + np.sqrt(1.0 - kept * kept) * white[:, k]
+    white = white * np.repeat([sight.position, sight.velocity], 3)
+    return np.ascontiguousarray(white + stays.reshape(count, 1, 6)), errors

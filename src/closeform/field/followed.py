@@ -1,0 +1,129 @@
+"""A plan that is followed under feedback: what moves its craft off it, and what becomes of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.field.chief_frame import ChiefFrame
+from closeform.field.closed_loop import ClosedLoop
+from closeform.field.feedback import Feedback, Navigation
+from closeform.field.field import Field
+from closeform.field.residual import residuals
+from closeform.field.retargeted import Retargeted, changed_impulses
+from closeform.field.timetable import SAME, impulses_of, intervals_in
+from closeform.field.validity import deviations_of
+from closeform.motion.path import Path
+
+if TYPE_CHECKING:
+    from closeform.uncertainty.errors import Errors
+
+STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends with one
+NEAR = 0.02  # of a step
+TURNS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)  # (3, 3, 3), small turns about axes
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Paths (N,) at T `times`, led back by a `loop`.
+
+    `jumps` are impulses as they are fired, which lead `aside` of the plan (N, T, 3) [m], to where feedback
+    leads.  Thrust that lasts is that of the plan and `against` (N, T, 3) [m/s^2] what Hill's equations leave
+    out; what is `felt` (N, T, 3) is what nobody thrusts against.
+    """
+
+    paths: Path
+    loop: ClosedLoop
+    times: Floats
+    jumps: Retargeted
+    aside: Floats
+    against: Floats
+    felt: Floats
+
+    @classmethod
+    def of(cls, paths: Path, field: Field, law: Feedback, cancel: bool) -> Self:
+        """As `fly` flies it in a field that is known; with `cancel` thrust is corrected for that."""
+        start, end = float(paths.start[0]), float(paths.end[0])
+        intervals = intervals_in(end - start, law.every)
+        steps = _steps(min(law.delay / (end - start) * intervals, 1.0))
+        times = np.linspace(start, end, steps * intervals + 1)
+        loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, steps)
+        frame = ChiefFrame.of(field, times)
+        left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
+        craft, when, planned = impulses_of(paths)
+        jumps, aside = Retargeted(craft, when, planned, planned), np.zeros(left_out.shape)
+        fires = np.isin(np.arange(len(paths)), craft)
+        opposed = cancel & ~fires
+        if law.impulses:
+            opposed &= paths.peak_thrust > 0.0
+        if cancel and len(craft):
+            jumps, path, _ = changed_impulses(paths, field)
+            aside[fires] = (path.position(times) - paths.position(times))[fires]
+        felt = left_out * ~(opposed | fires & cancel)[:, None, None]
+        return cls(paths, loop, times, jumps, aside, -left_out * opposed[:, None, None], felt)
+
+    @cached_property
+    def flown(self) -> Floats:
+        """Thrust that lasts (N, T, 3) [m/s^2], as it is commanded without errors."""
+        return np.asarray(self.paths.thrust(self.times) + self.against)
+
+    @cached_property
+    def caused(self) -> tuple[Floats, Floats]:
+        """How far off (5, N, T, 3) [m] craft are, and believe to be (5, N, I, 6): for each of five causes.
+
+        By what is felt, and by thrust that is larger by the whole of itself, and turned by 1 about each axis.
+        """
+        orbit, times, flown = self.paths.orbit, self.times, self.flown
+        pushes = [self.felt, flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
+        pushed = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *flown.shape[:2], 6)
+        fired = self.jumps.impulse
+        kicked = np.stack([fired, *np.einsum("kij,mj->kmi", TURNS, fired)])
+        for k, when, sizes in zip(self.jumps.craft, self.jumps.time, kicked.swapaxes(0, 1), strict=True):
+            after = times > when + SAME  # who is measured just then is so before it
+            moved = orbit.transition(times[after] - when)[:, :, 3:]
+            pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
+        off, believed = self.loop.follow(pushed.reshape(-1, len(times), 6))
+        return off.reshape(5, *flown.shape), believed.reshape(5, len(flown), -1, 6)
+
+    @cached_property
+    def brought(self) -> Floats:
+        """With what thrust (5, N, T, 3) [m/s^2], or impulses (5, N, Q, 3) [m/s], craft answer each cause."""
+        believed = self.caused[1]
+        found = self.loop.answers(believed.reshape(-1, *believed.shape[2:]), len(self.times))
+        return found.reshape(*believed.shape[:2], -1, 3)
+
+    def scattered(self, craft: int, sight: Navigation, size: Floats, errors: Errors) -> tuple[Floats, Floats]:
+        """What a craft's own `errors` make of it: covariances (T, 3, 3) [m^2], and of its answers.
+
+        These are (T, 3, 3) [m^2/s^4], or of impulses (Q, 3, 3) [m^2/s^2].  All its thrust is off by up to a
+        `size` (2,), too.
+        """
+        from closeform.field.error_motions import error_motions  # whose kernels only errors need
+
+        own = self.jumps.craft == craft
+        jumps = self.jumps.time[own], self.jumps.impulse[own]
+        motions = error_motions(self.paths[craft], errors, self.times, jumps, self.against[craft])
+        off, believed = self.loop.follow(motions)
+        answers = self.loop.answers(believed, len(self.times))
+        share, angle = size
+        known = self.caused[1][:, craft]
+        causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
+        causes = [one for one in causes if one.any()]  # whose sum is squared
+        moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
+        shaken = self.loop.shaken(sight, errors, moments, len(self.times))
+        return _squares(off) + shaken, _squares(answers)
+
+
+def _squares(rows: Floats) -> Floats:
+    """Second moments (K, D, D) of rows (R, K, D) that are independent."""
+    return np.asarray(np.einsum("rki,rkj->kij", rows, rows))
+
+
+def _steps(delay: float) -> int:
+    """How many of an interval a `delay` fits, a share of it."""
+    some = range(STEPS, MOST, 2)
+    return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)
