@@ -1641,12 +1641,6 @@ MISUSES = (
         "give it, or draw a choice",
     ),
     Misuse(
-        "a failure in a gathering",
-        "study failing.toml",
-        'failing.toml: study.vary."craft.fails": a gathering cannot have it yet; '
-        'remove it, or draw "craft.silent", who never answers',
-    ),
-    Misuse(
         "a draw of flights where nothing is flown",
         "study planned.toml",
         'planned.toml: study.vary."craft.ballistic": is of flights, and cases fly none; add [flight], or remove it',

@@ -123,15 +123,17 @@ class Told:
     velocities: np.ndarray = None
     delta_v: np.ndarray = None
     ok: bool = False
+    adrift: set = field(default_factory=set)  # of the formation set, for want of thrust
 
 
 KINDS = ("lost", "knowledge", "formation")  # H03 figure 8 in its order
 
 
-def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant=None):
+def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant=None, fails=None, off=None):
     """The whole story; of pairs that lock at one time that with the lowest craft of group A first.
 
-    With `errant` bodies, one for each craft, these turn, look and burn instead of the sky's.
+    With `errant` bodies, one for each craft, these turn, look and burn instead of the sky's.  From
+    `fails[k]` on craft k cannot burn; `off(k, b, dv)` is by how much its burn number b is off.
     """
     r, v = np.array(positions, float), np.array(velocities, float)
     n = len(r)
@@ -146,10 +148,21 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant
     pairs = [(a, b) for a in range(n) for b in range(n) if groups[a] == "A" and groups[b] == "B"]
     known: dict[tuple, float] = {}  # lock times that hold as long as neither burns
 
+    burnt, pace = [0] * n, None  # how often each burned; the velocity of the formation set
+
+    def powerless(k):
+        return fails is not None and clock >= fails[k]
+
     def impulse(k, kind, dv):
         nonlocal known
         if np.linalg.norm(dv) < 1e-14:
             return  # nothing but rounding
+        if powerless(k):
+            told.adrift |= {k} if kind == "burn" else set()
+            return
+        if off is not None:
+            dv = dv + off(k, burnt[k], dv)
+        burnt[k] += 1
         v[k] += dv
         spent[k] += np.linalg.norm(dv)
         told.events.append((clock, kind, k, -1, 0, dv))
@@ -203,14 +216,14 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant
             else:
                 formation |= {i, j}
                 share = {"second": 0.0, "first": 1.0, "half": 0.5}[burns]
-                meet = v[i] + share * (v[j] - v[i])
+                share = 0.0 if powerless(i) else 1.0 if powerless(j) else share
+                pace = v[i] + share * (v[j] - v[i])
                 for k in (i, j):
-                    impulse(k, "burn", meet - v[k])
+                    impulse(k, "burn", pace - v[k])
         elif "formation" in (ki, kj):
             joining = j if ki == "formation" else i
             new = set_of(joining) or {joining}
             knowledge = [s for s in knowledge if s is not new]
-            pace = v[min(formation)].copy()
             for k in sorted(new):
                 impulse(k, "burn", pace - v[k])
             formation |= new

@@ -101,9 +101,6 @@ def desk(tmp_path, monkeypatch):
     planned = swap(**IN_AIR, craft='ballistic = "0.02 m^2/kg"')
     drawn = 'vary = { "craft.ballistic" = { uniform = "0.002 m^2/kg" } }'
     (tmp_path / "planned.toml").write_text(f"{planned}{STUDY}{drawn}\n")
-    (tmp_path / "failing.toml").write_text(
-        LOST.replace('"craft.velocity" = { ball = "6 cm/s" }', '"craft.fails" = { chance = 0.1 }')
-    )
     (tmp_path / "picture.toml").write_bytes(b"\x89PNG\xff\xfe")
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "thesis.txt").write_text("years of work")

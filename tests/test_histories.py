@@ -1,7 +1,5 @@
 """Cases whose errors are drawn: burns by integration, starts by their covariance, a run by its study."""
 
-import re
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,7 +10,7 @@ from closeform.campaign import case_of, flown
 from closeform.campaign.history import History
 from closeform.campaign.mission_cases import MissionCases
 from closeform.mission import fly
-from closeform.scenario import ScenarioError, parse
+from closeform.scenario import parse
 
 TWICE = """\
 closeform = 1
@@ -187,13 +185,3 @@ def test_a_history_is_what_its_study_counted():
         conflicts = mission.verdict.conflicts
         assert conflicts == entered.entries[case] + entered.began[case]
         assert mission.paths.state(0.0).shape == (2, 6)  # stages follow each other without a jump
-
-
-def test_a_gathering_with_errors_of_burns_is_refused():
-    text = (TWICE.split("[[stage]]")[0] + TWICE[TWICE.index("[study]") :]).replace(
-        "[study]",
-        '[sensor]\nhalf_angle = "70 deg"\n[search]\nslew_rate = "1 deg/s"\nmax_relative_speed = "1 m/s"\n'
-        '[[stage]]\ndo = "gather"\n[study]',
-    )
-    with pytest.raises(ScenarioError, match=re.escape("a gathering cannot have errors of burns yet")):
-        parse(text, "gather.toml", "study")

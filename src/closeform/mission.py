@@ -6,7 +6,7 @@
 
 No mathematics: a stage asks the orbit for paths, `watch` for conflicts, `avoid` for the way
 around them, `reconfigure` for the paths of a whole formation (`single_stage`, `joint_stage`), `fire` for the
-pulses of thrusters (`pulsed`), `lock_times` and `gather` for who finds whom.
+pulses of thrusters (`pulsed`), `lock_times` and `gather` for who finds whom (`search_stage`).
 """
 
 from collections.abc import Callable
@@ -18,11 +18,10 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats, instance
-from closeform.conflicts.flight import ALL_PAIRS, watch
+from closeform.conflicts.flight import ALL_PAIRS
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.joint_stage import reconfigure, regather, scatter
-from closeform.mission_result import FirstLocks, Mission, StageResult
-from closeform.motion.arc import END, START
+from closeform.mission_result import Mission, StageResult
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -37,14 +36,11 @@ from closeform.scenario import (
     Transfer,
     load,
 )
-from closeform.search.gather_result import Gathering, who_is_left
-from closeform.search.search_errors import between
+from closeform.search_stage import gather, lock
 from closeform.single_stage import avoid, transfer
 from closeform.stage_start import StageStart
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
-
-NAMED = 10  # pairs that are named where more never lock
 
 
 def fly(
@@ -56,6 +52,14 @@ def fly(
     says so in `stopped`.  `predicted`: whether each stage has the `validity` of its plan in the field of the
     scenario.  Raises ScenarioError for numbers that are beyond the mathematics.
     """
+    mission = staged(scenario, progress, predicted)
+    if scenario.history is not None and (known := scenario.history.failing_in(mission)) is not None:
+        mission = staged(replace(scenario, history=known), progress, predicted)
+    return as_happened(mission, progress)
+
+
+def staged(scenario: Scenario, progress: Callable[[str], None], predicted: bool) -> Mission:
+    """The stages, one after another, up to the last or to where the mission cannot go on."""
     orbit = scenario.orbit.build()
     states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []
@@ -79,13 +83,13 @@ def fly(
             result, left = with_errors(scenario, result, errors)
             errors = errors if replanned else left  # where everybody is known anew
         if scenario.history is not None:
-            result = scenario.history.executed(scenario, result)
+            result = scenario.history.executed(scenario, result, states)
         results.append(result)
         if result.failure is not None:
             stopped = f"stage {number} ({verb}): {result.failure}"
-            return as_happened(Mission(scenario, orbit, tuple(results), stopped), progress)
+            return Mission(scenario, orbit, tuple(results), stopped)
         states = result.after.paths.state(result.end)
-    return as_happened(Mission(scenario, orbit, tuple(results)), progress)
+    return Mission(scenario, orbit, tuple(results))
 
 
 def as_happened(mission: Mission, progress: Callable[[str], None]) -> Mission:
@@ -172,36 +176,6 @@ def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
     """Nobody burns."""
     flight = start.coasts(stage.length.on(start.orbit.mean_motion))
     return StageResult(start.number, stage, start.time, flight, flight, None)
-
-
-def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
-    """All craft coast through the search; who sees whom, and when."""
-    from closeform.search.locks import lock_times
-
-    search, pairs, names = start.scenario.plan, start.scenario.opposite, start.scenario.names
-    relative = start.states[pairs[:, 1]] - start.states[pairs[:, 0]]
-    craft = start.scenario.search_errors
-    errors = None if craft is None else between(craft, pairs)
-    found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:], errors))
-    failure = None
-    if never := [f"{names[i]} - {names[j]}" for i, j in found.missing]:
-        some = ", ".join(never[:NAMED]) + ", ..." * (len(never) > NAMED)
-        failure = f"{len(never)} of {len(pairs)} pairs never lock: {some}"
-    flight = start.coasts(search.duration)
-    return StageResult(start.number, stage, start.time, flight, flight, found, failure)
-
-
-def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
-    """Lost craft search, lock and join, until one formation holds them all or the rounds are over."""
-    from closeform.search.gather import gather
-
-    scenario, states = start.scenario, start.states
-    found = gather(scenario.plan, states[:, :3], states[:, 3:], **scenario.gathering(stage))
-    arcs = found.paths.arcs.copy()
-    arcs[:, [START, END]] += start.time
-    flight = watch(replace(found.paths, arcs=arcs), scenario.names, scenario.zones)
-    failure = None if found.ok else who_is_left(found.sets, found.lost, found.rounds, scenario.names)
-    return StageResult(start.number, stage, start.time, flight, flight, found, failure)
 
 
 FLIES: dict[type[StageTable], Callable[[StageStart, Any], StageResult[Any, Any]]] = {

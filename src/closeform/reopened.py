@@ -321,7 +321,7 @@ class RunTables:
             )
         )
         sets = tuple(tuple(where[name] for name in some) for some in told["sets"])
-        lost = tuple(where[name] for name in told["lost"])
+        lost, adrift = (tuple(where[name] for name in told[some]) for some in ("lost", "adrift"))
         return Gathering(
             self.search(figures["number"]),
             self.scenario.groups,
@@ -335,9 +335,10 @@ class RunTables:
             told["duration_s"],
             told["rounds"],
             GatherStatus(told["status"]),
-            None if told["ok"] else who_is_left(sets, lost, told["rounds"]),
+            who_is_left(sets, lost, told["rounds"], adrift=adrift) or None,
             self.scenario.zones,
             self.scenario.search_errors,
+            adrift,
         )
 
 

@@ -77,13 +77,22 @@ def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErr
     )
 
 
-def failing(scenario: Scenario, seed: int, case: int) -> tuple[float, ...]:
-    """After which share of a mission each craft (N,) loses its thrust in a case; nan for who does not."""
-    if (draw := varied(scenario).get(FAILS)) is None:
-        return ()
-    random = uniform(seed, FAILS, len(scenario.craft), case, case + 1)[0]
+def failures(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
+    """After which share of a mission each craft loses its thrust in some cases (C, N); nan: it does not."""
+    draw = varied(scenario)[FAILS]
+    random = uniform(seed, FAILS, len(scenario.craft), first, last)
     lost = spread(draw, draw.numbers(FAILS), random, 1)
-    return tuple(np.where(lost, random[:, 1], np.nan).tolist())
+    return np.where(lost, random[..., 1], np.nan)
+
+
+def failing(scenario: Scenario, seed: int, case: int) -> tuple[float, ...]:
+    """The same of each craft (N,) in a case; nothing where no study draws it."""
+    return tuple(failures(scenario, seed, case, case + 1)[0]) if FAILS in varied(scenario) else ()
+
+
+def lost_by(name: str) -> str:
+    """The column of when a craft loses its thrust."""
+    return f"{name}_fails_s"
 
 
 def flight_seed(seed: int, case: int) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
-from closeform.campaign.draws import drawn, searching
+from closeform.campaign.draws import drawn, failures, lost_by, searching, varied
 from closeform.campaign.ends import ended
 from closeform.campaign.lock_cases import apart
 from closeform.campaign.search_campaign import Campaign
@@ -20,6 +20,8 @@ from closeform.campaign.tally import Settled
 from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Scenario
 from closeform.scenario.stages import Gather
+from closeform.scenario.study import FAILS
+from closeform.search.flawed_gather import gather_failing
 from closeform.search.gather import gather_cases
 from closeform.search.gather_result import Gatherings
 from closeform.search.rounds import all_rounds
@@ -27,14 +29,20 @@ from closeform.search.schedule import Search
 
 AT_ONCE = 8192  # gatherings in a chunk
 ALSO = "delta_v_m_s", "met_unknown", "met_known"  # columns that the tally takes too
-KEPT = {"clear": "clear", "delta-v": "delta_v_kept", "propellant": "propellant_kept"}  # by what is kept
+KEPT = {  # columns, by what is kept
+    "clear": "clear",
+    "delta-v": "delta_v_kept",
+    "propellant": "propellant_kept",
+    "thrust": "none_adrift",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class GatherCases(Cases):
     """Cases with a row each: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, who met, what is kept.
 
-    `search`: over all rounds.
+    Where craft may lose their thrust, when each does, and how many are `adrift` for it.  `search`: over all
+    rounds.
     """
 
     stage: Gather
@@ -61,7 +69,13 @@ class GatherCases(Cases):
         states = drawn(scenario, self.seed, first, last)
         apart(scenario, states, pairs, first)
         told = scenario.gathering(self.stage) | {"errors": searching(scenario, self.seed, first, last)}
-        found = gather_cases(scenario.plan, states[..., :3], states[..., 3:], **told)
+        flown, lost = (scenario.plan, states[..., :3], states[..., 3:]), {}
+        if FAILS in varied(scenario):
+            found, fails = gather_failing(*flown, failures(scenario, self.seed, first, last), **told)
+            lost = {lost_by(name): fails[:, k] for k, name in enumerate(scenario.names)}
+            lost |= {"adrift": found.adrift}
+        else:
+            found = gather_cases(*flown, **told)
         return {
             "duration_s": np.where(found.leg < 0, np.nan, found.duration),
             "leg": found.leg,
@@ -70,6 +84,7 @@ class GatherCases(Cases):
             "delta_v_m_s": found.delta_v,
             "met_unknown": found.met_unknown,
             "met_known": found.met_known,
+            **lost,
             **{KEPT[what]: kept for what, kept in within_limits(scenario, found).items()},
         }
 
@@ -153,6 +168,8 @@ def within_limits(scenario: Scenario, flown: Gatherings) -> dict[str, Any]:
     kept: dict[str, Any] = {}
     if scenario.zones.pairs:
         kept["clear"] = flown.met_unknown + flown.met_known == 0
+    if FAILS in varied(scenario):
+        kept["thrust"] = flown.adrift == 0
     for k, craft in enumerate(scenario.craft):
         spent = flown.each_delta_v[:, k]
         if craft.delta_v_budget is not None:

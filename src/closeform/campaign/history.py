@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,10 +12,12 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.campaign.draws import WORDS, uniform
-from closeform.campaign.losses import flown, with_losses
+from closeform.campaign.losses import drifting, flown, instants, missed, told, with_losses
 from closeform.motion.joining import join
 from closeform.motion.path import Path
-from closeform.scenario import Craft, Scenario
+from closeform.scenario import Craft, Gather, Scenario
+from closeform.search.burn_flaws import BurnFlaws
+from closeform.search_stage import gather_flawed
 from closeform.uncertainty.columns import added, columns_of
 from closeform.uncertainty.covariance import root_of
 
@@ -25,7 +29,8 @@ if TYPE_CHECKING:
 class History:
     """What a case draws that plans do not know: errors, by `draws` of its study, and failures.
 
-    `fails`: the share of the mission after which each craft (N,) loses its thrust, nan for who does not.
+    `fails`: the share of the mission after which each craft (N,) loses its thrust, nan for who does not;
+    `instants`: the times [s] of this where stages are flown with it, by the craft's number, else None.
     Random numbers are keyed by the seed and the craft's name, so that other craft change none.
     """
 
@@ -33,6 +38,7 @@ class History:
     case: int
     draws: str
     fails: tuple[float, ...] = ()
+    instants: Mapping[int, float] | None = None
 
     @property
     def replanned(self) -> bool:
@@ -59,19 +65,48 @@ class History:
         ]
         return np.asarray(ndtri(np.concatenate([np.empty(0), *events])[:count]))
 
-    def executed(self, scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
-        """A stage as it is flown where each stage is planned from where craft are: its burns are off."""
-        if not self.replanned or not result.flown:
+    def failing_in(self, mission: Mission) -> History | None:
+        """The same with the instants at which thrust is lost, where a mission is to be flown anew with them.
+
+        That is where craft gather: what one misses there the others see, and act upon.
+        """
+        gathers = any(isinstance(result.stage, Gather) for result in mission.flown)
+        times = instants(mission, self.fails) if gathers and self.draws != "errors" else {}
+        return replace(self, instants=times) if times else None
+
+    def executed(
+        self, scenario: Scenario, result: StageResult[Any, Any], states: Floats
+    ) -> StageResult[Any, Any]:
+        """A stage from `states` (N, 6) as it is flown: its burns are off, and lost thrust is missing."""
+        if not result.flown or not (self.replanned or self.instants):
             return result
+        if isinstance(result.stage, Gather) and (flaws := self.flaws(scenario, result)).any:
+            return gather_flawed(scenario, result, states, flaws)
         paths = []
-        for craft in scenario.craft:
+        for k, craft in enumerate(scenario.craft):
             path = result.after.path(craft.name)
-            if craft.errors is not None:
+            if self.replanned and craft.errors is not None:
                 columns = columns_of(path, craft.errors)
                 key = f"stage {result.number} of {craft.name}"
                 path = added(path, columns, self.normal(key, len(columns)))
+            if self.instants and (time := self.instants.get(k, inf)) < result.end:
+                path = drifting(path, time, states[k] if time <= result.start else None)
             paths.append(path)
         return flown(scenario, result, paths)
+
+    def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
+        """What goes wrong with burns of a gathering: four random numbers belong to each burn of a craft."""
+        craft = scenario.craft
+        times = [(self.instants or {}).get(k, inf) - result.start for k in range(len(craft))]
+        gates = np.array([(0.0,) * 4 if one.execution is None else one.execution.gates for one in craft])
+
+        def normals(burns: int) -> Floats:
+            keys = (f"stage {result.number} of {one.name}" for one in craft)
+            drawn = [self.normal(key, burns * WORDS).reshape(burns, WORDS) for key in keys]
+            return np.array(drawn)[None, :, :, :3]
+
+        off = self.replanned and gates.any()
+        return BurnFlaws(np.array([times]), gates, normals if off else None)
 
     def whole(self, mission: Mission) -> Mission:
         """A mission with what happens in it that no plan takes into account."""
@@ -79,7 +114,10 @@ class History:
             return mission
         if self.draws == "errors":
             mission = self.uncorrected(mission)
-        return with_losses(mission, self.fails)
+        if self.instants is None:
+            return with_losses(mission, self.fails)
+        times = {k: time for k, time in self.instants.items() if time <= mission.flown[-1].end}
+        return told(mission, times, {k: missed(mission, k, time) for k, time in times.items()})
 
     def uncorrected(self, mission: Mission) -> Mission:
         """A mission flown as planned, where nobody corrects what the errors of all craft do."""

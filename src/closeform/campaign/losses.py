@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isnan, nan
 from typing import Any
@@ -18,13 +18,19 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, path_of
 from closeform.scenario import Scenario
+from closeform.search.gather_result import Gathering
 from closeform.verdict import LostThrust
+
+
+def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
+    """When craft, by number, lose their thrust [s]: after shares (N,) of the mission, nan: they do not."""
+    end = mission.flown[-1].end
+    return {k: float(share * end) for k, share in enumerate(fails) if not isnan(share)}
 
 
 def with_losses(mission: Mission, fails: Sequence[float]) -> Mission:
     """A mission in which each craft (N,) loses its thrust after a share of it, nan for who does not."""
-    scenario, end = mission.scenario, mission.flown[-1].end
-    times = {k: share * end for k, share in enumerate(fails) if not isnan(share)}
+    scenario, times = mission.scenario, instants(mission, fails)
     if not times:
         return mission
     needed = {k: thrust_after(mission.paths[k], time) for k, time in times.items()}
@@ -37,12 +43,30 @@ def with_losses(mission: Mission, fails: Sequence[float]) -> Mission:
                     paths[k] = drifting(paths[k], time, states.get(k))
                     states[k] = paths[k].state(result.end)
             results[place] = flown(scenario, result, paths)
-    drifted = replace(mission, results=tuple(results))
-    lost = tuple(
-        LostThrust(scenario.names[k], time, needed[k], *nearest(drifted, k, time))
-        for k, time in times.items()
-    )
-    return replace(drifted, lost=lost)
+    return told(replace(mission, results=tuple(results)), times, needed)
+
+
+def told(mission: Mission, times: Mapping[int, float], needed: Mapping[int, bool]) -> Mission:
+    """A mission as flown by craft that lose their thrust, which says who does, and how near they drift."""
+    names = mission.scenario.names
+    lost = (LostThrust(names[k], time, needed[k], *nearest(mission, k, time)) for k, time in times.items())
+    return replace(mission, lost=tuple(lost))
+
+
+def missed(mission: Mission, k: int, time: float) -> bool:
+    """Whether a craft is told to burn after a time, in a mission whose stages were flown without its thrust.
+
+    In a gathering: whether it could not fly along for want of a burn.
+    """
+    for result in mission.flown:
+        if isinstance(result.result, Gathering):
+            if k in result.result.adrift:
+                return True
+        elif time < result.end:
+            path = result.planned.path(mission.scenario.names[k])
+            if thrust_after(path, time) if time > path.start else path.delta_v > 0.0:
+                return True
+    return False
 
 
 def flown(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:

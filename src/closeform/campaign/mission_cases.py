@@ -15,7 +15,7 @@ from closeform.arrays import Floats
 from closeform.campaign import flight_rows
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
-from closeform.campaign.draws import varied
+from closeform.campaign.draws import lost_by, varied
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.one_case import one_case
 from closeform.campaign.search_campaign import CampaignStatus
@@ -129,14 +129,15 @@ def figures(mission: Mission) -> dict[str, Any]:
 
 
 def off(result: StageResult[Any, Any]) -> float:
-    """How far [m] from its planned end the craft is that errors of burns put off most."""
-    planned = result.planned.paths.position(result.end)
+    """How far [m] from its planned end the craft is that errors of burns put off most.
+
+    Where a gathering would have ended before, with exact burns: from where it would have coasted to.
+    """
+    paths, end = result.planned.paths, min(result.end, result.planned.end)
+    planned = paths.position(end)
+    if end < result.end:
+        planned = (paths.state(end) @ paths.orbit.transition(result.end - end).T)[..., :3]
     return float(np.linalg.norm(result.after.paths.position(result.end) - planned, axis=-1).max())
-
-
-def lost_by(name: str) -> str:
-    """The column of when a craft loses its thrust."""
-    return f"{name}_fails_s"
 
 
 def off_in(number: int) -> str:

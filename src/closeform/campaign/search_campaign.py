@@ -22,7 +22,12 @@ from closeform.search.phases import labels
 from closeform.search.schedule import Search
 
 LATER = "time, not at once [s]"
-WORDS = {"clear": "clear", "delta-v": "within delta_v_budget", "propellant": "within propellant"}
+WORDS = {
+    "clear": "clear",
+    "delta-v": "within delta_v_budget",
+    "propellant": "within propellant",
+    "thrust": "free of craft adrift",
+}
 
 
 class CampaignStatus(StrEnum):
@@ -40,7 +45,7 @@ class Campaign(FlownCases):
     `tally` has what is counted in them, chunk after chunk.  As arrays (C,), read when they are asked for:
     `time` [s] at which the case was done, nan where it never was, and the `leg` of `search`, then -1;
     `kept` of each clearance and limit that the file asks for: "clear" of keep-out zones, within the
-    "delta-v" budget, within the "propellant" on board of every craft.
+    "delta-v" budget, within the "propellant" on board of every craft, with the "thrust" that everyone needs.
     """
 
     done: ClassVar[str] = "done"  # what a case is at that time, in words

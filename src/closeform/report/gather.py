@@ -13,7 +13,7 @@ from closeform.report.picture import Film, Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PHASE, Column, Table, minutes
 from closeform.scenario import Gather
-from closeform.search.gather_result import Event, EventKind, Gathering, listed
+from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, listed
 from closeform.verdict import conflicts_in, conflicts_of
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
@@ -228,12 +228,15 @@ def outcome(result: Gathered) -> Iterator[str]:
     whole, rest = divmod(gathering.duration, 60.0)
     begun = f"round {gathering.rounds} of at most {result.stage.rounds}"
     time = f"after {gathering.duration:.2f} s ({whole:.0f} min {rest:.1f} s), {begun}"
-    if gathering.ok:
+    if gathering.status is GatherStatus.INCOMPLETE:
+        yield from incomplete(gathering, names, time)
+    else:
         last = gathering.events[-1]
         yield f"Gathered {time}, in {last.phase} {last.round}"
         yield f"One formation set of all {len(names)} craft"
-    else:
-        yield from incomplete(gathering, names, time)
+    if gathering.adrift:
+        who = listed([names[k] for k in gathering.adrift])
+        yield f"Adrift in the formation set, without the thrust to fly along: {who}"
     cheapest = min(gathering.totals.values())
     if result.stage.burns == "least" and gathering.totals[gathering.burns] > cheapest * (1.0 + 1e-9):
         yield "The way flown is not the cheapest of three because the cheaper ones leave more craft"
@@ -287,6 +290,7 @@ def figures(result: Gathered, knew: list[bool]) -> dict[str, Any]:
         "total_delta_v_m_s": float(gathering.delta_v.sum()),
         "sets": [[names[k] for k in some] for some in gathering.sets],
         "lost": [names[k] for k in gathering.lost],
+        "adrift": [names[k] for k in gathering.adrift],
         "locks": sum(event.kind is EventKind.LOCK for event in gathering.events),
         "burns_count": sum(event.kind is not EventKind.LOCK for event in gathering.events),
         "conflicts_known": knew,

@@ -257,10 +257,7 @@ class Scenario:
         lines = []
         for key in self.study.vary:
             place = f"study.vary.{shown(key)}"
-            if key == FAILS and any(isinstance(stage, Gather) for stage in self.stages):
-                remedy = 'remove it, or draw "craft.silent", who never answers'
-                lines.append(f"{place}: a gathering cannot have it yet; {remedy}")
-            elif key in SEARCHED and not any(stage.searches for stage in self.stages):
+            if key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
             elif key.startswith(UNPLANNED) and self.flights is None:
                 lines.append(f"{place}: is of flights, and cases fly none; add [flight], or remove it")
@@ -270,11 +267,12 @@ class Scenario:
 
     @property
     def searches_alone(self) -> bool:
-        """Whether it is one search, of which only states and errors of the search vary."""
+        """Whether it is one search, of which only states, errors of the search and lost thrust vary."""
         if self.study is not None and self.study.draws == "replanned":
             return False
         vary = self.study.vary if self.study is not None else {}
-        return len(self.stages) == 1 and self.stages[0].searches and {*vary} <= {*STATES, *SEARCHED}
+        known = {*STATES, *SEARCHED, *((FAILS,) if isinstance(self.stages[0], Gather) else ())}
+        return len(self.stages) == 1 and self.stages[0].searches and {*vary} <= known
 
     @property
     def scattered(self) -> bool:

@@ -8,7 +8,6 @@ from typing import Any
 from closeform.scenario.craft import MOST_TURN, Craft
 from closeform.scenario.errors import alike, did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stages import Gather
 from closeform.scenario.study import NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
 
 WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # what readers do not bound
@@ -93,10 +92,6 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
         )
     if any(craft.execution is not None and craft.execution.noise for craft in scenario.craft):
         yield "study.draws: white noise cannot be drawn; remove noise from execution"
-    gathers = any(isinstance(stage, Gather) for stage in scenario.stages)
-    replanned = scenario.study is not None and scenario.study.draws == "replanned"
-    if replanned and gathers and any(craft.execution is not None for craft in scenario.craft):
-        yield "study.draws: a gathering cannot have errors of burns yet; remove execution, or that stage"
 
 
 def somebody_to_meet(scenario: Scenario) -> Iterator[str]:

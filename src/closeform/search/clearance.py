@@ -25,6 +25,8 @@ class GatheringCraft(NamedTuple):
     `rows` (N, 8): where each was, its velocity, when that was, and the delta-v spent so far; `labels`
     (N,): its set; `moved` (N,): whether it has burned since locks were last foreseen; `fresh` (N,):
     whether it is new to the set of the last lock; `shared` (3,): the velocity of the formation set.
+    `flaws` of its burns in the `case` (1,); `off` (N, 3): how far those of this instant are; `burnt` (N,):
+    how often it burned; `adrift` (N,): whether it had no thrust to join the formation set with.
     """
 
     rows: Floats
@@ -32,6 +34,11 @@ class GatheringCraft(NamedTuple):
     moved: Any
     fresh: Any
     shared: Floats
+    flaws: Any
+    case: Any
+    off: Floats
+    burnt: Any
+    adrift: Any
 
 
 class KeptZone(NamedTuple):

@@ -14,6 +14,7 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.search.gather_burns import LOCK
 from closeform.search.gather_events import (
     END_LEG,
     END_TIME,
@@ -21,7 +22,6 @@ from closeform.search.gather_events import (
     HALF,
     KNOWN,
     LEFT,
-    LOCK,
     RESULT,
     SECOND,
     TOTAL,
@@ -113,9 +113,9 @@ def gather(
         flown = pool.map(lambda code: fleet.fly(where, speeds, [code], 8 * where.shape[1]), WAYS.values())
     flights = dict(zip(WAYS, flown, strict=True))
     results = np.concatenate([flight[2] for flight in flights.values()], axis=1)
-    best = list(WAYS)[_least(results)[0]] if burns == "least" else burns
+    best = list(WAYS)[least(results)[0]] if burns == "least" else burns
     totals = {way: float(flight[2][0, 0, TOTAL]) for way, flight in flights.items()}
-    return _gathering(fleet, where[0], speeds[0], best, totals, *flights[best])
+    return gathering(fleet, where[0], speeds[0], best, totals, *flights[best])
 
 
 def gather_cases(
@@ -169,15 +169,26 @@ def gather_cases(
     """
     where, speeds = states(positions, velocities, 3)
     fleet = lost_fleet(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
-    ways = list(WAYS.values()) if burns == "least" else [WAYS[burns]]
+    return gatherings(fleet, flown_least(fleet, where, speeds, burns)[0])
 
-    def part(some: slice) -> Floats:
-        each = fleet.fly(where[some], speeds[some], ways, some=some)[2]
-        best: Floats = each[np.arange(len(each)), _least(each)]
-        return best
 
-    results = np.concatenate(in_parts(part, len(where), EACH_CALL))
-    duration = results[:, END_TIME]
+def flown_least(fleet: LostFleet, positions: Floats, velocities: Floats, burns: Burns) -> tuple[Floats, Any]:
+    """Of gatherings (C,), on all cores, the results of the way flown, and its places (C,) in WAYS."""
+    places = range(len(WAYS)) if burns == "least" else [[*WAYS].index(burns)]
+    ways = [[*WAYS.values()][place] for place in places]
+
+    def part(some: slice) -> tuple[Floats, Any]:
+        each = fleet.fly(positions[some], velocities[some], ways, some=some)[2]
+        which = least(each)
+        return each[np.arange(len(each)), which], np.take(places, which)
+
+    results, which = zip(*in_parts(part, len(positions), EACH_CALL), strict=True)
+    return np.concatenate(results), np.concatenate(which)
+
+
+def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
+    """The kernel's numbers of gatherings (C,) as arrays."""
+    duration, count = results[:, END_TIME], len(fleet.groups)
     return Gatherings(
         fleet.search,
         duration,
@@ -185,13 +196,14 @@ def gather_cases(
         fleet.begun(duration),
         results[:, LEFT].astype(np.int64),
         results[:, TOTAL],
-        results[:, RESULT:],
+        results[:, RESULT : RESULT + count],
         results[:, UNKNOWN].astype(np.int64),
         results[:, KNOWN].astype(np.int64),
+        results[:, RESULT + count :].sum(axis=1).astype(np.int64),
     )
 
 
-def _least(results: Floats) -> Any:
+def least(results: Floats) -> Any:
     """Of results (C, ways, ...) the way that leaves the fewest craft in each case, of those the cheapest.
 
     Of equals the first.
@@ -202,7 +214,7 @@ def _least(results: Floats) -> Any:
     return np.argmin(np.where(left == left.min(axis=1, keepdims=True), spent, inf), axis=1)
 
 
-def _gathering(
+def gathering(
     fleet: LostFleet,
     positions: Floats,
     velocities: Floats,
@@ -218,6 +230,8 @@ def _gathering(
     members = tuple(tuple(map(int, some)) for some in sets)
     lost = tuple(map(int, np.flatnonzero(labels == LOST)))
     done = results[0, 0, LEFT] == 0
+    adrift = tuple(np.flatnonzero(results[0, 0, RESULT + len(positions) :]).tolist())
+    ended = GatherStatus.ADRIFT if adrift else GatherStatus.GATHERED
     burned = events[events[:, 1] != LOCK]
     delta_v = np.zeros(len(positions))
     np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))
@@ -234,10 +248,11 @@ def _gathering(
         lost,
         duration,
         begun,
-        GatherStatus.GATHERED if done else GatherStatus.INCOMPLETE,
-        None if done else who_is_left(members, lost, begun),
+        ended if done else GatherStatus.INCOMPLETE,
+        who_is_left(members, lost, begun, adrift=adrift) or None,
         fleet.keep_out,
         None if fleet.errors is None else first_of(fleet.errors),
+        adrift,
     )
 
 

@@ -1,7 +1,7 @@
 """The gathering as a chain of events: the next lock or near-field burn, what it joins, what burns."""
 
-from math import inf, sqrt
-from typing import Any, NamedTuple
+from math import inf
+from typing import Any
 
 import numpy as np
 from numba import bool_, float64, int64, void
@@ -10,6 +10,19 @@ from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, GatheringCraft, KeptZones, correction
+from closeform.search.gather_burns import (
+    BURN,
+    CORRECTION,
+    LOCK,
+    NEAR_FIELD,
+    EventLog,
+    Flaws,
+    advance,
+    burn,
+    powerless,
+    record,
+    slip,
+)
 from closeform.search.lock_march import END, NEVER, START, LockSensor
 from closeform.search.next_locks import (
     NextLocks,
@@ -22,56 +35,12 @@ from closeform.search.next_locks import (
     perfect,
 )
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
-from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_around, look_between
+from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_between
 
-LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
 WHEN, WHO, LEG, PUSH = 0, 1, 2, 3  # columns of pushes
-EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
 ATTEMPTS = 4  # of each craft of a set to keep clear
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
-END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, RESULT = 0, 1, 2, 3, 4, 5, 6, 7
-
-
-class EventLog(NamedTuple):
-    """The `rows` (E, 10) of events, as many as there is room for, and their `count` (1,)."""
-
-    rows: Floats
-    count: Any
-
-
-@kernel()
-def record(log, t, kind, i, j, leg, case, label, push):
-    """Write an event if there is room for it."""
-    count = log.count[0]
-    if count < len(log.rows):
-        row = log.rows[count]
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6] = t, kind, i, j, leg, case, label
-        row[7], row[8], row[9] = push
-    log.count[0] = count + 1
-
-
-@kernel()
-def advance(craft, i, t):
-    """Describe craft i by where it is at time t."""
-    row = craft.rows[i]
-    for k in range(3):
-        row[k] += row[VELOCITY + k] * (t - row[SINCE])
-    row[SINCE] = t
-
-
-@kernel()
-def burn(monitor, craft, log, t, kind, i, leg, velocity):
-    """Give craft i a velocity at time t; a burn of nothing is no event."""
-    row = craft.rows[i]
-    dx, dy, dz = velocity[0] - row[3], velocity[1] - row[4], velocity[2] - row[5]
-    if dx == 0.0 and dy == 0.0 and dz == 0.0:
-        return
-    look_around(monitor, craft, i, t)
-    advance(craft, i, t)
-    row[3], row[4], row[5] = velocity[0], velocity[1], velocity[2]
-    row[SPENT] += sqrt(dx * dx + dy * dy + dz * dz)
-    craft.moved[i] = True
-    record(log, t, kind, i, -1, leg, 0, craft.labels[i], (dx, dy, dz))
+END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, RESULT = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
 @kernel()
@@ -99,14 +68,21 @@ def near_field_burns(turns, monitor, craft, log, k):
 
 @kernel()
 def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
-    """All craft of the formation set take its velocity; the first pair agrees on one."""
+    """Who is new to the formation set takes its velocity; the first pair agrees on one.
+
+    Of the first pair a craft that has lost its thrust holds, and the other burns.
+    """
     shared = craft.shared
     if not formed:
+        if powerless(craft, low, t):
+            way = SECOND
+        elif powerless(craft, high, t):
+            way = FIRST
         for k in range(3):
             one, other = craft.rows[low, VELOCITY + k], craft.rows[high, VELOCITY + k]
             shared[k] = one if way == SECOND else (other if way == FIRST else 0.5 * (one + other))
     for m in range(len(craft.labels)):
-        if craft.labels[m] == FORMATION:
+        if craft.labels[m] == FORMATION and (craft.fresh[m] or not formed):
             burn(monitor, craft, log, t, BURN, m, leg, (shared[0], shared[1], shared[2]))
 
 
@@ -126,7 +102,7 @@ def keep_clear(monitor, craft, log, t, leg, label, end):
     for _ in range(ATTEMPTS * len(labels)):
         least, who = inf, -1
         for i in range(len(labels)):
-            if labels[i] == label and (craft.fresh[i] or anyone):
+            if labels[i] == label and (craft.fresh[i] or anyone) and not powerless(craft, i, t):
                 size = correction(monitor.zones, craft, i, end - t, best, scratch)
                 if 0.0 < size < least:
                     least, who = size, i
@@ -159,9 +135,9 @@ def place(craft, position, velocity):
     rows = craft.rows
     for i in range(len(rows)):
         for k in range(3):
-            rows[i, k], rows[i, VELOCITY + k] = position[i, k], velocity[i, k]
+            rows[i, k], rows[i, VELOCITY + k], craft.off[i, k] = position[i, k], velocity[i, k], 0.0
         rows[i, SINCE] = rows[i, SPENT] = 0.0
-        craft.labels[i], craft.moved[i] = LOST, False
+        craft.labels[i], craft.moved[i], craft.adrift[i], craft.burnt[i] = LOST, False, False, 0
 
 
 @kernel()
@@ -189,6 +165,7 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
         if push < len(pushes) and pushes[push, WHEN] <= when:
             t, leg = pushes[push, WHEN], int(pushes[push, LEG])
             push = near_field_burns(turns, monitor, craft, log, push)
+            slip(craft)
             foresee_anew(turns, craft, next_locks, t)
             continue
         if when == inf:
@@ -217,6 +194,7 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
                 formed += labels[m] == FORMATION
         elif monitor.on:
             keep_clear(monitor, craft, log, t, leg, label, end)
+        slip(craft)
         foresee_anew(turns, craft, next_locks, t)
     result[END_TIME], result[END_LEG], result[EVENTS], result[LEFT] = (
         t,
@@ -225,10 +203,12 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
         len(labels) - formed,
     )
     result[UNKNOWN], result[KNOWN] = count_violations(monitor, craft, t)
-    result[TOTAL] = 0.0
+    result[TOTAL] = result[MOST] = 0.0
     for i in range(len(labels)):
         result[TOTAL] += craft.rows[i, SPENT]
+        result[MOST] = max(result[MOST], craft.burnt[i])
         result[RESULT + i] = craft.rows[i, SPENT]
+        result[RESULT + len(labels) + i] = craft.adrift[i]
 
 
 @kernel()
@@ -239,6 +219,7 @@ def fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, 
     positions, velocities = borrowed(positions), borrowed(velocities)
     labels, results = borrowed(labels), borrowed(results)
     for c in range(len(positions)):
+        craft.case[0] = c
         place(craft, positions[c], velocities[c])
         for a in range(len(foreseen)):
             for b in range(foreseen.shape[1]):
@@ -253,7 +234,21 @@ def fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, 
 
 @kernel()
 def fly_cases(
-    turns, ways, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
+    turns,
+    ways,
+    keeps,
+    kinds,
+    table,
+    boxes,
+    matrices,
+    fails,
+    gates,
+    normals,
+    positions,
+    velocities,
+    events,
+    labels,
+    results,
 ):
     """Fly gatherings of one search in some ways; `events` holds those of the last one, all have a row each.
 
@@ -268,12 +263,16 @@ def fly_cases(
     times, foreseen = np.empty((2, len(turns.first), len(turns.second)))
     next_locks = NextLocks(times, np.empty(len(times)), np.empty(len(times), dtype=np.int64))
     log = EventLog(events, np.zeros(1, dtype=np.int64))
-    craft = GatheringCraft(rows, sets, moved, fresh, shared)
+    flaws, off = lent(Flaws(fails, gates, normals)), np.empty((count, 3))
+    adrift, burnt = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.int64)
+    case = np.zeros(1, dtype=np.int64)
+    craft = GatheringCraft(rows, sets, moved, fresh, shared, flaws, case, off, burnt, adrift)
     fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, velocities, labels, results)
 
 
 FLOWN = (  # what entry points take of all gatherings
     *(int64[::1], bool_, int64[::1], int64[:, ::1], bool_[::1], float64[:, :, :, ::1]),
+    *(float64[:, ::1], float64[:, ::1], float64[:, :, :, ::1]),
     *(float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], int64[:, ::1], float64[:, :, ::1]),
 )
 
@@ -291,6 +290,9 @@ def fly_all(
     table: Any,
     boxes: Any,
     matrices: Floats,
+    fails: Floats,
+    gates: Floats,
+    normals: Floats,
     positions: Floats,
     velocities: Floats,
     events: Floats,
@@ -300,6 +302,5 @@ def fly_all(
     """Fly gatherings of craft that turn as the search asks, in each of some ways."""
     see = LockSensor(sensor[0], sensor[1], sensor[2])
     turns = Turns(legs, first, second, legs[-1, END], pushes, perfect, see)
-    fly_cases(
-        turns, ways, keeps, kinds, table, boxes, matrices, positions, velocities, events, labels, results
-    )
+    kept, flaws = (keeps, kinds, table, boxes, matrices), (fails, gates, normals)
+    fly_cases(turns, ways, *kept, *flaws, positions, velocities, events, labels, results)

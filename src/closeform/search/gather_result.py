@@ -42,10 +42,12 @@ class GatherStatus(StrEnum):
     """How a gathering ended.
 
     - `GATHERED`: all craft are in the formation set.
+    - `ADRIFT`: it holds them all, but some lost their thrust before they could fly along: only in studies.
     - `INCOMPLETE`: some are still lost after all rounds; allow more `rounds`, or look at the sensor's reach.
     """
 
     GATHERED = "gathered"
+    ADRIFT = "adrift"
     INCOMPLETE = "incomplete"
 
 
@@ -123,6 +125,8 @@ class Gathering(Result):
         The zones of pairs.
     errors : SearchErrors or None
         Of the craft (N,), as given.
+    adrift : tuple of int
+        Craft of the formation set that have lost the thrust to fly along, in a case of a study.
     """
 
     search: Search
@@ -140,10 +144,11 @@ class Gathering(Result):
     reason: str | None
     keep_out: PairZones | None = field(repr=False)
     errors: SearchErrors | None = field(default=None, repr=False)
+    adrift: tuple[int, ...] = ()
 
     @property
     def ok(self) -> bool:
-        """Whether one formation set holds all craft."""
+        """Whether one formation set holds all craft, and all of them fly along."""
         return self.status is GatherStatus.GATHERED
 
     @cached_property
@@ -286,6 +291,8 @@ class Gatherings(Rows):
         How many pairs came within the keep-out zone before they knew each other.
     met_known : array of int of shape (C,)
         How many did so only after.
+    adrift : array of int of shape (C,)
+        How many craft of the formation set have lost the thrust to fly along, in a study.
     """
 
     _columns: ClassVar = {
@@ -296,6 +303,7 @@ class Gatherings(Rows):
         "delta_v": "delta_v_m_s",
         "met_unknown": "met_unknown",
         "met_known": "met_known",
+        "adrift": "adrift",
     }
 
     search: Search
@@ -307,15 +315,20 @@ class Gatherings(Rows):
     each_delta_v: Floats
     met_unknown: Any
     met_known: Any
+    adrift: Any
 
     def __len__(self) -> int:
         return len(self.duration)
 
 
 def who_is_left(
-    sets: tuple[tuple[int, ...], ...], lost: tuple[int, ...], rounds: int, names: Sequence[str] | None = None
+    sets: tuple[tuple[int, ...], ...],
+    lost: tuple[int, ...],
+    rounds: int,
+    names: Sequence[str] | None = None,
+    adrift: tuple[int, ...] = (),
 ) -> str:
-    """Who is not in the formation set after `rounds`, and why; craft by index, or by their `names`."""
+    """Who is not in the formation set after `rounds`, or not with it, and why; empty where all are."""
 
     def told(some: tuple[int, ...]) -> str:
         return listed([names[k] if names is not None else str(k) for k in some])
@@ -324,7 +337,10 @@ def who_is_left(
     if lost:
         lines.append(f"craft {told(lost)} locked nobody")
     lines += [f"craft {told(some)} know each other but met nobody of the formation set" for some in sets[1:]]
-    return "; ".join(lines) + f" in {rounds} round{'s' * (rounds > 1)}"
+    left = ["; ".join(lines) + f" in {rounds} round{'s' * (rounds > 1)}"] if lines else []
+    if adrift:
+        left.append(f"craft {told(adrift)} lost the thrust to fly along with the formation set")
+    return "; ".join(left)
 
 
 def listed(names: Sequence[str]) -> str:

@@ -10,8 +10,10 @@ from typing import Any, get_args
 import numpy as np
 
 from closeform.arrays import Floats, instance, shown
+from closeform.search.burn_flaws import FEW, BurnFlaws
 from closeform.search.clearance import ENLARGED
-from closeform.search.gather_events import EVENT, EVENTS, PUSH, RESULT, WHEN, fly_all
+from closeform.search.gather_burns import EVENT
+from closeform.search.gather_events import EVENTS, MOST, PUSH, RESULT, WHEN, fly_all
 from closeform.search.leg import Group
 from closeform.search.lock_march import COSINE, START, STEADY
 from closeform.search.own_turns import OwnTurns
@@ -44,22 +46,26 @@ class LostFleet:
         velocities: Floats,
         ways: Sequence[int],
         room: int = 0,
-        some: slice = slice(None),
+        some: Any = slice(None),
+        flaws: BurnFlaws | None = None,
+        drawn: int = FEW,
     ) -> tuple[Floats, Any, Floats]:
         """Gatherings in each of some `ways` who of the first pair burns; `some` of all cases are these.
 
         Events (E, 10) of the last case and way, if there is `room` for any, labels (C, N) of the last way,
-        and results (C, ways, RESULT + N).
+        and results (C, ways, RESULT + 2 N).  `flaws` of their burns are `drawn` for as many of each craft.
         """
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
-        results = np.empty((len(positions), len(ways), RESULT + positions.shape[1]))  # and what each spent
+        columns = RESULT + 2 * positions.shape[1]  # then what each spent, and whether it is adrift
+        results = np.empty((len(positions), len(ways), columns))
         kept = self.keep_out or PairZones.of([None] * len(self.groups))
         both = [(zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)) for zone in kept.zones]
         boxes = np.array([zone.shape == CUBE for zone in kept.zones], dtype=bool)
         zones = bool(kept.zones), kept.kinds, kept.table, boxes, np.array(both).reshape(-1, 2, 3, 3)
         first, second = (np.flatnonzero(np.array(self.groups) == group) for group in ("A", "B"))
-        flown = np.array(ways), *zones, positions, velocities, events, labels, results
+        wrong = flaws or BurnFlaws.none(positions.shape[:2])
+        flown = np.array(ways), *zones, *wrong.drawn(drawn), positions, velocities, events, labels, results
         if self.errors is None:
             sensor = self.search.sensor
             see = np.array([sensor.baseline, sensor.cosine, sensor.range])
@@ -70,9 +76,10 @@ class LostFleet:
 
             own = turn_rows(self.search), self.craft[some], self.ends[some], self.search.sensor.offset
             fly_astray(self.search.table, first, second, self.pushes[some], *own, *flown)
-        count = int(results[-1, -1, EVENTS])
-        if room and count > room:
-            return self.fly(positions, velocities, ways, count, some)
+        count, most = int(results[-1, -1, EVENTS]), int(results[..., MOST].max())
+        if (room and count > room) or (most > drawn and wrong.normals is not None):
+            more = max(count, room) if room else 0
+            return self.fly(positions, velocities, ways, more, some, flaws, max(most, drawn))
         return events[:count], labels, results
 
     @cached_property

@@ -1,0 +1,353 @@
+"""Gatherings in which thrust is lost or burns are off, against an independent model; a run by its study."""
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+import closeform as cf
+from closeform.campaign import case_of, flown
+from closeform.campaign.gather_cases import GatherCampaign
+from closeform.campaign.mission_cases import MissionCampaign
+from closeform.mission import fly
+from closeform.scenario import parse
+from closeform.search.burn_flaws import BurnFlaws
+from closeform.search.flawed_gather import gather_flawed
+from closeform.search.gather import gather
+from closeform.search.gather_result import EventKind, GatherStatus
+from closeform.search.lost_fleet import lost_fleet
+from lost import BASIC, Sky, gathered
+from test_clearance import with_kernel
+
+RATE, TIP = np.radians(0.25), np.radians(25.0)
+NAMES = ("P", "Q", "R", "S", "T", "U")
+GROUPS = ("A", "B", "A", "B", "A", "B")
+LOST = """\
+closeform = 1
+title = "Six that do not see far"
+
+[orbit]
+deep_space = true
+
+[craft]
+name = ["P", "Q", "R", "S", "T", "U"]
+group = ["A", "B", "A", "B", "A", "B"]
+position = ["0 0 0 m", "10 0 0 m", "20 0 0 m", "30 0 0 m", "40 0 0 m", "50 0 0 m"]
+velocity = "0 0 0 m/s"
+
+[sensor]
+half_angle = "70 deg"
+offset = "7.5 m"
+range = "180 m"
+
+[search]
+method = "basic"
+slew_rate = "0.25 deg/s"
+sun_limit = "25 deg"
+max_speed = "30 cm/s"
+
+[[stage]]
+do = "gather"
+rounds = 2
+
+[study]
+cases = 24
+seed = 5
+
+[study.vary]
+"craft.position" = { ball = "250 m" }
+"craft.velocity" = { ball = "6 cm/s" }
+"""
+NARROW = LOST.replace("70 deg", "25 deg").replace("180 m", "2 km").replace('max_speed = "30 cm/s"', "")
+FAILING = LOST + '"craft.fails" = { chance = 0.4 }\n'
+WIDE = NARROW + '"craft.fails" = { chance = 0.5 }\n'
+ARRAY = """
+[[stage]]
+do = "reconfigure"
+to = { line = { spacing = "75 m", direction = [1, 0, 0] } }
+within = "1 h"
+"""
+
+
+def block(seed, key, counter, event=0):
+    """Four numbers between 0 and 1 of NumPy's own generator."""
+    stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
+    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=[counter, event, 0, 0])
+    return ((philox.random_raw(4) >> np.uint64(11)) + 0.5) * 2.0**-53
+
+
+def sky_of(scenario):
+    speed = scenario.search.max_speed
+    return Sky(BASIC, TIP, RATE, 2, scenario.plan.near_field / speed if speed else 0.0)
+
+
+def modelled(sky, sensor, states, push):
+    """What the model tells of each way of the first pair."""
+    return {
+        way: gathered(sky, sensor, states[:, :3], states[:, 3:], GROUPS, way, push)
+        for way in ("second", "first", "half")
+    }
+
+
+def chosen(told):
+    """The way that leaves the fewest, of those the cheapest, of equals the first."""
+    left = {way: 6 - len(one.sets[0]) if one.sets else 6 for way, one in told.items()}
+    few = [way for way in told if left[way] == min(left.values())]
+    spent = {way: told[way].delta_v.sum() for way in few}
+    return next(way for way in few if spent[way] <= min(spent.values()) * (1.0 + 1e-12))
+
+
+def same(found, told):
+    """A gathering and the model's: locks to a microsecond, and what follows from that."""
+    assert [(e.kind, e.first, e.second, e.case) for e in found.events] == [row[1:5] for row in told.events]
+    times = [row[0] for row in told.events]
+    np.testing.assert_allclose([e.time for e in found.events], times, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found.delta_v, told.delta_v, atol=1e-10)
+    assert set(found.adrift) == told.adrift
+    assert (found.status is not GatherStatus.INCOMPLETE) == told.ok
+    assert found.ok == (told.ok and not told.adrift)
+    np.testing.assert_allclose(found.paths.position(found.duration), told.positions, atol=1e-5)
+    np.testing.assert_allclose(found.paths.velocity(found.duration), told.velocities, atol=1e-10)
+
+
+@pytest.mark.parametrize("text", [FAILING, WIDE], ids=["near", "wide"])
+def test_who_fails_keeps_its_motion_and_the_others_gather_without_it(text):
+    """24 cases, each against the model, whose failures are drawn by NumPy's own generator."""
+    scenario, chance = parse(text), 0.4 if text is FAILING else 0.5
+    campaign, sky, push = flown(scenario), sky_of(scenario), 0.6 if text is FAILING else 0.0
+    assert isinstance(campaign, GatherCampaign)
+    sensor, seen = scenario.plan.sensor, set()
+    for case in range(24):
+        mission = fly(case_of(scenario, case))
+        states = mission.scenario.states(mission.orbit)
+        exact = modelled(sky, sensor, states, push)
+        way = chosen(exact)
+        drawn = np.array([block(5, "craft.fails", 6 * case + k) for k in range(6)])
+        times = np.where(drawn[:, 0] < chance, drawn[:, 1] * exact[way].duration, np.inf)
+        told = gathered(sky, sensor, states[:, :3], states[:, 3:], GROUPS, way, push, fails=times)
+        found = mission.results[0].result
+        assert found.burns == way
+        same(found, told)
+        # the row of the study is that of the run, bit for bit
+        rows = {one.craft: one.time for one in mission.lost}
+        for k, name in enumerate(NAMES):
+            expected = times[k] if times[k] <= told.duration else np.nan
+            assert campaign.column(f"{name}_fails_s")[case] == pytest.approx(expected, abs=1e-5, nan_ok=True)
+            assert rows.get(name, np.nan) == pytest.approx(
+                campaign.column(f"{name}_fails_s")[case], rel=0.0, abs=0.0, nan_ok=True
+            )
+        assert campaign.column("adrift")[case] == len(found.adrift)
+        assert campaign.delta_v[case] == pytest.approx(found.delta_v.sum(), rel=1e-15)
+        if told.ok:
+            assert campaign.time[case] == found.duration
+        else:
+            assert np.isnan(campaign.time[case])
+        assert campaign.good[case] == found.ok == mission.verdict.ok
+        assert {one.craft for one in mission.lost if one.needed} == {NAMES[k] for k in found.adrift}
+        seen |= {("adrift", bool(told.adrift)), ("ok", told.ok)}
+        if (first := next((e for e in found.events if e.kind == "lock"), None)) is not None:
+            seen.add(("first pair", tuple(bool(times[k] <= first.time) for k in (first.first, first.second))))
+    assert {("adrift", True), ("adrift", False), ("ok", text is WIDE)} <= seen
+    if text is WIDE:
+        assert {("first pair", (True, False)), ("first pair", (False, True))} <= seen
+
+
+def test_a_study_of_failures_is_the_same_in_any_parts():
+    scenario = parse(FAILING)
+    kind = flown(scenario).kind
+    whole = kind.fly(0, 24)
+    for parts in ((0, 24), (0, 7, 8, 24)):
+        some = [kind.fly(first, last) for first, last in zip(parts, parts[1:], strict=False)]
+        for name, column in whole.items():
+            np.testing.assert_array_equal(np.concatenate([part[name] for part in some]), column)
+    assert "free of craft adrift" in flown(scenario).reason
+
+
+def test_failures_of_craft_that_search_imperfectly_are_those_of_a_run():
+    drawn = '"craft.start_offset" = { normal = "60 s" }\n"craft.silent" = { chance = 0.05 }\n'
+    scenario = parse(WIDE + drawn)
+    campaign = flown(scenario, 24)
+    for case in range(24):
+        mission = fly(case_of(scenario, case))
+        one = mission.results[0].result
+        assert campaign.column("adrift")[case] == len(one.adrift)
+        np.testing.assert_array_equal(
+            campaign.time[case], one.duration if campaign.leg[case] >= 0 else np.nan
+        )
+        assert (campaign.leg[case] >= 0) == (one.status is not GatherStatus.INCOMPLETE)
+        assert campaign.delta_v[case] == pytest.approx(one.delta_v.sum(), rel=1e-15)
+    assert campaign.column("adrift").sum() > 5
+
+
+def test_burns_are_off_by_gates():
+    """Every burn of every craft is off along and across itself, and what follows is the model's."""
+    execution = 'execution = { impulse = { speed = "0.2 mm/s", magnitude = "2 %", pointing = "1 deg" } }\n'
+    text = LOST.replace("[sensor]", execution + "[sensor]").replace(
+        "seed = 5", 'seed = 5\ndraws = "replanned"'
+    )
+    scenario = parse(text)
+    campaign = flown(scenario, 10)
+    assert isinstance(campaign, MissionCampaign)
+    burns, sky = 0, sky_of(scenario)
+    for case in range(10):
+        mission = fly(case_of(scenario, case))
+        result = mission.results[0]
+
+        def off(k, b, dv, case=case):
+            along, *aside = ndtri(block(5, f"stage 1 of {NAMES[k]}", case, b))[:3]
+            size = np.linalg.norm(dv)
+            ahead = dv / size
+            least = np.flatnonzero(np.abs(ahead) < np.abs(ahead).min() + 1e-9)[0]
+            one = np.cross(ahead, np.eye(3)[least])
+            one /= np.linalg.norm(one)
+            turned = np.radians(1.0) * size * (aside[0] * one + aside[1] * np.cross(ahead, one))
+            return np.hypot(2e-4, 0.02 * size) * along * ahead + turned
+
+        states = mission.scenario.states(mission.orbit)
+        way = chosen(modelled(sky, scenario.plan.sensor, states, 0.6))
+        told = gathered(sky, scenario.plan.sensor, states[:, :3], states[:, 3:], GROUPS, way, 0.6, off=off)
+        same(result.result, told)
+        burns += sum(event.kind != "lock" for event in result.result.events)
+        planned = result.commanded.paths
+        end = min(result.end, result.commanded.end)
+        coasted = planned.position(end) + (result.end - end) * planned.velocity(end)
+        apart = np.linalg.norm(result.after.paths.position(result.end) - coasted, axis=-1).max()
+        assert campaign.column("stage_1_off_m")[case] == pytest.approx(apart, rel=1e-9)
+        assert apart > 0.01
+        assert campaign.column("delta_v_m_s")[case] == mission.delta_v.sum()
+        assert (
+            campaign.column("end_s")[case] == result.end
+            if told.ok
+            else np.isnan(campaign.column("end_s")[case])
+        )
+    assert burns > 50
+
+
+def test_failures_and_errors_of_burns_go_together():
+    """Up to the first failure the case is that of errors alone, and from its own on nobody burns."""
+    execution = 'execution = { magnitude = "2 %", pointing = "1 deg" }\n'
+    text = LOST.replace("[sensor]", execution + "[sensor]").replace(
+        "seed = 5", 'seed = 5\ndraws = "replanned"'
+    )
+    both = parse(text + '"craft.fails" = { chance = 0.5 }\n')
+    checked = 0
+    for case in range(6):
+        one, other = fly(case_of(both, case)), fly(case_of(parse(text), case))
+        events = one.results[0].result.events
+        if one.lost:
+            before = min(lost.time for lost in one.lost)
+            some = [(e.time, e.kind, e.first, tuple(e.delta_v)) for e in events if e.time < before]
+            rest = other.results[0].result.events
+            assert some == [(e.time, e.kind, e.first, tuple(e.delta_v)) for e in rest if e.time < before]
+        for lost in one.lost:
+            k = NAMES.index(lost.craft)
+            assert not [e for e in events if e.kind != "lock" and e.first == k and e.time >= lost.time]
+            checked += 1
+    assert checked > 6
+
+
+def test_more_random_numbers_change_no_burn_before():
+    """With numbers for one burn at first, then for as many as are made, burns are those with many."""
+    scenario = parse(LOST)
+    case = case_of(scenario, 1)
+    states = case.states(case.orbit.build())
+    fleet = lost_fleet(case.plan, shape=(1, 6), **case.gathering(case.stages[0]))
+    normals = np.random.default_rng(1).normal(size=(1, 6, 64, 3))
+    asked = []
+
+    def numbers(burns):
+        asked.append(burns)
+        return normals[:, :, :burns]
+
+    flaws = BurnFlaws(np.full((1, 6), np.inf), np.tile([0.0, 0.05, 0.0, 0.05], (6, 1)), numbers)
+    where, speeds = states[None, :, :3].copy(), states[None, :, 3:].copy()
+    few, many = (fleet.fly(where, speeds, [0], 48, flaws=flaws, drawn=drawn) for drawn in (1, 64))
+    for one, other in zip(few, many, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert asked[0] == 1 < asked[1] < 64 == asked[-1]
+
+
+def test_without_thrust_another_of_the_set_corrects():
+    """60 m away, straight at a sphere of 30 m: who still can leaves it by 30 deg; or they collide."""
+    search = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), RATE, TIP)
+    states = with_kernel([[0, 0, 0], [60.0, 0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
+    told = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
+    told |= {"burns": "second", "errors": None}
+    exact = gather(search, *states, **told)
+    for failing, corrects in (((), (3,)), ((3,), (2,)), ((2,), (3,)), ((2, 3), ())):
+        fails = np.full((1, 4), np.inf)
+        fails[0, failing] = 0.0
+        found = gather_flawed(exact, search, *states, BurnFlaws.of_thrust(fails), **told)
+        burns = [event for event in found.events if event.kind is EventKind.CORRECTION]
+        assert tuple(event.first for event in burns) == corrects
+        assert [np.linalg.norm(event.delta_v) for event in burns] == pytest.approx(
+            [0.05] * len(burns), rel=1e-8
+        )
+        assert len(found.conflicts) == (not burns)
+
+
+def test_corrections_are_off_too_and_conflicts_are_of_what_is_flown():
+    """A burn that is 2 % too long passes farther out, one too short enters; nobody burns twice."""
+    search = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), RATE, TIP)
+    states = with_kernel([[0, 0, 0], [60.0, 0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
+    told = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
+    told |= {"burns": "second", "errors": None}
+    exact = gather(search, *states, **told)
+    for size in (1.0, -1.0):
+        normals = np.zeros((1, 4, 64, 3))
+        normals[..., 0] = size
+        gates, never = np.tile([0.0, 0.02, 0.0, 0.0], (4, 1)), np.full((1, 4), np.inf)
+        flaws = BurnFlaws(never, gates, lambda burns, normals=normals: normals[:, :, :burns])
+        found = gather_flawed(exact, search, *states, flaws, **told)
+        (burn,) = [event for event in found.events if event.kind is EventKind.CORRECTION]
+        assert np.linalg.norm(burn.delta_v) == pytest.approx(0.05 * (1.0 + 0.02 * size), rel=1e-8)
+        assert len(found.conflicts) == (size < 0.0)
+
+
+def test_a_mission_goes_on_with_who_is_left():
+    """Stages begin where the last one ended; who has failed drifts on a straight line through all of them."""
+    text = FAILING.replace("\n[study]", f"{ARRAY}\n[study]").replace("chance = 0.4", "chance = 0.3")
+    text = text.replace("180 m", "2 km")
+    text = text.replace("[sensor]", 'keep_out = { sphere = "5 m" }\n\n[sensor]')
+    scenario = parse(text)
+    campaign = flown(scenario, 10)
+    assert isinstance(campaign, MissionCampaign)
+    drifted = 0
+    for case in range(10):
+        mission = fly(case_of(scenario, case))
+        assert campaign.statuses[case] == (
+            "stopped" if mission.stopped else "met" if mission.verdict.ok else "unmet"
+        )
+        for name in NAMES:
+            times = [one.time for one in mission.lost if one.craft == name]
+            assert campaign.column(f"{name}_fails_s")[case] == pytest.approx(
+                times[0] if times else np.nan, rel=0.0, abs=0.0, nan_ok=True
+            )
+        if mission.stopped is not None:
+            continue
+        for before, after in zip(mission.results, mission.results[1:], strict=False):
+            ends = before.after.paths.state(before.end)
+            np.testing.assert_allclose(after.after.paths.position(after.start), ends[:, :3], atol=1e-9)
+        instants = np.linspace(0.0, mission.results[-1].end, 2001)
+        for one in mission.lost:
+            k = NAMES.index(one.craft)
+            begin = mission.paths[k].state(one.time)
+            later = instants[instants >= one.time]
+            line = begin[:3] + (later - one.time)[:, None] * begin[3:]
+            np.testing.assert_allclose(mission.paths[k].position(later), line, atol=1e-7)
+            drifted += one.needed
+            assert (
+                one.needed
+                or one.time > mission.results[1].start - 1e-9
+                or k not in mission.results[0].result.adrift
+            )
+    assert drifted > 5
+
+
+def test_without_failures_a_gathering_is_as_it_was():
+    """Of draws with a chance of nothing."""
+    none, some = parse(LOST + '"craft.fails" = { chance = 0 }\n'), parse(LOST)
+    one, other = flown(none, 20), flown(some, 20)
+    np.testing.assert_array_equal(one.time, other.time)
+    np.testing.assert_array_equal(one.delta_v, other.delta_v)
+    assert (one.column("adrift") == 0).all()
+    assert one.good.tolist() == other.good.tolist()
