@@ -14,9 +14,9 @@ from PIL import Image
 
 import closeform as cf
 from answers import NAMES, answers
+from closeform.palette import CONFLICT
 from closeform.plots.answers import PICTURES
 from closeform.plots.flown import FLYING
-from closeform.plots.look import CONFLICT
 
 # what users give, and parts of answers that are seen in the picture of the whole
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}

@@ -1,8 +1,9 @@
-"""Pictures drawn in two processes are those that one draws, whatever becomes of the second."""
+"""Pictures drawn in processes of their own are those that one draws, whatever becomes of these."""
 
 import subprocess
 import sys
 from io import BytesIO
+from socket import socketpair
 
 import numpy as np
 import pytest
@@ -25,14 +26,13 @@ PICTURES = [
 
 
 @pytest.fixture
-def second(monkeypatch, request):
-    """A second process with its share, that of a run unless a test asks for another."""
-    monkeypatch.setattr(drawing, "_seconds", [])
-    drawing.begin(getattr(request, "param", drawing.DRAWN))
-    (second,) = drawing._seconds
-    yield second
-    second.process.kill()
-    second.process.communicate()
+def others(monkeypatch):
+    """Processes that draw, which end as nobody speaks to them any more."""
+    monkeypatch.setattr(drawing, "_drawers", [])
+    drawing.begin()
+    yield drawing._drawers
+    for drawer in drawing._drawers:
+        drawer.stream.close()
 
 
 @pytest.fixture(scope="module")
@@ -41,35 +41,54 @@ def alone(tmp_path_factory):
 
 
 def draw(place, pictures=PICTURES):
-    told = []
-    found = drawing.drawn(pictures, Folder(place), told.append)
+    """The pictures as files, and the names of those that were drawn here."""
+    here = []
+    leave = Picture.leave
+
+    def heard(picture, folder, progress):
+        here.append(picture.name)
+        return leave(picture, folder, progress)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Picture, "leave", heard)
+        found = drawing.drawn(pictures, Folder(place), lambda text: None)
     assert [shot.caption for shot in found] == [picture.caption for picture in pictures]
     assert all(shot.says for shot in found)  # what a picture says itself, for who does not see it
-    return [shot.file.read_bytes() for shot in found], len(told)
+    return [shot.file.read_bytes() for shot in found], here
 
 
-def test_the_second_process_draws_the_same(tmp_path, alone, second):
+def test_one_process_draws_all_where_there_are_no_others(alone):
+    assert alone[1] == [picture.name for picture in PICTURES]
+
+
+def test_others_draw_the_same_and_leave_nothing_to_this_process(tmp_path, alone, others, monkeypatch):
+    monkeypatch.setattr(drawing, "HELPED", 0)  # on a machine with one core too
+    assert draw(tmp_path) == (alone[0], [])
+
+
+def test_a_single_other_is_helped(tmp_path, alone, others):
+    del others[1:]
     pictures, here = draw(tmp_path)
     assert pictures == alone[0]
-    assert here < alone[1] == len(PICTURES)  # some were drawn there
+    assert 0 < len(here) < len(PICTURES)
 
 
-@pytest.mark.parametrize("second", [drawing.STUDIED._replace(alone=600.0)], indirect=True)
-def test_of_a_study_the_second_process_draws_all(tmp_path, second):
-    """Where this process has not loaded matplotlib, to load it takes longer than a few pictures."""
-    assert draw(tmp_path)[1] == 0
+def test_one_draws_all_where_the_others_are_gone(tmp_path, alone, monkeypatch):
+    ours, theirs = socketpair()
+    monkeypatch.setattr(drawing, "_drawers", [drawing.Drawer(ours)])
+    theirs.close()
+    pictures, here = draw(tmp_path)
+    assert pictures == alone[0]
+    assert sorted(here) == sorted(alone[1])
 
 
-def test_one_draws_all_where_the_second_is_gone(tmp_path, alone, second):
-    second.process.kill()
-    second.process.wait()
-    assert draw(tmp_path) == alone
-
-
-def test_what_cannot_be_drawn_is_heard(tmp_path, second):
-    wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
+@pytest.mark.parametrize("place", [0, 2])
+def test_what_cannot_be_drawn_is_heard(tmp_path, others, place):
+    """Each of the others ends over it, which is heard though they were one process."""
+    pictures = [*PICTURES]
+    pictures.insert(place, Picture("wrong", "", "distances", (PATH, OTHER, "no zone")))
     with pytest.raises(ValueError, match="zone"):
-        draw(tmp_path, [*PICTURES[:1], wrong])
+        draw(tmp_path, pictures)
 
 
 def test_a_png_holds_the_pixels():
@@ -79,7 +98,7 @@ def test_a_png_holds_the_pixels():
         assert (np.asarray(read) == pixels[..., :3]).all()
 
 
-def test_the_second_process_loads_no_scenarios_and_no_tables():
+def test_who_draws_loads_no_scenarios_and_no_tables():
     code = "import sys; from closeform.report import drawing; list(map(__import__, drawing.AHEAD))"
     code += "; left = 'pydantic', 'pyarrow', 'closeform.scenario', 'scipy.spatial'"
     code += "; print([name for name in left if name in sys.modules])"

@@ -8,9 +8,8 @@ from PIL import Image
 
 import closeform as cf
 from closeform import plots
+from closeform.palette import COLOURS, CONFLICT
 from closeform.plots.flying import Flying
-from closeform.plots.look import CONFLICT
-from closeform.plots.tracks import COLOURS
 from closeform.plots.views import OBLIQUE, ORBITAL
 
 DEEP = cf.Orbit(0.0)

@@ -12,7 +12,7 @@ import closeform as cf
 from closeform import plots
 from closeform.planning.both_sides import ways_around
 from closeform.plots.views import ORBITAL
-from closeform.plots.zones_and_tracks import section, shadow
+from closeform.zones.outlines import section, shadow
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import closeform as cf
-from closeform.plots.zones_and_tracks import shadow
+from closeform.zones.outlines import shadow
 
 PICTURE = File(__file__).parents[1] / "docs" / "images" / "hero.png"
 NIGHT, STAR, GREY, BLUE, RED, GOLD = "#0b1526", "#f4f7fb", "#7f93ab", "#4cc2ff", "#ff5a3c", "#e8b04b"

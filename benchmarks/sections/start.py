@@ -54,7 +54,7 @@ def measure(quick: bool) -> Report:
     notes = [
         "First run: an empty cache; its kernels are compiled in two processes, and what the first one waits "
         "for is given. Later runs: the median, without the animation, and where the main process spends it: "
-        "pictures are drawn in a second one too, while tables are written. Imports: Python, libraries, "
+        "pictures are drawn in others, from before tables are written. Imports: Python, libraries, "
         "reading the file and printing."
     ]
     return Report(

@@ -89,7 +89,7 @@ def make_haste(tokens: list[str]) -> None:
     if tokens[:1] in (["run"], ["screen"], ["encounter"], ["study"]) and (os.cpu_count() or 1) > 1:
         from closeform.report import drawing
 
-        drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.DRAWN)
+        drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
     if tokens[:1] in (["run"], ["check"], ["screen"], ["encounter"], ["study"]):
         own_process.import_numba()
 

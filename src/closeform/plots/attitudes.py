@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance, whole
+from closeform.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -24,11 +25,11 @@ from closeform.plots.camera import (
     to_sun,
     word,
 )
-from closeform.plots.look import BEFORE, DASHED, FAINT, INK, OTHER, SMALL, TEXT, headline, sheet
-from closeform.plots.zones_and_tracks import CIRCLE
+from closeform.plots.look import DASHED, SMALL, TEXT, headline, sheet
 from closeform.search.leg import SUN, Leg, rotation
 from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched
+from closeform.zones.outlines import CIRCLE
 
 ABOVE = Camera.around(-1.15, 0.38, -SUN, np.array([1.0, 0.0, 0.0]))  # n_z up, n_x to the right
 OPPOSITE = {"A": 1.0, "B": -1.0}

@@ -13,9 +13,10 @@ from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.look import AFTER, CONFLICT, HALO, INK, SMALL, length_unit, rounded_down
-from closeform.plots.zones_and_tracks import CIRCLE
+from closeform.palette import AFTER, CONFLICT, INK
+from closeform.plots.look import HALO, SMALL, length_unit, rounded_down
 from closeform.search.leg import SUN
+from closeform.zones.outlines import CIRCLE
 
 GROUP_COLOURS = {"A": AFTER, "B": CONFLICT}
 SUN_COLOUR = "#F2B705"

@@ -8,22 +8,16 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
+from closeform.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
 from closeform.planning.clearance_costs import ClearanceCosts, slope
 from closeform.planning.most_clearance import MostClearance
 from closeform.planning.plan import Avoidance, Plan
 from closeform.plots.look import (
-    AFTER,
-    BEFORE,
-    CONFLICT,
     DASHED,
     DOTTED,
-    FAINT,
     HALO,
-    INK,
-    OTHER,
     SMALL,
     TEXT,
-    ZONE,
     Unit,
     column,
     dress,

@@ -13,20 +13,13 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
+from closeform.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
 from closeform.plots.letters import plain
 from closeform.plots.look import (
     ABOVE,
-    AFTER,
-    ALONG,
-    ALTERNATIVE,
-    BEFORE,
-    CONFLICT,
-    CROSS,
     DOTTED,
-    INK,
     SMALL,
     TEXT,
-    ZONE,
     Clock,
     clock,
     column,

@@ -10,14 +10,11 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import instance, number
 from closeform.motion.path import Path
+from closeform.palette import AFTER, ALTERNATIVE, CONFLICT, INK
 from closeform.plots.given import one_craft
 from closeform.plots.letters import plain
 from closeform.plots.look import (
-    AFTER,
-    ALTERNATIVE,
-    CONFLICT,
     DASHED,
-    INK,
     TEXT,
     Clock,
     clock,

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
+from closeform.palette import AFTER, ALTERNATIVE, FAINT, INK, OTHER, ZONE
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -20,18 +21,7 @@ from closeform.plots.camera import (
     to_sun,
     word,
 )
-from closeform.plots.look import (
-    AFTER,
-    ALTERNATIVE,
-    FAINT,
-    INK,
-    OTHER,
-    SMALL,
-    TEXT,
-    ZONE,
-    headline,
-    sheet,
-)
+from closeform.plots.look import SMALL, TEXT, headline, sheet
 from closeform.search.leg import SUN
 from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
+from closeform.palette import INK, colours
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     DASHED,
-    INK,
     SMALL,
     TEXT,
     Clock,
@@ -21,7 +21,6 @@ from closeform.plots.look import (
     sheet,
     time_axes,
 )
-from closeform.plots.tracks import colours
 
 NAMED = 12  # craft up to which each curve has a name, at its end
 

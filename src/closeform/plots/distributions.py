@@ -7,20 +7,9 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers
+from closeform.palette import AFTER, INK, OTHER
 from closeform.plots.letters import plain
-from closeform.plots.look import (
-    AFTER,
-    DASHED,
-    INK,
-    OTHER,
-    TEXT,
-    WIDTH,
-    area,
-    dress,
-    headline,
-    right_axis,
-    sheet,
-)
+from closeform.plots.look import DASHED, TEXT, WIDTH, area, dress, headline, right_axis, sheet
 
 BINS = 60
 

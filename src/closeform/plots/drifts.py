@@ -13,20 +13,13 @@ from closeform.arrays import Floats, sequence
 from closeform.conflicts.two_paths import closest_approach
 from closeform.drift.drift_approach import DriftApproach, drift_approach
 from closeform.motion.path import Path
+from closeform.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
 from closeform.plots.given import crafts, texts
 from closeform.plots.look import (
-    AFTER,
-    ALONG,
-    ALTERNATIVE,
-    BEFORE,
-    CONFLICT,
-    CROSS,
     DOTTED,
     HALO,
-    INK,
     SMALL,
     TEXT,
-    ZONE,
     Unit,
     clock,
     column,

@@ -11,18 +11,14 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.palette import AFTER, CONFLICT, DIRECTIONS, INK, ZONE
 from closeform.plots.drifts import RING, Failed, told
 from closeform.plots.given import one_craft
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
-    AFTER,
-    CONFLICT,
-    DIRECTIONS,
     HALO,
-    INK,
     SMALL,
     TEXT,
-    ZONE,
     area,
     clock,
     dress,
@@ -32,7 +28,8 @@ from closeform.plots.look import (
     length_unit,
     sheet,
 )
-from closeform.plots.zones_and_tracks import drawn, headings, place, shadow, spot, square
+from closeform.plots.zones_and_tracks import headings, place, spot, square
+from closeform.zones.outlines import drawn, shadow
 from closeform.zones.zone import Zone
 
 FAN = 36  # failed motions that are drawn

@@ -9,11 +9,11 @@ from typing import IO
 import numpy as np
 
 from closeform.arrays import instance
+from closeform.palette import FAINT, INK, OTHER
 from closeform.plots.camera import GROUP_COLOURS, SUN_COLOUR
 from closeform.plots.formation import ThreeViews
 from closeform.plots.gif import write
 from closeform.plots.given import filmed
-from closeform.plots.look import FAINT, INK, OTHER
 from closeform.plots.panels import FEW, STYLES
 from closeform.search.gather_result import EventKind, Gathering
 

@@ -19,13 +19,9 @@ from closeform.fuel.firing import Firing
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
+from closeform.palette import AFTER, CONFLICT, DIRECTIONS, INK, OTHER
 from closeform.plots.look import (
-    AFTER,
-    CONFLICT,
     DASHED,
-    DIRECTIONS,
-    INK,
-    OTHER,
     SMALL,
     Clock,
     Unit,

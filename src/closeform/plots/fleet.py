@@ -15,32 +15,18 @@ from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE, colours
 from closeform.plots.camera import Camera
 from closeform.plots.given import crafts, one_path, same
 from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
-    CONFLICT,
-    DIRECTIONS,
-    INK,
-    OTHER,
-    SMALL,
-    TEXT,
-    WIDTH,
-    ZONE,
-    Unit,
-    area,
-    dress,
-    headline,
-    legend,
-    length_unit,
-    sheet,
-)
+from closeform.plots.look import SMALL, TEXT, WIDTH, Unit, area, dress, headline, legend, length_unit, sheet
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
-from closeform.plots.tracks import Formation, colours
+from closeform.plots.tracks import Formation
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
-from closeform.plots.zones_and_tracks import headings, place, shadow
+from closeform.plots.zones_and_tracks import headings, place
 from closeform.zones.combined_zones import OwnZone
+from closeform.zones.outlines import shadow
 from closeform.zones.pair_zones import PairZones
 
 NAMED = 20  # craft up to which names are tried

@@ -11,12 +11,11 @@ from matplotlib.lines import Line2D
 
 from closeform.arrays import instance
 from closeform.field.flight_result import Flight
+from closeform.palette import CONFLICT, INK, colours
 from closeform.plots.camera import word
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
-    CONFLICT,
-    INK,
     SMALL,
     area,
     dress,
@@ -28,7 +27,6 @@ from closeform.plots.look import (
     sheet,
 )
 from closeform.plots.names import dark
-from closeform.plots.tracks import colours
 
 DRAWN = 60  # flights beside the worst, the first ones
 POINTS = 240  # of each line

@@ -15,22 +15,17 @@ from closeform.arrays import Floats, instance
 from closeform.field.flight_result import Flight
 from closeform.field.least_ratios import FINER, cubic, nearest_pair, nearest_pairs
 from closeform.field.tube import Tube
+from closeform.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
 from closeform.plots.camera import word
 from closeform.plots.closest import ratio_axis
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
     ABOVE,
-    AFTER,
-    ALTERNATIVE,
-    BEFORE,
-    CONFLICT,
     DASHED,
-    INK,
     LEFT,
     SMALL,
     TEXT,
     WIDTH,
-    ZONE,
     Clock,
     area,
     clock,

@@ -14,35 +14,21 @@ from matplotlib.colors import to_hex
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.palette import CONFLICT, FAINT, INK, OTHER, ZONE, colours
 from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import NAMED, PLANES, beside, owned, scaled
 from closeform.plots.gif import write
 from closeform.plots.given import crafts, filmed
 from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
-    CONFLICT,
-    FAINT,
-    INK,
-    OTHER,
-    SMALL,
-    TEXT,
-    WIDTH,
-    ZONE,
-    area,
-    clock,
-    dress,
-    instants,
-    length_unit,
-    sheet,
-)
+from closeform.plots.look import SMALL, TEXT, WIDTH, area, clock, dress, instants, length_unit, sheet
 from closeform.plots.names import dark
 from closeform.plots.pairs import Pairs, ratio_text
 from closeform.plots.panels import framed
-from closeform.plots.tracks import colours, stays
+from closeform.plots.tracks import stays
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
-from closeform.plots.zones_and_tracks import drawn, shadow
 from closeform.zones.combined_zones import OwnZone
+from closeform.zones.outlines import drawn, shadow
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 

@@ -12,9 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from closeform.arrays import instance, number
+from closeform.palette import INK, OTHER
 from closeform.plots.camera import GROUP_COLOURS, triad
 from closeform.plots.letters import plain, short_names
-from closeform.plots.look import INK, OTHER, SMALL, TEXT, sheet
+from closeform.plots.look import SMALL, TEXT, sheet
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.plots.panels import (
     DIRECTIONS,

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers
+from closeform.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.camera import (
     GROUP_COLOURS,
     Camera,
@@ -26,18 +27,7 @@ from closeform.plots.camera import (
     to_sun,
     word,
 )
-from closeform.plots.look import (
-    BEFORE,
-    DASHED,
-    DOTTED,
-    FAINT,
-    INK,
-    OTHER,
-    TEXT,
-    headline,
-    length_unit,
-    sheet,
-)
+from closeform.plots.look import DASHED, DOTTED, TEXT, headline, length_unit, sheet
 from closeform.search.leg import SUN
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search

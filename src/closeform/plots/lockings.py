@@ -10,12 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers
+from closeform.palette import AFTER, ALTERNATIVE, BEFORE, INK, OTHER
 from closeform.plots.look import (
-    AFTER,
-    ALTERNATIVE,
-    BEFORE,
-    INK,
-    OTHER,
     SMALL,
     TEXT,
     WIDTH,

@@ -1,4 +1,4 @@
-"""The look of every picture: colours that hold for the colour-blind and in grey, sizes, units."""
+"""The look of every picture: sizes, units, places of axes, words around them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ from matplotlib.text import Text
 from closeform.arrays import Floats
 from closeform.motion.arc import START
 from closeform.motion.path import Path
+from closeform.palette import CONFLICT, FAINT, INK, OTHER
 from closeform.plots.given import one_craft
 from closeform.plots.letters import plain
 
@@ -23,26 +24,8 @@ LETTERS = 7.6  # of a headline to an inch
 BANNER = 0.3  # inches of the line above a picture
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 
-BEFORE, AFTER, ALTERNATIVE = "#5f6368", "#0072B2", "#009E73"
-CONFLICT, ZONE, OTHER = "#D55E00", "#E69F00", "#8a9ba8"
-INK, FAINT = "#202124", "#dadce0"
 HALO = [withStroke(linewidth=4, foreground="white")]  # keeps words readable on lines
 DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
-
-
-@dataclass(frozen=True)
-class Direction:
-    """One axis of the orbit's frame as it looks in every picture."""
-
-    name: str
-    colour: str
-    dashes: Any
-
-
-RADIAL = Direction("radial", "#332288", "-")
-ALONG = Direction("along-track", "#1B8A7A", (0, (6, 2)))
-CROSS = Direction("cross-track", "#AA4499", (0, (6, 1.5, 1.5, 1.5)))
-DIRECTIONS = (RADIAL, ALONG, CROSS)
 
 
 @dataclass(frozen=True)

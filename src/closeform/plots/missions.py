@@ -14,19 +14,14 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.palette import AFTER, CONFLICT, FAINT, INK, OTHER, ZONE, colours
 from closeform.plots.closest import guarded, ratio_axis
 from closeform.plots.fleet import NAMED, NEAREST, in_space
 from closeform.plots.letters import inches, plain, short_names
 from closeform.plots.look import (
-    AFTER,
-    CONFLICT,
-    FAINT,
-    INK,
-    OTHER,
     SMALL,
     TEXT,
     WIDTH,
-    ZONE,
     Clock,
     area,
     clock,
@@ -41,7 +36,7 @@ from closeform.plots.look import (
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
 from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
-from closeform.plots.tracks import Formation, closest, colours, together
+from closeform.plots.tracks import Formation, closest, together
 from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones

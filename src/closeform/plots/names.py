@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from closeform.arrays import Floats
+from closeform.palette import INK
 from closeform.plots.letters import plain
-from closeform.plots.look import INK, SMALL
+from closeform.plots.look import SMALL
 
 ENOUGH = 2000  # points of tracks that are looked at
 CLEAR = 11.0  # pixels between a name and a mark

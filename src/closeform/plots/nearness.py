@@ -15,17 +15,13 @@ from matplotlib.ticker import MaxNLocator
 from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.path import Path
+from closeform.palette import AFTER, BEFORE, CONFLICT, INK, ZONE
 from closeform.plots.given import crafts, one_craft
 from closeform.plots.letters import short_names
 from closeform.plots.look import (
-    AFTER,
-    BEFORE,
-    CONFLICT,
     DASHED,
-    INK,
     SMALL,
     TEXT,
-    ZONE,
     Clock,
     clock,
     column,

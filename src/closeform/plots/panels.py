@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
 
 from closeform.arrays import Floats
+from closeform.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.camera import (
     GROUP_COLOURS,
     SUN_COLOUR,
@@ -26,7 +27,7 @@ from closeform.plots.camera import (
     word,
 )
 from closeform.plots.letters import plain
-from closeform.plots.look import BEFORE, DASHED, FAINT, HALO, INK, OTHER, SMALL, TEXT
+from closeform.plots.look import DASHED, HALO, SMALL, TEXT
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import SUN

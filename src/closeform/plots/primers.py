@@ -14,18 +14,14 @@ from closeform.fuel.bound import least_delta_v
 from closeform.fuel.burns import burns_of
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
+from closeform.palette import AFTER, BEFORE, INK, OTHER, ZONE
 from closeform.planning.plan import Avoidance, Plan
 from closeform.plots.given import crafts, one_craft
 from closeform.plots.look import (
-    AFTER,
-    BEFORE,
     DASHED,
     HALO,
-    INK,
-    OTHER,
     SMALL,
     TEXT,
-    ZONE,
     clock,
     column,
     dress,

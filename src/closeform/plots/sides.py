@@ -12,23 +12,16 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance, sequence
 from closeform.conflicts.two_paths import closest_approach, find_conflicts
 from closeform.motion.path import Path
+from closeform.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, DIRECTIONS, INK, OTHER, ZONE
 from closeform.planning.both_sides import ways_around
 from closeform.plots.given import one_craft
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
-    AFTER,
-    ALTERNATIVE,
-    BEFORE,
-    CONFLICT,
     DASHED,
-    DIRECTIONS,
     DOTTED,
     HALO,
-    INK,
-    OTHER,
     SMALL,
     TEXT,
-    ZONE,
     area,
     clock,
     common_time,
@@ -41,7 +34,8 @@ from closeform.plots.look import (
     signed_percent,
     speed,
 )
-from closeform.plots.zones_and_tracks import PLANES, drawn, headings, place, section, shadow, spot, square
+from closeform.plots.zones_and_tracks import headings, place, spot, square
+from closeform.zones.outlines import PLANES, drawn, section, shadow
 from closeform.zones.zone import Zone
 
 SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))

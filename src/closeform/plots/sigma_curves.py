@@ -11,16 +11,14 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from closeform.arrays import instance, number, sequence
 from closeform.motion.path import Path
+from closeform.palette import CONFLICT, INK, ZONE
 from closeform.plots.closest import COLOURS, DASHES
 from closeform.plots.deviations import Deviations
 from closeform.plots.given import crafts, texts
 from closeform.plots.letters import plain
 from closeform.plots.look import (
-    CONFLICT,
-    INK,
     SMALL,
     TEXT,
-    ZONE,
     clock,
     column,
     dress,

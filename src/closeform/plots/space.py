@@ -13,17 +13,12 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
+from closeform.palette import AFTER, BEFORE, CONFLICT, INK, OTHER, ZONE
 from closeform.plots.fleet import beside, owned, scaled
 from closeform.plots.given import crafts, one_craft, same
 from closeform.plots.letters import short_names
 from closeform.plots.look import (
-    AFTER,
-    BEFORE,
-    CONFLICT,
     DASHED,
-    INK,
-    OTHER,
-    ZONE,
     Unit,
     area,
     common_time,
@@ -37,7 +32,8 @@ from closeform.plots.look import (
 from closeform.plots.names import Names
 from closeform.plots.panels import framed
 from closeform.plots.views import AXES, ORBITAL, window
-from closeform.plots.zones_and_tracks import PLANES, drawn, headings, place, shadow
+from closeform.plots.zones_and_tracks import headings, place
+from closeform.zones.outlines import PLANES, drawn, shadow
 from closeform.zones.zone import Zone
 
 TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone

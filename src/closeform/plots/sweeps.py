@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, numbers, sequence
+from closeform.palette import INK, colours
 from closeform.plots.letters import fonts, inches, plain
-from closeform.plots.look import INK, SMALL, TEXT, WIDTH, area, dress, headline, legend, sheet
-from closeform.plots.tracks import colours
+from closeform.plots.look import SMALL, TEXT, WIDTH, area, dress, headline, legend, sheet
 
 MOST, LONG = 12, 40  # lines that are drawn, letters of a name
 BESIDE = 0.9  # inches of a legend beside each name

@@ -12,17 +12,12 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, numbers, shown
 from closeform.motion.path import Path
+from closeform.palette import AFTER, ALTERNATIVE, BEFORE, DIRECTIONS, INK, OTHER, colours
 from closeform.plots.given import crafts, texts
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import (
-    AFTER,
-    ALTERNATIVE,
-    BEFORE,
     DASHED,
-    DIRECTIONS,
     DOTTED,
-    INK,
-    OTHER,
     SMALL,
     TEXT,
     Clock,
@@ -39,7 +34,6 @@ from closeform.plots.look import (
     thrust_unit,
     time_axes,
 )
-from closeform.plots.tracks import colours
 
 FEW = 12  # craft up to which each stands in the legend
 WIDEST = 5.0  # of the first of few curves, so that those that are the same are seen below each other

@@ -3,28 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.colors import to_rgba_array
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import stays_rather
 from closeform.motion.path import Path
 from closeform.plots.given import crafts
-from closeform.plots.look import (
-    AFTER,
-    ALONG,
-    ALTERNATIVE,
-    BEFORE,
-    CROSS,
-    RADIAL,
-    instants,
-)
+from closeform.plots.look import instants
 from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.zones_and_tracks import drawn
+from closeform.zones.outlines import drawn
 from closeform.zones.zone import Zone
 
-FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green
-COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
-SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
 ROOM = 48  # letters of a headline for the names of pairs
 
 
@@ -131,12 +119,3 @@ def together(pairs: Pairs, count: int) -> list[list[tuple[float, float]]]:
                 whole.append((start, end))
         merged.append(whole)
     return merged
-
-
-def colours(count: int) -> Floats:
-    """A colour (RGBA) of each craft, none of them that of a conflict."""
-    if count <= FEW:
-        return np.asarray(to_rgba_array(COLOURS[:count]))
-    stops = to_rgba_array(SHADES)
-    at = np.linspace(0.0, len(stops) - 1.0, count)
-    return np.stack([np.interp(at, range(len(stops)), channel) for channel in stops.T], axis=1)

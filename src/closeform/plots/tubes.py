@@ -14,27 +14,16 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats, instance, number
 from closeform.motion.path import Path
+from closeform.palette import AFTER, CONFLICT, INK, ZONE
 from closeform.plots.camera import Camera
 from closeform.plots.deviations import Deviations
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
 from closeform.plots.letters import short_names
-from closeform.plots.look import (
-    AFTER,
-    CONFLICT,
-    INK,
-    SMALL,
-    ZONE,
-    area,
-    clock,
-    dress,
-    headline,
-    legend,
-    length_unit,
-    sheet,
-)
-from closeform.plots.zones_and_tracks import CIRCLE, headings, place, shadow
+from closeform.plots.look import SMALL, area, clock, dress, headline, legend, length_unit, sheet
+from closeform.plots.zones_and_tracks import headings, place
 from closeform.uncertainty.clearance import SigmaApproach, clearance_in_sigmas
 from closeform.uncertainty.errors import Errors
+from closeform.zones.outlines import CIRCLE, shadow
 from closeform.zones.zone import Zone
 
 TUBE = "#cfe4f3"

@@ -11,75 +11,10 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import IdentityTransform
 
 from closeform.arrays import Floats
-from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.solids import HalfSpaces
-from closeform.zones.zone import Zone
 
-PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upwards
-AROUND = np.linspace(0, 2 * np.pi, 145)
-OPEN = 3.0  # farthest offsets, at which a zone without an end is cut off
-CIRCLE: Floats = np.stack([np.cos(AROUND), np.sin(AROUND)], axis=-1)
 HEAD = np.array([[1.0, 0.0], [-0.8, 0.75], [-0.35, 0.0], [-0.8, -0.75], [1.0, 0.0]])  # of an arrow
 ALONG = 0.35  # of the length of a track: the middles of craft that change places lie on each other
 SHORT = 0.04  # of the width of the axes: tracks below that have no arrow
-
-
-def drawn(zone: Zone) -> Zone:
-    """The zone, or what is shown of one without an end: thrice as far as its farthest face."""
-    if zone.bounded:
-        return zone
-    ways = zone.faces @ zone.matrix
-    offsets = 1.0 / np.linalg.norm(ways, axis=1)
-    ends = np.concatenate([np.eye(3), -np.eye(3)])
-    return HalfSpaces(np.concatenate([ways, ends]), np.append(offsets, np.full(6, OPEN * offsets.max())))
-
-
-def touched(zone: Zone, ways: Floats) -> Floats:
-    """The point (K, 3) of a zone that is farthest along each direction (K, 3)."""
-    if zone.shape == FACES:
-        corners = zone.vertices
-        return np.asarray(corners[(ways @ corners.T).argmax(axis=1)])
-    half_axes = np.linalg.inv(zone.matrix)
-    q = ways @ half_axes
-    leading = {BALL: 3, CYLINDER: 2}.get(zone.shape, 0)
-    sizes = np.linalg.norm(q[:, :leading], axis=1, keepdims=True)
-    q[:, :leading] /= np.where(sizes > 0.0, sizes, 1.0)
-    q[:, leading:] = np.sign(q[:, leading:])
-    return np.asarray(q @ half_axes.T)
-
-
-def shadow(zone: Zone, basis: Floats) -> Floats:
-    """Outline (K, 2) of a zone seen along the normal of a plane, `basis` its unit vectors (2, 3)."""
-    outline: Floats = touched(drawn(zone), CIRCLE @ basis) @ basis.T
-    return outline
-
-
-def section(zone: Zone, basis: Floats) -> Floats:
-    """Outline (K, 2) of the cut through a zone's centre by a plane of unit vectors `basis` (2, 3)."""
-    outline: Floats = CIRCLE / drawn(zone).norm(CIRCLE @ basis)[:, None]
-    return outline
-
-
-def shell(zone: Zone) -> list[Floats]:
-    """Lines (K, 3) that show a zone in space: edges between flat faces, circles around round ones."""
-    zone = drawn(zone)
-    if zone.shape in (CUBE, FACES):
-        ways = np.concatenate([zone.matrix, -zone.matrix]) if zone.shape == CUBE else zone.faces @ zone.matrix
-        corners = zone.vertices
-        on = corners @ ways.T > 1.0 - 1e-9
-        shared = on.astype(int) @ on.T.astype(int)  # faces that two corners have in common
-        return [corners[[a, b]] for a, b in np.argwhere(np.triu(shared >= 2, 1))]
-    half_axes = np.linalg.inv(zone.matrix)
-    if zone.shape == CYLINDER:
-        lines = [np.insert(CIRCLE, 2, height, axis=1) for height in (-1.0, -0.5, 0.0, 0.5, 1.0)]
-        lines += [np.array([[x, y, -1.0], [x, y, 1.0]]) for x, y in CIRCLE[:-1:18]]
-    else:
-        lines = [
-            np.insert(CIRCLE * np.sqrt(1 - height**2), axis, height, axis=1)
-            for axis in range(3)
-            for height in (-0.6, 0.0, 0.6)
-        ]
-    return [line @ half_axes.T for line in lines]
 
 
 def spot(basis: Floats, point: Floats) -> tuple[float, float]:

@@ -1,6 +1,7 @@
-"""Drawing: the pictures of a report, side by side in two processes; they are most of a short run."""
+"""Drawing: the pictures of a report, in processes side by side; they are most of a short run."""
 
 import atexit
+import os
 import pickle
 import subprocess
 import sys
@@ -8,8 +9,9 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
+from socket import socket, socketpair
 from threading import Lock, Thread
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from closeform import own_process
 
@@ -26,7 +28,10 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.report.picture",
     "closeform.result_folder",
 )
-_seconds: list["Second"] = []  # at most one
+STUDIED = (*AHEAD, "closeform.plots.lockings", "closeform.mission", "closeform.viewer.page")  # and of studies
+MOST = 4  # processes that draw: a run has about ten pictures
+HELPED = 1  # processes up to which this one draws too: it loads matplotlib as long as a few pictures take
+_drawers: list["Drawer"] = []
 
 
 class Drawable(Protocol):
@@ -47,98 +52,110 @@ class Drawable(Protocol):
         ...
 
 
-class Share(NamedTuple):
-    """What the second process has to do with a command: modules that it loads `ahead`.
+class Drawer:
+    """A process that draws, at the other end of a socket."""
 
-    This one draws as well once the second has worked `alone` [s]: longer than matplotlib takes to load.
-    """
-
-    ahead: tuple[str, ...]
-    alone: float
-
-
-DRAWN = Share(AHEAD, 0.0)  # of a run, which has many pictures, and has loaded matplotlib for its viewer
-STUDIED = Share((*AHEAD, "closeform.plots.lockings", "closeform.mission", "closeform.viewer.page"), 1.0)
-
-
-class Second:
-    """A second process that draws; it loads matplotlib while this one flies."""
-
-    def __init__(self, share: Share) -> None:
-        self.alone, self.free = share.alone, Lock()
-        code = f"from closeform.report.drawing import serve; serve({share.ahead})"
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code],  # nothing from the folder where the user stands
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )
-        atexit.register(self.process.kill)
+    def __init__(self, end: socket) -> None:
+        self.stream, self.free = end.makefile("rwb"), Lock()
+        end.close()  # with the stream
 
     def draw(self, picture: Drawable, folder: "Folder") -> "Shot":
         """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
         with self.free:
-            pickle.dump((picture, folder), self.process.stdin)
-            self.process.stdin.flush()
-            shot: Shot = pickle.load(self.process.stdout)
+            pickle.dump((picture, folder), self.stream)
+            self.stream.flush()
+            shot: Shot = pickle.load(self.stream)
         return shot
 
 
-def begin(share: Share = DRAWN) -> None:
-    """Start the second process, ahead of the first picture; where there can be none, this one draws all."""
+def begin(ahead: tuple[str, ...] = AHEAD) -> None:
+    """Start processes that draw while this one flies; where there can be none, this one draws all.
+
+    One loads modules `ahead`, then becomes as many as there are cores: matplotlib is loaded once.
+    """
+    if os.name != "posix":  # no other hands on sockets
+        return
+    forks = sys.platform == "linux"  # elsewhere what libraries keep may not outlive it
     with suppress(OSError):
-        _seconds.append(Second(share))
+        pairs = [socketpair() for _ in range(min(os.cpu_count() or 1, MOST) if forks else 1)]
+        ends = [theirs.fileno() for _, theirs in pairs]
+        code = f"from closeform.report.drawing import serve; serve({ahead}, {ends})"
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", code],  # nothing from the folder where the user stands
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=ends,
+        )
+        atexit.register(process.kill)  # those that it became end when their sockets close
+        for ours, theirs in pairs:
+            theirs.close()
+            _drawers.append(Drawer(ours))
 
 
-def serve(modules: tuple[str, ...]) -> None:
-    """Draw what standard input asks for, as long as it does: the second process."""
-    answers, sys.stdout = sys.stdout.buffer, sys.stderr
+def serve(modules: tuple[str, ...], ends: list[int]) -> None:
+    """Draw what sockets ask for, as long as they do: the processes that draw, one for each socket."""
     own_process.begin()
     own_process.import_numba()
     for ahead in modules:
         import_module(ahead)
-    while True:
-        picture, folder = pickle.load(sys.stdin.buffer)
-        pickle.dump(picture.leave(folder, lambda text: None), answers)
-        answers.flush()
+    mine = ends[0]
+    for end in ends[1:]:
+        if not os.fork():
+            mine = end
+            break
+    for end in ends:
+        if end != mine:
+            os.close(end)  # or nobody would hear that its process is gone
+    with socket(fileno=mine).makefile("rwb") as stream:
+        while True:
+            picture, folder = pickle.load(stream)
+            pickle.dump(picture.leave(folder, lambda text: None), stream)
+            stream.flush()
 
 
 def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress], list[Shot]]":
-    """Pictures that become files in a folder, by the second process at once; who is called finishes them.
+    """Pictures that become files in a folder, by the processes that draw; who is called finishes them.
 
-    This process then draws from the front, films first; the second, if there is one, from the back.
-    What it cannot draw is drawn here, where an error is heard.
+    This process draws films, which can be long and say how far they are, and what nobody else could,
+    so that an error is heard; all that is left where few others draw.
     """
-    waiting = deque(sorted(pictures, key=lambda picture: not picture.moves))
+    films = [picture for picture in pictures if picture.moves]
+    waiting = deque(picture for picture in pictures if not picture.moves)
     shots: dict[str, Shot] = {}
 
-    def ask(second: Second) -> None:
-        while waiting and not waiting[-1].moves:
-            picture = waiting.pop()
+    def following() -> Drawable | None:
+        with suppress(IndexError):
+            return waiting.popleft()
+        return None
+
+    def ask(drawer: Drawer) -> None:
+        while picture := following():
             try:
-                shots[picture.name] = second.draw(picture, folder)
+                shots[picture.name] = drawer.draw(picture, folder)
             except Exception:
                 waiting.append(picture)
                 return
 
-    others = [Thread(target=ask, args=(second,), daemon=True) for second in _seconds]
+    others = [Thread(target=ask, args=(drawer,), daemon=True) for drawer in _drawers]
     for other in others:
         other.start()
 
     def finish(progress: "Progress") -> "list[Shot]":
-        for other, second in zip(others, _seconds, strict=True):
-            other.join(second.alone)
-        while True:
-            while waiting:
-                picture = waiting.popleft()
-                progress(f"picture {len(pictures) - len(waiting)} of {len(pictures)}")
-                shots[picture.name] = picture.leave(folder, progress)
-            for other in others:
-                other.join()
-            if not waiting:
-                return [shots[picture.name] for picture in pictures]
+        def draw(picture: Drawable) -> None:
+            progress(f"picture {len(shots) + 1} of {len(pictures)}")
+            shots[picture.name] = picture.leave(folder, progress)
+
+        for film in films:
+            draw(film)
+        while len(others) <= HELPED and (picture := following()):
+            draw(picture)
+        for other in others:
+            progress(f"picture {len(shots) + 1} of {len(pictures)}")
+            other.join()
+        while picture := following():
+            draw(picture)
+        return [shots[picture.name] for picture in pictures]
 
     return finish
 

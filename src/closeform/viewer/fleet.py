@@ -3,10 +3,9 @@
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_hex
 
 from closeform.motion.arc import IMPULSE
-from closeform.plots.tracks import colours
+from closeform.palette import colours, written
 from closeform.viewer.shown import Shown
 from closeform.viewer.solids import Solids
 from closeform.viewer.thrusts import thrusting
@@ -27,7 +26,7 @@ def fleet(shown: Shown, solids: Solids, size: float) -> list[dict[str, Any]]:
         records.append(
             {
                 "name": name,
-                "colour": to_hex(colour),
+                "colour": written(colour),
                 "zone": solids.index(zone),
                 "body": solids.index(None if body is None else Sphere(body)),
                 "moves": moves,

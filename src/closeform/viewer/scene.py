@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.plots.zones_and_tracks import drawn
 from closeform.report.section import fate
 from closeform.search.leg import SUN
 from closeform.viewer.events import events
@@ -23,6 +22,7 @@ from closeform.viewer.solids import Solids
 from closeform.viewer.thrusts import burns, thrusts
 from closeform.viewer.tracks import error_for, tracks
 from closeform.viewer.tubes import tubes
+from closeform.zones.outlines import drawn
 from closeform.zones.zone import Zone
 
 FORMAT = 1

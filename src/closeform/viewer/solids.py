@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.plots.zones_and_tracks import drawn
 from closeform.zones.combined_zones import key
+from closeform.zones.outlines import drawn
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.zone import Zone
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.plots.look import INK, ZONE
-from closeform.plots.zones_and_tracks import PLANES, shadow
+from closeform.palette import INK, ZONE
 from closeform.viewer.scene import Scene
 from closeform.viewer.shown import Shown
 from closeform.viewer.tracks import before
+from closeform.zones.outlines import PLANES, shadow
 
 POINTS, FEWEST, MOST = 4000, 8, 120  # of all tracks of a stage in one view, of one track
 SIDE, BELOW = 300.0, 36.0  # pixels of a view, and below it for words
