@@ -17,9 +17,11 @@ from typing import Any
 
 import llvmlite
 import numba
+from llvmlite.binding import parse_bitcode
 from numba.core import types
 from numba.core.caching import NullCache
-from numba.core.compiler import CompileResult
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import compile_result
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 from numba.core.runtime import rtsys
@@ -90,7 +92,7 @@ class KernelCache(NullCache):
             if time.time() - path.stat().st_mtime > UNUSED / 10:
                 os.utime(path)
         rtsys.initialize(target)  # numba's cache registers all that a compiler needs: 0.3 s
-        return CompileResult._rebuild(target, *pickle.loads(content[CHECKSUM:]))
+        return loaded(target, pickle.loads(content[CHECKSUM:]))
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep a compiled kernel, if the folder can be written."""
@@ -104,6 +106,53 @@ class KernelCache(NullCache):
             finally:
                 written.unlink(missing_ok=True)
             drop_unused()
+
+
+class LoadedLibrary(JITCodeLibrary):
+    """Machine code from a file.
+
+    What other kernels link of it, its code for LLVM, is read when one does: half of the time to load.
+    """
+
+    def __init__(self, codegen: Any, serialized: Any) -> None:
+        name, _, (machine_code, self.code) = serialized
+        super().__init__(codegen, name)
+        self.enable_object_caching()
+        self._set_compiled_object(machine_code)
+        self._finalize_final_module()
+
+    def _get_module_for_linking(self) -> Any:
+        self._shared_module: Any = self._shared_module or parse_bitcode(self.code)
+        return self._shared_module
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """The address of what can be called; numba looks first whether the code for LLVM has it."""
+        address: int = self._codegen._engine.get_function_address(name)
+        return address
+
+
+def loaded(target: Any, made: tuple[Any, ...]) -> Any:
+    """A compiled kernel, as `CompileResult._rebuild` makes it from what its `_reduce` gave."""
+    serialized, described, environment, signature, object_mode, lifted, _, reload_init, environments = made
+    for begin in reload_init:
+        begin()
+    library = LoadedLibrary(target.codegen(), serialized)
+    entry_point = target.get_executable(library, described, environment)
+    for each in environments:
+        library.codegen.set_env(each.env_name, each)
+    return compile_result(
+        target_context=target,
+        typing_context=target.typing_context,
+        library=library,
+        environment=environment,
+        entry_point=entry_point,
+        fndesc=described,
+        signature=signature,
+        objectmode=object_mode,
+        lifted=lifted,
+        reload_init=reload_init,
+        referenced_envs=environments,
+    )
 
 
 def intact(content: bytes) -> bool:
