@@ -1104,7 +1104,7 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "flattening of the first degree",
         ALTITUDE,
         IN_FIELD.replace("zonals = 2", "zonals = 1"),
-        "orbit.field: zonals is 0 or a degree from 2 to 6, not 1; write for example zonals = 2",
+        "orbit.field.zonals: is 0 or a degree from 2 to 6, not 1; write for example zonals = 2",
     ),
     Bad(
         "air of no density",
@@ -1613,6 +1613,11 @@ MISUSES = (
         "a case below zero",
         "run lost.toml --case -1",
         "--case: -1 is negative, cases count from 0; give 0 or more",
+    ),
+    Misuse(
+        "a case beyond the last",
+        "run lost.toml --case 100",
+        "--case: lost.toml has cases 0 to 99, got 100; give one of them, or more cases in [study]",
     ),
     Misuse(
         "a search that only its cases tell apart",

@@ -196,7 +196,13 @@ def test_what_is_counted(missions):
     assert flights.nearest == (ratios.min(), int(ratios.argmin()))
     assert sum(flights.mean.values()) == pytest.approx(spent.mean(), rel=1e-12)
     assert flights.mean["plan"] == pytest.approx(missions.column("delta_v_m_s").mean(), rel=1e-12)
-    assert 1.0 / flights.nearness.quantiles[0.5].value == pytest.approx(np.median(ratios), rel=1e-4)
+    (headline,) = cf.plots.distribution(
+        ratios, "least distance [x zone]", 0.05
+    ).texts  # says the same quantiles
+    for share, said in ((0.5, "median"), (0.05, "5 %")):
+        middle = flights.nearness.quantiles[share].value
+        assert middle == pytest.approx(np.quantile(ratios, share), rel=1e-12)
+        assert f"{said} {middle:.4g}" in headline.get_text()
     assert missions.spreads["flown: delta-v of all craft [m/s]"].worst[0][0] == spent.max()
     reason = missions.column("reason")[flights.nearest[1]]
     assert reason == f"a zone is entered in flight, least {ratios.min():.4f} x zone"
@@ -276,6 +282,10 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
     assert replayed["flights"]["flights"] == 1
     assert min(one["ratio"] for one in replayed["flights"]["stages"]) == missions.flights.nearest[0]
     assert replayed["verdict"] == missions.column("reason")[nearest]
+    page = (tmp_path / "case" / "report.html").read_text()
+    assert f"closeform run many.toml --case {nearest} --out {tmp_path / 'case'}" in page
+    assert "planned and flown" in page
+    assert "median flight" not in page  # of one there is none
     drawn = "orbit.field.density " + f"{case_of(missions.scenario, nearest).truth.orbit.field.density:.4g}"
     assert drawn in capsys.readouterr().out
 
@@ -283,6 +293,6 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
 def test_small_ratios_are_the_bad_tail():
     figure = cf.plots.distribution(np.arange(1.0, 101.0), "least distance [x zone]", 0.05)
     words = " ".join(text.get_text() for text in figure.texts)
-    assert "Least distance of 100 cases: median 50, 5 % 5 x zone" in words
+    assert "Least distance of 100 cases: median 50.5, 5 % 5.95 x zone" in words
     with pytest.raises(ValueError, match="tail: a share between 0 and 1, got 1"):
         cf.plots.distribution([1.0, 2.0], "least distance", 1.0)

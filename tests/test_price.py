@@ -7,6 +7,8 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
+from closeform.planning.planner import once
+from closeform.planning.scene import Contacts
 from test_least_delta_v_plans import ORBIT as LOW
 from test_least_delta_v_plans import passage, rates
 
@@ -268,3 +270,20 @@ def test_where_nothing_is_touched_clearance_is_free():
     assert clear.price == 0.0
     assert clear.prices == ()
     assert np.isnan(cf.avoid(PATH, OTHER, cf.Sphere(1000.0)).price)
+
+
+def test_contacts_that_are_the_same_are_one():
+    """A plane that rounds of impulses hold twice pushes as both do, and is told once."""
+    twice = Contacts(
+        np.array([1, 0, 1]),
+        np.array([20.0, 10.0, 20.0 + 1e-12]),
+        np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1e-13, 1.0, 0.0]]),
+        np.array([2.0, 5.0, 3.0]),
+        np.zeros((3, 2)),
+    )
+    found = once(twice)
+    assert found.times.tolist() == pytest.approx([10.0, 20.0])
+    assert found.which.tolist() == [0, 1]
+    assert found.multipliers.tolist() == [5.0, 5.0]
+    other = twice._replace(drifts=np.array([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0]]))  # one after thrust was lost
+    assert once(other).number == 3

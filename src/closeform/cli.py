@@ -153,7 +153,7 @@ def run(
             mission = fly(loaded, lambda text: status.update(text))
             report = RunReport(mission)
             with written(place):
-                leave(report, under_way, lambda text: status.update(text), None if no_viewer else viewer)
+                leave(report, under_way, lambda text: status.update(text), None if no_viewer else viewer, out)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

@@ -23,7 +23,10 @@ def announce(damaged: str = "") -> None:
     if _announced:
         return
     _announced.append(True)
-    print(damaged or "closeform: compiling its kernels, once (half a minute)", file=sys.stderr)
+    print(
+        damaged or "closeform: compiling kernels that were not needed before, once (half a minute)",
+        file=sys.stderr,
+    )
     for begin in before_first_compilation:
         begin()
 

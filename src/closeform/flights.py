@@ -82,7 +82,7 @@ def fly(
 
     told = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
-    command = Command("fly", [directory], options, [directory / SUMMARY])
+    command = Command("fly", [directory], options, [directory / SUMMARY], out)
 
     def report() -> "FlightReport":
         from closeform.report.flight import FlightReport

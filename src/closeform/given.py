@@ -82,6 +82,9 @@ def one_case(scenario: "Scenario", case: int | None, point: int | None = None) -
         from closeform.campaign import case_of
         from closeform.scenario import ScenarioError
 
+        if scenario.study is not None and case >= (cases := scenario.study.cases):
+            remedy = "give one of them, or more cases in [study]"
+            raise UsageError(f"--case: {scenario.file} has cases 0 to {cases - 1}, got {case}; {remedy}")
         try:
             return case_of(scenario, case)
         except ScenarioError as error:

@@ -106,7 +106,7 @@ def screen(
         "hard-body": hard_body,
     }
     options |= {"zones": zones, "interpolate": interpolate}
-    command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [])
+    command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [], out)
 
     def report() -> ScreenReport:
         flight = watch(frame.paths, frame.names, held_clear)
@@ -205,7 +205,7 @@ def encounter(
     bodies = quantity("radius", LENGTH, radius)
     check_present(message)
     place = free(out, message, "encounter", overwrite)
-    command = Command("encounter", [message], {"radius": radius, "window": window, "limit": limit})
+    command = Command("encounter", [message], {"radius": radius, "window": window, "limit": limit}, out=out)
     try:
         told = read_cdm(message)
         bodies = bodies or told.hard_body_radius

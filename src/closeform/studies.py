@@ -77,7 +77,7 @@ def study(
             from closeform.viewer import replays
 
             with notes.status("writing results"), written(place):
-                report.leave(under_way, *replays.begin(campaign, under_way))
+                report.leave(under_way, *replays.begin(campaign, under_way), out)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 SEED, RATIO, END, OFF = "flight_seed", "flown_ratio", "flown_end_m", "flown_off_m"
 SPENT, FIELD, FEEDBACK = "flown_delta_v_m_s", "field_delta_v_m_s", "feedback_delta_v_m_s"
 
+NEAREST = 0.5, 0.05, 0.001  # quantiles of least ratios: small ones are the bad ones
 BY_CAUSE = ("plan", "field", "feedback")
 
 
@@ -71,8 +72,8 @@ def end_of(number: int) -> str:
 class FlightTally:
     """Of `count` flights to the end: in how many a zone is `entered`, the `mean` delta-v by cause [m/s].
 
-    `nearest`: the least ratio of any pair and its case; `nearness`: the spread of one over the least ratio of
-    each flight.  None where nobody has a zone.
+    `nearest`: the least ratio of any pair and its case; `nearness`: the spread of the least ratio of each
+    flight.  None where nobody has a zone.
     """
 
     count: int
@@ -99,7 +100,8 @@ class FlightTally:
         def values() -> Iterator[tuple[Floats, Any]]:
             for first, part in chunks.read(RATIO, "end_s"):
                 known = np.flatnonzero(~np.isnan(part["end_s"] + part[RATIO]))
-                yield 1.0 / part[RATIO][known], first + known
+                yield part[RATIO][known], first + known
 
         mean = dict(zip(BY_CAUSE, (sums / count).tolist(), strict=True))
-        return cls(count, entered, mean, nearest if nearest[0] < inf else None, Spread.of(values))
+        spread = Spread.of(values, NEAREST)
+        return cls(count, entered, mean, nearest if nearest[0] < inf else None, spread)

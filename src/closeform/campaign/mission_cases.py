@@ -283,7 +283,9 @@ class MissionCampaign(FlownCases):
             stages = enumerate(self.scenario.stages, 1)
             named |= {f"stage {number}, {stage.verb}, off [m]": off_in(number) for number, stage in stages}
         named["end [s]"] = "end_s"
-        named = {**dict(flight_rows.named(self.scenario)), **named}
+        if self.scenario.flights is not None:
+            planned = {f"planned: {words}": name for words, name in named.items()}
+            named = {**dict(flight_rows.named(self.scenario)), **planned}
         found = {words: self.spread(name) for words, name in named.items()}
         return {words: spread for words, spread in found.items() if spread is not None}
 

@@ -6,7 +6,7 @@ counted 16 at a time, and only those that begin as one that is wanted are looked
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, floor
 from typing import Any, NamedTuple, Self
@@ -43,8 +43,8 @@ class Spread:
     worst: tuple[tuple[float, int], ...]
 
     @classmethod
-    def of(cls, values: Values) -> Self | None:
-        """The spread of values, which are not negative; None where there are none."""
+    def of(cls, values: Values, shares: Sequence[float] = QUANTILES) -> Self | None:
+        """The spread of values, which are not negative, with quantiles by `shares`; None without any."""
         count, total, worst = 0, 0.0, list[tuple[float, int]]()
         for some, cases in values():
             count += len(some)
@@ -54,7 +54,7 @@ class Spread:
             worst = sorted(worst, key=lambda row: (-row[0], row[1]))[:WORST]
         if not count:
             return None
-        ranks = {share: ranks_of(share, count) for share in QUANTILES}
+        ranks = {share: ranks_of(share, count) for share in shares}
         wanted = {rank for some in ranks.values() for rank in some if rank is not None}
         found = order_statistics(values, count, wanted)
         return cls(

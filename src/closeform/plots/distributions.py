@@ -17,7 +17,8 @@ BINS = 60
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     """How many cases lie in each bin, and the share of all that is not above each value.
 
-    Dashed lines are the median and the value that a share of cases is not above, the `tail`.
+    Dashed lines are the median and the value that a share of cases is not above, the `tail`: quantiles as
+    NumPy has them and tables of studies do, linear between the two cases on both sides.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     right.plot([low, *found], share, color=AFTER, linewidth=2.2, drawstyle="steps-post", zorder=4)
     right.set_ylim(0.0, 103.0)
     right.set_ylabel("not above [%]", fontsize=TEXT, color=AFTER)
-    middle, most = (float(np.quantile(found, one, method="inverted_cdf")) for one in (0.5, end))
+    middle, most = (float(np.quantile(found, one)) for one in (0.5, end))
     for value in (middle, most):
         axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)
     without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""

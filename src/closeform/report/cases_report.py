@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,20 +72,30 @@ class CasesReport(ABC):
         """The hashes of the scenario and of the files that it names."""
         return {name: f"sha256:{digest}" for name, digest in self.campaign.scenario.digests.items()}
 
-    def repeated(self, beside: Sequence[str]) -> Section:
+    def repeated(self, out: Path | None, beside: Sequence[str]) -> Section:
         """How to repeat it."""
         campaign = self.campaign
         study = campaign.scenario.study
         command = f"closeform study {Path(campaign.scenario.file).name}"
         if study is not None and study.cases != len(campaign):
             command += f" --cases {len(campaign)}"
-        if not campaign.as_in_file:
+        if study is None or study.seed != campaign.seed:
             command += f" --seed {campaign.seed}"
-        return repeat.section(command, self.digests, beside, seed=campaign.seed)
+        return repeat.section(command, self.digests, beside, out, seed=campaign.seed)
 
-    def leave(self, folder: Folder, replays: Replays = (), pages: results.Pages = results.nothing) -> None:
-        """Fill a result folder with all that a study leaves; `replays` are `pages` begun in it."""
+    def leave(
+        self,
+        folder: Folder,
+        replays: Replays = (),
+        pages: results.Pages = results.nothing,
+        out: Path | None = None,
+    ) -> None:
+        """Fill a result folder with all that a study leaves; `replays` are `pages` begun in it.
+
+        `out`: the option that said where.
+        """
         folder.scenario(self.campaign.scenario)
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, self.campaign.ok)
-        results.leave(folder, head, self.chapters(replays), self.repeated, self.summary, pages=pages)
+        repeated = partial(self.repeated, out)
+        results.leave(folder, head, self.chapters(replays), repeated, self.summary, pages=pages)

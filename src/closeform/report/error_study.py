@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,9 +33,8 @@ class ErrorStudyReport(CasesReport):
     @property
     def hint(self) -> tuple[str, ...]:
         """How to see the case with most entries."""
-        if not self.campaign.worst or not self.campaign.as_in_file:
+        if not self.campaign.worst or not self.campaign.has_run(case := self.campaign.worst[0][0]):
             return ()
-        case = self.campaign.worst[0][0]
         return (f"closeform run {self.campaign.scenario.file} --case {case} shows the one with most entries",)
 
     @property
@@ -117,6 +115,6 @@ class ErrorStudyReport(CasesReport):
         return (
             asked.section(campaign.scenario),
             Section("What was found", self.hint, self.tables),
-            *worst.section(replays, Path(campaign.scenario.file).name, worth),
+            *worst.section(campaign, replays, worth),
             Section("Limits of the model", tables=(model.certain(sure),)),
         )

@@ -13,6 +13,8 @@ from closeform.report.section import Section
 from closeform.report.table import PAIR, Column, Table
 
 WORST = 10  # flights that are told one by one
+# Of a single flight, which has neither a median nor a most: other headings, none of columns that say no more.
+ALONE = {"end_95_m": None, "end_most_m": None, "feedback_most_m_s": None, "delta_v_m_s": "all [m/s]"}
 STAGES = (
     Column("stage", "number"),
     Column("does", "do", words=True),
@@ -52,16 +54,23 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     """Stages, what everybody spends, the worst flights."""
     worst = [flight(flown, seed) for seed in order(flown)[:WORST]]
     weighed = not np.isnan(flown.propellant).all()
-    fuel = effort.in_grams(flown, replace(effort.FUEL, heading="most [kg]" if weighed else None))
-    columns = (*SPENT[:-1], fuel, SPENT[-1])
+    many = len(worst) > 1
+    burnt = "most [kg]" if many else "propellant [kg]"
+    fuel = effort.in_grams(flown, replace(effort.FUEL, heading=burnt if weighed else None))
+    ends = "; ends are off by, in the median flight" if many else ", and how far off it ends"
+    spends = ", on feedback in the median flight" if many else ""
+    stages, costs = (
+        some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)
+        for some in (STAGES, (*SPENT[:-1], fuel, SPENT[-1]))
+    )
     return (
         Table(
-            "Stages, each from where the one before was flown to; ends are off by, in the median flight",
-            STAGES,
+            f"Stages, each from where the one before was flown to{ends}",
+            stages,
             [stage(flown, one) for one in flown.stages],
         ),
-        Table("What each craft spends, on feedback in the median flight", columns, [*spent(flown)]),
-        Table("The worst flights" if len(worst) > 1 else "The flight", FLIGHTS, worst),
+        Table(f"What each craft spends{spends}", costs, [*spent(flown)]),
+        Table("The worst flights" if many else "The flight", FLIGHTS, worst),
     )
 
 

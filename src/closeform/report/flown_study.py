@@ -5,7 +5,7 @@ from typing import Any
 from closeform.campaign.flight_rows import END, RATIO, SPENT, FlightTally
 from closeform.confidence import estimate
 from closeform.report.cases import percent
-from closeform.report.study import spread
+from closeform.report.study import quantiles
 from closeform.report.table import Column, Table
 
 ENTERED = Column("flown once in the field", words=True), Column("cases"), *percent("share [%]")
@@ -40,8 +40,11 @@ def tables(flights: FlightTally) -> tuple[Table, ...]:
     share = estimate(flights.entered, flights.count)
     found = [Table("Mean delta-v of all craft in flight, by cause", CAUSES, [tuple(flights.mean.values())])]
     if flights.nearest is not None and flights.nearness is not None:
-        below = [1.0 / one.value for one in flights.nearness.quantiles.values()]
-        row = ("in terms of its zone", *below, *flights.nearest)
+        row = (
+            "in terms of its zone",
+            *(one.value for one in flights.nearness.quantiles.values()),
+            *flights.nearest,
+        )
         entered = ("a zone is entered", flights.entered, share, share)
         found = [Table("Flights in the field", ENTERED, [entered]), Table("", NEAREST, [row]), *found]
     return tuple(found)
@@ -55,5 +58,5 @@ def figures(flights: FlightTally) -> dict[str, Any]:
         "entered": {"cases": flights.entered} | vars(estimate(flights.entered, flights.count)),
         "mean_delta_v_m_s": flights.mean,
         "least_ratio": None if flights.nearest is None else flights.nearest[0],
-        "one_over_ratio": None if near is None else spread(near),
+        "ratios": None if near is None else quantiles(near),
     }

@@ -30,8 +30,8 @@ def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
     plan = plan_of(result)
     if not asked or plan is None:
         return ()
-    why = ", what feedback leaves of its flight" if asked == "auto" else ""
-    return (f"Margin beyond zones: {np.max(plan.padding):.3g} m{why}",)
+    why = ", for what feedback leaves uncorrected in flight" if asked == "auto" else ""
+    return (f"Margin: zones are padded by {np.max(plan.padding):.3g} m{why}",)
 
 
 def figures(result: StageResult[Any, Any]) -> dict[str, Any]:

@@ -54,17 +54,20 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
 
 
 def used(mission: Mission) -> Table:
-    """What each craft used in the whole mission."""
+    """What each craft used in the whole mission, and in its flights if there are any."""
     scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     shares = {(use.what, use.craft): use.share for use in mission.uses}
+    flown, how, heading = flown_delta_v(mission)
     rows, key = [], "max_acceleration" if any(one.acceleration for one in scenario.craft) else "max_thrust"
-    for craft, spent, burnt in zip(scenario.craft, delta_v.tolist(), propellant.tolist(), strict=True):
+    each = scenario.craft, delta_v.tolist(), propellant.tolist(), flown
+    for craft, spent, burnt, most in zip(*each, strict=True):
         left = None if craft.propellant is None else craft.propellant - burnt
         budget, thrust = (shares.get((what, craft.name)) for what in ("delta-v", "thrust"))
-        rows.append((craft.name, spent, budget, burnt if isfinite(burnt) else None, left, thrust))
+        rows.append((craft.name, spent, most, budget, burnt if isfinite(burnt) else None, left, thrust))
     columns = [
         Column("craft", "craft", words=True),
-        Column("delta-v [m/s]", "delta_v_m_s", "{:.6f}".format),
+        Column(f"{how}delta-v [m/s]", "delta_v_m_s", "{:.6f}".format),
+        Column(heading, "flown_delta_v_m_s", "{:.6f}".format),
         Column("of its budget [%]", "share_of_delta_v_budget", "{:.1f}".format, 100.0),
         effort.in_grams(mission, effort.FUEL),
         effort.in_grams(mission, replace(effort.FUEL, heading="left [kg]", key="propellant_left_kg")),
@@ -74,7 +77,16 @@ def used(mission: Mission) -> Table:
     shown = tuple(
         one if there else replace(one, heading=None) for one, there in zip(columns, known, strict=True)
     )
-    return Table("What each craft used in all", shown, rows, folded=len(rows) > MOST_ROWS)
+    title = "What each craft used in all" + ", planned and flown" * bool(how)
+    return Table(title, shown, rows, folded=len(rows) > MOST_ROWS)
+
+
+def flown_delta_v(mission: Mission) -> tuple[list[float | None], str, str | None]:
+    """What each craft spends in flight at most [m/s], what then stands before what is planned, a heading."""
+    if mission.flights is None:
+        return [None] * len(mission.scenario.craft), "", None
+    spent = mission.flights.flight.delta_v
+    return spent.max(axis=0).tolist(), "planned ", f"flown{', most' * (len(spent) > 1)} [m/s]"
 
 
 def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,10 +51,12 @@ class MissionStudyReport(CasesReport):
     @property
     def hint(self) -> tuple[str, ...]:
         """How to see a case in which something is not met."""
-        if self.campaign.ok or not self.campaign.as_in_file:
+        if self.campaign.ok:
             return ()
         endings = self.campaign.endings.first
         first = min(case for status, cases in endings.items() if status != MET for case in cases)
+        if not self.campaign.has_run(first):
+            return ()
         return (f"closeform run {self.campaign.scenario.file} --case {first} shows the first of them",)
 
     @cached_property
@@ -73,12 +74,12 @@ class MissionStudyReport(CasesReport):
         if campaign.flights is not None:
             found += flown_study.tables(campaign.flights)
         if campaign.spreads:
-            found.append(
-                Table("What they spent", SPREAD, [self.row(*one) for one in campaign.spreads.items()])
-            )
+            flown = ", flown" * (campaign.flights is not None)
+            title = "What they spent" if campaign.flights is None else "What they spend, flown and as planned"
+            found.append(Table(title, SPREAD, [self.row(*one) for one in campaign.spreads.items()]))
             dearest = next(iter(campaign.spreads.values())).worst
             rows = [(case, spent) for spent, case in dearest]
-            found.append(Table("The cases that spent most", DEAREST, rows))
+            found.append(Table(f"The cases that spent most{flown}", DEAREST, rows))
         if campaign.nearest is not None:
             as_planned = " as planned" * (campaign.flights is not None)
             words = f"closest of any pair{as_planned}, in terms of its zone"
@@ -95,7 +96,7 @@ class MissionStudyReport(CasesReport):
     @staticmethod
     def row(name: str, found: Spread) -> tuple[Any, ...]:
         """A row of SPREAD."""
-        form = ("{:.1f}" if name.startswith("end") else "{:.4f}").format
+        form = ("{:.1f}" if name.endswith("end [s]") else "{:.4f}").format
         numbers = [found.mean, *(one.value for one in found.quantiles.values()), found.worst[0][0]]
         return name, *map(form, numbers), found.worst[0][1]
 
@@ -122,12 +123,11 @@ class MissionStudyReport(CasesReport):
         """What the page tells, but for how to repeat it."""
         scenario = self.campaign.scenario
         request = asked.section(scenario)
-        file = Path(scenario.file).name if self.campaign.as_in_file else None
         sure = [flown_study.SURE] * (self.campaign.flights is not None)
         return (
             Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
             Section("What was found", self.hint, self.tables, pictures=self.pictures),
-            *worst.section(replays, file),
+            *worst.section(self.campaign, replays),
             Section("Limits of the model", tables=(model.certain([SHARES, *sure]),)),
         )
 

@@ -112,8 +112,9 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     where = [
         f"{moved.others[at.second - 1]} at {at.time:.1f} s{optimum.adrift(at)}" for at in avoidance.contacts
     ]
-    many = f"zones {len(where)} times, from that of {where[0]} to {where[-1]}"
-    touched = many if len(where) > MOST_CONTACTS else f"the zone of {', '.join(where)}"
+    padded = optimum.padded(avoidance)
+    many = f"{padded}zones {len(where)} times, from that of {where[0]} to {where[-1]}"
+    touched = many if len(where) > MOST_CONTACTS else f"the {padded}zone of {', '.join(where)}"
     return (
         f"Method {method}: touches {touched}",
         f"Extra {extra(mission, result)} beyond the free optimum{over}; {optimum.best(avoidance)}",

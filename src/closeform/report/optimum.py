@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from closeform.planning.plan import UNITS, Avoidance, Contact, Plan
 from closeform.report.table import PAIR, Column, Table, counted
 
@@ -29,6 +31,11 @@ def bounds(found: Avoidance | Plan) -> Iterator[str]:
     yield f"{found.cost.capitalize()} {above} {found.lower_bound:.6g} {unit}"
     if found.margin > TOUCHING:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
+
+
+def padded(found: Avoidance | Plan) -> str:
+    """What stands before zones that a plan touches, where they are larger than those of its conflicts."""
+    return "padded " if np.max(found.padding) > 0.0 else ""
 
 
 def adrift(at: Contact) -> str:

@@ -147,7 +147,8 @@ def contacts(result: Moved) -> Iterator[Table]:
             Column("at [s]", form="{:.3f}".format, since="mission"),
             Column(lost, form="{:.3f}".format),
         )
-        yield Table("Where the plan touches zones", columns, rows, folded=True)
+        title = f"Where the plan touches {optimum.padded(moved.plan)}zones"
+        yield Table(title, columns, rows, folded=True)
     if moved.plan.prices:
         yield optimum.prices(moved.plan, moved.names, result.after.names)
 
@@ -168,10 +169,11 @@ def worth(result: Moved) -> Iterator[str]:
         f"{one} - {other} at {at.time:.1f} s{optimum.adrift(at)}"
         for ((one, other), *_), at in zip(touching(moved), plan.contacts, strict=True)
     ]
+    padded = optimum.padded(plan)
     if len(where) > MOST_CONTACTS:
-        yield f"Touches zones {len(where)} times, from {where[0]} to {where[-1]}"
+        yield f"Touches {padded}zones {len(where)} times, from {where[0]} to {where[-1]}"
     elif where:
-        yield f"Touches zones: {', '.join(where)}"
+        yield f"Touches {padded}zones: {', '.join(where)}"
     yield from optimum.clearance(plan, moved.names, result.after.names)
 
 

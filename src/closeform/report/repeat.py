@@ -52,6 +52,7 @@ class Command:
     files: Sequence[Path]
     options: Mapping[str, Any]
     also: Sequence[Path] = ()  # files that options name
+    out: Path | None = None  # the option that says where results go
 
     @property
     def given(self) -> dict[str, str]:
@@ -87,7 +88,7 @@ class Command:
 
     def repeated(self, beside: Sequence[str]) -> Section:
         """How to repeat it."""
-        return section(self.line, self.inputs, beside)
+        return section(self.line, self.inputs, beside, self.out)
 
 
 def quoted(word: str) -> str:
@@ -95,9 +96,14 @@ def quoted(word: str) -> str:
     return f'"{word}"' if " " in word and '"' not in word else shlex.quote(word)
 
 
-def section(command: str, inputs: Mapping[str, str], beside: Sequence[str], **more: object) -> Section:
-    """How to repeat it, by a `command` from `inputs` with their hashes; `more` is what else it depends on."""
-    rows = [("command", command)]
+def section(
+    command: str, inputs: Mapping[str, str], beside: Sequence[str], out: Path | None, **more: object
+) -> Section:
+    """How to repeat it, by a `command` from `inputs` with their hashes; `more` is what else it depends on.
+
+    `out`: where results go, if that was said.
+    """
+    rows = [("command", command + ("" if out is None else f" --out {quoted(str(out))}"))]
     rows += [(f"{name}, SHA-256", digest.removeprefix("sha256:")) for name, digest in inputs.items()]
     rows += [(what, str(value)) for what, value in more.items() if value is not None]
     rows.append(("versions", ", ".join(f"{name} {one}" for name, one in versions().items())))

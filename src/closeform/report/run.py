@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import degrees, hypot, pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -158,13 +158,13 @@ class RunReport:
         scenario = self.mission.scenario
         return scenario.study.seed if scenario.study is not None and scenario.case is not None else None
 
-    def repeat(self, beside: Sequence[str]) -> Section:
+    def repeat(self, out: Path | None, beside: Sequence[str]) -> Section:
         """How to repeat it, and what lies beside the page."""
         scenario = self.mission.scenario
         case = "" if scenario.case is None else f" --case {scenario.case}"
         point = "" if scenario.place is None else f" --point {scenario.place}"
         command = f"closeform run {Path(scenario.file).name}{point}{case}"
-        return repeat.section(command, self.inputs, beside, seed=self.seed)
+        return repeat.section(command, self.inputs, beside, out, seed=self.seed)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -315,10 +315,12 @@ def leave(
     folder: Folder,
     progress: Progress = lambda text: None,
     viewer: Viewer | None = None,
+    out: Path | None = None,
 ) -> None:
     """Fill a result folder with everything that a run leaves; `progress` is told what is under way.
 
-    `viewer` writes the page in which the mission moves, beside the pictures that were drawn.
+    `viewer` writes the page in which the mission moves, beside the pictures that were drawn; `out` is the
+    option that said where.
     """
     mission = report.mission
     folder.scenario(mission.scenario)
@@ -332,4 +334,5 @@ def leave(
     scenario, found = mission.scenario, mission.verdict
     lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
     head = Head(scenario.title, lines, str(found), found.ok, mission.warnings)
-    leave_all(folder, head, report.chapters, report.repeat, report.summary, progress, viewer)
+    repeated = partial(report.repeat, out)
+    leave_all(folder, head, report.chapters, repeated, report.summary, progress, viewer)

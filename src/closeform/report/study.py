@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
-from pathlib import Path
 from typing import Any
 
 from closeform.campaign import Campaign
@@ -70,9 +69,8 @@ class StudyReport(CasesReport):
     def hint(self) -> tuple[str, ...]:
         """How to see a case in which something is not met."""
         campaign = self.campaign
-        if campaign.ok or not campaign.as_in_file:
+        if campaign.ok or not campaign.has_run(first := campaign.tally.good.unmet[0]):
             return ()
-        first = campaign.tally.good.unmet[0]
         return (f"closeform run {campaign.scenario.file} --case {first} shows the first of them",)
 
     @cached_property
@@ -127,11 +125,10 @@ class StudyReport(CasesReport):
         picture = Picture(
             "histogram", caption, "lockings.binned", (self.times, campaign.search), {"what": what}
         )
-        file = Path(scenario.file).name if campaign.as_in_file else None
         return (
             replace(request, tables=(*request.tables, whole, *draw_table(campaign))),
             Section("What was found", self.hint, self.tables, pictures=(picture,)),
-            *worst.section(replays, file, worst.greatest(campaign, replays, file)),
+            *worst.section(campaign, replays, worst.greatest(campaign, replays)),
             Section("Limits of the model", tables=(model.certain([SHARES, model.LOCKS]),)),
         )
 
@@ -174,9 +171,14 @@ def met_table(campaign: Campaign) -> tuple[Table, ...]:
 def spread(found: Spread) -> dict[str, Any]:
     """Mean, quantiles with their intervals, and the greatest with its case."""
     greatest, case = found.worst[0]
+    return quantiles(found) | {"greatest": greatest, "case": case, "worst": found.worst}
+
+
+def quantiles(found: Spread) -> dict[str, Any]:
+    """Mean, and quantiles with their intervals."""
     middle = {f"quantile_{share:g}": one.value for share, one in found.quantiles.items()}
     ends = {f"quantile_{share:g}_95": one[1:] for share, one in found.quantiles.items()}
-    return {"mean": found.mean, **middle, "greatest": greatest, "case": case, **ends, "worst": found.worst}
+    return {"mean": found.mean, **middle, **ends}
 
 
 def spread_table(campaign: Campaign) -> tuple[Table, ...]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from closeform.campaign import Campaign
+from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.search_campaign import LATER
 from closeform.report.cases_report import Replays
 from closeform.report.section import Section
@@ -36,11 +38,11 @@ GREATEST = (
 )
 
 
-def greatest(campaign: Campaign, replays: Replays, file: str | None) -> Table:
+def greatest(campaign: Campaign, replays: Replays) -> Table:
     """The ten cases in which times are longest and costs highest, with their pages if they have any."""
     pages = {what: page for page, what, _ in replays}
     rows = [
-        (name, value, case, pages.get(f"case {case}"), command(file, f"case {case}"))
+        (name, value, case, pages.get(f"case {case}"), command(campaign, f"case {case}"))
         for name, found in campaign.spreads.items()
         if name != LATER  # the same cases
         for value, case in found.worst
@@ -48,19 +50,21 @@ def greatest(campaign: Campaign, replays: Replays, file: str | None) -> Table:
     return Table("The ten greatest", GREATEST, rows)
 
 
-def section(replays: Replays, file: str | None, *tables: Table) -> Iterator[Section]:
-    """Pages of cases, and the command that flies each from the `file` of the study; further `tables`."""
-    rows = [(page, what, why, command(file, what)) for page, what, why in replays]
+def section(campaign: FlownCases, replays: Replays, *tables: Table) -> Iterator[Section]:
+    """Pages of cases, and the command that flies each from the study's file; further `tables`."""
+    rows = [(page, what, why, command(campaign, what)) for page, what, why in replays]
     pages = [Table("", PAGES, rows)] if rows else []
     found = tuple(one for one in (*pages, *tables) if one.rows)
     if found:
         yield Section("Cases worth a look", tables=found)
 
 
-def command(file: str | None, what: str) -> str | None:
-    """What flies a case as a run; none where the file's own seed draws others, or it is no case."""
+def command(campaign: FlownCases, what: str) -> str | None:
+    """What flies a case as a run; none where the file has no such case, or it is none."""
     kind, _, number = what.partition(" ")
-    return f"closeform run {file} --case {number}" if file is not None and kind == "case" else None
+    if kind != "case" or not campaign.has_run(int(number)):
+        return None
+    return f"closeform run {Path(campaign.scenario.file).name} --case {number}"
 
 
 def of_errors(campaign: ErrorCampaign) -> Table:

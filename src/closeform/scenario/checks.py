@@ -50,7 +50,7 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
     if searches and scenario.craft and known and not circular and not scenario.scattered:
         found.add(at_one_place(scenario), r"craft\.(position|velocity|start)")
-    found.add(study(scenario))
+    found.add(study(scenario, found.sound))
     if not known:
         return
     try:

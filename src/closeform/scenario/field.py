@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from closeform.scenario.quantity import ANGLE as TURN
 from closeform.scenario.quantity import DENSITY, LENGTH, SHARE, SPEED, TIME, Parts, Reader
@@ -29,10 +29,17 @@ as_navigation = Parts(
 ThrustError = Annotated[tuple[float, float], BeforeValidator(as_thrust_error)]
 
 
+def as_degree(zonals: int) -> int:
+    """A degree of flattening that is known.  Raises ValueError for another."""
+    if zonals not in DEGREES:
+        raise ValueError(f"is 0 or a degree from 2 to 6, not {zonals}; write for example zonals = 2")
+    return zonals
+
+
 class FieldTable(Table):
     """field of [orbit]: the flattened Earth, and its air."""
 
-    zonals: int = Field(2, examples=["2"])
+    zonals: Annotated[int, AfterValidator(as_degree)] = Field(2, examples=["2"])
     density: Annotated[float, BeforeValidator(Reader(DENSITY, least="positive"))] | None = Field(
         None, examples=['"5.2e-13 kg/m^3"']
     )
@@ -40,8 +47,6 @@ class FieldTable(Table):
     scale_height: Length | None = Field(None, examples=['"60 km"'])
 
     def flaws(self) -> Iterator[str]:
-        if self.zonals not in DEGREES:
-            yield f"zonals is 0 or a degree from 2 to 6, not {self.zonals}; write for example zonals = 2"
         missing = [key for key in AIR if getattr(self, key) is None]
         if missing and len(missing) < len(AIR):
             given = next(key for key in AIR if key not in missing)

@@ -1,6 +1,6 @@
 """What of [study] does not fit the other tables: draws for keys that cannot vary, or that lead too far."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from math import hypot, inf, pi
 from operator import attrgetter
 from typing import Any
@@ -14,8 +14,11 @@ WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)} 
 NEAR = 3  # keys that are named for one that cannot vary
 
 
-def study(scenario: Scenario) -> Iterator[str]:
-    """Draws for keys that cannot vary, of the wrong kind, or out of a key's domain."""
+def study(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
+    """Draws for keys that cannot vary, of the wrong kind, or out of a key's domain.
+
+    `sound`: whether nothing is said of keys of a pattern; draws for tables that are not so can wait.
+    """
     if scenario.study is None:
         return
     if scenario.study.draws != "vary":
@@ -28,6 +31,8 @@ def study(scenario: Scenario) -> Iterator[str]:
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
         section = key.rpartition(".")[0]
+        if section != "craft" and not sound(f"{section}.*"):
+            continue
         if key not in known:
             near = [one for one in known if not one.startswith(TABLED) or there(scenario, one)]
             yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
