@@ -60,6 +60,18 @@ def test_runs_load_what_makes_the_page_in_motion_only_where_they_leave_it(flown,
     assert loaded(done.stderr) == set()
 
 
+def test_commands_leave_pandas_alone_and_others_may_load_it(tmp_path) -> None:
+    """Pyarrow looks for it where arrays are made: here it would be heard, as would one that is lost after."""
+    (tmp_path / "pandas.py").write_text("import sys; print('loaded', file=sys.stderr)\n")
+    (tmp_path / "few.toml").write_text((CLUSTER.parent / "s04.toml").read_text())
+    after = "sys.stderr.write('then '); import pandas"
+    for command in (["study", "few.toml", "--cases", "20"], ["run", str(CLUSTER), "--no-viewer"]):
+        code = f"import sys; sys.argv[1:] = {command}; from closeform.cli import main; main(); {after}"
+        told = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+        assert told.stderr.endswith("then loaded\n")
+        assert told.stderr.count("loaded") == 1
+
+
 def test_help_is_quick_and_imports_nothing_heavy() -> None:
     heavy = ("numpy", "numba", "matplotlib", "pydantic", "astropy", "pandas")
     heavy += ("hashlib", "importlib.metadata")
