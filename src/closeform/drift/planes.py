@@ -315,11 +315,12 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
             place_all(room, window, local)
             count = find_edges(one, two, room, window)
             x, y, z = nearest(room, count)
-            if form[0] == CYLINDER:  # whose gradient depends on where
-                sink(room, count, form, 1e-5)
-                x, y, z = place_at(room, count, -1.0)
             wanted = span - local
             h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)
+            if h == 0.0 and form[0] == CYLINDER:  # whose gradient depends on where
+                sink(room, count, form, 1e-5)
+                x, y, z = place_at(room, count, -1.0)
+                h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)
             steps += 1
             taken += 1
             if taken == most:
