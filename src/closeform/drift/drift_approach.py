@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -19,7 +20,7 @@ from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path
 from closeform.result import Rows
-from closeform.zones.shapes import BALL
+from closeform.zones.shapes import BALL, FACES
 from closeform.zones.zone import Zone, enclosing
 
 Failing = Literal["path", "other", "either", "both"]
@@ -278,7 +279,7 @@ def search_pairs(
     room = room_for(one, two)
     rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
-    tube = tube_form(zone) if for_ever else zone.form
+    tube = zone.form if zone.shape == FACES and not for_ever else tube_form(zone)
     rest = orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
@@ -298,6 +299,7 @@ def soon_after(path: Path, other: Path) -> float:
     return float(max(np.max(path.end), np.max(other.start)) + SOON * path.orbit.period)
 
 
+@lru_cache(maxsize=64)
 def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
     """The shadow along the track of an ellipsoid that holds a zone, as the form of a zone without an end."""
     matrix = enclosing(zone)

@@ -321,8 +321,7 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
                 sink(room, count, form, 1e-5)
                 x, y, z = place_at(room, count, -1.0)
                 h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)
-            steps += 1
-            taken += 1
+            steps, taken = steps + 1, taken + 1
             if taken == most:
                 return t + local, False, t + local
             if h == 0.0 or (steps > STEPS and widest(room, count)[1] > gap):

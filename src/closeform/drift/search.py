@@ -4,14 +4,18 @@ What a cell spans is marched (see `fans`); where that ends, the failure whose mo
 flown, and the cell is cut across its longest edge.  Both parts go on from there.
 """
 
-from math import inf, nan
+from math import inf, nan, pi
 
 from numba import float64, int64, void
 
 from closeform.compiled import kernel
 from closeform.drift.cells import (
     FROM,
+    KIND,
+    LAST,
+    LOST,
     SIDE_TYPE,
+    STUCK,
     choose,
     earliest,
     first_cells,
@@ -19,7 +23,7 @@ from closeform.drift.cells import (
     single,
     span_both,
 )
-from closeform.drift.fans import ROOM_TYPE, open_window
+from closeform.drift.fans import ROOM_TYPE, is_natural, open_window
 from closeform.drift.flown import (
     MEETS,
     NEAR,
@@ -42,6 +46,7 @@ from closeform.zones.shapes import FACES, FORM
 RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cell is marched again, uncut
 # Cells after which a verdict is that nothing is certain, and a least norm is looked for less closely.
 MANY, LESS = 5_000, 10.0
+LONG = 6.0 * pi  # of a drift, in n t: whether it leaves the zone's shadow is asked first
 # Columns of what is told of a pair; the place in zone coordinates, the failure a cell.
 TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
 
@@ -99,7 +104,34 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
 
 
 @kernel()
-def search(one, two, top, width, end, n, form, scale, certain, most, room):
+def calm_from(side, n):
+    """From when on a side moves without thrust, whatever fails."""
+    kind, last = side.now[KIND], side.now[LAST] - 1
+    if kind == LOST or kind == STUCK:
+        return -inf
+    return side.arcs[last, START] if is_natural(side, last, n) else inf
+
+
+@kernel()
+def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room):
+    """`march` to the end of a drift: of a long one no farther than one turn, if the tube is clear in that.
+
+    Both are without thrust from `calm` on.  In the tube natural motion is periodic.       # theory (49)
+    """
+    if form[0] != FACES and n * (end - max(calm, cell[FROM])) > LONG:
+        if cell[FROM] < calm:
+            t, clear, near = march(one, two, cell, width, calm, n, form, scale, target, best, rest, -1, room)
+            if not clear:
+                return t, clear, near
+            cell[FROM] = calm
+        turn = cell[FROM] + 2.0 * pi / n
+        if march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, room)[1]:
+            return end, True, end
+    return march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, room)
+
+
+@kernel()
+def search(one, two, top, width, end, n, form, scale, tube, certain, most, room):
     """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
 
     Of norms up to `most` alone, if that is MEETS, and 1 without a time where nothing is certain; any of these
@@ -109,6 +141,7 @@ def search(one, two, top, width, end, n, form, scale, certain, most, room):
     count = parameter_count(one) + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
+    calm = max(calm_from(one, n), calm_from(two, n))
     spent = 0
     while top > 0:
         spent += 1
@@ -126,7 +159,9 @@ def search(one, two, top, width, end, n, form, scale, certain, most, room):
         rest = span_both(one, two, cell, width, n, room.rows)
         t, near, extended = cell[FROM], 0.0, has_extent(one, cell, 1) or has_extent(two, cell, 1 + width)
         if extended:
-            t, clear, near = march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, room)
+            t, clear, near = march_drift(
+                one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room
+            )
             if clear:
                 continue
         begin, until = near_by(one, two, cell, width, t, near if extended else inf, end, n, count, room)
@@ -199,7 +234,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
             out[p, RATIO] = -inf
             out[p, TIME] = top
             continue
-        ratio, when, known = search(one, two, top, width, end, n, form, scale, certain, most, room)
+        ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
             top = fill_cells(one, two, end, width, n, room.cells)
             ratio, found, full = search_tail(
