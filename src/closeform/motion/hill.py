@@ -103,7 +103,12 @@ def inverse_transforms(n, t):
 @kernel()
 def coast(n, t, x, y, z, vx, vy, vz):
     """Natural motion: the state after time t."""
-    p0, p1, p2 = oscillation(n, t)
+    return _coast(n, t, oscillation(n, t), x, y, z, vx, vy, vz)
+
+
+@kernel()
+def _coast(n, t, transforms, x, y, z, vx, vy, vz):
+    p0, p1, p2 = transforms
     c = 1.0 - n * n * p1
     ax = n * (3.0 * n * x + 2.0 * vy)
     moved = vx * p1 + ax * p2  # the integral of x - x(0)
@@ -115,6 +120,15 @@ def coast(n, t, x, y, z, vx, vy, vz):
         vy - 2.0 * n * (vx * p0 + ax * p1),
         vz * c - n * n * z * p0,
     )
+
+
+@kernel()
+def step_on(n, t, transforms, state, thrust):
+    """State, and optimal thrust with its rate, after time t; `transforms` are those of t."""
+    x, y, z, vx, vy, vz = _coast(n, t, transforms[:3], *state)
+    fx, fy, fz, gx, gy, gz = _driven(n, t, transforms, *thrust)
+    reached = x + fx, y + fy, z + fz, vx + gx, vy + gy, vz + gz
+    return reached, _coast(n, t, transforms[:3], *thrust)
 
 
 @kernel()

@@ -11,8 +11,9 @@ from numba import void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, START, state_at
+from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, pushes, state_at
 from closeform.motion.certified_march import locate
+from closeform.motion.hill import inverse_transforms, step_on
 from closeform.planning.relative_motion import relative_motion
 from closeform.planning.rounding import norm_rate, rounded_norm
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
@@ -20,17 +21,32 @@ from closeform.zones.shapes import BALL, norm
 
 LEVEL = 1e-13  # slope times width, in zones, at which a minimum is known
 NEWTON, STRIDE = 8, 0.1  # steps to a minimum, and how long one may be, of the time that is searched
+EVEN = 1e-12  # of a step between samples, by which two are not one
 ABSENT = 1e150  # coordinate of a body at a time when it is not there
 
 
 @kernel()
 def sample_body(arcs, first, last, times, states):
-    """States (T, 6) of one body at `times`; the first number is inf where it is not there."""
+    """States (T, 6) of one body at `times`; the first number is inf where it is not there.
+
+    Along an arc they go on from sample to sample, by steps that are worked out once where they are even.
+    """
+    row, step, transforms = -1, 0.0, inverse_transforms(0.0, 0.0)
+    state = thrust = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(len(times)):
-        if not arcs[first, START] <= times[k] <= arcs[last - 1, END]:
-            states[k, 0] = inf
+        t = times[k]
+        if not arcs[first, START] <= t <= arcs[last - 1, END]:
+            states[k, 0], row = inf, -1
             continue
-        state = state_at(arcs[locate(arcs, first, last, times[k])], times[k])
+        before, row = row, locate(arcs, first, last, t)
+        arc = arcs[row]
+        if row != before or pushes(arc):
+            state, thrust, step = state_at(arc, t), primer_at(arc, t), 0.0
+        else:
+            h = t - times[k - 1]
+            if abs(h - step) > EVEN * h:
+                step, transforms = h, inverse_transforms(arc[MEAN_MOTION], h)
+            state, thrust = step_on(arc[MEAN_MOTION], step, transforms, state, thrust)
         for i in range(6):
             states[k, i] = state[i]
 

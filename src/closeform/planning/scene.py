@@ -73,6 +73,8 @@ class Contacts(NamedTuple):
 
     def joined(self, other: "Contacts") -> "Contacts":
         """These, then the other ones."""
+        if not self.number:
+            return other
         return Contacts(*map(np.concatenate, zip(self, other, strict=True)))
 
     @property

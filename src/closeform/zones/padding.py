@@ -33,6 +33,8 @@ class Padding:
 
         Raises ValueError for what is no margin of so many.
         """
+        if isinstance(margin, int | float) and margin == 0.0:
+            return None
         count = craft + fixed
         metres = numbers("margin", margin.of_pairs(craft, fixed) if isinstance(margin, OffPaths) else margin)
         if metres.shape not in ((), (count, count)):
