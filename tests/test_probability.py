@@ -315,6 +315,42 @@ def test_other_shapes_by_monte_carlo():
     assert figure.mean_entries >= figure.value - figure.at_start
 
 
+@pytest.mark.parametrize("n", [N, 0.0])
+@pytest.mark.parametrize(
+    "zone",
+    [
+        cf.Sphere(15.0),
+        cf.Ellipsoid([10.0, 30.0, 20.0]),
+        cf.Box([10.0, 30.0, 15.0]),
+        cf.Cylinder(12.0, 25.0, [1.0, 2.0, 0.0]),
+        cf.HalfSpaces([[1.0, 0.0, 0.2], [-1.0, 0.5, 0.0], [0.0, -1.0, 0.0], [0.0, 0.3, 1.0]], [20.0] * 4),
+    ],
+)
+def test_each_history_is_counted(zone, n):
+    """One by one, as dense samples of its own motion have it, and denser ones where these enter nowhere."""
+    mean, covariance = np.array([10.0, 40.0, -5.0, 10.0 * n, -20.0 * n, 10.0 * n]), 4.0 * SLOW
+    path, other = coasts(mean, 2.0 * PERIOD, cf.Orbit(n))
+    columns, noise = relative_errors(path, other, zone, cf.Errors(covariance), None)
+    histories = Histories.of(path, other, columns, noise, zone)
+    errors = np.random.default_rng(3).normal(size=(1000, len(columns)))
+    middle, factor = histories.states(np.zeros(1))
+    states, times = middle[0] + errors @ factor[0].T, np.linspace(0.0, 2.0 * PERIOD, 2000)
+    moved = np.array([expm(hill(n) * t)[:3] for t in times])
+    positions = np.einsum("tij,sj->sti", moved, states)
+    counts = histories.counted(errors)
+    began, ever, entries = counted(positions, zone)
+    assert 20 < ever.sum() < 980
+    assert (counts[:, 0] == began).all()
+    assert (counts[ever].max(axis=1) > 0).all()
+    assert (counts[:, 1] >= entries).all()  # samples miss some
+    missed = np.flatnonzero(~ever & (counts[:, 1] > 0))
+    assert len(missed) < 10
+    for k in missed:
+        near = times[zone.norm(positions[k]).argmin()] + np.linspace(-1.0, 1.0, 4001) * times[1]
+        close = np.array([expm(hill(n) * t)[:3] for t in np.clip(near, 0.0, times[-1])]) @ states[k]
+        assert zone.norm(close).min() < 1.0 + 1e-6
+
+
 def test_where_nobody_can_be():
     path, other = coasts([0, 1e6, 0, 0, 0, 0], 100.0)
     figure = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))

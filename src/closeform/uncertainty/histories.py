@@ -2,7 +2,8 @@
 
 A history is the mean's motion plus each column's times its error.  Derivatives at a window's start add
 as motions do, so that a history costs one sum for a window, and the march that finds conflicts counts
-its entries.
+its entries.  Most windows are not marched: a plane that touches the zone where the mean is has the whole
+history beyond it.
 """
 
 from __future__ import annotations
@@ -31,11 +32,12 @@ from closeform.motion.certified_march import (
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import roots_of
 from closeform.uncertainty.errors import Errors
-from closeform.zones.shapes import FORM, norm
+from closeform.zones.shapes import FACES, FORM, norm, part, part_count
 from closeform.zones.zone import Zone
 
 CHUNK = 16_384  # histories that one thread takes at a time; each chunk has random numbers of its own
 CORES = os.cpu_count() or 1
+BEYOND = 1.0 + 1e-9  # where rounding does not count
 
 
 @kernel()
@@ -108,16 +110,73 @@ def fill_windows(arcs, others, columns, offsets, times, orders, matrix, out):
                 store(out[w, j], k, matrix, q[k, 0], q[k, 1], q[k, 2])
 
 
-@kernel(void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], FORM, float64[:, ::1], int64[:, ::1]))
-def count_histories(times, orders, n, windows, form, errors, out):
+@kernel(void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], FORM, float64[:, :, ::1]))
+def fill_planes(times, orders, n, windows, form, planes):
+    """How far (W, 1 + m, 4) mean and columns are along the normal of a plane that touches the zone.
+
+    In zones: at a window's start, at its end, and by how much they may sag between, in two parts.  A history
+    whose sums are beyond 1 at both ends by more than it sags does not enter there.  All 0 where a window is
+    not one of natural motion or of cubics.
+    """
+    shape, _, faces = form
+    for w in range(len(orders)):
+        if orders[w] != 4:
+            continue
+        h = times[w + 1] - times[w]
+        bend = h if n == 0.0 else min(h, 1.0 / n)
+        x, y, z, _, _, _ = relative_state(windows[w, 0], 4, n, 0.5 * h)
+        farthest, gx, gy, gz = part(shape, faces, 0, x, y, z)
+        for k in range(1, part_count(shape, faces)):
+            s, ax, ay, az = part(shape, faces, k, x, y, z)
+            if s > farthest:
+                farthest, gx, gy, gz = s, ax, ay, az
+        for j in range(len(planes[w])):
+            q, row = windows[w, j], planes[w, j]
+            x, y, z, _, _, _ = relative_state(q, 4, n, h)
+            row[0] = gx * q[0, 0] + gy * q[0, 1] + gz * q[0, 2]
+            row[1] = gx * x + gy * y + gz * z
+            row[2] = h * h / 8.0 * (gx * q[2, 0] + gy * q[2, 1] + gz * q[2, 2])
+            row[3] = h * h / 8.0 * bend * (gx * q[3, 0] + gy * q[3, 1] + gz * q[3, 2])
+
+
+@kernel()
+def is_beyond(shape, plane, error):
+    """Whether a history is beyond a window's plane (1 + m, 4) throughout, or beyond the one opposite."""
+    first, last, sag, more = plane[0, 0], plane[0, 1], plane[0, 2], plane[0, 3]
+    for j in range(len(error)):
+        first += error[j] * plane[j + 1, 0]
+        last += error[j] * plane[j + 1, 1]
+        sag += error[j] * plane[j + 1, 2]
+        more += error[j] * plane[j + 1, 3]
+    if first < 0.0 and shape != FACES:
+        first, last = -first, -last
+    return min(first, last) - abs(sag) - abs(more) > BEYOND
+
+
+@kernel(
+    void(
+        float64[::1],
+        int64[::1],
+        float64,
+        float64[:, :, :, ::1],
+        float64[:, :, ::1],
+        FORM,
+        float64[:, ::1],
+        int64[:, ::1],
+    )
+)
+def count_histories(times, orders, n, windows, planes, form, errors, out):
     """Whether each history (errors (N, m)) begins inside, and how often it enters after: `out` (N, 2)."""
-    windows, errors, out = borrowed(windows), borrowed(errors), borrowed(out)
+    windows, planes, errors, out = borrowed(windows), borrowed(planes), borrowed(errors), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     q = stack_matrix(8, 3)
     for p in range(len(errors)):
         inside, count = False, 0
+        out[p, 0] = False
         for w in range(len(orders)):
             order = orders[w]
+            if not inside and is_beyond(form[0], planes[w], errors[p]):
+                continue
             for k in range(order):
                 for i in range(3):
                     q[k, i] = windows[w, 0, k, i]
@@ -149,6 +208,7 @@ class Histories:
     times: Floats  # (W + 1,) edges of windows
     orders: Any  # (W,)
     windows: Floats  # (W, 1 + M, 8, 3)
+    planes: Floats  # (W, 1 + M, 4)
 
     @classmethod
     def of(cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone) -> Histories:
@@ -172,7 +232,9 @@ class Histories:
         windows = np.zeros((len(orders), 1 + len(columns), 8, 3))
         held = np.array(times), np.array(orders)
         fill_windows(path.arcs, other.arcs, columns.arcs, columns.offsets, *held, zone.matrix, windows)
-        return cls(path, other, columns, noise, zone, edges, *held, windows)
+        planes = np.zeros((len(orders), 1 + len(columns), 4))
+        fill_planes(*held, n, windows, zone.form, planes)
+        return cls(path, other, columns, noise, zone, edges, *held, windows, planes)
 
     @property
     def mean_motion(self) -> float:
@@ -222,4 +284,5 @@ class Histories:
         return began, met, entries, again
 
     def _count(self, errors: Floats, out: Any) -> None:
-        count_histories(self.times, self.orders, self.mean_motion, self.windows, self.zone.form, errors, out)
+        held = self.times, self.orders, self.mean_motion, self.windows, self.planes
+        count_histories(*held, self.zone.form, errors, out)
