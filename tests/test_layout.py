@@ -40,3 +40,22 @@ def test_every_module_can_be_read_in_one_sitting() -> None:
     """Style 1 of CONTRIBUTING: a module that outgrows it is two nouns."""
     lengths = {file: (PACKAGE / file).read_text(encoding="utf-8").count("\n") for file in modules()}
     assert {file: lines for file, lines in lengths.items() if lines >= 350} == {}
+
+
+def test_no_kernel_assigns_an_array_to_a_slice() -> None:
+    """numba would compile the words of its error message, with all that strings need: a second and more."""
+    found = []
+    for file in PACKAGE.rglob("*.py"):
+        for part in ast.parse(file.read_text(encoding="utf-8")).body:
+            if isinstance(part, ast.FunctionDef) and any(
+                "kernel(" in ast.unparse(d) for d in part.decorator_list
+            ):
+                found += [f"{file.name}: {ast.unparse(line)}" for line in ast.walk(part) if fills_slice(line)]
+    assert not found, "closeform.motion.linear.copy does it"
+
+
+def fills_slice(line: ast.AST) -> bool:
+    """Whether a line assigns to a slice anything but a number that is written there."""
+    if not isinstance(line, ast.Assign) or isinstance(line.value, ast.Constant):
+        return False
+    return any(isinstance(part, ast.Slice) for target in line.targets for part in ast.walk(target))

@@ -19,17 +19,22 @@ def begin() -> None:
 
 
 def import_numba() -> None:
-    """Import numba in half of its time.
+    """Import numba in half of its time, and without its book of who works with LLVM when.
 
     It asks at import whether there is a BLAS for `np.correlate` in kernels, and loads `scipy.linalg`
     for the answer.  No kernel of ours correlates, but others' may, in processes that they share.
+    The book, which nobody reads here, takes a twentieth of the time that kernels take to compile.
     """
     if "scipy.linalg" in sys.modules:
         return
+    from llvmlite.binding import ffi
+
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # as Python marks what is not to load
+    register, ffi.register_lock_callback = ffi.register_lock_callback, lambda enter, leave: None
     try:
         import numba  # noqa: F401
     finally:
+        ffi.register_lock_callback = register
         del sys.modules["scipy.linalg"]
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numba import float64, int64
 
 from closeform.compiled import kernel
+from closeform.motion.linear import copy
 
 DEFINITE = 1e-9  # certified smallest eigenvalue of S: far above rounding, and costs as much of the bound
 ENLARGED = 1e-12  # of G's diagonal, for each row: above the rounding of the kernel
@@ -266,7 +267,7 @@ def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, fo
             here[g] *= 1.0 - retreat
         retreat *= 10.0
     if bound > first:
-        multipliers[:] = here
+        copy(here, multipliers)
     weigh(places, gram, offsets, floors, multipliers, 0.0, 0.0, roots, aims, inverse)
     invert(inverse, size)
     times(inverse, aims, size, x)
