@@ -11,12 +11,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.drift.cells import Side
 from closeform.drift.drift_approach import checked_end, failed_at, search_pairs
 from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
 from closeform.drift.search import FAILURE, RATIO, TIME
 from closeform.drift.sides import side_of
 from closeform.motion.joining import stack
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone
@@ -107,14 +109,8 @@ def drift_screen(
     def search(job: tuple[Zone, Any, Any]) -> tuple[Any, Floats]:
         one, first, second = job
         fails, flies = (side._replace(now=side.now.copy()) for side in every)  # whom a search looks at
-        rows = search_pairs(fails, flies, first, second, end, batch.orbit, one, ENOUGH, MEETS)
-        unsafe = np.isfinite(rows[:, RATIO])
-        first, second, rows = first[unsafe], second[unsafe], rows[unsafe]
-        unsure = np.isnan(rows[:, TIME])
-        doubtful = first[unsure], second[unsure]
-        rows[unsure] = search_pairs(fails, flies, *doubtful, end, batch.orbit, one, ENOUGH, np.inf)
-        at = failed_at(fails, rows[:, FAILURE + 1 :], first)
-        return np.stack([first, second], axis=1), np.stack([at, rows[:, TIME], rows[:, RATIO]], axis=1)
+        unsafe, worst = worst_drifts(fails, flies, first, second, end, batch.orbit, one, ENOUGH)
+        return np.stack([first[unsafe], second[unsafe]], axis=1), worst
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         found = list(pool.map(search, _directed(held, len(batch))))
@@ -122,6 +118,23 @@ def drift_screen(
     rows = np.concatenate([np.empty((0, 3)), *(row for _, row in found)])
     order = np.lexsort(pairs.T[::-1])
     return DriftScreening(pairs[order], *np.ascontiguousarray(rows[order].T))
+
+
+def worst_drifts(
+    fails: Side, flies: Side, first: Any, second: Any, end: float, orbit: Orbit, zone: Zone, certain: float
+) -> tuple[Any, Floats]:
+    """Which pairs are not passively safe; of each (U, 3) when its worst failure is, when it is met, its norm.
+
+    One search tells both: the least norm is looked for where any is within the zone.
+    """
+    rows = search_pairs(fails, flies, first, second, end, orbit, zone, certain, MEETS)
+    unsafe = np.flatnonzero(np.isfinite(rows[:, RATIO]))
+    unsure = unsafe[np.isnan(rows[unsafe, TIME])]
+    rows[unsure] = search_pairs(
+        fails, flies, first[unsure], second[unsure], end, orbit, zone, certain, np.inf
+    )
+    at = failed_at(fails, rows[unsafe, FAILURE + 1 :], first[unsafe])
+    return unsafe, np.stack([at, rows[unsafe, TIME], rows[unsafe, RATIO]], axis=1)
 
 
 def _directed(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
