@@ -2,6 +2,7 @@
 
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -72,3 +73,22 @@ def announced() -> None:
     from closeform.compiled import announce
 
     announce()
+
+
+@pytest.fixture(scope="module")
+def unpainted() -> Iterator[None]:
+    """For tests of what commands say and leave: their pictures are composed, with all words, but not painted.
+
+    That takes half of the time of a run; pictures that somebody looks at have tests of their own.
+    """
+    from closeform.plots.png import png
+    from closeform.result_folder import Folder
+
+    def blank(folder: Folder, name: str, figure: object) -> Path:
+        file = folder.path / f"{name}.png"
+        file.write_bytes(png([[[255, 255, 255, 255]]]))
+        return file
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Folder, "picture", blank)
+        yield

@@ -37,6 +37,8 @@ from closeform.search.sensor import Sensor
 from pages import assert_linked
 from test_cli import numbers
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 S04, H03 = EXAMPLES / "s04.toml", EXAMPLES / "h03.toml"
 

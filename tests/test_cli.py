@@ -24,6 +24,8 @@ from closeform.scenario import load
 from pages import assert_linked
 from test_errors import contents, oem
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 CLUSTER = Path(__file__).parents[1] / "examples" / "cluster.toml"
 FILES = {
     *("scenario.toml", "summary.json", "report.html", "viewer.html"),

@@ -18,6 +18,8 @@ from bodies import Body
 from closeform.cli import main
 from exported import EPOCH, FLYING, SEARCHING, SURE, run, seconds, truth
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 MICROMETRE = 1e-6
 LEAP_SECONDS = """\
 KPL/LSK

@@ -14,6 +14,8 @@ from closeform.scenario import parse
 from field_scenario import AIR, swap
 from test_field import axes_of, textbook
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 BALLISTIC = 'ballistic = ["0.02 m^2/kg", "0.022 m^2/kg"]'
 CHIEF_FEELS = 'ballistic = "0.02 m^2/kg"'
 

@@ -14,6 +14,8 @@ from closeform.cli import main
 from field_scenario import swap
 from test_field import axes_of, textbook
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 COAST = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
 NAVIGATION = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
 

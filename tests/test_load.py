@@ -13,6 +13,8 @@ from closeform.cli import main
 from closeform.mission_result import Mission
 from closeform.result_folder import SUMMARY, FolderError
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 SHORT = LOST.replace("cases = 100", "cases = 20")
 

@@ -8,6 +8,8 @@ from closeform.cli import main
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS
 from closeform.scenario.study import readers
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 LOCKING = """\
 closeform = 1
 title = "Two"

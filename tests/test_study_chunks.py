@@ -23,6 +23,8 @@ from closeform.scenario import ScenarioError, load, parse
 from closeform.search.binned import Binned
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 STUDY = ["study", "narrow.toml", "--out", "out"]
 
 

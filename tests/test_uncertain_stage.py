@@ -22,6 +22,8 @@ from closeform.scenario import ScenarioError, load, parse
 from closeform.uncertain_stage import UncertainStage
 from closeform.uncertainty.carried import carried
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 HEAD = """\
 closeform = 1
 title = "A closer hold"
