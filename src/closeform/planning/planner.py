@@ -172,6 +172,8 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
 
 def once(contacts: Contacts) -> Contacts:
     """Contacts in order of time, those that are the same as one, which pushes as they do together."""
+    if contacts.number == 1:
+        return contacts
     same = np.column_stack([contacts.times, contacts.which, contacts.drifts, contacts.normals]).round(6)
     _, first, found = np.unique(same, axis=0, return_index=True, return_inverse=True)
     pushes = np.asarray(np.bincount(found.ravel(), contacts.multipliers), dtype=float)
