@@ -14,7 +14,7 @@ from closeform.field.drag import air_of, ballistics_of
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.least_ratios import least_ratios
-from closeform.field.residual import residuals
+from closeform.field.residual import applied, residuals
 from closeform.field.rule import HALF, MOST, ends_off, flattening_at
 from closeform.field.timetable import impulses_of, snapped
 from closeform.motion.arc import START
@@ -196,10 +196,10 @@ def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
     By Simpson's rule at every other time, and between them by the cubic through them.        # theory (83)
     """
     since = times - times[0]
-    back = np.einsum("tij,ntj->nti", orbit.transition(-since)[:, :, 3:], left_out)
+    back = applied(orbit.transition(-since)[:, :, 3:], left_out)
     thirds = (back[:, :-2:2] + 4.0 * back[:, 1::2] + back[:, 2::2]) * (since[1] / 3.0)
     off = np.zeros((*left_out.shape[:2], 6))
-    np.einsum("tij,ntj->nti", orbit.transition(since[2::2]), np.cumsum(thirds, axis=1), out=off[:, 2::2])
+    off[:, 2::2] = applied(orbit.transition(since[2::2]), np.cumsum(thirds, axis=1))
     one, two, h = off[:, :-2:2], off[:, 2::2], since[2]
     off[:, 1::2, :3] = 0.5 * (one + two)[..., :3] + h / 8.0 * (one - two)[..., 3:]
     off[:, 1::2, 3:] = 1.5 / h * (two - one)[..., :3] - 0.25 * (one + two)[..., 3:]
