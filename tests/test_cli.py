@@ -286,7 +286,7 @@ def test_a_goal_inside_a_zone_stops_the_mission(tmp_path, capsys) -> None:
     assert status == 1
     assert summary["stages"][1]["change"]["ok"] is False
     assert summary["stages"][1]["change"]["around"] is None
-    assert summary["stages"][1]["change"]["status"] == "end inside a zone"
+    assert summary["stages"][1]["change"]["status"] == "start or end inside a zone"
     assert "stopped in stage 2 (avoid)" in capsys.readouterr().out
 
 

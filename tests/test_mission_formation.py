@@ -439,7 +439,7 @@ def test_an_end_inside_a_zone_is_refused_by_name(pictureless, tmp_path, monkeypa
     run = run_text(fleet(stage), tmp_path, monkeypatch, capsys)
     assert run.status == 1
     plan = run.summary["stages"][0]["plan"]
-    assert plan["status"] == "end inside a zone"
+    assert plan["status"] == "start or end inside a zone"
     assert sorted(plan["blocked"]) == ["F1", "F4"]
     for part in ("F1", "F4", "0.50"):
         assert part in run.summary["verdict"]

@@ -1,5 +1,6 @@
 """What commands do not take: `check`, `run` and `study` say the same."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -91,3 +92,57 @@ def test_a_key_that_is_one_for_all_cases_is_refused_by_check_and_study(
         assert capsys.readouterr().err == checked.err
     (line,) = checked.err.splitlines()
     assert line.startswith(f'two.toml: study.vary."{key}": is one for all cases; ')
+
+
+HELD = """
+closeform = 1
+title = "Held"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["A", "B", "C"]
+position = ["0 0 0 m", "0 31 0 m", "0 200 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "30 m" }
+[[stage]]
+do = "avoid"
+craft = "C"
+to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }
+within = "0.3 orbits"
+[[stage]]
+do = "coast"
+for = "0.1 orbits"
+[[stage]]
+do = "avoid"
+craft = "B"
+to = { position = "0 0 100 m", velocity = "0 0 0 m/s" }
+within = "0.3 orbits"
+margin = "2 m"
+"""
+
+LESS = "less than the margin of 2 m; move one of them, or leave less margin"
+STARTS = f"A and B start at 1 m from their zone, {LESS}"
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "stage", "line"),
+    [
+        ("", "", 3, STARTS),
+        ("0 -100 0 m", "0 -20 0 m", 1, "A and C end at 0.67 x zone; move one of them"),
+        ("0 0 100 m", "0 -110 0 m", 3, STARTS),
+        ('margin = "2 m"', "", None, None),
+        ("0 31 0 m", "0 33 0 m", None, None),
+    ],
+)
+def test_check_says_where_a_run_stops_for_want_of_room(
+    was, now, stage, line, tmp_path, monkeypatch, capsys
+) -> None:
+    """In the stage in which the run itself then does, and in none that it flies."""
+    monkeypatch.chdir(tmp_path)
+    found = statuses(HELD.replace(was, now), capsys)
+    assert found["check"] == ((2, [f"two.toml: stage[{stage}]: {line}"]) if stage else (0, []))
+    assert found["run"][0] == (1 if stage else 0)
+    stopped = json.loads(Path("two-results/summary.json").read_text())["verdict"].startswith(
+        f"stopped in stage {stage} "
+    )
+    assert stopped == (stage is not None)

@@ -179,8 +179,15 @@ def check(scenario: Path, /) -> int:
     commands = ("study", "run --case", "run") if loaded.study is not None else ("run",)
     refused = {command: lines for command in commands if (lines := loaded.refused(command))}
     if commands[0] not in refused:
+        from closeform.scenario.foreseen import stops
+
+        held = stops(loaded) if "run" not in refused else ()
+        if held and loaded.study is None:
+            say(stdout(), f"{scenario}: valid tables, but run would stop: {told}")
+            complain(*(f"{scenario}: {line}" for line in held))
+            return BAD_INPUT
         say(stdout(), f"{scenario}: valid: {told}")
-        for lines in refused.values():
+        for lines in (*refused.values(), *([held] if held else [])):
             say(stdout(), f"{scenario}: for run: {lines[0]}")
         return CLEAR
     others = [command for command in commands if command not in refused]

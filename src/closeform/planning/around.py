@@ -101,9 +101,15 @@ class Around:
         if inside := end_inside(problem):
             end, ratio, which = inside
             time = problem.first if end == "start" else problem.arrival
-            deep = short_of(problem, self.padding, self.zones, (0, 1 + which), time)
-            depth, other = deep or problem.depth(ratio), self.names[which]
-            return Status.END_INSIDE, f"the path's {end} is {depth} from {other}; move it or the time"
+            short = short_of(problem, self.padding, self.zones, (0, 1 + which), time)
+            if short is not None and not short.inside:
+                off = f"{short.off:.3g} m from the zone of {self.names[which]}"
+                less = (
+                    f"less than the margin of {short.margin:.3g} m; move it or the time, or leave less margin"
+                )
+                return Status.END_INSIDE, f"the path's {end} is {off}, {less}"
+            depth = f"{short or problem.depth(ratio)} from {self.names[which]}"
+            return Status.END_INSIDE, f"the path's {end} is {depth}; move it or the time"
         if self.drift is not None and (unsafe := unsafe_end(problem)):
             return Status.END_UNSAFE, unsafe.reason(problem, ("path", *self.names))
         return None

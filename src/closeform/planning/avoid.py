@@ -53,7 +53,7 @@ def avoid(
     """The cheapest path found between the same states and times that stays out of every zone.
 
     A path that is clear is returned as it is.  Whatever is returned is certified clear of the zone
-    itself, or the status says why there is none: an end inside a zone, or no clear path found.
+    itself, or the status says why there is none: its start or end inside a zone, or no clear path found.
 
     Parameters
     ----------

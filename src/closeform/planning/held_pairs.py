@@ -37,6 +37,6 @@ def _held(problem: Problem, request: Request) -> tuple[tuple[int, int], str] | N
     if not found:
         return None
     ratio, pair, when, time = min(found)
-    if short := short_of(problem, request.padding, request.zones, pair, time):
-        return pair, f"come to {short} {when}; move one of them, or leave less margin"
-    return pair, f"come to {problem.depth(ratio)} {when}; move one of them"
+    short = short_of(problem, request.padding, request.zones, pair, time)
+    less = ", or leave less margin" if short is not None and not short.inside else ""
+    return pair, f"come to {short or problem.depth(ratio)} {when}; move one of them{less}"

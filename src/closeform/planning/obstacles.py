@@ -11,7 +11,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.problem import Problem
 from closeform.zones.combined_zones import OwnZone, pair_zone
-from closeform.zones.padding import Padding
+from closeform.zones.padding import Padding, Short
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import Zone
 
@@ -66,8 +66,8 @@ def end_inside(problem: Problem) -> tuple[str, float, int] | None:
 
 def short_of(
     problem: Problem, padding: Padding | None, zones: Zones, pair: tuple[int, int], time: float
-) -> str | None:
-    """What a pair lacks of its margin at a time before anybody gives way, in words; None without one."""
+) -> Short | None:
+    """What a pair lacks of its margin at a time before anybody gives way; None without one."""
     if padding is None:
         return None
     one, other = problem.bodies(problem.direct)._at(np.array(pair), np.full(2, time))[:, :3]

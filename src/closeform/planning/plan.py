@@ -33,7 +33,7 @@ class Status(StrEnum):
 
     CLEAR = "clear already"
     AVOIDED = "avoided"
-    END_INSIDE = "end inside a zone"
+    END_INSIDE = "start or end inside a zone"
     END_UNSAFE = "end not passively safe"
     NOT_FOUND = "no clear path found"
     TOO_WEAK = "thrust limit exceeded"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers
@@ -63,6 +64,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     axes.set_xlim(low - room, high + room)
     axes.set_xlabel(what, fontsize=TEXT, color=INK)
     axes.set_ylabel("cases", fontsize=TEXT, color=INK)
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     right = right_axis(axes, AFTER)
     share = 100.0 * np.arange(len(found) + 1) / len(found)
     right.plot([low, *found], share, color=AFTER, linewidth=2.2, drawstyle="steps-post", zorder=4)

@@ -254,7 +254,7 @@ def around(axes: Axes, camera: Camera, unit: float, stage: Formation, tints: Flo
     axes.scatter(starts[:, 0], starts[:, 1], **ring, zorder=4.1, label="start")
     flown = headings(axes, lambda points: camera(points) / unit, stage.tracks, tints, 3.5 if many else 6.0)
     if names.called:
-        marks = np.vstack([ends, flown])
+        marks = np.vstack([ends, flown, *([] if stage.closest is None else [centre, other])])
         names.beside(axes, starts, marks, camera(np.vstack(stage.tracks)) / unit, tints)
 
 

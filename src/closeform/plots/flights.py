@@ -47,6 +47,8 @@ PALE = "#9ec5df"
 DRAWN = 300  # flights that are drawn, the first and the worst
 MOST = 24  # craft whose cost is shown: those that spend most
 WIDER = 3.0  # times the spread of the least ratios, above the planned least, that the close look shows
+UNDER = 20.0  # printer's points from the worst down to its name
+BESIDE = 0.25  # of the axes: a name beyond the middle half ends at its dot
 SPACE = 0.22  # of the close look, below the least and above the zone
 
 
@@ -94,16 +96,17 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     if tube is not None:
         axes.axhline(radius / unit.size, color=ZONE, linewidth=2.0, linestyle=DASHED)
         corner = float(ticks(flight.times[0])), radius / unit.size
-        plain(word(axes, corner, f"tube: {length(radius)}", shift=(6, -16), ha="left", va="baseline"))
+        said = f"{tube.probability:.3%} of flights stay below {length(radius)}"
+        plain(word(axes, corner, said, shift=(6, -16), ha="left", va="baseline"))
     axes.set_ylim(0.0, 1.12 * max(float(off.max()), radius) / unit.size or 1.0)
     axes.set_ylabel(f"off the plan [{unit.name}]", fontsize=TEXT, color=INK)
-    _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, f"flight {seed}: {called[craft]}", 8)
     time_axes([axes], ticks, float(flight.times[0]), float(flight.times[-1]))
+    _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, f"flight {seed}: {called[craft]}", 8)
     most = f"Off by at most {length(float(off.max()))} in {_flights(flight)}"
     inside = ""
     if tube is not None:
         inside = f"; {tube.probability:.3%} of flights stay within {length(radius)}, said beforehand"
-    _meanings(figure, ("each flight, its craft farthest off", "median", "the worst"))
+    _meanings(figure, flight, ("each flight, its craft farthest off", "median", "the worst"))
     plain(headline(figure, f"{most}{inside}"))
     return figure
 
@@ -166,8 +169,9 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
     time_axes([close], Clock(ticks.unit, None), float(fine[0]), float(fine[-1]))
     now = int(np.argmin(nearer[seed]))
     lowest = float(nearer[seed, now])
-    _dot(close, ticks, float(fine[now]), lowest, f"flight {seed}: {pair}, {lowest:.4f} × zone")
-    _meanings(figure, ("each flight", "median", "the worst", "planned"))
+    name = f"flight {seed}: {pair}, {lowest:.4f} × zone"
+    _dot(close, ticks, float(fine[now]), lowest, name, -UNDER - _line_below(close, lowest))
+    _meanings(figure, flight, ("each flight", "median", "the worst", "planned"))
     entered = int((least.min(axis=1) < 1.0).sum())
     found = (
         f"{entered} of {_flights(flight)} enter a zone"
@@ -256,21 +260,33 @@ def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> 
     axes.plot(ticks(times), values[seed], color=CONFLICT, linewidth=1.4)
 
 
-def _meanings(figure: Figure, words: Sequence[str]) -> None:
-    """What the lines are."""
+def _meanings(figure: Figure, flight: Flight, words: Sequence[str]) -> None:
+    """What the lines are; of one flight there is no median."""
     looks: list[dict[str, Any]] = [
         {"color": PALE, "linewidth": 1.2},
         {"color": AFTER, "linewidth": 1.8},
         {"color": CONFLICT, "linewidth": 1.4},
         {"color": INK, "linewidth": 1.4, "linestyle": DASHED},
     ]
+    if len(flight.states) == 1:
+        looks, words = looks[2:], ("the flight", *words[3:])
     legend(figure, [Line2D([], [], **look) for look in looks[: len(words)]], words, ncols=4)
 
 
-def _dot(axes: Axes, ticks: Clock, time: float, height: float, words: str, away: int = -20) -> None:
-    """The worst, with its name."""
+def _dot(axes: Axes, ticks: Clock, time: float, height: float, words: str, away: float) -> None:
+    """The worst, with its name so far above it, in printer's points, that ends within the axes."""
     axes.plot([ticks(time)], [height], "o", color=CONFLICT, markersize=7.0, zorder=5)
-    plain(word(axes, (float(ticks(time)), height), words, shift=(0, away), va="baseline"))
+    first, last = axes.get_xlim()
+    share = (float(ticks(time)) - first) / (last - first)
+    side = "left" if share < BESIDE else "right" if share > 1.0 - BESIDE else "center"
+    plain(word(axes, (float(ticks(time)), height), words, shift=(0, away), ha=side, va="baseline"))
+
+
+def _line_below(axes: Axes, ratio: float) -> float:
+    """How far below a ratio the zone's line is [printer's points], if a name would lie on it; else 0."""
+    low, high = axes.get_ylim()
+    below = (ratio - 1.0) / (high - low) * axes.get_window_extent().height * 72.0 / axes.figure.dpi
+    return below if 0.0 <= below < 1.6 * UNDER else 0.0
 
 
 def _two(figure: Figure) -> tuple[Axes, Axes]:

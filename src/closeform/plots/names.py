@@ -24,7 +24,14 @@ SPOTS = (  # of a name beside its point, in printer's points: right, up, and whi
     (-6, -11, 1.0),
     (0, 9, 0.5),
     (0, -15, 0.5),
+    (18, 16, 0.0),  # from here on farther away, at the end of a line
+    (-18, 16, 1.0),
+    (18, -24, 0.0),
+    (-18, -24, 1.0),
+    (32, 2, 0.0),
+    (-32, 2, 1.0),
 )
+FAR = 6  # spots before those
 EDGES = {0.0: "left", 0.5: "center", 1.0: "right"}
 
 
@@ -47,7 +54,8 @@ class Names:
     ) -> None:
         """Each name by its point (N, 2), clear of `marks` and of each other, where it covers least `tracks`.
 
-        What finds no room is left out.  `axes` have their place and limits.
+        Where there is no room beside its point a line leads to it; what finds none at all is left
+        out.  `axes` have their place and limits.
         """
         to_pixels = axes.transData.transform
         (left, low), (right, top) = axes.get_window_extent().get_points()
@@ -56,7 +64,7 @@ class Names:
         dots = to_pixels(np.vstack([points, marks]))
         lines = to_pixels(tracks[:: max(1, len(tracks) // ENOUGH)])
         for k, (spot, name, (wide, high)) in enumerate(zip(spots, self.called, self.sizes, strict=True)):
-            best: tuple[int, int, tuple[float, float, float, float]] | None = None
+            best: tuple[bool, int, int, tuple[float, float, float, float]] | None = None
             for place, (aside, up, edge) in enumerate(SPOTS):
                 x, y = spot[0] + aside * self.point - edge * wide, spot[1] + up * self.point
                 box = x, y - 0.25 * high, x + wide, y + high
@@ -65,20 +73,23 @@ class Names:
                 padded = box[0] - CLEAR, box[1] - CLEAR, box[2] + CLEAR, box[3] + CLEAR
                 if covered(dots, padded) or any(overlap(box, other) for other in taken):
                     continue
-                cost = covered(lines, box), place, box
+                cost = place >= FAR, covered(lines, box), place, box
                 if best is None or cost < best:
                     best = cost
             if best is None:
                 continue
-            aside, up, edge = SPOTS[best[1]]
-            taken.append(best[2])
+            away, hides, place, box = best
+            aside, up, edge = SPOTS[place]
+            taken.append(box)
             look: dict[str, Any] = {"ha": EDGES[edge], "va": "baseline", "fontsize": self.size}
             colour = INK if tints is None else dark(tints[k])
+            if away:
+                look["arrowprops"] = {"arrowstyle": "-", "color": colour, "linewidth": 0.7, "shrinkB": 3.0}
             words = axes.annotate(
                 name, tuple(points[k]), (aside, up), textcoords="offset points", color=colour, **look
             )
             words.set_zorder(6)
-            if best[0]:  # readable on what it covers
+            if hides:  # readable on what it covers
                 words.set_bbox({"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.5})
             plain(words)
 

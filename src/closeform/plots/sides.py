@@ -133,7 +133,7 @@ def two_ways(
     for axes in (left, right):
         axes.yaxis.set_label_coords(-0.15, 0.5)
     in_orbit(left, planned, around, zone)
-    from_obstacle(right, planned, around, zone)
+    from_obstacle(right, planned, around, zone, called if name is not None else "it")
     seen = f"seen from {called if name is not None else 'the obstacle'}"
     plain(right.set_title(seen, fontsize=TEXT, color=INK))
     handles, words = left.get_legend_handles_labels()
@@ -183,7 +183,7 @@ def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) 
     dress(axes)
 
 
-def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) -> None:
+def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone, obstacle: str) -> None:
     """The encounter relative to the obstacle, each way in the plane in which it passes the zone.
 
     There the way meets the zone's cut just where it touches the zone.  So the picture is folded
@@ -201,8 +201,8 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
     draw_planned(axes, planned, zone, own / unit.size, True)
     for way, side, basis in zip(ways, SIDES, planes, strict=False):
         draw_legs(axes, way, basis / unit.size, True, side)
-        axes.annotate(
-            f"{side[1]}: {price(planned.path, way.path)}",
+        words = axes.annotate(
+            f"{side[1]}: {price(planned.path, way.path)} for {obstacle} alone",
             spot(basis / unit.size, way.gap[:3]),
             (0, 18 * side[2]),
             textcoords="offset points",
@@ -212,6 +212,7 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
             color=side[0],
             path_effects=HALO,
         )
+        plain(words)
     farthest = max(size, *(float(np.linalg.norm(one.gap[:3])) for one in (planned, *ways)))
     square(axes, (0, 0), 1.6 * farthest / unit.size)
     axes.set_xlabel(f"along the relative motion [{unit.name}]", fontsize=TEXT, color=INK)

@@ -28,7 +28,7 @@ PICTURES = (  # names, captions, what is spread, its column, which tail of it is
     (
         "flown-ratios",
         "How near the nearest pair of each flight comes",
-        "least distance [x zone]",
+        "nearest pair [times its zone]",
         RATIO,
         0.05,
     ),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -19,6 +19,29 @@ class OffPaths(Protocol):
 
     def of_pairs(self, craft: int, fixed: int = 0) -> Floats:
         """How far the distance of each pair of bodies may be off (B, B) [m]."""
+
+
+class Short(NamedTuple):
+    """What a pair lacks that is `off` its zone [m], negative inside, and has a `margin` [m]; its `ratio`."""
+
+    off: float
+    margin: float
+    ratio: float
+
+    @classmethod
+    def of(cls, zone: Zone, place: Floats, margin: float) -> Self:
+        """Where it is `place` (3,) [m] apart."""
+        return cls(float(gap(zone, place)[0]), margin, float(zone.norm(place)))
+
+    @property
+    def inside(self) -> bool:
+        """Whether it is in the zone itself."""
+        return self.off <= 0.0
+
+    def __str__(self) -> str:
+        if self.inside:
+            return f"{self.ratio:.2f} x zone"
+        return f"{self.off:.3g} m from their zone, less than the margin of {self.margin:.3g} m"
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +84,10 @@ class Padding:
         each = self.metres[np.triu_indices(len(self.metres), 1)]
         return float(each[0]) if (each == each[0]).all() else self.metres
 
-    def shortage(self, groups: Groups, pair: tuple[int, int], place: Floats) -> str | None:
-        """What a pair lacks where it is `place` (3,) [m] apart, in words; None in the zone itself."""
+    def shortage(self, groups: Groups, pair: tuple[int, int], place: Floats) -> Short:
+        """What a pair lacks where it is `place` (3,) [m] apart."""
         zone = next(zone for zone, pairs in groups if (pairs == pair).all(axis=1).any())
-        off = float(gap(zone, place)[0])
-        asked = self.metres[pair]
-        return None if off <= 0.0 else f"{off:.3g} m from their zone, less than the margin of {asked:.3g} m"
+        return Short.of(zone, place, float(self.metres[pair]))
 
 
 def gap(zone: Zone, place: Floats) -> tuple[Any, Floats]:

@@ -1,0 +1,98 @@
+"""Stages in which a run would stop, as two craft are too near each other where neither can give way.
+
+Known before anybody plans: where craft begin, where those end that are told where, and who coasts.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.orbit import Orbit
+from closeform.scenario.scenario import Scenario
+from closeform.scenario.stages import Avoid, Coast, Joint, Reconfigure, Transfer
+from closeform.zones.padding import Short
+from closeform.zones.pair_zones import portions
+
+MOST_PAIRS = 100_000  # that are looked at
+Moving = Avoid | Joint | Transfer
+
+
+def stops(scenario: Scenario) -> tuple[str, ...]:
+    """In which stage a run would stop for that, and why, one line for each pair; none if it is not known."""
+    if scenario.scattered or scenario.zones.pairs > MOST_PAIRS:
+        return ()
+    orbit, time = scenario.orbit.build(), 0.0
+    states = scenario.states(orbit)
+    for number, stage in enumerate(scenario.stages, 1):
+        if not isinstance(stage, Coast | Moving):
+            return ()
+        lasts = (stage.length if isinstance(stage, Coast) else stage.within).on(orbit.mean_motion)
+        coasted, time = states @ orbit.transition(lasts).T, time + lasts
+        if isinstance(stage, Coast):
+            states = coasted
+            continue
+        who = movers(scenario, stage)
+        latitude = scenario.orbit.latitude + orbit.mean_motion * time
+        after = ends(orbit, stage, coasted, who, latitude)
+        if stage.keeps_out:
+            margin = stage.margin if isinstance(stage, Avoid | Joint) else None
+            room = margin if isinstance(margin, float) else 0.0
+            for verb, places in (("start", states), ("end", after)):
+                if places is not None and (found := [*near(scenario, places, who, room)]):
+                    return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)
+        if after is None or later(scenario, stage, who):
+            return ()
+        states = after
+    return ()
+
+
+def movers(scenario: Scenario, stage: Moving) -> list[int]:
+    """Who does not coast, by index."""
+    if isinstance(stage, Joint):
+        named = stage.movers or scenario.names
+    else:
+        named = (stage.craft or scenario.names[0],)
+    if isinstance(stage, Avoid):
+        named += tuple(fellow.craft for fellow in stage.meanwhile)
+    return [scenario.names.index(name) for name in named]
+
+
+def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
+    """Where all craft (N, 6) are after a stage, `coasted` being where they coast to; None if plans say."""
+    after = coasted.copy()
+    if isinstance(stage, Joint):
+        finals = stage.known(orbit, len(who), latitude) if isinstance(stage, Reconfigure) else None
+        if finals is None or stage.assigns:
+            return None
+        after[who] = finals
+        return after
+    targets = (
+        [stage.to, *(fellow.to for fellow in stage.meanwhile)] if isinstance(stage, Avoid) else [stage.to]
+    )
+    for k, target in zip(who, targets, strict=True):
+        if target is not None and target.is_open:
+            return None
+        after[k] = coasted[k] if target is None else target.state(orbit, latitude)
+    return after
+
+
+def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:
+    """Whether a stage may take longer than asked, and craft coast on meanwhile."""
+    limited = any(scenario.craft[k].limited for k in who)
+    if isinstance(stage, Joint):
+        return len(who) < len(scenario.craft) and (limited or stage.if_blocked != ())
+    return limited
+
+
+def near(scenario: Scenario, states: Floats, who: list[int], margin: float) -> Iterator[str]:
+    """Pairs of which one moves that are within their zone padded by a margin [m], and what helps."""
+    for zone, first, second in portions(scenario.zones):
+        apart = states[first, :3] - states[second, :3]
+        padded = zone.padded(margin) if margin else zone
+        held = (padded.norm(apart) <= 1.0) & (np.isin(first, who) | np.isin(second, who))
+        for k in np.flatnonzero(held):
+            names = f"{scenario.names[first[k]]} and {scenario.names[second[k]]}"
+            short = Short.of(zone, apart[k], margin)
+            less = "" if short.inside else ", or leave less margin"
+            yield f"{names} {{}} at {short}; move one of them{less}"
