@@ -1177,7 +1177,13 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "errors of burns where flights have those of thrust",
         f"{ALTITUDE}\n\n[craft]",
         f'{IN_FIELD}\n\n[flight]\n{STUDY}draws = "errors"\n\n[craft]\ncovariance = {{ position = "1 1 1 m" }}',
-        "study.draws: a flight's errors are those of [navigation] and thrust_error; remove draws, or [flight]",
+        "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]",
+    ),
+    Bad(
+        "white noise in flight",
+        f"{ALTITUDE}\n\n[craft]",
+        f'{IN_FIELD}\n\n[flight]\n\n[craft]\nexecution = {{ noise = "1e-9 m^2/s^3" }}',
+        "craft.execution: no flight can have white noise; remove noise",
     ),
     Bad(
         "thrust that is lost in flight",
@@ -1556,6 +1562,11 @@ MISUSES = (
         "flights with navigation of one kind",
         'fly done --navigation "10 cm"',
         '--navigation: "10 cm" is not a length, a comma and a speed; write for example "10 cm, 0.3 mm/s"',
+    ),
+    Misuse(
+        "flights with errors of burns of one kind",
+        'fly done --execution "1 %"',
+        '--execution: "1 %" is not a share, a comma and an angle; write for example "1 %, 1 deg"',
     ),
     Misuse(
         "flights with errors of thrust without units",

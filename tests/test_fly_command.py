@@ -222,6 +222,43 @@ def test_the_margin_of_impulses_is_kept_in_flight(tmp_path: Path):
     assert tables["ratios"]["ratio"].min() < 1.0 + margin / 30.0
 
 
+EXECUTION = """execution = { magnitude = "1 %", pointing = "1 deg", impulse = GATES }
+covariance = { position = "0.5 0.5 0.5 m" }""".replace("GATES", '{ speed = "1 mm/s", pointing = "1 deg" }')
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_the_margin_knows_errors_of_burns_and_of_the_start(cost, tmp_path: Path, capsys):
+    """Those of the scenario are drawn in each flight; the page says which, and no zone is entered."""
+    text = swap(craft=EXECUTION, more=f'margin = "auto"\ncost = "{cost}"\n' + NAVIGATION)
+    loaded, summary = swapped(tmp_path, text)
+    (tmp_path / "exact").mkdir()
+    _, exact = swapped(tmp_path / "exact", text.replace(EXECUTION, ""))
+    assert summary["stages"][0]["margin_m"] > 1.1 * exact["stages"][0]["margin_m"]
+    capsys.readouterr()
+    status, found, tables = flown(tmp_path / "run", tmp_path / "out", "--seeds", "60")
+    assert (status, found["violated"]) == (0, 0)
+    said = capsys.readouterr().out
+    assert "Start: off by 0.5 m and 0 mm/s (1 sigma, the worst axis)\n" in said
+    assert "Burns: each off by 1 % and 1 deg (1 sigma)\n" in said
+    assert "1 mm/s and 0 % along it, 0 mm/s and 1 deg across (1 sigma, Gates' model)\n" in said
+    scenario = loaded.scenario
+    own = cf.fly(loaded.paths, scenario.field, zones=scenario.zones, seeds=60, **scenario.flight)
+    assert tables["flights"]["delta_v_m_s"] == pytest.approx(own.delta_v.ravel())
+    gates = found["errors"][0]
+    assert gates["gates"] == [1e-3, 0.0, 0.0, pytest.approx(np.radians(1.0))]
+    assert (gates["magnitude"], gates["covariance"][1][1]) == (0.01, 0.25)
+
+
+def test_errors_of_burns_that_an_option_gives(run: Path, tmp_path: Path):
+    _, _, tables = flown(run, tmp_path / "out", "--seeds", "3", "--execution", "2 %, 1 deg")
+    loaded, turn = cf.load(run), np.radians(1.0)
+    told = loaded.scenario.flight | {"errors": cf.Errors(None, 0.02, turn, (0.0, 0.02, 0.0, turn))}
+    own = cf.fly(loaded.paths, loaded.scenario.field, seeds=3, **told)
+    assert tables["flights"]["delta_v_m_s"] == pytest.approx(own.delta_v.ravel())
+    exact = cf.fly(loaded.paths, loaded.scenario.field, seeds=3, **loaded.scenario.flight)
+    assert np.abs(own.delta_v - exact.delta_v).max() > 1e-6
+
+
 def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys):
     swapped(tmp_path, swap(more='margin = "3 m"\n' + NAVIGATION))
     capsys.readouterr()

@@ -25,6 +25,7 @@ def fly(
     horizon: str | None = None,
     navigation: str | None = None,
     thrust_error: str | None = None,
+    execution: str | None = None,
     control: Literal["track", "replan", "open"] = "track",
     seeds: int = 100,
     out: Path | None = None,
@@ -43,7 +44,9 @@ def fly(
     navigation
         Standard deviations of each axis that is measured: "10 cm, 0.3 mm/s".
     thrust_error
-        By how much thrust is off at most, in size and direction: "1 %, 1 deg".
+        By how much thrust is off at most, in size and direction, all through a flight: "1 %, 1 deg".
+    execution
+        Standard deviations of each burn and impulse by itself, in size and direction: "1 %, 0.5 deg".
     control
         track: measure and come back; replan: plan the rest anew; open: thrust as commanded, nobody measures.
     seeds
@@ -56,7 +59,8 @@ def fly(
     from closeform.reopened import LoadedRun, load
     from closeform.result_folder import SUMMARY, check_free
 
-    given = {"every": every, "horizon": horizon, "navigation": navigation, "thrust-error": thrust_error}
+    given = {"every": every, "horizon": horizon, "navigation": navigation}
+    given |= {"thrust-error": thrust_error, "execution": execution}
     asked = Options.of(given)
     if seeds < 1:
         raise UsageError(f"--seeds: {seeds} is below 1; give for example --seeds 100")
@@ -96,12 +100,13 @@ def fly(
 
 
 class Options(NamedTuple):
-    """What options ask for in place of the scenario's: [s], [m, m/s], and as a share and [rad]; or None."""
+    """What options ask for in place of the scenario's: [s], [m, m/s], and as shares and [rad]; or None."""
 
     every: float | None
     horizon: float | None
     navigation: tuple[float, ...] | None
     thrust_error: tuple[float, ...] | None
+    execution: tuple[float, ...] | None
 
     @classmethod
     def of(cls, given: dict[str, str | None]) -> "Options":
@@ -114,6 +119,7 @@ class Options(NamedTuple):
             quantity("horizon", TIME, given["horizon"]),
             parts("navigation", as_navigation, given["navigation"]),
             parts("thrust-error", as_thrust_error, given["thrust-error"]),
+            parts("execution", as_thrust_error, given["execution"]),
         )
 
     def instead_of(self, told: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
@@ -130,6 +136,12 @@ class Options(NamedTuple):
             found["navigation"] = replace(told["navigation"], position=position, velocity=velocity)
         if self.thrust_error is not None:
             found["thrust_error"] = self.thrust_error
+        if self.execution is not None:
+            from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+
+            size, turn = self.execution
+            states = [one and one.state for one in told["errors"] or [None] * len(told["thrust_error"])]
+            found["errors"] = [Errors(state, size, turn, (0.0, size, 0.0, turn)) for state in states]
         return found
 
 

@@ -170,13 +170,14 @@ class FlownRun:
         """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
 
         Those lead back to what they fly when changed for the field, which is off the plan between them.  How
-        far planned ones are off depends on the plan.
+        far planned ones are off depends on the plan, and so it does where each burn errs by itself.
         """
-        if self.control != "track" or self.told["feedback"].impulses or fires_impulses(self.run.paths):
+        told, impulses = self.told, fires_impulses(self.run.paths)
+        if self.control != "track" or told["feedback"].impulses or impulses or told["errors"] is not None:
             return None
-        sizes = np.broadcast_to(self.told["thrust_error"], (len(self.names), 2))
+        sizes = np.broadcast_to(told["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)
-        return tube(self.run.paths.orbit, self.told["feedback"], self.told["navigation"], thrust_error=off)
+        return tube(self.run.paths.orbit, told["feedback"], told["navigation"], thrust_error=off)
 
 
 def fires_pulses(run: Stages, control: Control) -> bool:

@@ -32,7 +32,7 @@ def with_margin(
     told, field = start.scenario.flight, start.scenario.field
     assert field is not None
     law = told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario))
-    sight, errors = told["navigation"], told["thrust_error"][who]
+    sight, sizes = told["navigation"], told["thrust_error"][who]
 
     def lasting(margin: Any) -> Any:
         plan = make(margin)
@@ -44,7 +44,9 @@ def with_margin(
 
     if not rest:
         zones = PairZones.of([start.keep_out[k] for k in who])
-        found = fit_margin(make, field, zones, law, sight, thrust_error=errors)
+        found = fit_margin(
+            make, field, zones, law, sight, thrust_error=sizes, errors=flown_errors(start, who)
+        )
         if found.plan.ok and not found.fits:
             raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
         return found.plan
@@ -55,11 +57,19 @@ def with_margin(
         if not plan.ok or paths is None:
             return plan
         peaks = np.atleast_1d(paths.peak_thrust)
-        needed = tube(start.orbit, law, sight, thrust_error=peaks * np.hypot(*errors.T)).of_a_pair
+        needed = tube(start.orbit, law, sight, thrust_error=peaks * np.hypot(*sizes.T)).of_a_pair
         if needed <= margin:
             return plan
         margin = (1.0 + SPARE) * needed
     raise ValueError(f"margin: still short of {needed:.3g} m after {ROUNDS} plans; give more time")
+
+
+def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
+    """The errors of some craft in flight; of later stages those of their burns: feedback held them before."""
+    errors = start.scenario.flight["errors"]
+    if errors is None:
+        return None
+    return [errors[k] if errors[k] is None or start.number == 1 else errors[k]._of_burns for k in who]
 
 
 def led_by_impulses(scenario: Scenario) -> bool:

@@ -12,7 +12,7 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.epochs import Epoch
 from closeform.field.field import described
 from closeform.flown_run import FlownRun
-from closeform.report import conflicts, flown, results
+from closeform.report import conflicts, flown, own_errors, results
 from closeform.report.page import Head
 from closeform.report.picture import Picture, Progress
 from closeform.report.repeat import Command
@@ -98,11 +98,16 @@ class FlightTold:
     def thrust_errors(self) -> tuple[str, ...]:
         """By how much thrust is off."""
         size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
-        pulses = self.pulses
-        if not size and not angle:
-            return (*pulses, "Thrust: as commanded; thrust_error of [craft] says by how much it is off")
-        off = f"Thrust: off by up to {100.0 * size:.3g} % and {degrees(angle):.3g} deg, constant in a flight"
-        return (*pulses, off)
+        told = [*self.pulses]
+        if size or angle:
+            most = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
+            told.append(f"Thrust: off by up to {most}, constant in a flight")
+        told += own_errors.told(self.flown.told["errors"] or ())
+        if len(told) == len(self.pulses):
+            told.append(
+                "Thrust: as commanded; thrust_error and execution of [craft] say by how much it is off"
+            )
+        return tuple(told)
 
     @property
     def pulses(self) -> tuple[str, ...]:
@@ -209,6 +214,7 @@ class FlightTold:
                 "correlation_s": sight.correlation,
             },
             "thrust_error": np.atleast_2d(told["thrust_error"]).tolist(),
+            "errors": own_errors.figures(told["errors"] or ()),
             "flights": verdict.flights,
             "violated": verdict.count,
             "worst": one.flight.worst,

@@ -44,15 +44,18 @@ def in_field(scenario: Scenario) -> Iterator[str]:
 
 
 def in_flight(scenario: Scenario) -> Iterator[str]:
-    """What a flight that is part of a run, or of each case of a study, cannot have."""
+    """What a flight that is part of a run, or of each case of a study, cannot have, nor a margin for one."""
+    autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
+    noisy = any(craft.execution is not None and craft.execution.noise for craft in scenario.craft)
+    if noisy and (autos or scenario.flights is not None):
+        yield "craft.execution: no flight can have white noise; remove noise"
     if scenario.flights is None:
         return
     if scenario.flights.control == "replan" and len(scenario.stages) > 1:
         remedy = 'write control = "track", or leave one stage'
         yield f"flight.control: replan is for one stage, and there are {len(scenario.stages)}; {remedy}"
     if scenario.study is not None and scenario.study.draws != "vary":
-        errors = "a flight's errors are those of [navigation] and thrust_error"
-        yield f"study.draws: {errors}; remove draws, or [flight]"
+        yield "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]"
     if scenario.study is not None and FAILS in scenario.study.vary:
         yield f"study.vary.{shown(FAILS)}: a flight cannot have it yet; remove it, or [flight]"
 

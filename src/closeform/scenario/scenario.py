@@ -115,6 +115,7 @@ class Scenario:
             "feedback": None if self.feedback is None else self.feedback.build(),
             "navigation": (self.navigation or NavigationTable.model_validate({})).build(),
             "thrust_error": np.array([craft.thrust_error for craft in self.craft]),
+            "errors": [craft.errors for craft in self.craft] if self.uncertain else None,
             "max_acceleration": most if np.isfinite(most).any() else None,
         }
 

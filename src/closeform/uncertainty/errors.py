@@ -189,7 +189,7 @@ class Errors:
 
     def _with_root(self, root: Floats) -> Self:
         """The same execution of another state, by a root (6, m) of its covariance, m up to 6."""
-        made = type(self)(None, self.magnitude, self.pointing, self.impulse, self.noise)
+        made = self._of_burns
         square = np.zeros((6, 6))
         square[:, : root.shape[1]] = root
         made.__dict__.update(state=root @ root.T, _root=square)  # whose digits the product has not
@@ -241,6 +241,11 @@ class Errors:
         """What `screen` searches some pairs with, where there are errors."""
         spread = spread_of(paths, one_for_each("errors", errors, paths, Errors))
         return search_of(spread, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
+
+    @property
+    def _of_burns(self) -> Self:
+        """Those of one who does what it is told as well, from a state that is known."""
+        return type(self)(None, self.magnitude, self.pointing, self.impulse, self.noise)
 
     @cached_property
     def _execution(self) -> Floats:
