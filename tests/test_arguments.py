@@ -364,6 +364,7 @@ CALLS = {
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), cancel=True, residual=np.full(len(START), 1e-7),
         thrust_error=np.array([0.01, 0.01]), errors=cf.Errors(magnitude=0.01), sigmas=3.0,
+        minimum_bit=0.0, thrusters=None,
     ),
     "fit_margin": turned(
         planned=lambda margin: cf.reconfigure(
@@ -372,6 +373,7 @@ CALLS = {
         field=cf.Field(LOW), zones=cf.Sphere(3.0), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), obstacles=[], cancel=True,
         residual=1e-7, thrust_error=np.array([0.0, 0.0]), errors=None, sigmas=3.0, max_acceleration=1.0,
+        minimum_bit=0.0, thrusters=[None, None],
     ),
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",

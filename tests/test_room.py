@@ -215,6 +215,71 @@ def test_an_impulse_that_is_due_at_the_next_measurement_is_left_to_it():
     assert spread.max() == pytest.approx(room.noise, rel=0.06)
 
 
+# --- thrusters, and impulses that are not fired -------------------------------------------------
+
+NOZZLES = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-5, period=60.0)
+
+
+@pytest.mark.parametrize("bit", [1e-5, 5e-4])
+@pytest.mark.parametrize("kind", ["energy", "impulses"])
+def test_flights_by_pulses_stay_in_their_room(kind, bit):
+    """Where pulses lead is foreseen; errors of thrust and what bits leave undone stay within what is said."""
+    draws = np.random.default_rng(7)
+    ends = draws.normal(size=(2, 2, 6)) * 400.0 * np.repeat([1.0, ORBIT.mean_motion], 3)
+    path = (ORBIT.two_impulse if kind == "impulses" else ORBIT.transfer)(*ends, 0.45 * ORBIT.period)
+    nozzles = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=bit, period=60.0)
+    for sets in (nozzles, [nozzles, None]):
+        for errors in ({}, {"thrust_error": OFF}, {"errors": cf.Errors(magnitude=0.01, pointing=0.01)}):
+            told = {"thrusters": sets, "navigation": SIGHT, **errors}
+            room, flights = cf.room(path, FIELD, **told), cf.fly(path, FIELD, **told, seeds=60)
+            within = (flights.times > room.times[0]) & (flights.times < room.times[-1])
+            off = flights.states - flights.planned.state(flights.times)
+            off = np.linalg.norm(off[:, :, within, :3], axis=-1).max(axis=0)
+            limit = at(room, room.radius, flights.times[within])
+            assert (off <= limit).all()
+            assert (off.max(axis=1) > (0.4 if bit < 1e-4 else 0.15) * room.greatest).all()
+
+
+def test_pulses_lead_where_the_room_says():
+    """Without errors it is their deviation alone, which thrust that lasts has not."""
+    path = ORBIT.transfer(*formation(count=2).state([0.0, 3000.0]).swapaxes(0, 1), 3000.0)
+    room, flight = cf.room(path, FIELD, thrusters=NOZZLES), cf.fly(path, FIELD, thrusters=NOZZLES)
+    assert not cf.room(path, FIELD).shift.any()
+    within = (flight.times > room.times[0]) & (flight.times < room.times[-1])
+    off = (flight.states - flight.planned.state(flight.times))[0, :, within, :3].swapaxes(0, 1)
+    said = at(room, room.shift, flight.times[within])
+    assert np.abs(off).max() > 0.3  # m
+    assert np.linalg.norm(said - off, axis=-1).max(axis=1) == pytest.approx(np.zeros(2), abs=room.rest.max())
+
+
+def test_impulses_below_a_bit_stay_in_the_room():
+    """As in the tube: of craft that a difference of drag moves."""
+    law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
+    lag = cf.Field(CHIEF, 0, cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.03, 0.01], 0.02, spin=0.0))
+    states = np.zeros((3, 6))
+    states[:, 1] = [0.0, 50.0, -50.0]
+    path = CHIEF.orbit.coast(states, 3.0 * ORBIT.period)
+    flights = cf.fly(path, lag, feedback=law, minimum_bit=bit, cancel=False)
+    fine, room = (cf.room(path, lag, law, cancel=False, minimum_bit=size) for size in (0.0, bit))
+    off = flights.deviations.max(axis=(0, 2))
+    assert (off <= room.greatest).all()
+    assert (off > fine.greatest).any()
+
+
+def test_what_bits_are_of():
+    path = formation(0.3, 2)
+    with pytest.raises(
+        ValueError, match=r"^minimum_bit: of impulses; give a Feedback by some, or leave it out$"
+    ):
+        cf.room(path, FIELD, minimum_bit=1e-3)
+    with pytest.raises(
+        ValueError, match=r"^thrusters: have bits of their own, and fly in the field; leave out"
+    ):
+        cf.room(path, FIELD, minimum_bit=1e-3, thrusters=NOZZLES)
+    with pytest.raises(ValueError, match=r"^thrusters: 3 sets for 2 craft; give one, or one for each$"):
+        cf.room(path, FIELD, thrusters=[NOZZLES] * 3)
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 
@@ -279,6 +344,30 @@ def test_beside_an_obstacle_that_is_known():
     )
     assert found.fits
     assert found.greatest == pytest.approx(cf.tube(ORBIT, cf.Feedback(), SIGHT).radius, rel=0.02)
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_beside_a_craft_that_is_held(cost):
+    """It coasts, measured and led back, off like the one that moves: of 300 flights none enters."""
+    zone, client = cf.Sphere(30.0), ORBIT.coast(np.zeros(6), 9000.0)
+    start, final = np.array([[0, 0, 120, 0, 0, 0], [0, 3, -120, 0, 0, 0]])
+    path = (ORBIT.transfer if cost == "energy" else ORBIT.two_impulse)(start, final, 1500.0)
+    told = {"navigation": SIGHT, "thrust_error": OFF}
+
+    def planned(margin):
+        return cf.avoid(path, client, zone, cost=cost, margin=margin)
+
+    found = cf.fit_margin(planned, FIELD, zone, obstacles=client, held=True, **told)
+    known = cf.fit_margin(planned, FIELD, zone, obstacles=client, **told)
+    assert found.fits
+    assert 1.1 * known.greatest < found.greatest < 2.0 * known.greatest
+    still = ORBIT.coast(np.zeros((1, 6)), 1500.0)
+    entered = [
+        cf.fly(cf.stack([plan.path, still[0]]), FIELD, zones=zone, seeds=300, **told).violated
+        for plan in (found.plan, planned(0.0))
+    ]
+    assert entered[0] == 0.0
+    assert entered[1] > 0.3
 
 
 def test_no_thrust_for_feedback():

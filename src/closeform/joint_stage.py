@@ -119,6 +119,7 @@ def planned(
     duration, known = start.asked(stage), start.planned_errors(stage, who + rest)
     drift = start.planned_drift(stage)
     seen = far_beyond(duration + (drift or 0.0), start.orbit.mean_motion)
+    coasting = [start.coast(k, seen) for k in rest]
     measures: tuple[str, ...] = ()
     punctual: Floats | None = None
     for attempt in range(AGAIN):
@@ -133,7 +134,7 @@ def planned(
                 [start.keep_out[k] for k in who + rest],
                 assign=stage.assigns,
                 start=start.time,
-                obstacles=[start.coast(k, seen) for k in rest],
+                obstacles=coasting,
                 max_acceleration=limits if np.isfinite(limits).any() else None,
                 if_blocked=stage.if_blocked,
                 method=stage.plan,
@@ -147,7 +148,7 @@ def planned(
                 margin=margin,
             )
 
-        plan = with_margin(start, stage, who, rest, made)
+        plan = with_margin(start, stage, who + rest, coasting, made)
         measures += plan.measures
         punctual = punctual if attempt else plan.punctual  # of the duration asked for
         plan = replace(plan, punctual=punctual)

@@ -92,7 +92,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
             craft.max_acceleration, lambda factor: way(factor) if factor != 1.0 else direct, stage.longer
         )
 
-    avoidance = with_margin(start, stage, [mover], who[1:], made)
+    avoidance = with_margin(start, stage, who, others, made)
     if avoidance.weak is not None:
         avoidance = replace(
             avoidance, reason=weakness(avoidance.weak, craft.name, start.scenario.force_mass(craft.name))

@@ -1,23 +1,26 @@
 """The margin that a stage keeps beyond zones: a length, or what feedback leaves of its own plan."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from closeform.motion.path import fires_impulses
+from closeform.motion.path import Path
 from closeform.scenario import Avoid, Joint, Scenario
 from closeform.stage_start import StageStart
 from closeform.zones.pair_zones import PairZones
 
-ROUNDS = 6  # of plans; two as a rule, of which the second has the thrust of the first
-SPARE = 1e-3  # of a margin that grows
+if TYPE_CHECKING:
+    from closeform.field.field import Field
 
 
 def with_margin(
-    start: StageStart, stage: Avoid | Joint, who: list[int], rest: list[int], make: Callable[[Any], Any]
+    start: StageStart,
+    stage: Avoid | Joint,
+    who: list[int],
+    others: Sequence[Path],
+    make: Callable[[Any], Any],
 ) -> Any:
-    """The plan that `make` makes for a margin, for the craft `who` around the `rest`.
+    """The plan that `make` makes for a margin, for the first of the craft `who` around the `others`.
 
     Made anew, where the margin is "auto", until what its flight in the scenario's field needs is kept.
     Raises ValueError where that cannot be said.
@@ -26,42 +29,32 @@ def with_margin(
         return make(stage.margin or 0.0)
     from closeform.field.feedback import usual_feedback
     from closeform.field.fitted import fit_margin
-    from closeform.field.flown_plan import paths_of
-    from closeform.field.tube import tube
 
-    told, field = start.scenario.flight, start.scenario.field
+    told = start.scenario.flight
+    found = fit_margin(
+        make,
+        field_of(start.scenario, who),
+        PairZones.of([start.keep_out[k] for k in who]),
+        told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
+        told["navigation"],
+        obstacles=others,
+        held=True,
+        thrust_error=told["thrust_error"][who],
+        errors=flown_errors(start, who),
+        thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
+    )
+    if found.plan.ok and not found.fits:
+        raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
+    return found.plan
+
+
+def field_of(scenario: Scenario, who: list[int]) -> "Field":
+    """The field, with craft in another order."""
+    field = scenario.field
     assert field is not None
-    law = told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario))
-    sight, sizes = told["navigation"], told["thrust_error"][who]
-
-    def lasting(margin: Any) -> Any:
-        plan = make(margin)
-        if (paths := paths_of(plan)) is not None and fires_impulses(paths):
-            raise ValueError(
-                'margin: "auto" is not known for impulses beside craft that coast; give a length'
-            )
-        return plan
-
-    if not rest:
-        zones = PairZones.of([start.keep_out[k] for k in who])
-        found = fit_margin(
-            make, field, zones, law, sight, thrust_error=sizes, errors=flown_errors(start, who)
-        )
-        if found.plan.ok and not found.fits:
-            raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
-        return found.plan
-    margin = tube(start.orbit, law, sight).of_a_pair
-    for _ in range(ROUNDS):
-        plan = lasting(margin)
-        paths = paths_of(plan)
-        if not plan.ok or paths is None:
-            return plan
-        peaks = np.atleast_1d(paths.peak_thrust)
-        needed = tube(start.orbit, law, sight, thrust_error=peaks * np.hypot(*sizes.T)).of_a_pair
-        if needed <= margin:
-            return plan
-        margin = (1.0 + SPARE) * needed
-    raise ValueError(f"margin: still short of {needed:.3g} m after {ROUNDS} plans; give more time")
+    if field.drag is None:
+        return field
+    return replace(field, drag=replace(field.drag, ballistic=field.drag.ballistic[who]))
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:

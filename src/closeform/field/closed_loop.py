@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats
-from closeform.field.feedback import Feedback, Navigation, kicks_back, left_of, way_back
+from closeform.field.feedback import Feedback, Navigation, kicks_back, left_of, slots_of, way_back
 from closeform.field.timetable import BESIDE
 from closeform.motion.orbit import Orbit
 
@@ -47,13 +47,15 @@ class ClosedLoop:
 
     @classmethod
     @lru_cache(maxsize=8)  # rounds of plans ask for the same, with all that follows from it
-    def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int) -> Self:
-        """Of a feedback, of intervals of another length, at so many steps."""
+    def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int, lasting: bool = False) -> Self:
+        """Of a feedback, of intervals of another length, at so many steps; by burns that are `lasting`."""
         since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:
             return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since), np.zeros(0))
-        fired, gains = kicks_back(orbit, feedback)
-        now = fired < every * (1.0 - BESIDE)  # the others are left to the next measurement, as in flight
+        fired, gains = kicks_back(orbit, feedback, lasting)
+        now = slots_of(feedback)[0] < every * (
+            1.0 - BESIDE
+        )  # the others are left to the next measurement, as in flight
         fired, gains = fired[now], gains[now]
         return cls(orbit, delay, since, *left_of(orbit, fired, gains, since), gains, fired)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, shown
 from closeform.field.feedback import Feedback, Navigation, nonnegative
 from closeform.field.field import Field
-from closeform.field.flown_plan import paths_to_fly
+from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.room import Room, needed_room, room
 from closeform.field.tube import tube
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
-from closeform.motion.path import Path
+from closeform.motion.path import Path, path_of
 from closeform.planning.obstacles import obstacle_batch
 from closeform.planning.plan import Avoidance, Plan
 from closeform.result import Result
@@ -70,10 +72,13 @@ def fit_margin(
     navigation: Navigation | None = None,
     *,
     obstacles: Path | Any = (),
+    held: bool = False,
     cancel: bool = True,
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = (0.0, 0.0),
     errors: Any = None,
+    minimum_bit: float = 0.0,
+    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     sigmas: float = 4.0,
     max_acceleration: ArrayLike | None = None,
 ) -> FittedMargin:
@@ -93,7 +98,10 @@ def fit_margin(
     navigation : Navigation, optional
         As of `room`.
     obstacles : Path or sequence of Path, default none
-        Of the plan: they are where their paths say.
+        Of the plan: they are where their paths say, all along it.
+    held : bool, default False
+        Whether they are craft that are measured and led back to their paths like the others, instead; what is
+        told of each craft is of them, too, after the others.
     cancel : bool, default True
         As of `room`.
     residual : array_like of shape (N,) or () [m/s^2], default 0
@@ -101,6 +109,10 @@ def fit_margin(
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         As of `room`.
     errors : Errors or sequence of Errors or None, optional
+        As of `room`.
+    minimum_bit : float [m/s], default 0
+        As of `room`.
+    thrusters : Thrusters or sequence of Thrusters or None, optional
         As of `room`.
     sigmas : float, no unit, default 4
         As of `room`.
@@ -150,7 +162,7 @@ def fit_margin(
     first = Feedback() if feedback is None else feedback  # which room knows of a plan
     least = tube(orbit, first, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
     limit = np.inf if max_acceleration is None else nonnegative("max_acceleration", max_acceleration)
-    margin: Any = np.asarray(least.radius if fixed else least.of_a_pair)
+    margin: Any = np.asarray(least.radius if fixed and not held else least.of_a_pair)
     widest = _least_radius(zones)
     if margin > widest:
         cause, remedy = ("residual", "know more of the field")
@@ -165,27 +177,33 @@ def fit_margin(
         if not plan.ok:
             why = f"no plan with a margin of {margin.max():.3g} m: {plan.reason}"
             return FittedMargin(plan, None, margin, False, made, why)
+        paths = paths_to_fly(plan, field)
+        craft = len(paths)
+        if held and others is not None:
+            paths = stack([paths[k] for k in range(craft)] + [during(others[k], paths) for k in range(fixed)])
         found = room(
-            *(plan, field, feedback, sight),
+            *(paths, field, feedback, sight),
             cancel=cancel,
             residual=residual,
             thrust_error=thrust_error,
             errors=errors,
+            minimum_bit=minimum_bit,
+            thrusters=thrusters,
             sigmas=sigmas,
         )
-        craft, paths = len(found.shift), paths_to_fly(plan, field)
-        if np.shape(limit) not in ((), (craft,)):
+        if np.shape(limit) not in ((), (len(paths),)):
             raise ValueError(
-                f"max_acceleration: one, or one for each of {craft} craft, got {shown(max_acceleration)}"
+                f"max_acceleration: one, or one for each of {len(paths)} craft, got {shown(max_acceleration)}"
             )
         beyond = np.flatnonzero(found.thrust > limit)
         if len(beyond):
             why = _too_weak(found, np.ravel(paths.peak_thrust), int(beyond[0]), limit)
             return FittedMargin(plan, found, margin, False, made, why)
-        each = [paths[k] for k in range(craft)] + [others[k] for k in range(fixed) if others is not None]
-        bodies = stack(each)
+        bodies = paths
+        if not held and others is not None:
+            bodies = stack([paths[k] for k in range(craft)] + [others[k] for k in range(fixed)])
         margin = np.broadcast_to(margin, (craft + fixed, craft + fixed)).copy()
-        pairs, left, needed = needed_room(found, bodies, pair_zones("zones", zones, craft, fixed))
+        pairs, left, needed = needed_room(found, bodies, pair_zones("zones", zones, craft, fixed), craft)
         short = np.where(left < needed, needed, 0.0).max(axis=1, initial=0.0)
         rises = short > margin[tuple(pairs.T)]
         if not rises.any():
@@ -194,6 +212,14 @@ def fit_margin(
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
     why = f"still short of room after {made} plans, with a margin of {margin.max():.3g} m"
     return FittedMargin(plan, found, margin, False, made, why)
+
+
+def during(path: Path, planned: Path) -> Path:
+    """One craft's path for as long as planned paths (N,) last."""
+    start, end = float(planned.start.min()), float(planned.end.max())
+    arcs = path.arcs[path.arcs[:, START] < end].copy()
+    arcs[-1, END] = min(arcs[-1, END], end)
+    return spanning(path_of(path.orbit, arcs, np.array([0, len(arcs)]), (1,)), np.array([start, end]))[0]
 
 
 def _least_radius(zones: OwnZone | PairZones) -> float:

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Self
+from itertools import product
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.closed_loop import ClosedLoop
+from closeform.field.drawn import nothing_drawn
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses
 from closeform.field.timetable import SAME, impulses_of, intervals_in
 from closeform.field.validity import deviations_of
+from closeform.fuel.allocation import Allocation
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
 STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends with one
+OFTEN = 15.0  # s from one step to the next, unless that is more than the most
 NEAR = 0.02  # of a step
+FINER = 6  # instants of a step, between which pulses lead no further
 TURNS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)  # (3, 3, 3), small turns about axes
 
 
@@ -32,8 +39,9 @@ class Followed:
     """Paths (N,) at T `times`, led back by a `loop`.
 
     `jumps` are impulses as they are fired, which lead `aside` of the plan (N, T, 3) [m], to where feedback
-    leads.  Thrust that lasts is that of the plan and `against` (N, T, 3) [m/s^2] what Hill's equations leave
-    out; what is `felt` (N, T, 3) is what nobody thrusts against.
+    leads; so do pulses of `thrusters`, on paths that are `pulsed`, by a `ripple` (N,) [m] more between times.
+    Thrust that lasts is that of the plan and `against` (N, T, 3) [m/s^2] what Hill's equations leave out;
+    nobody thrusts against what is `felt` (N, T, 3).
     """
 
     paths: Path
@@ -43,15 +51,26 @@ class Followed:
     aside: Floats
     against: Floats
     felt: Floats
+    pulsed: Path | None
+    ripple: Floats
+    thrusters: Sequence[Thrusters] | None
 
     @classmethod
-    def of(cls, paths: Path, field: Field, law: Feedback, cancel: bool) -> Self:
+    def of(
+        cls,
+        paths: Path,
+        field: Field,
+        law: Feedback,
+        cancel: bool,
+        thrusters: Sequence[Thrusters] | None = None,
+    ) -> Self:
         """As `fly` flies it in a field that is known; with `cancel` thrust is corrected for that."""
         start, end = float(paths.start[0]), float(paths.end[0])
         intervals = intervals_in(end - start, law.every)
-        steps = _steps(min(law.delay / (end - start) * intervals, 1.0))
+        every = (end - start) / intervals
+        steps = _steps(min(law.delay / every, 1.0), every)
         times = np.linspace(start, end, steps * intervals + 1)
-        loop = ClosedLoop.of(paths.orbit, law, (end - start) / intervals, steps)
+        loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
         frame = ChiefFrame.of(field, times)
         left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
         craft, when, planned = impulses_of(paths)
@@ -63,8 +82,25 @@ class Followed:
         if cancel and len(craft):
             jumps, path, _ = changed_impulses(paths, field)
             aside[fires] = (path.position(times) - paths.position(times))[fires]
+        pulsed, ripple = None, np.zeros(len(paths))
+        if thrusters is not None:
+            pulsed, shooting, path = _pulses(paths, jumps, field, thrusters)
+            fine = np.linspace(start, end, FINER * (len(times) - 1) + 1)
+            off = (path.position(fine) - paths.position(fine))[shooting]
+            aside[shooting] = off[:, ::FINER]
+            share = (np.arange(len(fine)) % FINER / FINER)[:, None]
+            begin = np.arange(len(fine)) // FINER
+            after = np.minimum(begin + 1, len(times) - 1)
+            between = (1.0 - share) * aside[shooting][:, begin] + share * aside[shooting][:, after]
+            ripple[shooting] = np.linalg.norm(off - between, axis=-1).max(axis=1)
         felt = left_out * ~(opposed | fires & cancel)[:, None, None]
-        return cls(paths, loop, times, jumps, aside, -left_out * opposed[:, None, None], felt)
+        against = -left_out * opposed[:, None, None]
+        return cls(paths, loop, times, jumps, aside, against, felt, pulsed, ripple, thrusters)
+
+    @property
+    def bits(self) -> Floats:
+        """How large an impulse may be (N,) [m/s] that thrusters do not fire: a bit of each of three."""
+        return np.array([_least_push(one) for one in self.thrusters or ()] or np.zeros(len(self.paths)))
 
     @cached_property
     def flown(self) -> Floats:
@@ -104,9 +140,11 @@ class Followed:
         """
         from closeform.field.error_motions import error_motions  # whose kernels only errors need
 
-        own = self.jumps.craft == craft
+        own, path, against = self.jumps.craft == craft, self.paths[craft], self.against[craft]
+        if self.pulsed is not None:  # pulses are burns, and there is nothing else
+            own, path, against = np.zeros_like(own), self.pulsed[craft], np.zeros_like(against)
         jumps = self.jumps.time[own], self.jumps.impulse[own]
-        motions = error_motions(self.paths[craft], errors, self.times, jumps, self.against[craft])
+        motions = error_motions(path, errors, self.times, jumps, against)
         off, believed = self.loop.follow(motions)
         answers = self.loop.answers(believed, len(self.times))
         share, angle = size
@@ -114,8 +152,29 @@ class Followed:
         causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
         causes = [one for one in causes if one.any()]  # whose sum is squared
         moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
+        errors = errors if self.pulsed is None else errors._of_orders
         shaken = self.loop.shaken(sight, errors, moments, len(self.times))
         return _squares(off) + shaken, _squares(answers)
+
+
+def _pulses(
+    paths: Path, jumps: Retargeted, field: Field, thrusters: Sequence[Thrusters]
+) -> tuple[Path, Any, Path]:
+    """Paths in Hill's equations of what thrusters fire, who fires, and where that leads in the field."""
+    from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
+
+    firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), field, thrusters)
+    nothing = nothing_drawn(len(paths))
+    times, _, done = flown_pulses(paths, firing, thrusters, (field, field), None, nothing)
+    return firing.path, np.unique(firing.pulses.craft), paths.orbit._through(times, done.states[0])
+
+
+def _least_push(thrusters: Thrusters) -> float:
+    """The longest sum [m/s] of parts of the bits of the thrusters of any facet."""
+    allocation = Allocation.of(thrusters.directions)
+    bits = np.vstack([thrusters.directions * np.reshape(thrusters.minimum_bit, (-1, 1)), np.zeros((6, 3))])
+    some = np.array(list(product((0.0, 1.0), repeat=3)))
+    return float(np.linalg.norm(some @ bits[allocation.corners], axis=-1).max())
 
 
 def _squares(rows: Floats) -> Floats:
@@ -123,7 +182,8 @@ def _squares(rows: Floats) -> Floats:
     return np.asarray(np.einsum("rki,rkj->kij", rows, rows))
 
 
-def _steps(delay: float) -> int:
-    """How many of an interval a `delay` fits, a share of it."""
-    some = range(STEPS, MOST, 2)
+def _steps(delay: float, every: float) -> int:
+    """How many of an interval [s] a `delay` fits, a share of it."""
+    least = min(max(STEPS, 2 * int(np.ceil(0.5 * every / OFTEN))), MOST)
+    some = range(least, MOST, 2)
     return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)

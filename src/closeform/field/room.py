@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_e
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.followed import Followed
+from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
 from closeform.zones.padding import gap
@@ -92,6 +94,8 @@ def room(
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = (0.0, 0.0),
     errors: Any = None,
+    minimum_bit: float = 0.0,
+    thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     sigmas: float = 4.0,
 ) -> Room:
     """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
@@ -116,6 +120,11 @@ def room(
         through a flight.
     errors : Errors or sequence of Errors or None, optional
         Of each craft, which `fly` draws.
+    minimum_bit : float [m/s], default 0
+        The least impulse of feedback that is fired.
+    thrusters : Thrusters or sequence of Thrusters or None, optional
+        Of all craft, or of each that has some, as of `fly`: pulses lead off the plan, which is known, and
+        what a bit leaves undone is bounded.
     sigmas : float, no unit, default 4
         Of the noise and of `errors`, which count.
 
@@ -151,7 +160,7 @@ def room(
     True
     """
     paths = paths_to_fly(plan, field)
-    usual = usual_feedback("track", fires_impulses(paths))
+    usual = usual_feedback("track", fires_impulses(paths) or thrusters is not None)
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     instance("cancel", cancel, bool)
@@ -160,34 +169,72 @@ def room(
     unknown = nonnegative("residual", residual)
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
-    flight = Followed.of(paths, field, law, cancel)
-    shift, stretch, *turned = flight.caused[0]
+    own, least = each_set(thrusters, count), nonnegative("minimum_bit", number("minimum_bit", minimum_bit))
+    shooters = np.array([one is not None for one in own])
+    if shooters.any():
+        from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
+
+        if not cancel or least > 0.0:
+            raise ValueError(
+                "thrusters: have bits of their own, and fly in the field; leave out minimum_bit and cancel"
+            )
+        law = led_by_pulses(law, own)
+    elif least > 0.0 and not law.impulses:
+        raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
+    told: Any = sizes, np.broadcast_to(unknown, count), drawable(errors, count)
+    groups = [np.flatnonzero(who) for who in (~shooters, shooters) if who.any()]
+    found = []
+    for some in groups:
+        sets = [own[k] for k in some] if shooters[some[0]] else None
+        flight = Followed.of(paths[some], field, law, cancel, sets)
+        found.append(
+            _of_alike(
+                flight, sight, [None if one is None else [one[k] for k in some] for one in told], least, many
+            )
+        )
+    return found[0] if len(found) == 1 else _together(found, np.argsort(np.concatenate(groups)))
+
+
+def _of_alike(flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any, many: float) -> Room:
+    """Of craft that all have thrusters or none; with bounds, unknown accelerations, errors as told."""
+    sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
+    loop, (shift, stretch, *turned) = flight.loop, flight.caused[0]
     steady, more, *turning = flight.brought
-    brought = more, np.stack(turning, axis=-1)
-    rest, answer = flight.loop.beyond(sizes, np.broadcast_to(unknown, count), sight, brought)
-    noise, shaking = flight.loop.spread(sight, sizes)
-    spread = np.zeros((*shift.shape, 3))
-    random = np.full(count, shaking**2)
-    for k, own in enumerate(drawable(errors, count) or ()):
+    rest, answer = loop.beyond(sizes, unknown, sight, (more, np.stack(turning, axis=-1)))
+    if len(loop.fired):
+        rest = rest + loop.missed * np.maximum(flight.bits, bit) + flight.ripple
+    noise, shaking = loop.spread(sight, sizes)
+    spread, random = np.zeros((*shift.shape, 3)), np.full(len(sizes), shaking**2)
+    for k, own in enumerate(errors or ()):
         spread[k], answers = flight.scattered(k, sight, sizes[k], own)
         random[k] += np.linalg.eigvalsh(answers)[..., -1].max(initial=0.0)
     asked = np.linalg.norm(flight.flown, axis=-1).max(axis=1)
-    if not law.impulses:
+    if not len(loop.fired):
         asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
     off = shift + flight.aside, stretch, np.stack(turned, axis=-1)
     return Room(flight.times, *off, sizes, rest, spread, noise, many, asked)
 
 
-def needed_room(found: Room, paths: Path, zones: PairZones) -> tuple[Any, Floats, Floats]:
+def _together(parts: Sequence[Room], order: Any) -> Room:
+    """Of craft one part after another, in this order."""
+    joined: Any = {
+        name: np.concatenate([getattr(one, name) for one in parts])[order]
+        for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "thrust")
+    }
+    return replace(parts[0], noise=max(one.noise for one in parts), **joined)
+
+
+def needed_room(found: Room, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats, Floats]:
     """Pairs (P, 2) with a zone, how far they are off it as planned (P, T), and how far they need to be [m].
 
-    `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be.  What
-    is needed counts along the zone's normal where the pair is.                                # theory (93)
+    `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be; pairs
+    have one of the first that are `planned`.  What is needed counts along the zone's normal where the pair
+    is.                                                                                        # theory (93)
     """
     places, craft = paths.position(found.times), len(found.shift)
     pairs, left, needed = [], [], []
     for zone, some in zones.groups():
-        for i, j in some[some[:, 0] < craft].tolist():
+        for i, j in some[some[:, 0] < planned].tolist():
             off, normals = gap(zone, places[i] - places[j])
             shift, most, square = _along(found, i, normals)
             if j < craft:

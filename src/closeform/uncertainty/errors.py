@@ -247,6 +247,11 @@ class Errors:
         """Those of one who does what it is told as well, from a state that is known."""
         return type(self)(None, self.magnitude, self.pointing, self.impulse, self.noise)
 
+    @property
+    def _of_orders(self) -> Self:
+        """Those of burns, as they are of short ones, by Gates' model."""
+        return type(self)(None, impulse=(0.0, self.magnitude, 0.0, self.pointing))
+
     @cached_property
     def _execution(self) -> Floats:
         """What kernels see of errors but the state's: magnitude, pointing, s1 to s4, noise (7,)."""
