@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, shown
-from closeform.field.course import commands_of, flown
+from closeform.field.course import Flights, commands_of, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, drawable, seeds_of
 from closeform.field.feedback import Feedback, Navigation, thrust_errors, usual_feedback
@@ -20,9 +20,12 @@ from closeform.field.least_ratios import least_ratios
 from closeform.field.retargeted import retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.mean_motion import checked
-from closeform.motion.path import fires_impulses
+from closeform.motion.path import Path, fires_impulses
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.fuel.firing import Firing
 
 
 def fly(
@@ -128,64 +131,109 @@ def fly(
     limit, least = _limit(max_acceleration, fires, len(paths)), number("minimum_bit", minimum_bit)
     if not checked("minimum_bit", least) >= 0.0:
         raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
-    draws, believed = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths))), known or field
-    followed = None if control == "open" else law
-
-    planned, made, refused = np.array(paths.delta_v), [0] * len(draws.seeds), []
-    firing, ordered, orders = None, np.zeros(0), np.zeros((len(draws.seeds), len(paths), 0, 3))
+    draws = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths)))
+    asked = _Asked(paths, field, known or field, law, zones, cancel, limit, least, draws)
     if control == "replan":
         if zones is None or not cancel or law.impulses or law.delay or fires or pulsed:
             raise ValueError(
                 "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
                 "zones, and leave out impulses, thrusters, cancel and delay"
             )
+        return asked.flight(asked.replanned(zones))
+    if control == "open":
+        asked = asked._replace(law=None)
+    if not pulsed:
+        return asked.flight(asked.followed())
+    if not cancel or limit.min() < np.inf or least > 0.0:
+        raise ValueError(
+            "thrusters: have limits and bits of their own, and fly in the field; leave out "
+            "max_acceleration, minimum_bit and cancel"
+        )
+    return asked.flight(asked.pulsed(own_sets))
+
+
+class _Flown(NamedTuple):
+    """Flights at some times, of paths (N,) that cost so much (N,); with what plans anew or pulses add."""
+
+    times: Floats
+    done: Flights
+    paths: Path
+    planned: Floats
+    replans: Sequence[int] = ()
+    refused: tuple[tuple[int, float, str], ...] = ()
+    firing: Firing | None = None
+    ordered: Floats | None = None
+
+
+class _Asked(NamedTuple):
+    """What is to be flown: arguments of `fly`, checked; of thrust as commanded without a law."""
+
+    paths: Path
+    field: Field
+    believed: Field
+    law: Feedback | None
+    zones: Zone | PairZones | None
+    cancel: bool
+    limit: Floats
+    least: float
+    draws: Draws
+
+    def replanned(self, zones: Zone | PairZones) -> _Flown:
+        """By plans that are made anew."""
         from closeform.field.replanned import Replanning  # which loads all of planning
 
-        times, done, made, why = Replanning.of(paths, zones, (field, believed), law, limit, draws).flights(
-            draws
-        )
-        refused = [(seed, *one) for seed, some in zip(draws.seeds, why, strict=True) for one in some]
-    elif pulsed:
-        if not cancel or limit.min() < np.inf or least > 0.0:
-            raise ValueError(
-                "thrusters: have limits and bits of their own, and fly in the field; leave out "
-                "max_acceleration, minimum_bit and cancel"
-            )
+        assert self.law is not None
+        fields = self.field, self.believed
+        anew = Replanning.of(self.paths, zones, fields, self.law, self.limit, self.draws)
+        times, done, made, why = anew.flights(self.draws)
+        each = zip(self.draws.seeds, why, strict=True)
+        refused = tuple((seed, *one) for seed, some in each for one in some)
+        return _Flown(times, done, self.paths, self.paths.delta_v, made, refused)
+
+    def pulsed(self, thrusters: Sequence[Thrusters | None]) -> _Flown:
+        """By pulses."""
         from closeform.field.pulsed_flight import fly_pulses  # whose kernels only thrusters need
 
-        firing, planned, times, ordered, done = fly_pulses(
-            paths, own_sets, (field, believed), followed, draws
+        fields = self.field, self.believed
+        found = fly_pulses(self.paths, thrusters, fields, self.law, self.draws)
+        firing, planned, times, ordered, done = found
+        paths = spanning(self.paths, times)
+        return _Flown(times, done, paths, planned, firing=firing, ordered=ordered)
+
+    def followed(self) -> _Flown:
+        """By thrust that lasts, and by impulses."""
+        own, paths = ballistics_of(self.field.drag, len(self.paths)), self.paths
+        against = self.believed if self.cancel else None
+        commands = commands_of(paths, self.law, against, own, self.limit, self.least)
+        frame = commands.frame_in(self.field)
+        if self.cancel and fires_impulses(paths):
+            commands, _ = retargeted(commands, self.believed)
+        done = flown(commands, self.field, frame, self.draws.of(commands, range(len(paths))))
+        return _Flown(commands.table.shown_times, done, paths, paths.delta_v)
+
+    def flight(self, told: _Flown) -> Flight:
+        """What is answered of it."""
+        times, done, planned = told.times, told.done, np.array(told.planned)
+        each = zip(done.states, done.arrivals, strict=True)
+        found = [least_ratios(one, before, times, self.zones) for one, before in each]
+        nothing = np.zeros((len(done.states), len(planned), 0, 3))
+        return Flight(
+            times,
+            done.states,
+            done.arrivals,
+            done.spent if self.cancel else done.spent - done.asked + planned,
+            planned,
+            (done.asked - planned) * self.cancel,
+            done.limited / (times[-1] - times[0]),
+            found[0][0],
+            np.array([ratio for _, ratio in found]),
+            told.paths,
+            np.array(told.replans or [0] * len(done.states)),
+            told.refused,
+            told.firing,
+            np.zeros(0) if told.ordered is None else told.ordered,
+            nothing if told.ordered is None else done.fired,
         )
-        orders, paths = done.fired, spanning(paths, times)
-    else:
-        own = ballistics_of(field.drag, len(paths))
-        commands = commands_of(paths, followed, believed if cancel else None, own, limit, least)
-        frame = commands.frame_in(field)
-        if cancel and fires:
-            commands, _ = retargeted(commands, believed)
-        times = commands.table.shown_times
-        done = flown(commands, field, frame, draws.of(commands, range(len(paths))))
-    found = [
-        least_ratios(one, before, times, zones)
-        for one, before in zip(done.states, done.arrivals, strict=True)
-    ]
-    return Flight(
-        times,
-        done.states,
-        done.arrivals,
-        done.spent if cancel else done.spent - done.asked + planned,
-        planned,
-        (done.asked - planned) * cancel,
-        done.limited / (times[-1] - times[0]),
-        found[0][0],
-        np.array([ratio for _, ratio in found]),
-        paths,
-        np.array(made),
-        tuple(refused),
-        firing,
-        ordered,
-        orders,
-    )
 
 
 def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:
