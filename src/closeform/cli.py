@@ -86,11 +86,11 @@ def make_haste(tokens: list[str]) -> None:
     if not sys.stdout.isatty():
         os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
-    if tokens[:1] in (["run"], ["screen"], ["encounter"], ["study"]) and (os.cpu_count() or 1) > 1:
+    if tokens[:1] in (["run"], ["fly"], ["screen"], ["encounter"], ["study"]) and (os.cpu_count() or 1) > 1:
         from closeform.report import drawing
 
         drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
-    if tokens[:1] in (["run"], ["check"], ["screen"], ["encounter"], ["study"]):
+    if tokens[:1] in (["run"], ["check"], ["fly"], ["screen"], ["encounter"], ["study"]):
         own_process.import_numba()
 
 
