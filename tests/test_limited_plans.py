@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from math import inf, pi
+from types import SimpleNamespace
 
 import clarabel
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.fuel.burns import burns_of
+from closeform.stage_burns import burns_in
 from formations import LOW_ORBIT
 from test_least_delta_v_plans import NEAR, passage, rates
 
@@ -273,3 +275,22 @@ def test_burns_that_are_none_are_left_out():
     assert min(gaps) > 20.0 * (1.0 - 1e-6)
     sizes = np.concatenate([burns_of(plan.paths[k]).size for k in range(4)])
     assert sizes.min() > 1e-4 * plan.delta_v  # without it 1e-7 of it
+
+
+def test_burns_of_nothing_are_not_listed():
+    """A plan touches its limit in passing, for nanometres per second; what is told adds up without."""
+    orbit, draws = cf.Orbit.circular(500e3), np.random.default_rng(2)
+    count = draws.integers(3, 6)
+    angle = 2.0 * np.pi / count * np.arange(count)
+    ring = np.zeros((count, 6))
+    ring[:, 1], ring[:, 2] = 80.0 * np.cos(angle), 80.0 * np.sin(angle)
+    ring[:, :3] += draws.normal(size=(count, 3)) * 3.0
+    lasts = draws.uniform(0.25, 0.6) * orbit.period
+    limit = draws.uniform(1.5, 8.0) * orbit.impulsive(ring, -ring, lasts).delta_v.max() / lasts
+    plan = cf.reconfigure(orbit, ring, -ring, lasts, cf.Sphere(15.0), cost="delta-v", max_acceleration=limit)
+    every = np.concatenate([burns_of(plan.paths[k]).size for k in range(count)])
+    assert every.min() < 1e-8  # m/s: such a plan it is
+    after = SimpleNamespace(names=[str(k) for k in range(count)], paths=plan.paths)
+    told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
+    assert min(told) >= 5e-7  # what prints as 0.000000 is left out
+    assert sum(told) == pytest.approx(plan.delta_v, abs=5e-7 * len(every))

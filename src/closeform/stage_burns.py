@@ -18,7 +18,7 @@ Burnt = Callable[[int, float], float]
 
 
 def burns_in(result: "StageResult[Any, Any]", burnt: Burnt) -> list[tuple[Any, ...]]:
-    """Rows of COLUMNS in order of time; thrusters count from 1, None is what is not known."""
+    """Rows of COLUMNS in order of time, without burns of nothing; thrusters count from 1, None: not known."""
     found = [row for k in range(len(result.after.names)) for row in _of_craft(result, k, burnt)]
     return sorted(found, key=lambda row: row[1])
 
@@ -35,7 +35,10 @@ def _of_craft(result: "StageResult[Any, Any]", k: int, burnt: Burnt) -> Iterator
     else:
         burns = burns_of(result.after.paths[k])
     so_far = [burnt(k, spent) for spent in np.cumsum(burns.size).tolist()]
+    told = burns.telling | (thruster is not None)  # bits of thrusters are as they are
     columns = burns.start, burns.duration, *burns.push.T, burns.size
     for row, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        if not told[row]:
+            continue
         fuel = so_far[row] - (so_far[row - 1] if row else 0.0)
         yield name, *values, thruster and thruster[row], fuel if isfinite(fuel) else None

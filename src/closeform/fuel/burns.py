@@ -1,6 +1,6 @@
 """Burns: when a path is pushed, for how long, where to, and by how much."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from closeform.fuel.pulses import Pulses
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
+LEAST = 5e-7  # m/s, of a burn worth telling: plans within a limit leave less where they touch it in passing
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 NOTHING = 1e-9  # of the greatest thrust: what is left by rounding where a craft coasts
 PIECE = 0.5  # of n t, within which 16 points of Gauss integrate thrust to the last digits
@@ -25,6 +26,11 @@ class Burns(NamedTuple):
     duration: Floats
     push: Floats
     size: Floats
+
+    @property
+    def telling(self) -> Any:
+        """Which (K,) are more than nothing in micrometres per second."""
+        return self.size >= LEAST
 
 
 def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
