@@ -7,8 +7,8 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
+from closeform.planning.plan import Contact
 from closeform.planning.planner import once
-from closeform.planning.scene import Contacts
 from test_least_delta_v_plans import ORBIT as LOW
 from test_least_delta_v_plans import passage, rates
 
@@ -274,16 +274,15 @@ def test_where_nothing_is_touched_clearance_is_free():
 
 def test_contacts_that_are_the_same_are_one():
     """A plane that rounds of impulses hold twice pushes as both do, and is told once."""
-    twice = Contacts(
-        np.array([1, 0, 1]),
-        np.array([20.0, 10.0, 20.0 + 1e-12]),
-        np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1e-13, 1.0, 0.0]]),
-        np.array([2.0, 5.0, 3.0]),
-        np.zeros((3, 2)),
-    )
-    found = once(twice)
-    assert found.times.tolist() == pytest.approx([10.0, 20.0])
-    assert found.which.tolist() == [0, 1]
-    assert found.multipliers.tolist() == [5.0, 5.0]
-    other = twice._replace(drifts=np.array([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0]]))  # one after thrust was lost
-    assert once(other).number == 3
+
+    def touch(second, time, normal, multiplier, failed_at=np.nan):
+        return Contact(time, 0, second, np.zeros(3), np.array(normal), multiplier, 10.0, failed_at, 0.0)
+
+    across = [0.0, 1.0, 0.0]
+    contacts = touch(1, 10.0, [1.0, 0.0, 0.0], 5.0), touch(2, 20.0, across, 2.0), touch(2, 20.0, across, 3.0)
+    assert [(one.second, one.time, one.multiplier) for one in once(contacts)] == [
+        (1, 10.0, 5.0),
+        (2, 20.0, 5.0),
+    ]
+    lost = touch(2, 20.0, across, 3.0, 4.0)  # after thrust was lost
+    assert len(once((*contacts, lost))) == 3

@@ -28,7 +28,7 @@ from closeform.planning.obstacles import (
 )
 from closeform.planning.passive_ends import unsafe_end, unseparated
 from closeform.planning.plan import Avoidance, Cost, Status, TooWeak, too_weak
-from closeform.planning.planner import is_passive
+from closeform.planning.planner import is_passive, once
 from closeform.planning.problem import Problem, deepest, transfer_of
 from closeform.planning.prove import closeness, is_proven
 from closeform.planning.sauter_palmer import deviated
@@ -250,7 +250,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         extra_energy=path.energy - problem.energy(problem.direct),
         delta_v=spent,
         lower_bound=bound,
-        contacts=found.contacts if number else (),
+        contacts=once(found.contacts) if number else (),
         status=Status.AVOIDED if number else Status.CLEAR,
         reason=f"{best}, {closeness(spent, bound, 'delta-v')}",
         margin=found.margin if number else 1.0,

@@ -170,21 +170,11 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
     return outcome(Found(together, MARGINS[0], False, tried + 1))
 
 
-def once(contacts: Contacts) -> Contacts:
-    """Contacts in order of time, those that are the same as one, which pushes as they do together."""
-    if contacts.number == 1:
-        return contacts
-    same = np.column_stack([contacts.times, contacts.which, contacts.drifts, contacts.normals]).round(6)
-    _, first, found = np.unique(same, axis=0, return_index=True, return_inverse=True)
-    pushes = np.asarray(np.bincount(found.ravel(), contacts.multipliers), dtype=float)
-    return contacts.some(first)._replace(multipliers=pushes)
-
-
 def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
     """Contacts in metres, in order of time."""
     if not contacts.number:
         return ()
-    contacts = once(contacts)
+    contacts = contacts.some(np.argsort(contacts.times, kind="stable"))
     pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
     pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
     sizes = np.sqrt((pushes * pushes).sum(axis=1))
@@ -207,3 +197,14 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
         Contact(time, first, second, place, normal, multiplier, reach, failed_at, sigma)
         for time, first, second, multiplier, reach, failed_at, sigma, place, normal in rows
     )
+
+
+def once(contacts: tuple[Contact, ...]) -> tuple[Contact, ...]:
+    """Contacts as they are told: those that are the same as one, which pushes as they do together."""
+    found: dict[Any, Contact] = {}
+    for one in contacts:
+        failed = None if one.failed_at != one.failed_at else round(one.failed_at, 6)
+        key = one.first, one.second, round(one.time, 6), failed, *one.normal.round(6).tolist()
+        held = found.get(key)
+        found[key] = one if held is None else replace(held, multiplier=held.multiplier + one.multiplier)
+    return tuple(found.values())

@@ -30,6 +30,7 @@ from closeform.planning.planner import (
     check_method,
     check_obstacles,
     joined,
+    once,
     outcome,
     solve,
 )
@@ -292,7 +293,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         energy=float(paths.energy.sum()),
         delta_v=spent,
         lower_bound=bound,
-        contacts=found.contacts,
+        contacts=once(found.contacts),
         margin=found.margin,
         proven=is_proven(spent, bound),
         status=Status.AVOIDED if number else Status.CLEAR,
