@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 
 from closeform.cli import main
+from closeform.mission import fly
+from closeform.scenario import parse
+from closeform.scenario.foreseen import stops
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS
 from closeform.scenario.study import readers
 
@@ -131,6 +134,7 @@ STARTS = f"A and B start at 1 m from their zone, {LESS}"
         ("0 -100 0 m", "0 -20 0 m", 1, "A and C end at 0.67 x zone; move one of them"),
         ("0 0 100 m", "0 -110 0 m", 3, STARTS),
         ('margin = "2 m"', "", None, None),
+        ("0 31 0 m", "0 32 0 m", 3, STARTS.replace("at 1 m", "at 2 m")),
         ("0 31 0 m", "0 33 0 m", None, None),
     ],
 )
@@ -146,3 +150,52 @@ def test_check_says_where_a_run_stops_for_want_of_room(
         f"stopped in stage {stage} "
     )
     assert stopped == (stage is not None)
+
+
+FLOWN = """
+closeform = 1
+title = "Flown"
+[orbit]
+ORBIT
+[craft]
+name = ["A", "B", "C"]
+position = ["1000 0 0 m", "1000 100 0 m", "0 0 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "30 m" }
+max_acceleration = "20 mm/s^2"
+[[stage]]
+within = "600 s"
+"""
+FREE, ORBIT = "deep_space = true", 'altitude = "500 km"'
+ABREAST = """do = "reconfigure"
+craft = ["A", "B"]
+to = { line = { spacing = "50 m", direction = [1, 0, 0] } }
+"""  # about where they coast to, a kilometre from C
+BOTH = """do = "avoid"
+craft = "A"
+to = { position = "1000 200 0 m", velocity = "0 0 0 m/s" }
+meanwhile = [{ craft = "B", to = { position = "0 20 0 m", velocity = "0 0 0 m/s" } }]
+"""  # B gives way to nobody, and C to nobody: that is a conflict, which no plan is asked to leave
+LATE = """do = "reconfigure"
+to = [
+    { position = "0 2000 0 m", velocity = "0 0 0 m/s" },
+    { position = "-393.7 616.3 0 m", velocity = "0.341 0.872 0 m/s" },
+    { position = "0 -2000 0 m", velocity = "0 0 0 m/s" },
+]
+[[stage]]
+do = "avoid"
+craft = "A"
+to = { roe = "0 0 500 0 0 0 m" }
+within = "3000 s"
+"""  # on time A would end where B is; the first stage takes longer, and the ellipse has another phase
+
+
+@pytest.mark.parametrize(
+    ("orbit", "stage", "conflicts"), [(FREE, ABREAST, 0), (ORBIT, BOTH, 1), (ORBIT, LATE, 0)]
+)
+def test_check_foretells_no_stop_that_does_not_come(orbit, stage, conflicts) -> None:
+    scenario = parse(FLOWN.replace("ORBIT", orbit) + stage)
+    assert stops(scenario) == ()
+    mission = fly(scenario)
+    assert mission.stopped is None
+    assert sum(len(result.after.conflicts) for result in mission.results) == conflicts

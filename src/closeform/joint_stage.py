@@ -65,8 +65,7 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
         coasted = np.asarray(start.states @ start.orbit.transition(duration).T)
         slots = stage.known(start.orbit, len(who), start.latitude(duration))
         if slots is not None:
-            centre = coasted[who].mean(axis=0) if isinstance(to, Goal) and to.line is not None else 0.0
-            return np.asarray(slots + centre)
+            return stage.centred(slots, coasted[who])
         if isinstance(to, Goal) and to.join is not None:
             members = [names.index(name) for name in to.join]
             return targets.added_member(start.orbit, coasted[members])[None]

@@ -18,7 +18,7 @@ from closeform.pulsed import pulsed
 from closeform.scenario import Avoid, Transfer
 from closeform.stage_margin import with_margin
 from closeform.stage_start import StageStart, too_late
-from closeform.zones.zone import Zone
+from closeform.zones.zone import ON, Zone
 
 
 def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
@@ -112,8 +112,6 @@ def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time:
 
     Each of the others has a zone of its own.
     """
-    from closeform.planning.obstacles import ON
-
     ratios = [
         zone.norm(finals[:, :3] - path.position(time)) for path, zone in zip(others, zones, strict=True)
     ]

@@ -13,11 +13,9 @@ from closeform.planning.problem import Problem
 from closeform.zones.combined_zones import OwnZone, pair_zone
 from closeform.zones.padding import Padding, Short
 from closeform.zones.pair_zones import PairZones, pair_zones
-from closeform.zones.zone import Zone
+from closeform.zones.zone import ON, Zone
 
 Zones = tuple[tuple[Zone, Any], ...]  # each with the pairs (M, 2) that it holds for
-
-ON = 1.0 + 1e-9  # of a zone: an end there counts as inside
 
 
 def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Path | None:

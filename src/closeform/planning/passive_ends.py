@@ -12,9 +12,8 @@ from closeform.motion.palmer import palmer_from_state
 from closeform.motion.path import Path
 from closeform.planning.problem import Problem
 from closeform.zones.shapes import BALL
-from closeform.zones.zone import Zone
+from closeform.zones.zone import ON, Zone
 
-ON = 1.0 + 1e-9  # of a zone: nearer counts as inside
 ROOMY = 1.3  # zones that are left around an end that is named as one that would do
 
 

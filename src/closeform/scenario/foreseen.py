@@ -9,10 +9,12 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
+from closeform.scenario.formation import Goal, Target
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Avoid, Coast, Joint, Reconfigure, Transfer
 from closeform.zones.padding import Short
 from closeform.zones.pair_zones import portions
+from closeform.zones.zone import ON
 
 MOST_PAIRS = 100_000  # that are looked at
 Moving = Avoid | Joint | Transfer
@@ -38,8 +40,9 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
         if stage.keeps_out:
             margin = stage.margin if isinstance(stage, Avoid | Joint) else None
             room = margin if isinstance(margin, float) else 0.0
+            planned = who[:1] if isinstance(stage, Avoid) else who  # fellows give way to nobody
             for verb, places in (("start", states), ("end", after)):
-                if places is not None and (found := [*near(scenario, places, who, room)]):
+                if places is not None and (found := [*near(scenario, places, planned, room)]):
                     return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)
         if after is None or later(scenario, stage, who):
             return ()
@@ -62,10 +65,11 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude:
     """Where all craft (N, 6) are after a stage, `coasted` being where they coast to; None if plans say."""
     after = coasted.copy()
     if isinstance(stage, Joint):
-        finals = stage.known(orbit, len(who), latitude) if isinstance(stage, Reconfigure) else None
-        if finals is None or stage.assigns:
+        if not isinstance(stage, Reconfigure) or stage.assigns:
             return None
-        after[who] = finals
+        if (finals := stage.known(orbit, len(who), latitude)) is None:
+            return None
+        after[who] = stage.centred(finals, coasted[who])
         return after
     targets = (
         [stage.to, *(fellow.to for fellow in stage.meanwhile)] if isinstance(stage, Avoid) else [stage.to]
@@ -78,19 +82,26 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude:
 
 
 def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:
-    """Whether a stage may take longer than asked, and craft coast on meanwhile."""
+    """Whether a stage may take longer than asked, and where somebody is or goes depends on how long."""
     limited = any(scenario.craft[k].limited for k in who)
-    if isinstance(stage, Joint):
-        return len(who) < len(scenario.craft) and (limited or stage.if_blocked != ())
-    return limited
+    if not isinstance(stage, Joint):
+        return limited
+    coast = len(who) < len(scenario.craft)
+    told = (target for one in scenario.stages for target in one.targets.values())
+    return (limited or stage.if_blocked != ()) and (coast or any(map(moves, told)))
+
+
+def moves(target: Target | Goal) -> bool:
+    """Whether where a target is depends on when one arrives."""
+    return target.line is not None if isinstance(target, Goal) else target.roe is not None
 
 
 def near(scenario: Scenario, states: Floats, who: list[int], margin: float) -> Iterator[str]:
-    """Pairs of which one moves that are within their zone padded by a margin [m], and what helps."""
+    """Pairs with one of some craft that are within their zone padded by a margin [m], and what helps."""
     for zone, first, second in portions(scenario.zones):
         apart = states[first, :3] - states[second, :3]
         padded = zone.padded(margin) if margin else zone
-        held = (padded.norm(apart) <= 1.0) & (np.isin(first, who) | np.isin(second, who))
+        held = (padded.norm(apart) <= ON) & (np.isin(first, who) | np.isin(second, who))
         for k in np.flatnonzero(held):
             names = f"{scenario.names[first[k]]} and {scenario.names[second[k]]}"
             short = Short.of(zone, apart[k], margin)

@@ -186,13 +186,18 @@ class Reconfigure(Joint):
         """The slots (S, 6) as far as they do not depend on the flight so far; else None.
 
         What relative elements are as a state does, by the `latitude` [rad] of the origin at arrival.  A
-        line is centred on the origin here, and goes with the craft that form it.
+        line is centred on the origin here.
         """
         if isinstance(self.to, tuple):
             if latitude is None and any(target.roe is not None for target in self.to):
                 return None
             return np.array([target.state(orbit, latitude or 0.0) for target in self.to])
         return self.to.shape.states(orbit, self.slots or count) if self.to.shape is not None else None
+
+    def centred(self, slots: Floats, coasted: Floats) -> Floats:
+        """Known slots (S, 6) where they are: a line goes with the craft that form it and `coasted` (N, 6)."""
+        line = isinstance(self.to, Goal) and self.to.line is not None
+        return np.asarray(slots + coasted.mean(axis=0)) if line else slots
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:

@@ -21,6 +21,7 @@ CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
 LEADING = {BALL: 3, CYLINDER: 2}  # axes of the round part of a shape; the rest is flat
 CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # how far the farthest point of a unit shape is
 ROUNDING = 1e-14  # relative: what is left of a direction that faces make up
+ON = 1.0 + 1e-9  # of a zone: a start or an end of a plan that is not beyond counts as inside
 SAME = 1e-12  # relative: normals that differ by less span nothing
 
 
