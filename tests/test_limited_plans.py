@@ -294,3 +294,14 @@ def test_burns_of_nothing_are_not_listed():
     told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
     assert min(told) >= 5e-7  # what prints as 0.000000 is left out
     assert sum(told) == pytest.approx(plan.delta_v, abs=5e-7 * len(every))
+
+
+def test_burns_of_who_burns_next_to_nothing_are_listed():
+    """A millimetre in an orbit takes two impulses of tenths of a micrometre per second, and both are told."""
+    orbit = cf.Orbit.circular(500e3)
+    path = orbit.impulsive(np.zeros(6), [0.0, 1e-3, 0.0, 0.0, 0.0, 0.0], orbit.period)
+    assert path.delta_v < 5e-7
+    after = SimpleNamespace(names=["A"], paths=[path])
+    told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
+    assert len(told) == len(path.impulses)
+    assert sum(told) == pytest.approx(path.delta_v, rel=1e-12)

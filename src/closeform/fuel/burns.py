@@ -10,6 +10,7 @@ from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
 LEAST = 5e-7  # m/s, of a burn worth telling: plans within a limit leave less where they touch it in passing
+SHARE = 1e-3  # of all that is burned: whoever burns next to nothing has burns worth telling, too
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 NOTHING = 1e-9  # of the greatest thrust: what is left by rounding where a craft coasts
 PIECE = 0.5  # of n t, within which 16 points of Gauss integrate thrust to the last digits
@@ -29,8 +30,8 @@ class Burns(NamedTuple):
 
     @property
     def telling(self) -> Any:
-        """Which (K,) are more than nothing in micrometres per second."""
-        return self.size >= LEAST
+        """Which (K,) are more than nothing, in micrometres per second and among the others."""
+        return self.size >= min(LEAST, SHARE * float(self.size.sum()))
 
 
 def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
