@@ -4,6 +4,8 @@ import subprocess
 import sys
 from io import BytesIO
 from socket import socketpair
+from threading import active_count
+from time import sleep
 
 import numpy as np
 import pytest
@@ -71,6 +73,17 @@ def test_a_single_other_is_helped(tmp_path, alone, others):
     pictures, here = draw(tmp_path)
     assert pictures == alone[0]
     assert 0 < len(here) < len(PICTURES)
+
+
+@pytest.mark.parametrize("pictures", [PICTURES, []])
+def test_nobody_is_told_of_a_picture_after_the_last(tmp_path, others, pictures):
+    """Also if all are there before anybody asks."""
+    idle, told = active_count(), []
+    finish = drawing.begun(pictures, Folder(tmp_path))
+    while active_count() > idle:
+        sleep(0.01)
+    finish(told.append)
+    assert told == []
 
 
 def test_one_draws_all_where_the_others_are_gone(tmp_path, alone, monkeypatch):

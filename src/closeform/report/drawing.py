@@ -142,8 +142,12 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
         other.start()
 
     def finish(progress: "Progress") -> "list[Shot]":
+        def tell() -> None:
+            if (done := len(shots)) < len(pictures):
+                progress(f"picture {done + 1} of {len(pictures)}")
+
         def draw(picture: Drawable) -> None:
-            progress(f"picture {len(shots) + 1} of {len(pictures)}")
+            tell()
             shots[picture.name] = picture.leave(folder, progress)
 
         for film in films:
@@ -151,7 +155,7 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
         while len(others) <= HELPED and (picture := following()):
             draw(picture)
         for other in others:
-            progress(f"picture {len(shots) + 1} of {len(pictures)}")
+            tell()
             other.join()
         while picture := following():
             draw(picture)
