@@ -9,6 +9,7 @@ from closeform.campaign import case_of, flown
 from closeform.campaign.gather_cases import GatherCampaign
 from closeform.campaign.mission_cases import MissionCampaign
 from closeform.mission import fly
+from closeform.report import gather as report
 from closeform.scenario import parse
 from closeform.search.burn_flaws import BurnFlaws
 from closeform.search.flawed_gather import gather_flawed
@@ -351,3 +352,29 @@ def test_without_failures_a_gathering_is_as_it_was():
     np.testing.assert_array_equal(one.delta_v, other.delta_v)
     assert (one.column("adrift") == 0).all()
     assert one.good.tolist() == other.good.tolist()
+
+
+def test_a_report_says_what_the_first_pair_burned():
+    """Half of their relative velocity where both can, all of it of the only one that can."""
+    scenario = parse(WIDE.replace("rounds = 2", 'rounds = 2\nburns = "half"'))
+    seen = set()
+    for case in range(24):
+        mission = fly(case_of(scenario, case))
+        (result,) = mission.results
+        first = next((e for e in result.result.events if e.kind is EventKind.LOCK), None)
+        if first is None:
+            continue
+        states = mission.scenario.states(mission.orbit)
+        apart = np.linalg.norm(states[first.first, 3:] - states[first.second, 3:])
+        table = report.timeline(result.result, NAMES)
+        for _, _, kind, pair, _, _, _, _, what, size, _ in table.rows:
+            if kind == "burn" and pair[0] in (NAMES[first.first], NAMES[first.second]):
+                assert size == pytest.approx(
+                    apart if what == "burn, nulls its relative velocity" else 0.5 * apart
+                )
+                seen.add(what)
+            elif kind == "burn":
+                assert what == "burn, nulls its relative velocity"
+        ((*_, told),) = [row for row in report.ways(result)[0].rows if row[2]]
+        assert told == "planned"  # what that costs is of exact burns
+    assert seen == {"burn, nulls its relative velocity", "burn, nulls half of the relative velocity"}

@@ -43,7 +43,7 @@ def section(mission: Mission, result: Gathered) -> Section:
             *((progress(gathering),) if history.folded else ()),
             *((history,) if history.rows else ()),
             with_total(spent),
-            *ways(gathering, names),
+            *ways(result),
             *met,
             search.facts(once, gathering.duration),
             search.phases(once, rounds),
@@ -95,7 +95,7 @@ def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
         replace(speed(gathering), absent=""),
         Column(None, parts=("dvx_m_s", "dvy_m_s", "dvz_m_s")),
     )
-    first = next((event.time for event in gathering.events if event.kind is EventKind.BURN), None)
+    shared = halves(gathering)
     rows = []
     for moment in replayed(gathering):
         event, size = moment.event, None
@@ -104,13 +104,23 @@ def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
             who, what = f"{pair[0]} - {pair[1]}", met(moment, pair)
         else:
             who, what, size = pair[0], BURNS[event.kind], float(np.linalg.norm(event.delta_v))
-        if event.kind is EventKind.BURN and gathering.burns == "half" and event.time == first:
+        if event in shared:
             what = "burn, nulls half of the relative velocity"
         phase, kind, push = (event.phase, event.round), str(event.kind), event.delta_v.tolist()
         rows.append(
             (event.time, event.time, kind, pair, phase, event.case, event.label, who, what, size, push)
         )
     return Table("Timeline", columns, rows, folded=len(rows) > MOST_ROWS)
+
+
+def halves(gathering: Gathering) -> list[Event]:
+    """The burns with which both of the first pair null half of their relative velocity, if both can."""
+    first = next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
+    if first is None or gathering.burns != "half":
+        return []
+    pair = first.first, first.second
+    burns = [event for event in gathering.events if event.kind is EventKind.BURN and event.first in pair]
+    return burns if len(burns) == len(pair) else []
 
 
 def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
@@ -185,19 +195,26 @@ def with_total(spent: Table) -> Table:
     return replace(spent, rows=[*spent.rows, ("all", "", None, sum(burns), sum(speeds), fuel)])
 
 
-def ways(gathering: Gathering, names: Sequence[str]) -> tuple[Table, ...]:
-    """What all craft spend for each way in which the first pair can burn."""
+def chosen(result: Gathered) -> str:
+    """What became of the way that the first pair chose: planned, where burns are off or thrust is lost."""
+    return "flown" if result.commanded is None else "planned"
+
+
+def ways(result: Gathered) -> tuple[Table, ...]:
+    """What all craft spend, by exact burns, for each way in which the first pair can burn."""
+    gathering, names = result.result, result.after.names
     first = next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
     if first is None:
         return ()
     low, high = names[first.first], names[first.second]
     words = {"second": f"second: {high} burns, {low} holds", "first": f"first: {low} burns, {high} holds"}
     rows = [
-        (words.get(way, "half: half each"), total, "flown" if way == gathering.burns else "")
+        (words.get(way, "half: half each"), total, chosen(result) if way == gathering.burns else "")
         for way, total in gathering.totals.items()
     ]
     columns = Column("the first pair", words=True), speed(gathering, " of all craft"), Column("")
-    return (Table("Three ways of the first pair", columns, rows),)
+    as_planned = ", as planned" * (result.commanded is not None)
+    return (Table(f"Three ways of the first pair{as_planned}", columns, rows),)
 
 
 def known(result: Gathered) -> list[bool]:
@@ -239,7 +256,8 @@ def outcome(result: Gathered) -> Iterator[str]:
         yield f"Adrift in the formation set, without the thrust to fly along: {who}"
     cheapest = min(gathering.totals.values())
     if result.stage.burns == "least" and gathering.totals[gathering.burns] > cheapest * (1.0 + 1e-9):
-        yield "The way flown is not the cheapest of three because the cheaper ones leave more craft"
+        way = f"The way {chosen(result)}"
+        yield f"{way} is not the cheapest of three because the cheaper ones leave more craft"
     if len(names) > MOST_ROWS:
         yield share(gathering, names)
 

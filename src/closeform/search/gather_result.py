@@ -106,9 +106,9 @@ class Gathering(Result):
     delta_v : array of shape (N,) [m/s]
         What each craft spent.
     totals : dict of str to float [m/s]
-        Total delta-v of the three ways in which the first pair can burn.
+        Total delta-v of the three ways in which the first pair can burn, if all burn exactly.
     burns : str
-        Which of the three was flown.
+        Which of the three was flown, or planned where burns go wrong, in a case of a study.
     sets : tuple of tuple of int
         Members by index: the formation set first, if there is one, then knowledge sets.
     lost : tuple of int
