@@ -1,5 +1,6 @@
 """Compiled kernels on disk: whose they are, and what happens where they cannot be read or written."""
 
+import math
 import os
 import re
 import shutil
@@ -189,6 +190,33 @@ def test_two_processes_compile_a_kernel_once(tmp_path):
     with ThreadPoolExecutor(2) as pool:
         both = [f.result()[0] for f in [pool.submit(evaluated, tmp_path, code) for _ in range(2)]]
     assert sorted(text.count(": 1") for text in both) == [0, 1]  # one compiled it, one loaded it
+
+
+LINKED = """
+import numpy as np
+from numba import float64
+from closeform.compiled import kernel
+
+@kernel(float64(float64))
+def inner(x):
+    return np.sin(x) + x
+
+@kernel(float64(float64))
+def outer(x):
+    return inner(2.0 * x)
+
+print(outer(0.5), [sum(entry.stats.cache_hits.values()) for entry in (inner, outer)])
+"""
+
+
+def test_a_kernel_from_a_file_is_linked_into_one_that_is_compiled(tmp_path):
+    """Its code for LLVM is read only then: all that is left of it otherwise is machine code."""
+    value = str(math.sin(1.0) + 1.0)
+    assert f"\n{value} [0, 0]\n" in evaluated(tmp_path, LINKED)[0]
+    (file,) = (tmp_path / "closeform" / "kernels").glob("__main__.outer-*[!k]")  # no lock
+    file.unlink()
+    assert f"\n{value} [1, 0]\n" in evaluated(tmp_path, LINKED)[0]
+    assert f"\n{value} [1, 1]\n" in evaluated(tmp_path, LINKED)[0]
 
 
 def test_types_that_moved_are_others() -> None:
