@@ -4,6 +4,8 @@ import ast
 import re
 import runpy
 import shlex
+import subprocess
+import sys
 from operator import attrgetter
 from pathlib import Path
 
@@ -85,6 +87,13 @@ def test_readme_has_the_figures_of_the_benchmarks() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert tool["figures"]().count("\n| ") > 5
     assert readme == tool["renewed"](readme), "run tools/readme_figures.py"
+
+
+def test_the_page_of_benchmarks_is_of_what_was_measured() -> None:
+    """Of each section in `benchmarks/measured`, and no word is written by hand."""
+    code = "import run, sys; sys.stdout.buffer.write(run.page().encode())"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT / "benchmarks", capture_output=True)
+    assert done.stdout.decode() == (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
 
 
 def links() -> list[tuple[str, str]]:

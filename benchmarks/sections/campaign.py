@@ -72,7 +72,7 @@ def measure(quick: bool) -> Report:
     speed = (one.wall - start.wall) / (locks[many].wall - start.wall)
     notes = [
         f"Two cores are {times(speed)} as fast as one, beyond the start.",
-        "Time of processors and memory are those of the process that flies; a second one draws beside it.",
+        "Time of processors and memory are those of the process that flies; others draw beside it.",
     ]
     growth = locks[many].memory / locks[few].memory
     figures = [
