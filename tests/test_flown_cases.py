@@ -16,6 +16,7 @@ from closeform.campaign.mission_cases import MissionCases
 from closeform.cli import main
 from closeform.field.drag import EARTH_SPIN
 from closeform.mission import fly
+from closeform.report.mission_study import MissionStudyReport
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
 from test_field import axes_of, textbook
@@ -204,6 +205,8 @@ def test_what_is_counted(missions):
         assert middle == pytest.approx(np.quantile(ratios, share), rel=1e-12)
         assert f"{said} {middle:.4g}" in headline.get_text()
     assert missions.spreads["flown: delta-v of all craft [m/s]"].worst[0][0] == spent.max()
+    captions = [one.caption for one in MissionStudyReport(missions).pictures]
+    assert captions[:2] == ["What all craft spend together, as planned", "What all craft spend in flight"]
     reason = missions.column("reason")[flights.nearest[1]]
     assert reason == f"a zone is entered in flight, least {ratios.min():.4f} x zone"
 

@@ -94,7 +94,10 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
         Line2D([], [], color=CONFLICT, linewidth=0.9),
         Line2D([], [], color=INK, linestyle="", marker="o", markersize=5.0),
     ]
-    legend(figure, handles, ["planned", "flown", f"the worst, flight {flight.worst}", "end"], ncols=4)
+    words = ["planned", "flown", f"the worst, flight {flight.worst}", "end"]
+    if len(flight.states) == 1:
+        handles, words = [handles[0], *handles[2:]], ["planned", "flown", "end"]
+    legend(figure, handles, words, ncols=4)
     told = (
         f"Deviations are drawn {gain:g} times as large" if gain != 1.0 else "Deviations are drawn as they are"
     )

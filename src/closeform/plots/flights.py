@@ -220,9 +220,10 @@ def flight_costs(flight: Flight, names: Sequence[str] | None = None) -> Figure:
         axes = area(figure, LEFT + k * (wide + 0.3), 0.75, wide, high)
         dress(axes)
         unit = speed_unit(float(np.abs(part).max()))
+        many = part.ndim > 1 and len(part) > 1
         middle = np.median(part, axis=0) if part.ndim > 1 else part
-        axes.barh(rows, middle / unit.size, height=0.62, color=tint, alpha=0.55 if part.ndim > 1 else 0.9)
-        if part.ndim > 1:
+        axes.barh(rows, middle / unit.size, height=0.62, color=tint, alpha=0.55 if many else 0.9)
+        if many:
             spread = np.linspace(-0.24, 0.24, len(part))
             for row, some in zip(rows, part.T, strict=True):
                 axes.plot(some / unit.size, row + spread, ".", color=tint, markersize=3.0, alpha=0.6)
@@ -231,13 +232,16 @@ def flight_costs(flight: Flight, names: Sequence[str] | None = None) -> Figure:
         axes.set_yticks(rows, [called[j] for j in who] if k == 0 else [""] * len(who), fontsize=SMALL)
         for words in axes.get_yticklabels():
             plain(words)
-        axes.set_xlabel(f"{what}{', each flight' * (part.ndim > 1)} [{unit.name}]", fontsize=TEXT, color=INK)
+        axes.set_xlabel(
+            f"{what}{', each flight' * many} [{unit.name}]",
+            fontsize=TEXT,
+            color=INK,
+        )
     total, planned = float(flight.delta_v.sum(axis=1).mean()), float(flight.planned_delta_v.sum())
     extra = f" ({100.0 * (total / planned - 1.0):+.2g} %)".replace("-", "−") if planned else ""
+    average = f"flown{' on average' * (len(flight.states) > 1)}"
     plain(
-        headline(
-            figure, f"{speed(total)} flown on average, {speed(planned)} planned{extra}, of {_flights(flight)}"
-        )
+        headline(figure, f"{speed(total)} {average}, {speed(planned)} planned{extra}, of {_flights(flight)}")
     )
     return figure
 

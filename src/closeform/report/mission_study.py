@@ -26,6 +26,7 @@ SPREAD = (
 )
 LOST = Column("of", words=True), Column("cases"), *percent("share [%]")
 SPENT = "delta-v", "What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s", 0.95
+PLANNED = SPENT[0], f"{SPENT[1]}, as planned", f"planned {SPENT[2]}", *SPENT[3:]  # beside what is flown
 DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".format)
 
 
@@ -138,8 +139,8 @@ class MissionStudyReport(CasesReport):
         done = ~np.isnan(campaign.column("end_s"))
         if not done.any():
             return ()
-        found, flown = [], flown_study.PICTURES if campaign.flights is not None else ()
-        for name, caption, words, column, tail in (SPENT, *flown):
+        found, told = [], (SPENT,) if campaign.flights is None else (PLANNED, *flown_study.PICTURES)
+        for name, caption, words, column, tail in told:
             some = campaign.column(column)[done]
             if not np.isnan(some).any():
                 found.append(Picture(name, caption, "distribution", (some, words), {"tail": tail}))
