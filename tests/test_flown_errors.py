@@ -71,6 +71,14 @@ def test_each_impulse_is_off_by_gates_model():
     assert flights.states[0, 0, -1] == pytest.approx(end, abs=1e-3)
 
 
+def test_impulses_err_as_impulses_where_thrust_that_lasts_leads_back():
+    """What each interval's thrust is off by is not theirs: without their own they are as planned."""
+    exact, erring = (cf.fly(kicked(), FIELD, feedback=LASTING, errors=one) for one in (None, BURNS))
+    shots = [(one.states - one.arrivals)[..., 3:] for one in (exact, erring)]
+    assert np.abs(shots[0]).max() > 0.1  # m/s
+    assert shots[1] == pytest.approx(shots[0], abs=1e-12)
+
+
 def test_thrusters_err_pulse_by_pulse_and_order_by_order():
     """Each pulse of the plan, and all that one order fires, with its own draw: by DOP853."""
     orbit, field = chief().orbit, cf.Field(chief())
@@ -173,6 +181,29 @@ def test_what_leads_back_errs_too(law, errors):
     said = np.trace(room.spread, axis1=-2, axis2=-1).mean()
     assert said > 0.15 * plain
     assert erring - plain == pytest.approx(said, rel=0.07)
+
+
+@pytest.mark.parametrize(
+    ("law", "errors"),
+    [
+        (LASTING, cf.Errors(None, 0.05, 0.05)),
+        (LATE, cf.Errors(None, 0.05, 0.05)),
+        (SHOTS, cf.Errors(impulse=(0.0, 0.05, 0.0, 0.05))),
+    ],
+    ids=["thrust", "late", "impulses"],
+)
+def test_what_answers_to_constant_errors_of_measurements_errs_too(law, errors):
+    """By 300 flights of four craft, of biases that point evenly to all sides: a third of what any may do."""
+    coast, sight = ORBIT.coast(np.zeros((4, 6)), ORBIT.period), cf.Navigation(position_bias=1.0)
+    erring, plain = (
+        cf.fly(coast, FIELD, feedback=law, navigation=sight, errors=own, seeds=300).states[..., :3]
+        for own in (errors, None)
+    )
+    room = cf.room(coast, FIELD, law, sight, errors=errors)
+    away = (erring - plain).reshape(-1, *erring.shape[2:])
+    found = np.linalg.eigvalsh(np.einsum("sti,stj->tij", away, away) / len(away))[:, -1].max()
+    assert 3.0 * found == pytest.approx(np.linalg.eigvalsh(room.spread)[..., -1].max(), rel=0.2)
+    assert np.linalg.norm(erring, axis=-1).max() < room.greatest.max()
 
 
 def test_an_error_of_fixed_size_counts_to_all_sides():

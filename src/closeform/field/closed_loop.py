@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -52,11 +53,10 @@ class ClosedLoop:
         since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:
             return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since), np.zeros(0))
-        fired, gains = kicks_back(orbit, feedback, lasting)
-        now = slots_of(feedback)[0] < every * (
-            1.0 - BESIDE
-        )  # the others are left to the next measurement, as in flight
-        fired, gains = fired[now], gains[now]
+        begin, over = slots_of(feedback)
+        now = begin < every * (1.0 - BESIDE)  # the others are left to the next measurement, as in flight
+        fired = (0.5 * (begin + np.minimum(over, every)) if lasting else begin)[now]
+        gains = kicks_back(orbit, feedback, lasting)[1][now]
         return cls(orbit, delay, since, *left_of(orbit, fired, gains, since), gains, fired)
 
     @property
@@ -207,19 +207,26 @@ class ClosedLoop:
         summed = np.concatenate([np.zeros((1, 6, 6)), np.cumsum(0.5 * step * (back[1:] + back[:-1]), axis=0)])
         return np.asarray(self.left - self.moved + self.moved @ summed)
 
+    def misled(self) -> Iterator[Floats]:
+        """Where constant errors of 1 of measurements have led to (6, 6) when one after another counts."""
+        state = np.zeros((6, 6))
+        while True:
+            yield state
+            state = self.left[-1] @ state + self.taken[-1]
+
     def biased(self, sight: Navigation) -> tuple[float, float]:
         """How far constant errors of measurements bring a craft [m], and its thrust [m/s^2], at most."""
         sizes = sight.position_bias, sight.velocity_bias
         if not any(sizes):
             return 0.0, 0.0
-        state, worst = np.zeros((6, 6)), np.zeros(2)
-        for _ in range(LONGEST):
-            off = (self.left @ state + self.taken)[:, :3]
-            thrust = self.law @ (state + self.late)
+        before, worst = np.zeros((6, 6)), np.zeros(2)
+        for state in islice(self.misled(), 1, LONGEST):
+            off = (self.left @ before + self.taken)[:, :3]
+            thrust = self.law @ (before + self.late)
             worst = np.maximum(worst, [_by_size(off, sizes), _by_size(thrust, sizes)])
-            before, state = state, self.left[-1] @ state + self.taken[-1]
             if np.abs(state - before).max() <= SETTLED * np.abs(state).max():
                 break
+            before = state
         return float(worst[0]), float(worst[1])
 
     @cached_property

@@ -8,6 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.executed import burn_edges
+from closeform.field.timetable import SAME
 from closeform.field.validity import deviations_of
 from closeform.motion.arc import START
 from closeform.motion.path import Path
@@ -32,7 +33,7 @@ def error_motions(
         found.append(np.moveaxis(orbit.transition(times - times[0]) @ errors._root, -1, 0))
     for when, size in zip(*jumps, strict=True) if any(errors.impulse) else ():
         moved = orbit.transition(np.maximum(times - when, 0.0))[..., 3:] @ gates_of(size, errors).T
-        found.append(np.moveaxis(moved * (times > when)[:, None, None], -1, 0))
+        found.append(np.moveaxis(moved * (times > when + SAME)[:, None, None], -1, 0))
     if errors.magnitude or errors.pointing:
         sizes = np.array([errors.magnitude, *[errors.pointing] * 3])[:, None, None]
         found += [sizes * own for own in _burns(path, times, against)]

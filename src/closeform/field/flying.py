@@ -23,6 +23,7 @@ from closeform.field.lanes import (
     LANE,
     LANES,
     LIMIT,
+    NONE,
     ORDER,
     OWN,
     SEEN,
@@ -181,7 +182,7 @@ def kick_all(course, lanes, node, events, impulses, here):
         if size < course.bits[i]:
             continue
         lanes[SPENT, m] += size
-        fired[0], fired[1], fired[2] = erred(lanes, m, BACK, fired[0], fired[1], fired[2])
+        fired[0], fired[1], fired[2] = erred(lanes, m, NONE, fired[0], fired[1], fired[2])
         if events.shape[1] > 0:
             miss(course.gates[i], events[m, course.struck[node]], fired)
         for k in range(3):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
+from itertools import islice, product
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -123,13 +123,13 @@ class Followed:
             moved = orbit.transition(times[after] - when)[:, :, 3:]
             pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
         off, believed = self.loop.follow(pushed.reshape(-1, len(times), 6))
-        return off.reshape(5, *flown.shape), believed.reshape(5, len(flown), -1, 6)
+        return off.reshape(5, *flown.shape), believed.reshape(5, len(flown), *believed.shape[1:])
 
     @cached_property
     def brought(self) -> Floats:
         """With what thrust (5, N, T, 3) [m/s^2], or impulses (5, N, Q, 3) [m/s], craft answer each cause."""
         believed = self.caused[1]
-        found = self.loop.answers(believed.reshape(-1, *believed.shape[2:]), len(self.times))
+        found = self.loop.answers(np.concatenate(believed), len(self.times))
         return found.reshape(*believed.shape[:2], -1, 3)
 
     def scattered(self, craft: int, sight: Navigation, size: Floats, errors: Errors) -> tuple[Floats, Floats]:
@@ -148,8 +148,10 @@ class Followed:
         off, believed = self.loop.follow(motions)
         answers = self.loop.answers(believed, len(self.times))
         share, angle = size
-        known = self.caused[1][:, craft]
+        known, led = self.caused[1][:, craft], islice(self.loop.misled(), believed.shape[1])
+        seen = np.reshape([state + self.loop.late for state in led], (-1, 6, 6)).transpose(2, 0, 1)
         causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
+        causes += [sight.position_bias * seen[:3], sight.velocity_bias * seen[3:]]
         causes = [one for one in causes if one.any()]  # whose sum is squared
         moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
         errors = errors if self.pulsed is None else errors._of_orders
@@ -184,6 +186,6 @@ def _squares(rows: Floats) -> Floats:
 
 def _steps(delay: float, every: float) -> int:
     """How many of an interval [s] a `delay` fits, a share of it."""
-    least = min(max(STEPS, 2 * int(np.ceil(0.5 * every / OFTEN))), MOST)
+    least = min(max(STEPS, 2 * intervals_in(0.5 * every, OFTEN)), MOST)
     some = range(least, MOST, 2)
     return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)

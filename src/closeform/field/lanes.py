@@ -5,9 +5,9 @@ from closeform.compiled import kernel
 LANES = 16  # flights of a craft, side by side
 # Rows of lanes: the state from the chief, inertial, the deviation that counts, that which was seen, errors of
 # thrust, what is spent, the craft, its limit and ballistic coefficient, an order to thrusters and its burn,
-# errors of what is planned until the next edge, and of what leads back until it is told anew.
+# errors of what is planned until the next edge, of what leads back until it is told anew, and none.
 Y, COUNTED, SEEN, ERROR, SPENT, CRAFT, LIMIT, BALLISTIC = 0, 6, 12, 18, 22, 24, 25, 26
-ORDER, BURN, OWN, BACK, LANE = 27, 36, 39, 43, 47
+ORDER, BURN, OWN, BACK, NONE, LANE = 27, 36, 39, 43, 47, 51
 
 
 @kernel(inline=True)

@@ -76,10 +76,10 @@ class Timetable(NamedTuple):
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))
         each = thin * int(np.ceil(each / thin))
-        base = np.linspace(start, end, looks * each + 1)
+        base = snapped(np.linspace(start, end, looks * each + 1), np.sort(fired))
         measured = base[:-1:each]
         inside = offsets[offsets < (end - start) / looks * (1.0 - BESIDE)]
-        kicked = snapped(measured[:, None] + inside, np.sort(fired))
+        kicked = snapped(measured[:, None] + inside, np.union1d(base, fired))
         firing = np.unique(np.concatenate([kicked.ravel(), fired]))
         edges = joined(edges[edges > start + SAME], np.union1d(base, firing))
         looked_at = joined(looked_at[looked_at > start + SAME], np.union1d(edges, np.union1d(base, firing)))
@@ -99,7 +99,7 @@ class Timetable(NamedTuple):
             np.zeros(len(nodes) - 1, dtype=np.int64),
             np.zeros(3),
         )
-        return table if law is None or law.impulses else table._measured(nodes, answered)
+        return table if law is None or law.impulses or not len(answered) else table._measured(nodes, answered)
 
     def _measured(self, nodes: Floats, answered: Floats) -> Timetable:
         """With the rows of a law, one for each kind of step; before the first measurement counts any does."""
