@@ -280,6 +280,56 @@ def test_what_bits_are_of():
         cf.room(path, FIELD, thrusters=[NOZZLES] * 3)
 
 
+def test_thrusters_that_nobody_has():
+    path = formation(0.3, 2)
+    none, room = (cf.room(path, FIELD, navigation=SIGHT, thrusters=sets) for sets in ([None] * 2, None))
+    assert (none.radius == room.radius).all()
+
+
+@pytest.mark.parametrize("seconds", [100.0, 400.0])
+def test_flights_by_pulses_that_are_shorter_than_intervals_stay_in_their_room(seconds):
+    """Burns are about the middle of what there is, not of the 300 s that there might be."""
+    told = {
+        "navigation": SIGHT,
+        "thrusters": cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-7, period=20.0),
+    }
+    path = ORBIT.coast(np.zeros((1, 6)), seconds)
+    room, flights = cf.room(path, FIELD, **told), cf.fly(path, FIELD, **told, seeds=300)
+    assert 0.01 < deviations(path, flights).std(axis=(0, 1)).max() < room.noise
+    assert (flights.deviations.max(axis=(0, 2)) < room.greatest).all()
+
+
+def test_a_delay_beyond_the_end():
+    """Nothing is answered to, in flight nor in the room."""
+    path, law = formation(0.008), cf.Feedback(60.0, 600.0, delay=60.0)
+    assert path.end[0] - path.start[0] < 60.0
+    errors = cf.Errors(1e-2 * np.eye(6))
+    told = {"feedback": law, "navigation": SIGHT, "errors": errors}
+    flights, free = cf.fly(path, FIELD, **told), cf.fly(path, FIELD, "open", errors=errors)
+    assert flights.states == pytest.approx(free.states)
+    room = cf.room(path, FIELD, **told)
+    free = ORBIT.transition(path.end[0])[:3] * 0.1
+    assert room.spread[0, -1] == pytest.approx(free @ free.T)
+
+
+def rounded(begin: float) -> cf.Path:
+    """Two transfers by two impulses each, one after the other, with all impulses at measurements."""
+    ends = [0, 400, 0, 0, 0, 0], [0, -300, 200, 0, 0, 0], np.zeros(6)
+    parts = [ORBIT.two_impulse(*ends[k : k + 2], 1500.0, begin + 1500.0 * k) for k in range(2)]
+    return cf.join(parts)
+
+
+@pytest.mark.parametrize("begin", [6066.357757671799, 6547.846749285817])
+def test_impulses_at_measurements_but_for_rounding(begin):
+    """Who is measured as one is fired is so before it: the same room wherever the path begins."""
+    gates = cf.Errors(impulse=(0.0, 0.01, 0.0, 0.0175))
+    field = cf.Field(CHIEF, 0)
+    early, late = (cf.room(rounded(one), field, errors=gates, cancel=False) for one in (0.0, begin))
+    assert late.spread == pytest.approx(early.spread, abs=1e-4)  # m^2, of 19
+    assert late.times == pytest.approx(early.times + begin)
+    assert cf.fly(rounded(begin), field, seeds=2).greatest_deviation < 1.0  # m
+
+
 # --- margins that fit ---------------------------------------------------------------------------
 
 
@@ -368,6 +418,30 @@ def test_beside_a_craft_that_is_held(cost):
     ]
     assert entered[0] == 0.0
     assert entered[1] > 0.3
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_a_fast_pass_is_seen_between_two_looks(cost):
+    """At 5 m/s, where a room is known each 10 or 14 s: of 300 flights none enters; without it some."""
+    zone, client = cf.Sphere(30.0), ORBIT.coast(np.zeros(6), 9000.0)
+    ends = [0, 0, 2000, 0, 0, 0], [0, 15, -3500, 0, 0, 0]
+    path = (ORBIT.transfer if cost == "energy" else ORBIT.two_impulse)(*ends, 1000.0)
+    told = {"navigation": SIGHT, "thrust_error": (0.002, 0.002)}
+
+    def planned(margin):
+        return cf.avoid(path, client, zone, cost=cost, margin=margin)
+
+    found = cf.fit_margin(planned, FIELD, zone, obstacles=client, held=True, **told)
+    noise = cf.tube(ORBIT, cf.Feedback(), SIGHT).of_a_pair
+    assert found.fits
+    assert found.greatest > 5.0 * noise
+    still = ORBIT.coast(np.zeros((1, 6)), 1000.0)
+    entered = [
+        cf.fly(cf.stack([plan.path, still[0]]), FIELD, zones=zone, seeds=300, **told).violated
+        for plan in (found.plan, planned(noise))
+    ]
+    assert entered[0] == 0.0
+    assert entered[1] > 0.1
 
 
 def test_no_thrust_for_feedback():

@@ -203,8 +203,7 @@ def fit_margin(
         if not held and others is not None:
             bodies = stack([paths[k] for k in range(craft)] + [others[k] for k in range(fixed)])
         margin = np.broadcast_to(margin, (craft + fixed, craft + fixed)).copy()
-        pairs, left, needed = needed_room(found, bodies, pair_zones("zones", zones, craft, fixed), craft)
-        short = np.where(left < needed, needed, 0.0).max(axis=1, initial=0.0)
+        pairs, short = needed_room(found, bodies, pair_zones("zones", zones, craft, fixed), craft)
         rises = short > margin[tuple(pairs.T)]
         if not rises.any():
             return FittedMargin(plan, found, margin, True, made, _told(margin, made))

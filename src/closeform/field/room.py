@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, shown
@@ -20,6 +21,9 @@ from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
 from closeform.zones.padding import gap
 from closeform.zones.pair_zones import PairZones
+from closeform.zones.zone import Zone
+
+CLOSER, FINER = 4, 16  # times that the two steps about a least are looked at anew, in so many parts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -160,17 +164,20 @@ def room(
     True
     """
     paths = paths_to_fly(plan, field)
-    usual = usual_feedback("track", fires_impulses(paths) or thrusters is not None)
+    own, count = each_set(thrusters, len(paths)), len(paths)
+    shooters = np.array([one is not None for one in own])
+    usual = usual_feedback("track", fires_impulses(paths) or bool(shooters.any()))
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     instance("cancel", cancel, bool)
-    sizes, count = thrust_errors(thrust_error, len(paths)), len(paths)
+    sizes, least = (
+        thrust_errors(thrust_error, count),
+        nonnegative("minimum_bit", number("minimum_bit", minimum_bit)),
+    )
     many = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown = nonnegative("residual", residual)
     if unknown.shape not in ((), (count,)):
         raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
-    own, least = each_set(thrusters, count), nonnegative("minimum_bit", number("minimum_bit", minimum_bit))
-    shooters = np.array([one is not None for one in own])
     if shooters.any():
         from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
 
@@ -224,34 +231,70 @@ def _together(parts: Sequence[Room], order: Any) -> Room:
     return replace(parts[0], noise=max(one.noise for one in parts), **joined)
 
 
-def needed_room(found: Room, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats, Floats]:
-    """Pairs (P, 2) with a zone, how far they are off it as planned (P, T), and how far they need to be [m].
+def needed_room(found: Room, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats]:
+    """Pairs (P, 2) with a zone, and the most (P,) [m] that each needs where it is nearer than that, or 0.
 
     `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be; pairs
     have one of the first that are `planned`.  What is needed counts along the zone's normal where the pair
-    is.                                                                                        # theory (93)
+    is; where it comes nearest between two times of the room, too.                             # theory (93)
     """
-    places, craft = paths.position(found.times), len(found.shift)
-    pairs, left, needed = [], [], []
+    places, pairs, most = paths.position(found.times), [], []
     for zone, some in zones.groups():
-        for i, j in some[some[:, 0] < planned].tolist():
-            off, normals = gap(zone, places[i] - places[j])
-            shift, most, square = _along(found, i, normals)
-            if j < craft:
-                other = _along(found, j, normals)
-                shift, most, square = shift - other[0], most + other[1], square + other[2]
-            pairs.append((i, j))
-            left.append(off)
-            needed.append(most - shift + found.sigmas * np.sqrt(square))
-    size = (len(pairs), len(found.times))
-    return np.array(pairs, dtype=np.int64).reshape(-1, 2), np.reshape(left, size), np.reshape(needed, size)
+        for pair in some[some[:, 0] < planned].tolist():
+            i, j = pair
+            off, needed = _room_left(found, zone, pair, found.times, places[i] - places[j])
+            greatest = needed[off < needed].max(initial=0.0)
+            times, left = _dips(found.times, off - needed)
+            for _ in range(CLOSER):
+                times = _about_least(times, left)
+                one, other = paths[pair].position(times.ravel())
+                off, needed = _room_left(found, zone, pair, times.ravel(), one - other)
+                left = (off - needed).reshape(times.shape)
+                greatest = max(greatest, needed[off < needed].max(initial=0.0))
+            pairs.append(pair)
+            most.append(greatest)
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2), np.array(most)
 
 
-def _along(found: Room, craft: int, normals: Floats) -> tuple[Floats, Floats, Floats]:
+def _dips(times: Floats, left: Floats) -> tuple[Floats, Floats]:
+    """Times (C, 3) with the next ones about each (C,) at which less is left than at these, and what is."""
+    beside = np.pad(times, 1, mode="edge"), np.pad(left, 1, constant_values=np.inf)
+    times, left = (sliding_window_view(one, 3) for one in beside)
+    least = left.argmin(axis=1) == 1
+    return times[least], left[least]
+
+
+def _about_least(times: Floats, left: Floats) -> Floats:
+    """Times (C, FINER + 1) from the one before that at which the least is left to the one after it."""
+    rows, k = np.arange(len(times)), left.argmin(axis=1)
+    begin = times[rows, np.maximum(k - 1, 0)]
+    end = times[rows, np.minimum(k + 1, times.shape[1] - 1)]
+    return np.asarray(begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, FINER + 1))
+
+
+def _room_left(
+    found: Room, zone: Zone, pair: Sequence[int], times: Floats, apart: Floats
+) -> tuple[Floats, Floats]:
+    """How far a pair is off its zone (T,) [m] where it is `apart` (T, 3), and how far it needs to be."""
+    off, normals = gap(zone, apart)
+    shift, most, square = _along(found, pair[0], times, normals)
+    if pair[1] < len(found.shift):
+        other = _along(found, pair[1], times, normals)
+        shift, most, square = shift - other[0], most + other[1], square + other[2]
+    return off, most - shift + found.sigmas * np.sqrt(square)
+
+
+def _along(found: Room, craft: int, times: Floats, normals: Floats) -> tuple[Floats, Floats, Floats]:
     """Where one craft is expected along normals (T, 3) [m], how much further at most, and its variance."""
-    share, angle = found.thrust_error[craft]
-    off = share * np.abs((found.stretch[craft] * normals).sum(axis=-1))
-    turned = np.einsum("tij,ti->tj", found.turn[craft], normals)
-    off += (1.0 + share) * angle * np.linalg.norm(turned, axis=-1)
-    square = np.einsum("ti,tij,tj->t", normals, found.spread[craft], normals) + found.noise**2
-    return (found.shift[craft] * normals).sum(axis=-1), off + found.rest[craft], square
+    k = np.clip(np.searchsorted(found.times, times, "right") - 1, 0, len(found.times) - 2)
+    share = (times - found.times[k]) / (found.times[k + 1] - found.times[k])
+    shift, stretch, turn, spread = (
+        ((1.0 - share) * one[craft, k].T + share * one[craft, k + 1].T).T
+        for one in (found.shift, found.stretch, found.turn, found.spread)
+    )
+    larger, angle = found.thrust_error[craft]
+    off = larger * np.abs((stretch * normals).sum(axis=-1))
+    turned = np.einsum("tij,ti->tj", turn, normals)
+    off += (1.0 + larger) * angle * np.linalg.norm(turned, axis=-1)
+    square = np.einsum("ti,tij,tj->t", normals, spread, normals) + found.noise**2
+    return (shift * normals).sum(axis=-1), off + found.rest[craft], square
