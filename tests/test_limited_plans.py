@@ -279,7 +279,7 @@ def test_burns_that_are_none_are_left_out():
 
 def test_burns_of_nothing_are_not_listed():
     """A plan touches its limit in passing, for nanometres per second; what is told adds up without."""
-    orbit, draws = cf.Orbit.circular(500e3), np.random.default_rng(2)
+    orbit, draws = cf.Orbit.circular(500e3), np.random.default_rng(25)
     count = draws.integers(3, 6)
     angle = 2.0 * np.pi / count * np.arange(count)
     ring = np.zeros((count, 6))

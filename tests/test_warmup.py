@@ -45,5 +45,5 @@ def test_what_a_run_calls_is_compiled_ahead_and_what_it_does_not_call_is_not(mon
 
 def test_impulses_and_searches_are_compiled_where_they_are_asked_for(monkeypatch) -> None:
     assert needed("tpf", monkeypatch)[0] == "closeform.search.gather_events"
-    assert "closeform.planning.joint_barrier" in needed("swap_impulses", monkeypatch)
+    assert "closeform.planning.joint_dual" in needed("swap_impulses", monkeypatch)
     assert "closeform.search.lock_march" in needed("s04_counterexample", monkeypatch)

@@ -18,7 +18,7 @@ NEEDS = (
     ),
     (r'do\s*=\s*"gather"', "search.gather_events"),
     (r'do\s*=\s*"lock"', "search.lock_march"),
-    (r'cost\s*=\s*"delta-v"', "planning.joint_barrier planning.impulse_peaks planning.impulse_flight"),
+    (r'cost\s*=\s*"delta-v"', "planning.joint_dual planning.impulse_peaks planning.impulse_flight"),
     (r'cost\s*=\s*"delta-v"|do\s*=\s*"transfer"|thrusters\s*=', "motion.impulses motion.constant_primers"),
     (r"thrusters\s*=", "motion.saturated"),
     (r"\[\[\s*stage\s*\]\]", "conflicts.entries motion.steering motion.effort motion.path"),

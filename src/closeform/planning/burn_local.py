@@ -138,9 +138,9 @@ class BurnSolver(ImpulseSolver):
         return best
 
     def fewest(self, best: Spent) -> Spent:
-        """The same without slots hardly used, where that is clear; slots of one burn are one already."""
+        """The same without burns hardly used, where that is clear; what these did the others do longer."""
         for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
-            used, start = best.fired(share), replace(best, margin=best.margin + further)
+            used, start = self.beside(best, share), replace(best, margin=best.margin + further)
 
             def kept(_: Spent, used: list[Moments] = used) -> list[Moments]:
                 return used
@@ -149,6 +149,15 @@ class BurnSolver(ImpulseSolver):
             if found is not None and found.delta_v <= (1.0 + FEWER) * best.delta_v:
                 return found
         return best
+
+    def beside(self, best: Spent, share: float) -> list[Moments]:
+        """When each craft fires more than a share of all, with the slots next to those; they are one burn."""
+        large = np.linalg.norm(best.impulses, axis=2) > share * best.delta_v
+        near = large.copy()
+        near[:, 1:] |= large[:, :-1]
+        near[:, :-1] |= large[:, 1:]
+        chosen = np.where(self.limits[:, None] > 0.0, near, large)
+        return [own.some(row[: len(own.times)]) for own, row in zip(best.moments, chosen, strict=True)]
 
     def settled(self, best: Spent) -> Contacts:
         """The contacts with the multipliers of the last round, whose slots are fine where craft burn."""

@@ -1,6 +1,6 @@
 """Impulses of least delta-v that keep all pairs clear: planes at contacts, turned and moved until they hold.
 
-A round prices the planes of the contacts (`joint_barrier`), flies the impulses, and looks for conflicts.
+A round prices the planes of the contacts (`joint_dual`), flies the impulses, and looks for conflicts.
 Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
 clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
 maxima of their primers, and when they last did; in the end only when they must.           # theory 6
@@ -28,7 +28,7 @@ from closeform.planning.impulse_joining import steps_to_fewer
 from closeform.planning.impulse_moments import Moments, Pushes
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_scene import BRIEF, Dual, Fleet, Planes, Priced
-from closeform.planning.joint_barrier import price
+from closeform.planning.joint_dual import price
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
 

@@ -81,7 +81,8 @@ def solved(
         for holding in (False, True) if solver.failures else (False,):
             if solver.failures is not None:
                 solver.failures.holding = holding
-            found = solver.solve(start, inf if best is None else best.delta_v)
+            # planes turn: of the first start neither way is left for what it costs before it is clear
+            found = solver.solve(start, inf if best is None or tried == 0 else best.delta_v)
             if found is not None and solver.failures is not None and strayed(problem, free, found):
                 continue
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best

@@ -1,0 +1,177 @@
+"""The least delta-v of impulses that keep planes between craft: one dual of all craft, and its paths.
+
+Of N craft with times at which they may fire, and K planes a_k . (r_i - r_j)(t_k) >= s_k,
+
+    maximise   sum g_i . c_i + sum f_k m_k   over c_i and m_k >= 0, |p_i| <= 1 at each time   # theory (37)
+               or d . p_i <= 1 where the impulse is along d
+    p_i(t) = Psi(t) c_i + sum over t_k > t of +- m_k Phi_rv(t_k - t)^T a_k                    # theory (38)
+
+or of burns within a limit, V at most of each, which cost V (|p_i| - 1) where that is positive, p_i in the
+mean over the burn.  f_k is what the unforced paths miss of the plane.  The primer p_i is a natural motion
+between its planes, at which its rate jumps.  Primers and impulses go together along the centres of
+logarithmic barriers, where
+
+    v_i(t) = 2 tau p_i / (1 - |p_i|^2)   or   tau d / (1 - d . p_i)                          # theory (39)
+
+by Mehrotra's steps: where a step to the end would lead tells how near to it the next centre is, and how
+the way there bends.  The last of them is met as a centre: a face of equal optima is left in its middle.
+"""
+
+from math import ceil, inf, log, sqrt
+
+import numpy as np
+from numba import float64, types
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, lent
+from closeform.planning.impulse_rows import begin, fill_members, fill_rows, normalise
+from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, gain, is_free
+from closeform.planning.joint_steps import Program, go, measure, step_towards, weigh_all
+from closeform.planning.primer_cones import IMPULSE, PRIMER, ROW, place
+from closeform.planning.scene import BLOCKS
+
+STEPS = 100  # at most
+BEGUN = 0.3  # of the first tau: none below is aimed at while impulses do not reach the ends
+LEAST = 1e-13  # of the first tau, where nothing is to be gained
+INSIDE = 0.95  # of the way out of the cones
+NEAR = 2.0  # times the last tau: from there on it is met as a centre
+RUNGS, APART = 1.0 / 0.3, 12.0  # the last tau is one of these: rounds that are alike end alike
+EXACT = 1e-6  # square of the last step, after which next to none is left
+BEYOND = 1.0 + 1e-9  # times what limits allow: more is no rounding
+HOPELESS = 1e9  # units of delta-v: nothing that is to be flown costs that
+
+
+@kernel()
+def rung(tau):
+    """The greatest of RUNGS, RUNGS / APART, RUNGS / APART^2, ... that is no more than `tau`."""
+    return RUNGS * APART ** -ceil(log(RUNGS / max(tau, LEAST)) / log(APART))
+
+
+@kernel()
+def follow(program, tolerance, bar, cones, planes, x):
+    """Follow the centres to a relative gap; returns the bound, and how many times the limits are needed."""
+    craft, number, width = len(program.counts), len(planes), x.shape[1]
+    program, x = lent(program), borrowed(x)
+    cones, planes = borrowed(cones), borrowed(planes)
+    hessians, changes = np.empty((craft, width, width)), np.empty((craft, width))
+    schur, ahead = np.empty((number, number)), np.empty(number)
+    degrees = terms = 1.0 * number
+    for i in range(craft):
+        for j in range(program.counts[i]):
+            limited = program.most[i, j] < inf
+            degrees += (2.0 if is_free(program.along[i, j]) else 1.0) + (1.0 if limited else 0.0)
+            terms += 3.0 if limited else 1.0
+    needed, last, met, done = 0.0, 0.0, False, False
+    for _ in range(STEPS):
+        bound, gained, length, gap = measure(program, cones, planes, x)
+        if gained > 0.0:
+            needed = max(needed, gained / length)
+        if needed > BEYOND or not bound <= min(bar, HOPELESS):  # theory (33)
+            return inf, needed
+        if done:
+            return bound, needed
+        tau, enough = gap / degrees, rung(tolerance * bound / terms)
+        if last == 0.0 and tau <= NEAR * enough:
+            last = enough
+        weigh_all(program, cones, planes, hessians, schur)
+        goal, correction = last, 0.0
+        if last == 0.0:
+            first, second, _ = step_towards(program, cones, planes, hessians, schur, 0.0, 0.0, changes, ahead)
+            goal = tau * (1.0 - min(first, second, 1.0)) ** 2
+            goal, correction = max(goal, enough, 0.0 if met else BEGUN), 1.0
+        first, second, left = step_towards(
+            program, cones, planes, hessians, schur, goal, correction, changes, ahead
+        )
+        first, second = min(INSIDE * first, 1.0), min(INSIDE * second, 1.0)
+        go(program, cones, planes, x, changes, first, second)
+        met = met or second == 1.0
+        done = last > 0.0 and left <= EXACT * last and min(first, second) == 1.0
+    return (bound if met else inf), needed
+
+
+@kernel()
+def place_cones(program, multipliers, cones, planes, x):
+    """Begin with primers by the planes alone, and impulses on the centre of tau = 1 for these."""
+    for k in range(len(planes)):
+        planes[k, PRIMER] = multipliers[k]
+        place(planes[k], False, inf)
+    for i in range(len(cones)):
+        for m in range(program.sizes[i]):
+            x[i, 6 + m] = multipliers[program.members[i, m]]
+        for j in range(program.counts[i]):
+            cone, free = cones[i, j], is_free(program.along[i, j])
+            cone[PRIMER] = 1.0
+            for axis in range(3):
+                p = 0.0
+                for m in range(program.sizes[i]):
+                    p += program.rows[i, j, axis, 6 + m] * x[i, 6 + m]
+                if free:
+                    cone[PRIMER + 1 + axis] = p
+                else:
+                    cone[PRIMER] -= p
+            place(cone, free, program.most[i, j])
+
+
+@kernel(types.UniTuple(float64, 2)(FLEET, PLANES, float64, float64, DUAL, BLOCKS))
+def price(fleet, planes, tolerance, bar, dual, impulses):
+    """The least delta-v of a fleet that keeps planes, at its times, to a relative `tolerance`.
+
+    Fills `impulses` (N, J, 3) and the `dual`.  inf where it is above `bar`, or no impulses keep the planes.
+    Second is how many times their limits all craft need for that at least, as far as that was seen.
+    """
+    fleet, planes, dual = lent(fleet), lent(planes), lent(dual)
+    craft, number = len(fleet.base), len(planes.times)
+    sizes, members = np.zeros(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)
+    widest = fill_members(planes, members, sizes)
+    rows = np.empty((craft, fleet.times.shape[1], 3, 6 + widest))
+    gains, roots = np.empty((craft, 6)), np.empty((craft, 6, 6))
+    total, terms = 0.0, 1.0 * number
+    for k in range(number):
+        dual.multipliers[k] = inf
+    for i in range(craft):
+        gain(fleet, i, gains[i])
+        fill_rows(fleet, planes, i, members[i], sizes[i], rows[i])
+        if not normalise(rows[i], fleet.counts[i], gains[i], roots[i]):
+            return inf, 0.0
+        begin(rows[i], fleet.counts[i], members[i], sizes[i], dual.multipliers)
+        for j in range(fleet.counts[i]):
+            terms += 3.0 if fleet.most[i, j] < inf else 1.0
+        for a in range(6):
+            total += gains[i, a] ** 2
+    for k in range(number):
+        if dual.multipliers[k] == inf:  # nobody can give way
+            dual.multipliers[k] = 1.0
+        total += (planes.misses[k] * dual.multipliers[k]) ** 2
+    if total == 0.0:
+        return 0.0, 0.0
+    unit = sqrt(total / (2.0 * terms))  # of delta-v: at tau = 1 gains and barriers are of one size
+    for i in range(craft):
+        for a in range(6):
+            gains[i, a] /= unit
+    most, misses = fleet.most / unit, planes.misses / unit
+    program = Program(rows, fleet.along, most, fleet.counts, members, sizes, gains, misses)
+    cones, walls = np.zeros((craft, fleet.times.shape[1], ROW)), np.zeros((number, ROW))
+    x = np.zeros((craft, 6 + widest))
+    place_cones(program, dual.multipliers, cones, walls, x)
+    cost, needed = follow(program, tolerance, bar / unit, cones, walls, x)
+    if cost == inf:
+        return inf, needed
+    for k in range(number):
+        dual.multipliers[k] = walls[k, PRIMER]
+    for i in range(craft):
+        for j in range(fleet.counts[i]):
+            fill_impulse(cones[i, j], fleet.along[i, j], unit, impulses[i, j])
+        for a in range(5, -1, -1):  # from orthonormal unknowns back to c
+            dual.starts[i, a] = x[i, a]
+            for b in range(a + 1, 6):
+                dual.starts[i, a] -= roots[i, b, a] * dual.starts[i, b]
+            dual.starts[i, a] /= roots[i, a, a]
+    return unit * cost, needed
+
+
+@kernel()
+def fill_impulse(cone, along, unit, impulse):
+    """Fill the impulse (3,) that is dual to a primer."""
+    free = is_free(along)
+    for axis in range(3):
+        impulse[axis] = unit * (-cone[IMPULSE + 1 + axis] if free else cone[IMPULSE] * along[axis])

@@ -1,0 +1,203 @@
+"""Steps of all craft together: each by its own six unknowns, all by one system of their planes.
+
+A plane's multiplier m and by how much the plane is kept are a cone of one number and its dual.
+"""
+
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.compiled import kernel
+from closeform.kernel_loans import stack_vector
+from closeform.motion.linear import back_substitute, factorise
+from closeform.planning.impulse_scene import is_free
+from closeform.planning.primer_cones import (
+    IMPULSE,
+    PRIMER,
+    SCALING,
+    SLACK,
+    SPARED,
+    advance,
+    aim,
+    complement,
+    decrement,
+    primer_length,
+    reach,
+    room,
+    scale,
+    turn,
+    weights,
+)
+
+ROOT = 1e-14  # of the diagonal, added
+
+
+class Program(NamedTuple):
+    """The dual of N craft and K planes, in a unit of delta-v of its own.
+
+    Primers are `rows` (N, J, 3, 6 + M) times each craft's unknowns, the multipliers of its `members` among
+    them; where the impulse is `along` a direction the first of the three is d . p.
+    """
+
+    rows: Floats
+    along: Floats  # (N, J, 3)
+    most: Floats  # (N, J)
+    counts: Any  # (N,) of J
+    members: Any  # (N, K) planes of each craft
+    sizes: Any  # (N,) of them
+    gains: Floats  # (N, 6)
+    misses: Floats  # (K,)
+
+
+@kernel()
+def weigh(rows, along, cones, count, size, hessian):
+    """Scale a craft's cones; fill the upper half of how what its impulses do grows with its unknowns."""
+    e = np.empty(size)
+    for a in range(size):
+        for b in range(a, size):
+            hessian[a, b] = 0.0
+    for j in range(count):
+        cone, free = cones[j], is_free(along[j])
+        scale(cone)
+        straight, bend = weights(cone, free)
+        if not free:
+            for a in range(size):
+                x0 = straight * rows[j, 0, a]
+                for b in range(a, size):
+                    hessian[a, b] += x0 * rows[j, 0, b]
+            continue
+        w0, w1, w2 = cone[SCALING + 1], cone[SCALING + 2], cone[SCALING + 3]
+        for a in range(size):
+            e[a] = rows[j, 0, a] * w0 + rows[j, 1, a] * w1 + rows[j, 2, a] * w2
+        for a in range(size):
+            x0, x1, x2 = straight * rows[j, 0, a], straight * rows[j, 1, a], straight * rows[j, 2, a]
+            leaning = bend * e[a]
+            for b in range(a, size):
+                across = x0 * rows[j, 0, b] + x1 * rows[j, 1, b] + x2 * rows[j, 2, b]
+                hessian[a, b] += across + leaning * e[b]
+
+
+@kernel()
+def eliminate(hessian, size):
+    """Factorise for a craft's own six unknowns; what is left after them is for the planes."""
+    for k in range(6):
+        hessian[k, k] += ROOT * (1.0 + hessian[k, k])  # which may be zero
+        for i in range(k + 1, size):
+            share = hessian[k, i] / hessian[k, k]
+            for j in range(i, size):  # along a row: vector instructions
+                hessian[i, j] -= share * hessian[k, j]
+
+
+@kernel()
+def weigh_all(program, cones, planes, hessians, schur):
+    """Factorise the system of a step: of each craft, and of all planes."""
+    number, sizes = len(planes), program.sizes
+    for k in range(number):
+        scale(planes[k])
+        for m in range(k, number):
+            schur[k, m] = 0.0
+        schur[k, k], _ = weights(planes[k], False)
+    for i in range(len(sizes)):
+        count, size = program.counts[i], 6 + sizes[i]
+        weigh(program.rows[i], program.along[i], cones[i], count, size, hessians[i])
+        eliminate(hessians[i], size)
+        for a in range(sizes[i]):
+            k = program.members[i, a]
+            for b in range(a, sizes[i]):
+                m = program.members[i, b]
+                schur[min(k, m), max(k, m)] += hessians[i, 6 + a, 6 + b]
+    factorise(schur, number)
+
+
+@kernel()
+def solve(hessians, schur, members, sizes, x, multipliers):
+    """Solve the system of a step in place: of each craft (N, 6 + M), and of all planes (K,)."""
+    for i in range(len(sizes)):
+        for k in range(6):
+            share = x[i, k] / hessians[i, k, k]
+            for j in range(k + 1, 6 + sizes[i]):
+                x[i, j] -= share * hessians[i, k, j]
+        for m in range(sizes[i]):
+            multipliers[members[i, m]] += x[i, 6 + m]
+    back_substitute(schur, multipliers, len(multipliers))
+    for i in range(len(sizes)):
+        for m in range(sizes[i]):
+            x[i, 6 + m] = multipliers[members[i, m]]
+        for k in range(5, -1, -1):
+            for j in range(k + 1, 6 + sizes[i]):
+                x[i, k] -= hessians[i, k, j] * x[i, j]
+            x[i, k] /= hessians[i, k, k]
+
+
+@kernel()
+def measure(program, cones, planes, x):
+    """The bound, what is gained before limits are paid for, most of V |p| in sum, and the gap."""
+    gained, spent, length, gap = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(planes)):
+        gained += program.misses[k] * planes[k, PRIMER]
+        gap += complement(planes[k])
+    for i in range(len(program.counts)):
+        for a in range(6):
+            gained += program.gains[i, a] * x[i, a]
+        for j in range(program.counts[i]):
+            cone, most = cones[i, j], program.most[i, j]
+            gap += complement(cone)
+            length += primer_length(cone, is_free(program.along[i, j]), most)
+            if most < inf:
+                spent += most * cone[SLACK]
+    return gained - spent, gained, length, gap
+
+
+@kernel()
+def step_towards(program, cones, planes, hessians, schur, tau, correction, changes, ahead):
+    """Fill how all change towards the centre of `tau`.
+
+    By a `correction` of so much of the product of the changes before.  Returns how far the primers can go
+    there, and the impulses, and the square of the way.
+    """
+    p, first, second, left = stack_vector(3), inf, inf, 0.0
+    for k in range(len(planes)):
+        aim(planes[k], False, inf, tau, correction, p)
+        ahead[k] = program.misses[k] + p[0]
+    for i in range(len(program.counts)):
+        size, rows = 6 + program.sizes[i], program.rows[i]
+        for a in range(size):
+            changes[i, a] = program.gains[i, a] if a < 6 else 0.0
+        for j in range(program.counts[i]):
+            aim(cones[i, j], is_free(program.along[i, j]), program.most[i, j], tau, correction, p)
+            for a in range(size):
+                changes[i, a] -= p[0] * rows[j, 0, a] + p[1] * rows[j, 1, a] + p[2] * rows[j, 2, a]
+    solve(hessians, schur, program.members, program.sizes, changes, ahead)
+    p[1] = p[2] = 0.0
+    for k in range(len(planes)):
+        p[0] = -ahead[k]
+        turn(planes[k], False, inf, p)
+        left += decrement(planes[k])
+        first, second = min(first, reach(planes[k], PRIMER)), min(second, reach(planes[k], IMPULSE))
+    for i in range(len(program.counts)):
+        for j in range(program.counts[i]):
+            cone, row, most = cones[i, j], program.rows[i, j], program.most[i, j]
+            p[0] = p[1] = p[2] = 0.0
+            for a in range(6 + program.sizes[i]):
+                for axis in range(3):
+                    p[axis] += row[axis, a] * changes[i, a]
+            turn(cone, is_free(program.along[i, j]), most, p)
+            left += decrement(cone)
+            first, second = min(first, reach(cone, PRIMER)), min(second, reach(cone, IMPULSE))
+            if most < inf:
+                first, second = min(first, room(cone, SLACK)), min(second, room(cone, SPARED))
+    return first, second, left
+
+
+@kernel()
+def go(program, cones, planes, x, changes, first, second):
+    """Go a share of the changes: the `first` of the primers', the `second` of the impulses'."""
+    for k in range(len(planes)):
+        advance(planes[k], False, first, second)
+    for i in range(len(program.counts)):
+        for a in range(6 + program.sizes[i]):
+            x[i, a] += first * changes[i, a]
+        for j in range(program.counts[i]):
+            advance(cones[i, j], program.most[i, j] < inf, first, second)
