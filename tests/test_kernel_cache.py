@@ -170,6 +170,32 @@ def test_a_copy_of_the_package_elsewhere_shares_its_kernels(tmp_path):
     assert "compiling" in evaluated(tmp_path, PYTHONPATH=str(copy.parent))[1]
 
 
+@pytest.mark.parametrize(
+    ("maker", "old", "new"),
+    [("kernel_loans", "gep_inbounds", "gep"), ("kernel_parts", '"DeadBranchPrune", ', "")],
+)
+def test_kernels_made_in_another_way_are_others(tmp_path, maker, old, new):
+    """By what writes LLVM code of its own, which no kernel names, or by another choice of numba's passes."""
+    copy = shutil.copytree(Path(closeform.__file__).parent, tmp_path / "closeform")
+    file, content = copy / f"{maker}.py", (copy / f"{maker}.py").read_text()
+    code = (
+        "import closeform.motion.path; from closeform.compiled import ENTRIES; print(ENTRIES[0]._cache.path)"
+    )
+
+    def named(seed):
+        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONHASHSEED": seed}
+        return subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True, check=True
+        ).stdout
+
+    before = named("1")
+    file.write_text(content)  # anew
+    assert named("2") == before
+    assert old in content
+    file.write_text(content.replace(old, new))
+    assert named("1") != before
+
+
 def test_kernels_that_nobody_uses_are_dropped(tmp_path):
     whole = evaluated(tmp_path)[0]
     file = compiled_file(tmp_path)

@@ -9,7 +9,8 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Lock
 from types import CodeType, ModuleType
@@ -31,6 +32,7 @@ from platformdirs import user_cache_path
 from closeform.lock_file import lock
 
 UNUSED = 30 * 86400.0  # [s] that a compiled kernel is kept without being used
+MAKERS = "closeform.kernel_loans", "closeform.kernel_parts"  # write LLVM code, and say what numba leaves out
 CHECKSUM = 32  # bytes at the start of a file: without it garbage would reach the unpickler
 
 
@@ -57,7 +59,7 @@ class KernelCache(NullCache):
         """The file of the compiled kernel, by a hash of all that it is made from."""
         made = hashlib.sha256(repr(self.entry.targetctx.codegen().magic_tuple()).encode())
         versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag
-        made.update(repr((versions, self.signature)).encode())
+        made.update(repr((versions, self.signature, makers())).encode())
         made.update("".join(map(type_text, self.signature.args)).encode())
         for part in parts(self.entry):
             made.update(described(part).encode())
@@ -221,6 +223,13 @@ def described(part: Any) -> str:
             *(f"{name} = {constant_text(function, name, value)}" for name, value in taken),
         ]
     )
+
+
+@cache
+def makers() -> tuple[str, ...]:
+    """What the modules say that kernels are made by, which no kernel names as a part of it."""
+    specs: list[Any] = [find_spec(name) for name in MAKERS]
+    return tuple(code_text(spec.loader.get_code(spec.name), None) for spec in specs)
 
 
 def type_text(kind: types.Type) -> str:
