@@ -2359,6 +2359,16 @@ CALLS = (
         "planned: a function of a margin that makes a plan, got 0.3",
     ),
     Call(
+        "white noise that a flight would draw",
+        "cf.fly(plan, cf.Field(chief), errors=cf.Errors(noise=1e-9))",
+        "errors: white noise cannot be drawn; leave out `noise`",
+    ),
+    Call(
+        "a least bit of thrust that lasts",
+        "cf.room(plan, cf.Field(chief), minimum_bit=1e-3)",
+        "minimum_bit: of impulses; give a Feedback by some, or leave it out",
+    ),
+    Call(
         "a flight that surely stays near its path",
         "cf.tube(orbit, cf.Feedback(), cf.Navigation(0.1, 3e-4)).containment(5400.0, 1.0)",
         "probability: between 0 and 1, got 1; nothing random is bounded",
