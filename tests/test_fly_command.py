@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,9 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.cli import main
+from closeform.scenario import parse
+from closeform.stage_margin import flown_errors
+from closeform.stage_start import BurnRoom, StageStart
 from field_scenario import swap
 from test_field import axes_of, textbook
 
@@ -274,6 +278,19 @@ def test_the_margin_knows_errors_of_burns_and_of_the_start(cost, tmp_path: Path,
     gates = found["errors"][0]
     assert gates["gates"] == [1e-3, 0.0, 0.0, pytest.approx(np.radians(1.0))]
     assert (gates["magnitude"], gates["covariance"][1][1]) == (0.01, 0.25)
+
+
+def test_a_margin_begins_with_errors_as_they_are_when_its_plan_does():
+    """Of a first stage, after the coast that burns at its start need; of a later one with what burns do."""
+    scenario = parse(swap(craft=EXECUTION), "swap.toml")
+    orbit, own = scenario.orbit.build(), tuple(craft.errors for craft in scenario.craft)
+    first = StageStart(scenario, orbit, 1, scenario.states(orbit), 0.0, {}, np.ones(2), errors=own)
+    coasted = orbit.transition(120.0) @ own[0].state @ orbit.transition(120.0).T
+    (late,) = flown_errors(first.leaving(BurnRoom(before=120.0)), [0])
+    assert late.state == pytest.approx(coasted, rel=1e-9, abs=1e-12)
+    (later,) = flown_errors(replace(first, number=2), [1])
+    assert not later.state.any()
+    assert (later.magnitude, late.magnitude) == (0.01, 0.01)
 
 
 def test_errors_of_burns_that_an_option_gives(run: Path, tmp_path: Path):

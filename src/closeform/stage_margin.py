@@ -59,10 +59,8 @@ def field_of(scenario: Scenario, who: list[int]) -> "Field":
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
     """The errors of some craft in flight; of later stages those of their burns: feedback held them before."""
-    errors = start.scenario.flight["errors"]
-    if errors is None:
-        return None
-    return [errors[k] if errors[k] is None or start.number == 1 else errors[k]._of_burns for k in who]
+    own = [start.errors[k] for k in who] if start.errors else None
+    return own if own is None or start.number == 1 else [one and one._of_burns for one in own]
 
 
 def led_by_impulses(scenario: Scenario) -> bool:
