@@ -250,6 +250,26 @@ def test_who_need_not_move():
     assert "nan" not in found.reason
 
 
+@pytest.mark.parametrize("orbits", [0.5, 0.6, 0.75, 0.8, 1.0, 1.25])
+def test_impulses_half_an_orbit_apart(orbits):
+    """Around a projected circle: two large impulses do across the track what two small ones do, which fly."""
+    n, lasts = ORBIT.mean_motion, orbits * ORBIT.period
+    begins = 0.5 * pi * np.arange(4)
+    initial, final = (
+        50.0
+        * np.stack(
+            [0.5 * np.sin(p), np.cos(p), np.sin(p), 0.5 * n * np.cos(p), -n * np.sin(p), n * np.cos(p)], 1
+        )
+        for p in (begins, begins + pi + n * lasts)
+    )
+    alone = ORBIT.impulsive(initial, final, lasts).delta_v
+    plan = cf.reconfigure(ORBIT, initial, final, lasts, cf.Sphere(1e-3), cost="delta-v", assign=False)
+    assert plan.direct.delta_v == pytest.approx(alone, rel=1e-9, abs=1e-12)
+    assert np.sum(plan.paths.delta_v) == pytest.approx(plan.delta_v, rel=1e-9, abs=1e-12)
+    assert plan.delta_v <= 1.0001 * alone.sum() + 1e-12
+    assert np.abs(plan.direct.position(lasts) - final[:, :3]).max() < 1e-6  # m
+
+
 def test_ends_inside():
     stays = ORBIT.coast(np.zeros(6), 1000.0)
     a, b = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0], [0.0, 500.0, 0.0, 0.0, 0.0, 0.0]

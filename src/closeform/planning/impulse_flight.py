@@ -24,6 +24,7 @@ from closeform.planning.scene import BLOCKS, INDICES, ROWS
 REPAIRS = 3  # of the ends, which rounding leaves open
 NOTHING, ROUNDING = 1e-9, 1e-4  # left of terms that add up to none, and of their weights in that
 DEPENDENT = 1e-12  # of the greatest pivot: a column is the sum of others
+SLIGHT = 1e-16  # of the square of what a natural motion comes to: impulses do not change it
 
 
 @kernel()
@@ -32,9 +33,11 @@ def repair(fleet, i, impulses):
 
     By as little as does it, the large ones first.
     """
-    n = fleet.base[i, MEAN_MOTION]
+    n, lasts = fleet.base[i, MEAN_MOTION], fleet.base[i, END] - fleet.base[i, START]
     matrix, left, psi = stack_matrix(6, 6), stack_vector(6), stack_matrix(3, 6)
+    away = lasts if n * lasts < 1.0 else 1.0 / n  # how far a speed of 1 leads
     for _ in range(REPAIRS):
+        total = 0.0
         gain(fleet, i, left)  # less the sum of Psi^T v, by theory (27)
         for a in range(6):
             for b in range(6):
@@ -44,6 +47,7 @@ def repair(fleet, i, impulses):
             weight = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
             if weight == 0.0:
                 continue
+            total += weight
             mean_rows(n, fleet.times[i, j] - fleet.base[i, START], fleet.widths[i, j], psi)
             project(fleet.along[i, j], psi)
             for a in range(6):
@@ -51,6 +55,10 @@ def repair(fleet, i, impulses):
                     left[a] -= psi[axis, a] * v[axis]
                     for b in range(6):
                         matrix[a, b] += weight * psi[axis, a] * psi[axis, b]
+        for a in range(6):  # two impulses half an orbit apart change less than six things
+            if matrix[a, a] < SLIGHT * total * (1.0 if a < 3 else away * away):
+                for b in range(6):
+                    matrix[a, b] = matrix[b, a] = 0.0
         triangle(matrix, 6)  # what these impulses do not change stays as it is
         for a in range(6):
             for b in range(a):

@@ -18,7 +18,7 @@ from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START, THRUST, WIDTH
 from closeform.motion.nonnegative import MOST
-from closeform.motion.reduced import COUNT, LOWER, UPPER
+from closeform.motion.reduced import COUNT, LOWER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.impulse_alone import answers_alone
@@ -137,7 +137,7 @@ class ImpulseSolver:
         fleet = self.fleet(fired)
         impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
         flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
-        spent, none = float(found[:, UPPER].sum()), Contacts.none()
+        spent, none = float(np.linalg.norm(impulses, axis=2).sum()), Contacts.none()  # as they are flown
         return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
