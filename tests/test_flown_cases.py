@@ -89,6 +89,31 @@ def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
     assert np.array_equal(*plans)  # what is opened again is the plan
 
 
+def test_limits_are_held_against_the_dearest_flight():
+    """A budget that the plan keeps and a flight does not is not kept; that of the dearest flight is."""
+    more = 'margin = "auto"\n' + ERRORS + FLIGHT.format(seeds=8)
+    tank = 'mass = "10 kg"\nspecific_impulse = "60 s"\n'
+    mission = fly(parse(swap(craft=tank, more=more)))
+    planned, most = mission.delta_v.sum(axis=0), mission.flights.flight.delta_v.max(axis=0)
+    burnt = 10.0 * -np.expm1(-most / (60.0 * 9.80665))
+    k = int(np.argmax(most - planned))
+    assert most[k] > 1.001 * planned[k]
+    names = mission.scenario.names
+    for share, kept in ((0.5, False), (1.001, True)):  # of what the flight takes beyond the plan
+        for key, low, high, unit in (
+            ("delta_v_budget", planned, most, "m/s"),
+            ("propellant", mission.propellant.sum(axis=0), burnt, "kg"),
+        ):
+            limits = [
+                f'"{low[j] + (share if j == k else 2.0) * abs(high[j] - low[j])} {unit}"' for j in range(2)
+            ]
+            text = swap(craft=f"{tank}{key} = [{', '.join(limits)}]", more=more)
+            verdict = fly(parse(text)).verdict
+            assert verdict.ok == kept
+            what = {"delta_v_budget": "delta-v"}.get(key, key)
+            assert kept or str(verdict) == f"limits are not kept: {what} ({names[k]})"
+
+
 def test_a_run_whose_flights_keep_clear_is_clear(tmp_path: Path):
     (tmp_path / "roomy.toml").write_text(swap(more='margin = "auto"\n' + ERRORS + FLIGHT.format(seeds=30)))
     mission = cf.run(tmp_path / "roomy.toml")

@@ -1,6 +1,6 @@
 """A run as it is flown in its field, many times: every stage from where the one before was flown to."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, Self
@@ -21,7 +21,7 @@ from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of, fires_impulses
-from closeform.verdict import Entered
+from closeform.verdict import Entered, Use
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -130,6 +130,12 @@ class FlownRun:
         craft = self.run.scenario.craft
         mass, impulse = (np.array([getattr(one, key) for one in craft], dtype=float) for key in TANK)
         return np.asarray(-mass * np.expm1(-self.flight.delta_v / (STANDARD_GRAVITY * impulse)))
+
+    @property
+    def spent(self) -> Iterator[Use]:
+        """What each craft that has a limit spends in the flight in which it spends most."""
+        most = self.flight.delta_v.max(axis=0), self.propellant.max(axis=0)
+        return Use.of_spent(self.run.scenario.craft, *most)
 
     @property
     def grams(self) -> bool:

@@ -319,19 +319,17 @@ class Mission(Stages):
 
     def spent(self, stages: Any) -> Iterator[Use]:
         """What each craft that has a limit spends in some `stages`: all delta-v, then all propellant."""
-        for what, unit, key, spent in (
-            ("delta-v", "m/s", "delta_v_budget", self.delta_v),
-            ("propellant", "kg", "propellant", self.propellant),
-        ):
-            total = spent[stages].sum(axis=0).tolist()
-            for craft, used in zip(self.scenario.craft, total, strict=True):
-                if (has := getattr(craft, key)) is not None:
-                    yield Use(what, unit, craft.name, used, has)
+        delta_v, burnt = (spent[stages].sum(axis=0) for spent in (self.delta_v, self.propellant))
+        return Use.of_spent(self.scenario.craft, delta_v, burnt)
 
     @cached_property
     def uses(self) -> tuple[Use, ...]:
-        """What each craft uses of each of its limits in all stages flown, of thrust the most at a time."""
-        uses = list(self.spent([result.flown for result in self.results]))
+        """What each craft uses of each of its limits in all stages flown, of thrust the most at a time.
+
+        Of delta-v and propellant what it takes in the dearest of its flights in the field, if there are any.
+        """
+        planned = self.spent([result.flown for result in self.results])
+        uses = list(planned if self.flights is None else self.flights.spent)
         flown = (self.thrusts(result) for result in self.flown)
         uses += [max(thrusts, key=lambda use: use.used) for thrusts in zip(*flown, strict=True)]
         return tuple(sorted(uses, key=lambda use: self.scenario.names.index(use.craft)))

@@ -1,10 +1,11 @@
 """Verdict: what a run has come to, and its exit status: all found, clear, limits kept; or what is not so."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, floor, inf, log10
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
+from closeform.arrays import Floats
 from closeform.scenario import Craft
 
 if TYPE_CHECKING:  # whose kernels a verdict can spare
@@ -53,6 +54,15 @@ class Use:
         of, has = WARNINGS.get(self.what) or ("", f"its {KEYS[self.unit]} is")
         used, limit, unit = self.shown(grams)
         return f"{self.craft} needs {used:.4g} {unit}{of}, {has} {limit:g} {unit}"
+
+    @classmethod
+    def of_spent(cls, craft: Sequence[Craft], delta_v: Floats, propellant: Floats) -> Iterator[Self]:
+        """What craft (N,) that have a limit spend: all delta-v [m/s], then all propellant [kg]."""
+        limits = ("delta-v", "m/s", "delta_v_budget", delta_v), ("propellant", "kg", "propellant", propellant)
+        for what, unit, key, spent in limits:
+            for one, used in zip(craft, spent.tolist(), strict=True):
+                if (has := getattr(one, key)) is not None:
+                    yield cls(what, unit, one.name, used, has)
 
 
 def thrust_use(craft: Craft, acceleration: float) -> Use:

@@ -56,21 +56,23 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
 def used(mission: Mission) -> Table:
     """What each craft used in the whole mission, and in its flights if there are any."""
     scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
-    shares = {(use.what, use.craft): use.share for use in mission.uses}
+    uses = {(use.what, use.craft): use for use in mission.uses}
     flown, how, heading = flown_delta_v(mission)
     rows, key = [], "max_acceleration" if any(one.acceleration for one in scenario.craft) else "max_thrust"
+    rest = f"left{' in flight' * bool(how)} [kg]"
     each = scenario.craft, delta_v.tolist(), propellant.tolist(), flown
     for craft, spent, burnt, most in zip(*each, strict=True):
-        left = None if craft.propellant is None else craft.propellant - burnt
-        budget, thrust = (shares.get((what, craft.name)) for what in ("delta-v", "thrust"))
-        rows.append((craft.name, spent, most, budget, burnt if isfinite(burnt) else None, left, thrust))
+        speed, tank, force = (uses.get((what, craft.name)) for what in ("delta-v", "propellant", "thrust"))
+        budget, thrust = (use and use.share for use in (speed, force))
+        left, burns = tank and tank.limit - tank.used, burnt if isfinite(burnt) else None
+        rows.append((craft.name, spent, most, budget, burns, left, thrust))
     columns = [
         Column("craft", "craft", words=True),
         Column(f"{how}delta-v [m/s]", "delta_v_m_s", "{:.6f}".format),
         Column(heading, "flown_delta_v_m_s", "{:.6f}".format),
         Column("of its budget [%]", "share_of_delta_v_budget", "{:.1f}".format, 100.0),
-        effort.in_grams(mission, effort.FUEL),
-        effort.in_grams(mission, replace(effort.FUEL, heading="left [kg]", key="propellant_left_kg")),
+        effort.in_grams(mission, replace(effort.FUEL, heading=f"{how}propellant [kg]")),
+        effort.in_grams(mission, replace(effort.FUEL, heading=rest, key="propellant_left_kg")),
         Column(f"of {key} [%]", f"share_of_{key}", "{:.1f}".format, 100.0),
     ]
     known = [any(row[k] is not None for row in rows) for k in range(len(columns))]
