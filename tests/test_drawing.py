@@ -111,6 +111,20 @@ def test_a_png_holds_the_pixels():
         assert (np.asarray(read) == pixels[..., :3]).all()
 
 
+def test_who_draws_loads_matplotlib_without_the_documentation_of_settings():
+    """As in `own_process.import_matplotlib`, which comes too late where something else has loaded it."""
+    code = "from closeform import own_process; from closeform.report import drawing; own_process.begin()"
+    code += (
+        "; list(map(__import__, drawing.AHEAD)); from matplotlib.text import Text; print(Text.set.__doc__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "fontsize" not in done.stdout
+    whole = subprocess.run(
+        [sys.executable, "-c", code.replace("own_process.begin()", "0")], capture_output=True
+    )
+    assert b"fontsize" in whole.stdout
+
+
 def test_who_draws_loads_no_scenarios_and_no_tables():
     code = "import sys; from closeform.report import drawing; list(map(__import__, drawing.AHEAD))"
     code += "; left = 'pydantic', 'pyarrow', 'closeform.scenario', 'scipy.spatial'"

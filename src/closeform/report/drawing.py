@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from closeform.result_folder import Folder
 
 AHEAD = (  # what pictures of most stages need; no scenario, no tables
+    "closeform.plots",  # first, to import matplotlib as a process of our own does
     "matplotlib.backends.backend_agg",
     "closeform.conflicts.two_paths",
     "closeform.plots.fleet",
