@@ -79,7 +79,8 @@ def announced() -> None:
 def unpainted() -> Iterator[None]:
     """For tests of what commands say and leave: their pictures are composed, with all words, but not painted.
 
-    That takes half of the time of a run; pictures that somebody looks at have tests of their own.
+    That takes half of the time of a run; pictures that somebody looks at have tests of their own, and so
+    has what is made only as they are painted, as numbers along axes.  `.ci/examples` paints all of them.
     """
     from closeform.plots.png import png
     from closeform.result_folder import Folder
