@@ -10,6 +10,7 @@ from closeform.campaign import case_of, flown
 from closeform.campaign.history import History
 from closeform.campaign.mission_cases import MissionCases
 from closeform.mission import fly
+from closeform.report import uncertain
 from closeform.scenario import parse
 
 TWICE = """\
@@ -185,3 +186,19 @@ def test_a_history_is_what_its_study_counted():
         conflicts = mission.verdict.conflicts
         assert conflicts == entered.entries[case] + entered.began[case]
         assert mission.paths.state(0.0).shape == (2, 6)  # stages follow each other without a jump
+
+
+def test_nothing_is_said_of_stages_in_which_nothing_is_uncertain():
+    """Burns err, states are drawn: a coast has no sigmas and no probabilities, burns have."""
+    bodies = 'hard_body = "2 m"\nkeep_out = { sphere = "20 m" }\n'
+    text = TWICE.replace('keep_out = { sphere = "25 m" }\n', bodies)
+    text = text.replace('for = "1 min"', 'for = "1 min"\nsigmas = 3.0')
+    mission = fly(case_of(parse(text, "bodies.toml", "study"), 1))
+    burns, coast, again = (result.uncertain for result in mission.results)
+    assert burns.bodies.pairs
+    assert again.zones.pairs
+    assert coast.bodies.pairs == coast.zones.pairs == ()
+    assert [one.met for one in coast.asked] == [True]
+    assert "clear at 3 sigma (nothing is uncertain)" in str(mission.verdict)
+    assert uncertain.lines(coast) == ("Nothing is uncertain between craft that have zones",)
+    assert uncertain.tables(coast) == ()

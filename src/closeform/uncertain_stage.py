@@ -116,7 +116,9 @@ class UncertainStage:
 
 def fewest(pair: UncertainPair | None) -> str:
     """By how many sigmas a pair is clear at least, and when."""
-    if pair is None or pair.sigmas == inf:
+    if pair is None:
+        return "nothing is uncertain"
+    if pair.sigmas == inf:
         return "no error of any size brings two craft together"
     return f"least {pair.sigmas:.3g} sigma, {pair.first} - {pair.second} at {pair.time:.1f} s"
 

@@ -73,7 +73,10 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
     if many is not None:
         lead = f"{'Clear' if near is None or near.sigmas >= many else 'Not clear'} at {many:g} sigma"
     of = "keep-out zones" if found.zones is not None else "the hard bodies"
-    told = [f"{lead}: {fewest(near)}, of {of}"] if near is not None else []
+    judged = found.zones is not None or found.bodies is not None
+    told = ["Nothing is uncertain between craft that have zones"] if judged else []
+    if near is not None:
+        told = [f"{lead}: {fewest(near)}, of {of}"]
     pair = found.likeliest
     if (unknown := found.undrawn) is not None:
         who = f"{unknown.first} - {unknown.second}"

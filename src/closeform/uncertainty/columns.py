@@ -48,6 +48,13 @@ def added(path: Path, columns: Path, sizes: Floats) -> Path:
     return path_of(path.orbit, arcs, path.offsets, path.shape)
 
 
+def errs(path: Path, errors: Errors) -> bool:
+    """Whether one craft's errors put it off its path at all: those of burns need a burn."""
+    if errors.noise or errors._root.any() or (any(errors.impulse) and path.impulses):
+        return True
+    return bool((errors.magnitude or errors.pointing) and burning(path))
+
+
 def burning(path: Path) -> list[tuple[int, int]]:
     """First arc and the one after the last of every burn of a craft: thrust without a pause."""
     on = np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0

@@ -9,7 +9,7 @@ from scipy.special import gammaincc
 
 from closeform.conflicts.flight import PairApproach, WatchedFlight
 from closeform.uncertainty.clearance import clearance_in_sigmas
-from closeform.uncertainty.columns import burning
+from closeform.uncertainty.columns import burning, errs
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.zones.shapes import BALL
@@ -38,7 +38,7 @@ class UncertainPair:
 
 @dataclass(frozen=True, eq=False)
 class UncertainFlight:
-    """The pairs of a flight, the fewest sigmas first.
+    """The pairs of a flight of which anything is uncertain, the fewest sigmas first.
 
     `exact`: who has no errors; `sigmas`: by how many pairs were to be clear.  `any_pair`: what the
     probability that any two ever meet is not above, the sum over all; None where that of some is not known.
@@ -64,7 +64,8 @@ class UncertainFlight:
         """
         known = {name: one or Errors() for name, one in zip(flight.names, errors, strict=True)}
         exact = tuple(name for name, one in zip(flight.names, errors, strict=True) if one is None)
-        pairs = [near for near in flight.approaches if near.first not in exact or near.second not in exact]
+        off = {name for name, one in known.items() if errs(flight.path(name), one)}
+        pairs = [near for near in flight.approaches if near.first in off or near.second in off]
         found = sorted(_clearances(flight, pairs, known), key=lambda one: one[:2])
         told, total = [], 0.0
         for place, (clear, time, near) in enumerate(found):
