@@ -6,6 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 from closeform import compiled
+from closeform.given import read
 from closeform.warmup import NEEDS, compile_for
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -41,6 +42,14 @@ def test_what_a_run_calls_is_compiled_ahead_and_what_it_does_not_call_is_not(mon
     called = set(done.stdout.splitlines()[-1].split())
     assert called - {*needed("swap", monkeypatch)} == {"closeform.conflicts.exclusion"}
     assert {*needed("swap", monkeypatch)} - called == set()
+
+
+def test_check_has_nothing_compiled_that_only_a_run_needs(monkeypatch) -> None:
+    begun: list[object] = []
+    monkeypatch.setattr("closeform.warmup.before_first_compilation", begun)
+    for command, ahead in (("check", 0), ("run", 1)):
+        read(EXAMPLES / "cluster.toml", command)
+        assert len(begun) == ahead
 
 
 def test_impulses_and_searches_are_compiled_where_they_are_asked_for(monkeypatch) -> None:
