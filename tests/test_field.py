@@ -419,6 +419,72 @@ def test_impulses_are_changed_for_eccentric_chiefs_and_long_plans(e, turns):
     assert cf.thrust(path, field).deviation.max() < 0.1 * e * 2e5
 
 
+def kicked(orbit, first: np.ndarray, times: tuple[float, ...], sizes: np.ndarray, end: float) -> cf.Path:
+    """One craft's path from `first` (6,), with impulses of some sizes at some times on the way."""
+    parts = [orbit.coast(first, times[0])]
+    for time, until, size in zip(times, [*times[1:], end], sizes, strict=True):
+        state = parts[-1].state(time) + np.concatenate([np.zeros(3), size])
+        parts.append(orbit.coast(state, until - time, time))
+    return cf.join(parts)
+
+
+def test_impulses_of_two_craft_at_times_that_differ_by_rounding():
+    """They share an instant of the flight, which leads each where it flies alone."""
+    orbit, field, sizes = chief().orbit, cf.Field(chief()), np.array([[0.01, 0.0, 0.02], [0.0, -0.01, 0.01]])
+    start = np.array([[0.0, 100.0, 0.0, 0.0, 0.0, 0.05], [0.0, -100.0, 0.0, 0.0, 0.0, 0.0]])
+    times = (1450.3, 1450.3 + 4.5e-13)
+    assert 0.0 < times[1] - times[0] < 1e-12
+    alone = [
+        kicked(orbit, one, (50.0, time), np.stack([size, -size]), 2600.0)
+        for one, time, size in zip(start, times, sizes, strict=True)
+    ]
+    flight = cf.fly(cf.stack(alone), field, "open")
+    assert (np.diff(flight.times) > 1e-6).all()
+    told = cf.thrust(cf.stack(alone), field)
+    for k, one in enumerate(alone):
+        own = told.impulses.craft == k
+        end = fired(start[k], told.impulses.time[own], told.impulses.impulse[own], 2600.0)
+        assert flight.states[0, k, -1] == pytest.approx(end, abs=1e-3)
+        assert flight.path(flight.worst)[k].position(2600.0) == pytest.approx(end[:3], abs=1e-3)
+        assert told.delta_v[k] == pytest.approx(cf.thrust(one, field).delta_v[0], rel=1e-6)
+
+
+def test_impulses_beside_each_other_are_changed_as_one():
+    """Each by a part of what one in their place is, and not against each other by metres per second."""
+    orbit, field = chief().orbit, cf.Field(chief())
+    first, sizes = (
+        np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.05]),
+        np.array([[0.04, 0, 0], [0, 0, 0.1], [0, 0.02, 0]]),
+    )
+    whole = kicked(orbit, first, (60.0, 1450.3, 2300.0), sizes, 2400.0)
+    apart = np.array([sizes[0], 0.2 * sizes[1], 0.8 * sizes[1], sizes[2]])
+    parted = kicked(orbit, first, (60.0, 1450.3, 1450.333, 2300.0), apart, 2400.0)
+    one, two = (cf.thrust(path, field) for path in (whole, parted))
+    assert np.linalg.norm(two.impulses.impulse[1:3].sum(axis=0) - one.impulses.impulse[1]) < 1e-4
+    most = np.linalg.norm(one.impulses.impulse - one.impulses.planned, axis=1).max()
+    assert np.linalg.norm(two.impulses.impulse - two.impulses.planned, axis=1).max() < 2.0 * most
+    assert two.delta_v == pytest.approx(one.delta_v, abs=1e-4)  # m/s
+    end = fired(first, two.impulses.time, two.impulses.impulse, 2400.0)
+    assert end == pytest.approx(parted.state(2400.0), abs=1e-3)
+
+
+def test_an_end_is_met_as_far_as_impulses_lead_there():
+    """Half an orbit apart none moves the end across the track: it stays off as it is, the rest is met."""
+    orbit, field = chief().orbit, cf.Field(chief())
+    times = (1.0, 1.0 + 0.5 * orbit.period)
+    end, sizes = times[1] + 1.0, np.array([[0.027, 0, 0.16], [-0.027, 0, 0.05]])
+    first = np.array([0.0, 50.0, 100.0, 0.0, 0.0, 0.0])
+    path = kicked(orbit, first, times, sizes, end)
+    told, final = cf.thrust(path, field), path.state(end)
+    left = fired(first, times, sizes, end) - final
+    kept = fired(first, times, told.impulses.impulse, end) - final
+    assert abs(left[2]) > 0.05  # m
+    assert kept[2] == pytest.approx(left[2], abs=0.1 * abs(left[2]))
+    assert np.abs(np.delete(kept, 2)).max() < 1e-3
+    assert np.linalg.norm(told.impulses.impulse - told.impulses.planned, axis=1).max() < 5e-3  # m/s
+    assert told.deviation[0] < 3.0  # m
+
+
 def test_craft_with_impulses_beside_others():
     """Each is flown by what it has: the one that thrusts keeps its plan."""
     orbit = chief().orbit

@@ -108,8 +108,8 @@ def thrust(
 ) -> CommandedThrust:
     """The thrust that flies planned paths in a field as they are, and with them all that is certified.
 
-    Impulses are changed, for between them nothing is fired: they meet the plan's end, and keep its path as
-    nearly as they can.
+    Impulses are changed, for between them nothing is fired: they meet the plan's end, where small changes
+    lead there, and keep its path as nearly as they can.
 
     Parameters
     ----------

@@ -23,8 +23,8 @@ ROUNDS = 12
 MET = 1e-6  # m, by which a round still changes what is met
 NUDGE = 1e-4  # m/s, by which impulses differ to see what they do
 ALONG = 64  # places along the path that are kept
-HARD = 1e4  # how much the end counts, beside a place before it
-FREE = 1e-7  # how little a change of impulses counts, as the length that it leads to in a radian of the orbit
+LEVER = 0.02  # of the length that a change leads to in a radian of the orbit: an end is not met by less
+FREE = 1e-2  # how much that length counts, beside places along the path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,47 +82,58 @@ def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
 
     In which those without impulses coast, or thrust as planned.
 
-    The state at the end is met, and places along the path as nearly as that leaves free.  By Newton's method:
-    what impulses do is flown, by craft whose impulses differ.                                # theory (89)
+    The state at the end is met as far as impulses lead there, and places along the path as nearly as that
+    leaves free.  By Newton's method, theory (89): what impulses do is flown, by craft whose impulses differ.
     """
-    times, orbit = commands.table.shown_times, commands.path.orbit
-    frame, free = commands.frame_in(field), FREE / orbit.mean_motion
-    alone = replace(commands, known=None, law=None)
+    times, n = commands.table.shown_times, commands.path.orbit.mean_motion
+    frame, alone = commands.frame_in(field), replace(commands, known=None, law=None)
     wanted = commands.path.state(times)
     along = np.unique(np.linspace(0, len(times) - 1, ALONG + 1).astype(int)[1:])
     crafts = [np.flatnonzero(own.any(axis=1)) for own in commands.jumps]
 
     def off(states: Floats) -> Floats:
-        """Places along the path, and the end as it counts, of states (..., T, 6)."""
-        end = HARD * states[..., -1, :] * np.repeat([1.0, 1.0 / orbit.mean_motion], 3)
-        return np.concatenate([states[..., along, :3].reshape(*states.shape[:-2], -1), end], axis=-1)
+        """The end, its speed as a length, and places along the path, of states (..., T, 6)."""
+        end = states[..., -1, :] / np.repeat([1.0, n], 3)
+        return np.concatenate([end, states[..., along, :3].reshape(*states.shape[:-2], -1)], axis=-1)
 
     done = flown(alone, field, frame, exactly(len(crafts), 1))
     states = done.states[0]
-    did = {k: off(some - states[k]) / NUDGE for k, some in _nudged(alone, crafts, field, frame)}
+    did = {k: n * off(some - states[k]).T / NUDGE for k, some in _nudged(alone, crafts, field, frame)}
     jumps = commands.jumps.copy()
     for _ in range(ROUNDS):
         moved = 0.0
-        for k, responses in did.items():
+        for k, lengths in did.items():
             own = crafts[k]
-            pushed = np.vstack([responses.T, free * np.eye(3 * len(own))])
-            changed = free * (jumps[k] - commands.jumps[k])[own].ravel()
-            missed = np.concatenate([off(states[k] - wanted[k]), changed])
-            step = np.linalg.lstsq(pushed, -missed)[0].reshape(-1, 3)
-            jumps[k, own] += step
-            moved = max(moved, float(np.abs(step).max()) / orbit.mean_motion)
+            changed = (jumps[k] - commands.jumps[k])[own].ravel() / n
+            step = _step(lengths, off(states[k] - wanted[k]), changed)
+            jumps[k, own] += n * step.reshape(-1, 3)
+            moved = max(moved, float(np.abs(step).max()))
         done = flown(replace(alone, jumps=jumps), field, frame, exactly(len(crafts), 1))
         states = done.states[0]
         if moved < MET:
             break
     else:
         raise ValueError(
-            "plan: no change of its impulses was found with which it ends in this field where it should; "
-            "plan in shorter stages, or burns"
+            f"plan: changes of its impulses for this field do not settle in {ROUNDS} rounds; plan in shorter "
+            "stages, or thrust that lasts: cost 'energy'"
         )
     fires = np.isin(np.arange(len(crafts)), list(did))
     reference = np.where(fires[:, None, None], states, wanted)
     return replace(commands, jumps=jumps, reference=reference), done
+
+
+def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
+    """How impulses are to change further (3 M,), as lengths: places (6 + P,), first the end, are `missed`.
+
+    What they hardly do to the end is not asked of them: such changes are left to places along the path.
+    """
+    push, singular, ways = np.linalg.svd(did[:6])
+    strong = int((singular > LEVER).sum())
+    met = ways[:strong].T @ (push[:, :strong].T @ -missed[:6] / singular[:strong])
+    free = ways[strong:].T
+    pushed = np.vstack([did[6:] @ free, FREE * free])
+    rest = np.concatenate([missed[6:] + did[6:] @ met, FREE * (changed + met)])
+    return np.asarray(met - free @ np.linalg.lstsq(pushed, rest)[0])
 
 
 def _nudged(

@@ -72,11 +72,12 @@ class Timetable(NamedTuple):
         measurement impulses are fired.  States are shown where one is `looked_at`, too: some of these ends.
         """
         start, end = span
+        fired = merged(fired)
         looks = 1 if law is None else intervals_in(end - start, law.every)
         each = int(np.ceil((end - start) / looks / longest))
         thin = int(np.ceil(looks * each / SHOWN))
         each = thin * int(np.ceil(each / thin))
-        base = snapped(np.linspace(start, end, looks * each + 1), np.sort(fired))
+        base = snapped(np.linspace(start, end, looks * each + 1), fired)
         measured = base[:-1:each]
         inside = offsets[offsets < (end - start) / looks * (1.0 - BESIDE)]
         kicked = snapped(measured[:, None] + inside, np.union1d(base, fired))
@@ -122,6 +123,12 @@ def snapped(times: Floats, base: Floats) -> Floats:
         return times
     near = base[np.minimum(np.searchsorted(base, times - SAME), len(base) - 1)]
     return np.where(np.abs(times - near) <= SAME, near, times)
+
+
+def merged(times: Floats) -> Floats:
+    """Times in order, of those that differ by rounding the last: until then all of them have come."""
+    times = np.unique(times)
+    return np.asarray(times[np.diff(times, append=np.inf) > SAME])
 
 
 def joined(times: Floats, base: Floats) -> Floats:
