@@ -15,6 +15,7 @@ from closeform.cli import main
 from closeform.scenario import parse
 from closeform.stage_margin import flown_errors
 from closeform.stage_start import BurnRoom, StageStart
+from closeform.verdict import Entered
 from field_scenario import swap
 from test_field import axes_of, textbook
 
@@ -368,3 +369,25 @@ def test_thrusters_fire_what_leads_back(tmp_path: Path):
     assert 1e-3 < np.abs(ended - planned).max() < 1.0  # m: what is followed, and what is flown
     _, seldom, _ = flown(tmp_path / "run", tmp_path / "seldom", "--seeds", "1", "--every", "4 min")
     assert seldom["feedback"] == found["feedback"] | {"every_s": 240.0}  # the rest as without it
+
+
+def test_where_nothing_is_uncertain_one_flight_is_all(tmp_path: Path, capsys):
+    """No share of flights, no tube of nothing; feedback costs something or nothing, not rounding."""
+    (tmp_path / "sure.toml").write_text(swap())
+    main(["run", str(tmp_path / "sure.toml"), "--out", str(tmp_path / "run"), "--no-viewer"])
+    capsys.readouterr()
+    _, found, tables = flown(tmp_path / "run", tmp_path / "out", "--seeds", "3")
+    told = capsys.readouterr().out
+    assert found["flights"] == len(found["worst_flights"]) == 1
+    assert "1 flight of 2 craft, 1 stage; nothing is uncertain, all others would be the same" in told
+    assert "1 flight (nothing is uncertain), least" in told
+    assert not any(word in told for word in ("95 %", "Worst", "Tube", "stay within"))
+    spent = np.abs(tables["flights"]["feedback_delta_v_m_s"])
+    assert ((spent == 0.0) | (spent > 1e-12)).all()
+    _, found, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "3", "--thrust-error", "1 %, 1 deg")
+    assert found["flights"] == 3
+
+
+def test_intervals_are_percents_that_read():
+    """Two of two flights: 34 to 100 by Wilson, not 1e+02."""
+    assert str(Entered(2, 2, 0.9, True)).endswith("(95 % between 34 and 100 %), least 0.9000 x zone")

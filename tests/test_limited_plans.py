@@ -305,3 +305,13 @@ def test_burns_of_who_burns_next_to_nothing_are_listed():
     told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
     assert len(told) == len(path.impulses)
     assert sum(told) == pytest.approx(path.delta_v, rel=1e-12)
+
+
+def test_components_of_burns_that_are_rounding_are_none():
+    """Along-track the thrust of three quarters of an orbit sums to 0, but for 2e-15 of its size."""
+    orbit = cf.Orbit.circular(500e3)
+    ring = cf.targets.projected_circular(orbit, 4, 50.0)
+    burns = burns_of(orbit.transfer(ring[0], ring[1], 0.75 * orbit.period))
+    assert burns.size > 1.1 * np.linalg.norm(burns.push, axis=1)  # it turns, and its size is its length's sum
+    assert burns.push[0, 1] == 0.0
+    assert (np.abs(burns.push[0, ::2]) > 0.01).all()

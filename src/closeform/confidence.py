@@ -15,6 +15,10 @@ class Estimate:
     low: float
     high: float
 
+    def __str__(self) -> str:
+        low, high = (float(f"{100 * one:.2g}") for one in (self.low, self.high))
+        return f"95 % between {low:g} and {high:g} %"
+
 
 def estimate(count: int, total: int) -> Estimate:
     """A share with the interval of Wilson (1927), which holds for 0 cases too."""

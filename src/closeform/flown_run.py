@@ -10,6 +10,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
 from closeform.field.commanded import CommandedThrust, thrust
+from closeform.field.drawn import seeds_of, uncertain
 from closeform.field.feedback import Feedback, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flight import fly
@@ -69,7 +70,7 @@ class FlownRun:
 
     @classmethod
     def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
-        """Fly it.  Raises ValueError where it cannot be."""
+        """Fly it, once where nothing is uncertain.  Raises ValueError where it cannot be."""
         known, field = run.scenario.field, run.scenario.truth.field
         assert known is not None
         assert field is not None
@@ -84,7 +85,8 @@ class FlownRun:
 
             told |= {"thrusters": own, "feedback": led_by_pulses(told["feedback"], own)}
             plan = unfired(run)
-        flight = fly(plan, field, control, zones=zones, known=known, seeds=seeds, **told)
+        some = seeds if differs(control, told) else seeds_of(seeds)[:1]
+        flight = fly(plan, field, control, zones=zones, known=known, seeds=some, **told)
         if pulsed:  # off what was certified, which is flown by pulses, too
             flight = replace(flight, planned=spanning(run.paths, flight.times))
         return cls(run, field, known, control, told, flight)
@@ -102,6 +104,11 @@ class FlownRun:
         return self.run.scenario.names
 
     @property
+    def uncertain(self) -> bool:
+        """Whether another flight would be another one."""
+        return differs(self.control, self.told)
+
+    @property
     def zones(self) -> PairZones:
         """Who keeps which zone with whom."""
         return self.run.scenario.zones
@@ -111,7 +118,8 @@ class FlownRun:
         """In how many flights a zone is entered."""
         flight = self.flight
         count = round(flight.violated * len(flight.states)) if flight.ratios.size else 0
-        return Entered(count, len(flight.states), flight.least_ratio if flight.ratios.size else None)
+        least = flight.least_ratio if flight.ratios.size else None
+        return Entered(count, len(flight.states), least, self.uncertain)
 
     @cached_property
     def stages(self) -> tuple[FlownStage, ...]:
@@ -175,15 +183,23 @@ class FlownRun:
     def tube(self) -> Tube | None:
         """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
 
+        None, too, where nothing is uncertain.
         Those lead back to what they fly when changed for the field, which is off the plan between them.  How
         far planned ones are off depends on the plan, and so it does where each burn errs by itself.
         """
         told, impulses = self.told, fires_impulses(self.run.paths)
-        if self.control != "track" or told["feedback"].impulses or impulses or told["errors"] is not None:
+        if not self.uncertain or self.control != "track":
+            return None
+        if told["feedback"].impulses or impulses or told["errors"] is not None:
             return None
         sizes = np.broadcast_to(told["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)
         return tube(self.run.paths.orbit, told["feedback"], told["navigation"], thrust_error=off)
+
+
+def differs(control: Control, told: dict[str, Any]) -> bool:
+    """Whether flights that are told so are not all the same one."""
+    return uncertain(control != "open", told["navigation"], told["thrust_error"], told["errors"])
 
 
 def fires_pulses(run: Stages, control: Control) -> bool:

@@ -6,6 +6,7 @@ from math import ceil, floor, inf, log10
 from typing import TYPE_CHECKING, Any, Self
 
 from closeform.arrays import Floats
+from closeform.confidence import estimate
 from closeform.scenario import Craft
 
 if TYPE_CHECKING:  # whose kernels a verdict can spare
@@ -159,11 +160,12 @@ class LostThrust:
 
 @dataclass(frozen=True)
 class Entered:
-    """How many of all flights in a field enter a zone; the `least` ratio of all, None without zones."""
+    """How many flights in a field enter a zone, `least` ratio (None without); alike unless `uncertain`."""
 
     count: int
     flights: int
     least: float | None
+    uncertain: bool
 
     @property
     def ok(self) -> bool:
@@ -196,14 +198,11 @@ class Entered:
     def __str__(self) -> str:
         if self.least is None:
             return f"flown: {self.many}, there is no zone to enter"
-        from closeform.confidence import estimate  # with SciPy, which most runs can spare
-
-        share = estimate(self.count, self.flights)
-        range_ = f"95 % between {100 * share.low:.2g} and {100 * share.high:.2g} %"
         found = (
             "clear: no zone is entered in" if self.ok else f"violated: zones are entered in {self.count} of"
         )
-        return f"{found} {self.many} ({range_}), least {self.least:.4f} x zone"
+        likely = str(estimate(self.count, self.flights)) if self.uncertain else "nothing is uncertain"
+        return f"{found} {self.many} ({likely}), least {self.least:.4f} x zone"
 
 
 @dataclass(frozen=True)

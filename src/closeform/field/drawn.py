@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, whole
 from closeform.field.executed import Events
@@ -88,6 +89,22 @@ class Draws:
             for stream, (count, size) in enumerate(kinds, PLANNED)
         ]
         return np.concatenate(draws)
+
+
+def uncertain(
+    measured: bool, sight: Navigation, thrust_error: ArrayLike, errors: Sequence[Errors | None] | None
+) -> bool:
+    """Whether flights differ at all: in what is `measured`, if anything is, in thrust, starts or burns."""
+    seen = sight.position, sight.velocity, sight.position_bias, sight.velocity_bias
+    return bool(
+        (measured and any(seen))
+        or np.any(thrust_error)
+        or any(
+            one.state.any() or one.magnitude or one.pointing or any(one.impulse)
+            for one in errors or ()
+            if one is not None
+        )
+    )
 
 
 def nothing_drawn(count: int) -> Draws:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from closeform.fuel.firing import Firing
 
 DAY = 86400.0  # s
+ROUNDING = 1e-12  # of what is spent: what is left of it below that is nothing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +104,8 @@ class Flight(Rows):
     @property
     def feedback_delta_v(self) -> Any:
         """What each craft spends on errors of all kinds (S, N) [m/s], less what limits keep back."""
-        return self.delta_v - self.planned_delta_v - self.field_delta_v
+        spent = self.delta_v - self.planned_delta_v - self.field_delta_v
+        return np.where(np.abs(spent) > ROUNDING * self.delta_v, spent, 0.0)
 
     @cached_property
     def deviations(self) -> Floats:

@@ -11,6 +11,7 @@ from closeform.motion.path import Path
 
 LEAST = 5e-7  # m/s, of a burn worth telling: plans within a limit leave less where they touch it in passing
 SHARE = 1e-3  # of all that is burned: whoever burns next to nothing has burns worth telling, too
+ROUNDING = 1e-12  # of a burn's size: a component below it is none
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 NOTHING = 1e-9  # of the greatest thrust: what is left by rounding where a craft coasts
 PIECE = 0.5  # of n t, within which 16 points of Gauss integrate thrust to the last digits
@@ -20,7 +21,7 @@ class Burns(NamedTuple):
     """K burns in order of time: `start` and `duration` (K,) [s], 0 of an impulse.
 
     `push` (K, 3) [m/s] is the integral of the thrust in the rotating frame, `size` (K,) [m/s] that of its
-    length.
+    length, which is more where thrust turns.
     """
 
     start: Floats
@@ -37,7 +38,13 @@ class Burns(NamedTuple):
 def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
     """The pulses of one craft."""
     own = pulses[pulses.craft == craft]
-    return Burns(own.start, own.duration, own.direction * own.impulse[:, None], own.impulse)
+    return _rounded(Burns(own.start, own.duration, own.direction * own.impulse[:, None], own.impulse))
+
+
+def _rounded(burns: Burns) -> Burns:
+    """The same without components that are rounding."""
+    kept = np.abs(burns.push) > ROUNDING * burns.size[:, None]
+    return burns._replace(push=np.where(kept, burns.push, 0.0))
 
 
 def burns_of(path: Path) -> Burns:
@@ -61,7 +68,7 @@ def burns_of(path: Path) -> Burns:
         np.concatenate([np.linalg.norm(jumps[kicks], axis=1), runs.delta_v]),
     )
     order = np.argsort(every.start, kind="stable")
-    return Burns(*(column[order] for column in every))
+    return _rounded(Burns(*(column[order] for column in every)))
 
 
 def _pushes(path: Path, arcs: Floats, run: Floats) -> Floats:

@@ -57,7 +57,8 @@ class FlightTold:
         one, told = self.flown, self.flown.told
         count = counted(len(one.flight.states), "flight")
         stages = counted(len(one.stages), "stage")
-        what = self.title, f"{count} of {len(one.names)} craft, {stages}"
+        alike = "" if one.uncertain else "; nothing is uncertain, all others would be the same"
+        what = self.title, f"{count} of {len(one.names)} craft, {stages}{alike}"
         where = f"Field: {described(one.field)}, known{self.unknown}; thrust corrected for it"
         if one.control == "open":
             return *what, f"{where}; nobody measures", *self.thrust_errors, *self.drawn
@@ -131,8 +132,9 @@ class FlightTold:
         flight, room, near = self.flown.flight, self.flown.tube, self.flight.closest
         told = []
         if near is not None:
+            lead = f"Worst flight, {flight.worst}" if len(flight.states) > 1 else "Closest"
             told.append(
-                f"Worst flight, {flight.worst}: {near.first} and {near.second} at {near.ratio:.4f} x zone "
+                f"{lead}: {near.first} and {near.second} at {near.ratio:.4f} x zone "
                 f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
             )
         if room is not None:
@@ -174,7 +176,8 @@ class FlightTold:
         """Conflicts of the worst flight."""
         if not self.flight.conflicts:
             return (), ()
-        return conflicts.listed("Conflicts of the worst flight", self.flight)
+        which = "worst " * (len(self.flown.flight.states) > 1)
+        return conflicts.listed(f"Conflicts of the {which}flight", self.flight)
 
     @property
     def pictures(self) -> Iterator[Picture]:
