@@ -145,6 +145,11 @@ def test_python_says_with_which_thrust_it_would_be_punctual() -> None:
     kept = cf.reconfigure(deep, starts, ends, 100.0, ball, max_acceleration=0.03)
     assert kept.durations.max() > 100.0
     np.testing.assert_allclose(kept.punctual, free.paths.peak_thrust)
+    lacks = int(np.argmax(kept.punctual))
+    one = cf.reconfigure(
+        deep, starts, ends, 100.0, ball, max_acceleration=np.where(np.arange(2) == lacks, 0.03, np.inf)
+    )
+    np.testing.assert_allclose(one.punctual, free.paths.peak_thrust)  # also of who has no limit
     weak = cf.reconfigure(deep, starts, ends, 100.0, ball, max_acceleration=0.03, if_blocked=()).weak
     assert (weak.shortest, weak.first) == (weak.duration, weak.needed)
 

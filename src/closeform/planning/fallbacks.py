@@ -53,12 +53,11 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
 
     TOO_WEAK where none does, or where `longer` is not allowed.
     """
-    excess = _excess(request, plan)
-    if excess.max() <= FULL or request.limits is None:
-        return request, plan
     limits = request.limits
+    if limits is None or (excess := _peaks(request, plan) / limits).max() <= FULL:
+        return request, plan
     if not plan.measures:  # else craft take longer for another reason
-        plan = replace(plan, punctual=excess * limits)
+        plan = replace(plan, punctual=_peaks(request, plan))
 
     proven = 0.0 if plan.weak is None else plan.weak.proven
 
@@ -74,7 +73,7 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
 
     def attempted(factor: float) -> tuple[Plan, Floats] | None:
         other = attempt(request.longer(factor), False)
-        return (other, _excess(request, other)) if other.ok or other.weak is not None else None
+        return (other, _peaks(request, other) / limits) if other.ok or other.weak is not None else None
 
     def free(factor: float) -> Floats:  # of least energy: burns of least delta-v are told by planning them
         sparing = request.cost == "delta-v"
@@ -89,10 +88,11 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
     return request.longer(later.factor), replace(later.found, measures=measures, punctual=plan.punctual)
 
 
-def _excess(request: Request, plan: Plan) -> Floats:
-    """Peak thrust over its limit (N,), or what the one who lacks most needs."""
+def _peaks(request: Request, plan: Plan) -> Floats:
+    """Peak thrust (N,) [m/s^2], or what the one who lacks most needs and 0 of others; 0 without paths."""
+    peaks = np.zeros(len(request.initial))
     if plan.weak is not None:
-        needed = np.zeros(len(request.initial))
-        needed[plan.weak.craft] = plan.weak.needed / plan.weak.limit
-        return needed
-    return np.zeros(1) if plan.paths is None else np.asarray(plan.paths.peak_thrust / request.limits)
+        peaks[plan.weak.craft] = plan.weak.needed
+    elif plan.paths is not None:
+        peaks[:] = plan.paths.peak_thrust
+    return peaks
