@@ -362,6 +362,13 @@ def test_thrusters_fire_what_leads_back(tmp_path: Path):
             np.abs(table[key][table["craft"] == name]).sum() for table in (pulses, more) for key in axes
         )
         assert spent == pytest.approx(fired, rel=1e-9)
+        own, left = pulses["craft"] == name, 12.0  # kg, which falls as pulses burn
+        for given, burnt in zip(
+            sum(np.abs(pulses[key][own]) for key in axes), pulses["propellant_kg"][own], strict=True
+        ):
+            assert burnt == pytest.approx(left * -np.expm1(-given / (60.0 * 9.80665)), rel=1e-9)
+            left -= burnt
+        assert left < 12.0
     row = max(found["spent"][:2], key=lambda one: one["delta_v_m_s"])
     assert row["propellant_kg"] == pytest.approx(12.0 * -np.expm1(-row["delta_v_m_s"] / (60.0 * 9.80665)))
     ended = loaded.results[0].after.paths.position(loaded.results[0].end)

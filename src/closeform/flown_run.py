@@ -135,9 +135,27 @@ class FlownRun:
     @cached_property
     def propellant(self) -> Floats:
         """What each craft burns (S, N) [kg]; nan for one without mass and specific impulse."""
+        return self.burnt(slice(None), self.flight.delta_v)
+
+    @cached_property
+    def pulses(self) -> dict[str, Any]:
+        """What thrusters fire by plan, in columns, and what they burn as the mass falls by it."""
+        assert self.flight.firing is not None
+        fired = self.flight.firing.pulses
+        who = np.array([self.names.index(name) for name in self.thrusters])[fired.craft]
+        so_far = np.cumsum(
+            np.where(who[:, None] == np.arange(len(self.names)), fired.impulse[:, None], 0.0), 0
+        )
+        spent = so_far[np.arange(len(who)), who]
+        burnt = self.burnt(who, spent) - self.burnt(who, spent - fired.impulse)
+        named = {"craft": np.array(self.names)[who], "thruster": fired.thruster + 1, "propellant_kg": burnt}
+        return self.flight.firing.burns | named
+
+    def burnt(self, which: Any, delta_v: Floats) -> Floats:
+        """What craft, by index, burn for a delta-v [kg]; nan for one without mass and specific impulse."""
         craft = self.run.scenario.craft
-        mass, impulse = (np.array([getattr(one, key) for one in craft], dtype=float) for key in TANK)
-        return np.asarray(-mass * np.expm1(-self.flight.delta_v / (STANDARD_GRAVITY * impulse)))
+        mass, impulse = (np.array([getattr(one, key) for one in craft], dtype=float)[which] for key in TANK)
+        return np.asarray(-mass * np.expm1(-delta_v / (STANDARD_GRAVITY * impulse)))
 
     @property
     def spent(self) -> Iterator[Use]:

@@ -282,9 +282,7 @@ class FlightTold:
             given = dict(
                 zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[who, when].T, strict=True)
             )
-            assert flight.firing is not None
-            shot, burns = np.array(self.flown.thrusters), flight.firing.burns
-            yield "pulses", {**burns, "craft": shot[burns["craft"]], "thruster": burns["thruster"] + 1}
+            yield "pulses", self.flown.pulses
             yield (
                 "corrections",
                 {"craft": names[who], "time_s": flight.ordered[when], **given},
