@@ -11,7 +11,10 @@ from scipy.linalg import expm
 
 from bridge import hill
 from closeform.console import WIDTH
+from closeform.fuel.bound import least_delta_v
 from closeform.mission import fly
+from closeform.motion.path import ends_of
+from closeform.report import reconfigure
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, parse
 from test_mission_search import Run, run_text
@@ -227,7 +230,7 @@ def test_what_each_choice_costs(ran):
     first = np.linalg.solve(transition[:3, 3:], GOAL[:3] - transition[:3, :3] @ START[:3])
     last = transition[3:] @ np.append(START[:3], first)
     two = np.linalg.norm(first - START[3:]) + np.linalg.norm(GOAL[3:] - last)
-    assert rows["two impulses"]["delta_v_m_s"] == pytest.approx(two, rel=1e-9)
+    assert rows["impulses at both ends"]["delta_v_m_s"] == pytest.approx(two, rel=1e-9)
     gramian = solve_ivp(
         lambda t, y: (expm(hill(N) * t)[:, 3:] @ expm(hill(N) * t)[:, 3:].T).ravel(),
         (0.0, 1.3 * TURN), np.zeros(36), rtol=1e-10, atol=1e-6,
@@ -577,3 +580,55 @@ to = [{goals}]
     )
     table = run.printed.split("extra [%]")[1].splitlines()[1:5]
     assert [line.split()[2] == "-" for line in table] == [False, True, False, True], table
+
+
+RING = """\
+closeform = 1
+title = "A ring that turns"
+
+[orbit]
+altitude = "600 km"
+
+[craft]
+name = ["Q1", "Q2"]
+start = { projected_circular = { radius = "50 m" } }
+keep_out = { sphere = "10 m" }
+mass = "12 kg"
+
+[[stage]]
+do = "reconfigure"
+cost = "delta-v"
+within = "0.5 orbits"
+to = { projected_circular = { radius = "50 m", first_phase = "180 deg" } }
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "told", "above"),
+    [
+        (RING, "proven the least delta-v for these ends and times: without thrust all arrive", None),
+        (
+            RING.replace("180 deg", "36 deg").replace("mass", 'thrusters = "rtn"\nmax_thrust = "10 N"\nmass'),
+            "proven the least delta-v of these thrusters for these ends and times",
+            True,
+        ),
+    ],
+    ids=["nobody burns", "thrusters"],
+)
+def test_what_is_proven_the_least_is_said(text, told, above):
+    """A ring turns by half in half an orbit by itself; thrusters along axes spend more than the least."""
+    mission = fly(parse(text))
+    (result,) = mission.results
+    lines = list(reconfigure.worth(result))
+    assert any(line.endswith(told) for line in lines)
+    spent = float(result.delta_v.sum())
+    if above is None:
+        assert spent < 1e-9  # m/s
+        return
+    least = least_delta_v(mission.orbit, *(np.array(one) for one in ends(result)), result.end)
+    assert spent > 1.05 * float(np.sum(least.upper))
+
+
+def ends(result):
+    """Initial and final states (N, 6)."""
+    return zip(*(ends_of(result.before.path(name)) for name in result.after.names), strict=True)

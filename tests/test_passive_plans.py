@@ -225,7 +225,7 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that
         ORBIT.coast(towards, 8.0 * PERIOD), ORBIT.coast(CLIENT, 8.0 * PERIOD), cf.Sphere(30.0)
     )
     assert f"the end of its plan path comes to {least.ratio:.2f} x zone from client" in plan.reason
-    assert "targets.safety_ellipse(orbit, 1, 39, 39) around client would do" in plan.reason
+    assert "a safety_ellipse with radial and cross_track of 39 m around client would do" in plan.reason
     named = ORBIT.coast(cf.targets.safety_ellipse(ORBIT, 1, 39.0, 39.0)[0], PERIOD)
     assert cf.closest_approach(named, ORBIT.coast(CLIENT, PERIOD), cf.Sphere(30.0)).ratio >= 1.3 - 1e-9
 

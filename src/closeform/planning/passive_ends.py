@@ -97,7 +97,7 @@ def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[st
         return f"move that {end}, or ask for less drift"
     swing = f"{ROOMY * zone.radius:.4g}"
     return (
-        f"a targets.safety_ellipse(orbit, 1, {swing}, {swing}) around {names[pair[1]]} would do, "
+        f"a safety_ellipse with radial and cross_track of {swing} m around {names[pair[1]]} would do, "
         f"{ROOMY:g} x zone away however it drifts"
     )
 

@@ -1,4 +1,4 @@
-"""What each choice costs: two impulses, least energy, least delta-v, within limits, with thrusters."""
+"""What each choice costs: impulses at both ends, least energy or delta-v, within limits, with thrusters."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -70,7 +70,7 @@ class Choices:
         craft = [self.mission.scenario.craft[k] for k in self.places]
         limits = [one.max_acceleration for one in craft]
         told: list[tuple[str, Callable[[], Any]]] = [
-            ("two impulses", lambda: orbit.two_impulse(*task).delta_v),
+            ("impulses at both ends", lambda: orbit.two_impulse(*task).delta_v),
             ("least energy", lambda: orbit.transfer(*task).delta_v),
         ]
         if np.isfinite(limits).all():

@@ -12,16 +12,17 @@ KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
     "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
     "delta-v": ("per_metre_1_s", "per_factor_m_s"),
 }
+NOTHING = 1e-9  # m/s: what is left by rounding where nobody has to burn
 TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
 
 
-def best(found: Avoidance | Plan) -> str:
-    """Whether it is the best there is."""
-    return (
-        f"proven the least {found.cost} for these ends and times"
-        if found.proven
-        else f"best of {counted(found.tried, 'candidate')}"
-    )
+def best(found: Avoidance | Plan, fired: bool) -> str:
+    """Whether it is the best there is; `fired` by thrusters, by which impulses cost more."""
+    if not found.proven:
+        return f"best of {counted(found.tried, 'candidate')}"
+    what = f"{found.cost} of these thrusters" if fired and found.cost == "delta-v" else found.cost
+    told = f"proven the least {what} for these ends and times"
+    return f"{told}: without thrust all arrive" if float(found.delta_v) < NOTHING else told
 
 
 def bounds(found: Avoidance | Plan) -> Iterator[str]:

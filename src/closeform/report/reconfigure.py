@@ -157,13 +157,14 @@ def worth(result: Moved) -> Iterator[str]:
     """How good the plan is, where craft touch each other's zones, and what the stage has come to."""
     moved, plan = result.result, result.result.plan
     how = "jointly" if result.stage.plan == "joint" else "one craft after another"
+    best = optimum.best(plan, result.pulsed is not None)
     if not plan.ok:
         yield f"Planned {how}, without success: these are the direct paths"
         return
     if result.planned is result.before:
-        yield f"Planned {how}: everybody takes the direct path; {optimum.best(plan)}"
+        yield f"Planned {how}: everybody takes the direct path; {best}"
         return
-    yield f"Planned {how}: {optimum.best(plan)}"
+    yield f"Planned {how}: {best}"
     yield from optimum.bounds(plan)
     where = [
         f"{one} - {other} at {at.time:.1f} s{optimum.adrift(at)}"
