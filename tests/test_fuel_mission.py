@@ -518,15 +518,19 @@ def test_burns_that_overlap_stop_the_mission_with_a_reason():
 
 
 def test_zones_are_larger_by_no_more_than_pulses_need():
-    """Pearls 50 m apart with zones of 45 m: three centimetres are missing, and 5 m more have no plan."""
+    """Pearls 50 m apart with zones of 45 m: five centimetres are missing, and 5 m more have no plan."""
     mission = fly(parse(TIGHT.replace("0.1 mN", "2 mN")))
     assert mission.clear
     pulsed = mission.results[0].pulsed
-    assert 1.0 < pulsed.room.larger < 1.01
-    times = np.linspace(pulsed.firing.path.start[0], pulsed.firing.path.end[0], 6001)  # a second: 0.1 m
-    places = np.stack([pulsed.firing.path[k].position(times) for k in range(4)])
-    apart = np.linalg.norm(places[:, None] - places, axis=-1) + 1e9 * np.eye(4)[:, :, None]
-    assert 45.0 - MILLIMETRE < apart.min() < 45.1
+    assert 45.0 < 45.0 * pulsed.room.larger < 45.1
+
+    def least(paths):
+        times = np.linspace(max(one.start for one in paths), min(one.end for one in paths), 6001)  # 0.1 m
+        places = np.stack([path.position(times) for path in paths])
+        return (np.linalg.norm(places[:, None] - places, axis=-1) + 1e9 * np.eye(4)[:, :, None]).min()
+
+    assert least([pulsed.firing.path[k] for k in range(4)]) > 45.0 - MILLIMETRE
+    assert least(pulsed.planned.paths) > 45.0 * pulsed.room.larger - MILLIMETRE
 
 
 def test_planned_and_fired_are_told_apart(ran):
@@ -609,7 +613,7 @@ to = { projected_circular = { radius = "50 m", first_phase = "180 deg" } }
         (RING, "proven the least delta-v for these ends and times: without thrust all arrive", None),
         (
             RING.replace("180 deg", "36 deg").replace("mass", 'thrusters = "rtn"\nmax_thrust = "10 N"\nmass'),
-            "proven the least delta-v of these thrusters for these ends and times",
+            "proven the least delta-v of these thrusters",
             True,
         ),
     ],

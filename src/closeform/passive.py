@@ -24,7 +24,7 @@ from closeform.zones.pair_zones import PairZones, by_zone, portions
 from closeform.zones.zone import Zone
 
 MOST = 2000  # pairs, each both ways, of which every least ratio is looked for; of more those that are unsafe
-IDEAL = "in Hill's equations, states exact"  # in which it is judged, whatever field there is, and errors
+IDEAL = "Hill, exact states"  # in which it is judged, whatever field there is, and errors
 CHUNK = 64  # of them that one thread takes at a time
 
 
@@ -83,11 +83,11 @@ class PassiveSafety:
         """For the verdict."""
         worst, safe = self.worst, f"passively safe {self.lasting}"
         if worst is None:
-            yield Asked(f"{safe} {IDEAL}", "", True, inf, "drift")
+            yield Asked(f"{safe} ({IDEAL})", "", True, inf, "drift")
             return
         more = f" and {len(self.unsafe) - 1} more" * (len(self.unsafe) > 1)
         met = f"{worst.fails} with {worst.meets}, {worst.ratio:.4f} x zone{more}"
-        kept = f"{safe} {IDEAL} (least {worst.ratio:.4f} x zone)"
+        kept = f"{safe} (least {worst.ratio:.4f} x zone; {IDEAL})"
         yield Asked(kept, f"not {safe} in {self.where}: {met}", self.safe, worst.ratio, "drift")
 
     @property

@@ -20,8 +20,8 @@ def best(found: Avoidance | Plan, fired: bool) -> str:
     """Whether it is the best there is; `fired` by thrusters, by which impulses cost more."""
     if not found.proven:
         return f"best of {counted(found.tried, 'candidate')}"
-    what = f"{found.cost} of these thrusters" if fired and found.cost == "delta-v" else found.cost
-    told = f"proven the least {what} for these ends and times"
+    whose = "of these thrusters" if fired and found.cost == "delta-v" else "for these ends and times"
+    told = f"proven the least {found.cost} {whose}"
     return f"{told}: without thrust all arrive" if float(found.delta_v) < NOTHING else told
 
 
