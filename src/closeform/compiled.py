@@ -24,7 +24,7 @@ def announce(damaged: str = "") -> None:
         return
     _announced.append(True)
     print(
-        damaged or "closeform: compiling kernels that were not needed before, once (half a minute)",
+        damaged or "closeform: compiling the kernels that this needs, once (half a minute)",
         file=sys.stderr,
     )
     for begin in before_first_compilation:
