@@ -265,18 +265,21 @@ def test_least_ratio_as_flown():
 
 
 @pytest.mark.parametrize("zone", [cf.Sphere(15.0), cf.Box([10.0, 20.0, 15.0]), cf.Cylinder(12.0, 30.0)])
-@pytest.mark.parametrize("limit", [None, 1.05], ids=["impulses", "burns"])
-def test_least_ratios_where_thrust_jumps(zone, limit):
+@pytest.mark.parametrize("kind", ["impulses", "stages", "burns"])
+def test_least_ratios_where_thrust_jumps(zone, kind):
     """Against samples of the plan, ever denser about the least, and the deviations that were predicted.
 
     To 1e-5, asked to 1e-4 (`verdict.SAMPLED`): on cubics across impulses they were off by 2 %.
     """
     field, draws = cf.Field(chief()), np.random.default_rng(8)
     ends = draws.normal(size=(2, 4, 6)) * np.repeat([80.0, 0.05], 3)
-    if limit is None:
+    if kind == "impulses":
         plan = field.orbit.impulsive(*ends, 0.4 * field.orbit.period)
+    elif kind == "stages":  # whose impulses meet, where craft are nearest
+        stages = (ends[0], 0.5 * ends[1], 900.0), (0.5 * ends[1], ends[0], 900.0, 900.0)
+        plan = cf.join([field.orbit.two_impulse(*stage) for stage in stages])
     else:
-        most = limit * field.orbit.transfer(*ends, 2000.0).peak_thrust.max()
+        most = 1.05 * field.orbit.transfer(*ends, 2000.0).peak_thrust.max()
         plan = field.orbit.transfer(*ends, 2000.0, max_acceleration=0.8 * most)
     found = cf.validity(plan, field, zone)
     spline = CubicHermiteSpline(found.times, found.deviations[..., :3], found.deviations[..., 3:], axis=1)
@@ -466,6 +469,26 @@ def test_impulses_beside_each_other_are_changed_as_one():
     assert two.delta_v == pytest.approx(one.delta_v, abs=1e-4)  # m/s
     end = fired(first, two.impulses.time, two.impulses.impulse, 2400.0)
     assert end == pytest.approx(parted.state(2400.0), abs=1e-3)
+
+
+@pytest.mark.parametrize("late", [0.0, 4.6e-13], ids=["at once", "but for rounding"])
+def test_impulses_of_two_stages_that_meet_are_fired_both(late):
+    """The last of one stage and the first of the next: as planned, as changed for the field, and by burns."""
+    orbit, field = chief().orbit, cf.Field(chief())
+    first, between = np.array([0.0, 400.0, 0, 0, 0, 0]), np.array([0.0, -300.0, 200.0, 0, 0, 0])
+    stages = (first, between, 1500.0), (between, np.zeros(6), 1500.0, 1500.0 + late)
+    path = cf.join([orbit.two_impulse(*stage) for stage in stages])
+    end, (when, sizes) = float(path.end), map(np.array, zip(*path.impulses, strict=True))
+    assert len(when) == 4
+    assert 0.0 <= when[2] - when[1] < 1e-12
+    as_planned = cf.fly(path, field, "open", cancel=False)
+    assert as_planned.states[0, 0, -1] == pytest.approx(fired(first, when, sizes, end), abs=1e-3)
+    told = cf.thrust(path, field)
+    met = fired(first, told.impulses.time, told.impulses.impulse, end)
+    assert met == pytest.approx(path.state(end), abs=1e-3)
+    assert told.delta_v == pytest.approx(told.planned_delta_v, rel=1e-3)
+    burns = cf.thrust(path, field, thrusters=cf.Thrusters.rtn(acceleration=1.0))
+    assert burns.deviation[0] < told.deviation[0] + 0.1  # m
 
 
 def test_an_end_is_met_as_far_as_impulses_lead_there():

@@ -205,7 +205,7 @@ def commands_of(
     table = Timetable.of(span, law, offsets, np.union1d(edges, bends), when, longest, bends)
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
-    jumps[craft, np.searchsorted(table.fired_times, when)] = sizes
+    np.add.at(jumps, (craft, np.searchsorted(table.fired_times, when)), sizes)  # some at one instant
     lasting = jumps.any(axis=(1, 2)) == 0
     if law is not None and law.impulses:
         lasting &= path.peak_thrust > 0.0

@@ -47,15 +47,14 @@ def fired_in(
     These are the craft (M,), times (M,) and sizes (M, 3) of impulses as changed for the field.  Of craft that
     have thrusters; nothing for those that coast.
     """
-    craft, when, sizes = jumps
+    craft, _, sizes = jumps
     steady, asked = _commanded(paths, field), []
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     for k in shooters:
         one = paths[k]
         arcs = one.arcs.copy() if (craft == k).any() or not one.delta_v else steady[k]
-        for time, size in zip(when[craft == k], sizes[craft == k], strict=True):
-            kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1) & (arcs[:, START] == time)
-            arcs[kicked, IMPULSE : IMPULSE + 3] = size
+        kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
+        arcs[kicked, IMPULSE : IMPULSE + 3] = sizes[craft == k]
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
     return fire(stack(asked), [one for one in thrusters if one is not None], mass, specific_impulse)
 

@@ -60,7 +60,10 @@ class Retargeted(Rows):
 
 
 def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Floats]:
-    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m]."""
+    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m].
+
+    Those of one craft at one instant, as two plans have where they meet, are changed by equal parts.
+    """
     craft, times, planned = impulses_of(paths)
     deviation = np.zeros(len(paths))
     if not len(craft):
@@ -68,7 +71,9 @@ def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Float
     plain = commands_of(paths, None, field, ballistics_of(field.drag, len(paths)))
     commands, done = retargeted(plain, field)
     when = plain.table.shown_times
-    changed = commands.jumps[craft, np.searchsorted(plain.table.fired_times, times)]
+    slots = np.searchsorted(plain.table.fired_times, times)
+    at_once = ((craft == craft[:, None]) & (slots == slots[:, None])).sum(axis=1)
+    changed = planned + (commands.jumps - plain.jumps)[craft, slots] / at_once[:, None]
     fires = np.unique(craft)
     off = done.states[0, ..., :3] - paths.position(when)
     deviation[fires] = np.linalg.norm(off, axis=2).max(axis=1)[fires]

@@ -154,7 +154,7 @@ def _least(
     nodes = np.union1d(begins, snapped(times, begins))  # thrust and velocities jump at no other time
     states, jumps = paths.state(nodes), np.zeros((len(paths), len(nodes), 6))
     craft, fired, sizes = impulses_of(paths)
-    jumps[craft, np.searchsorted(nodes, fired), 3:] = sizes
+    np.add.at(jumps[..., 3:], (craft, np.searchsorted(nodes, fired)), sizes)  # some at one instant
     off = states + _carried(times, deviations, nodes)
     pairs, planned = least_ratios(states, states - jumps, nodes, zones)
     return pairs, planned, least_ratios(off, off - jumps, nodes, zones)[1]
