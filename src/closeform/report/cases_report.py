@@ -53,6 +53,11 @@ class CasesReport(ABC):
     def chapters(self, replays: Replays) -> Sequence[Section]:
         """What the page tells, but for how to repeat it."""
 
+    def run_of(self, case: int, which: str) -> tuple[str, ...]:
+        """The command that shows `which` case this is; none where the file as it is has no run of it."""
+        told = f"closeform run {self.campaign.scenario.file} --case {case} shows {which}"
+        return (told,) if self.campaign.has_run(case) else ()
+
     @property
     def studied(self) -> dict[str, Any]:
         """What was studied, and what it has come to."""

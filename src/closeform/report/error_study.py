@@ -33,9 +33,8 @@ class ErrorStudyReport(CasesReport):
     @property
     def hint(self) -> tuple[str, ...]:
         """How to see the case with most entries."""
-        if not self.campaign.worst or not self.campaign.has_run(case := self.campaign.worst[0][0]):
-            return ()
-        return (f"closeform run {self.campaign.scenario.file} --case {case} shows the one with most entries",)
+        most = self.campaign.worst
+        return self.run_of(most[0][0], "the one with most entries") if most else ()
 
     @property
     def opening(self) -> tuple[str, ...]:

@@ -56,9 +56,7 @@ class MissionStudyReport(CasesReport):
             return ()
         endings = self.campaign.endings.first
         first = min(case for status, cases in endings.items() if status != MET for case in cases)
-        if not self.campaign.has_run(first):
-            return ()
-        return (f"closeform run {self.campaign.scenario.file} --case {first} shows the first of them",)
+        return self.run_of(first, "the first of them")
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:

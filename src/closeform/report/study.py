@@ -69,9 +69,7 @@ class StudyReport(CasesReport):
     def hint(self) -> tuple[str, ...]:
         """How to see a case in which something is not met."""
         campaign = self.campaign
-        if campaign.ok or not campaign.has_run(first := campaign.tally.good.unmet[0]):
-            return ()
-        return (f"closeform run {campaign.scenario.file} --case {first} shows the first of them",)
+        return () if campaign.ok else self.run_of(campaign.tally.good.unmet[0], "the first of them")
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
