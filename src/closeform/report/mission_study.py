@@ -8,22 +8,18 @@ from typing import Any
 import numpy as np
 
 from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
-from closeform.campaign.spread import Spread
 from closeform.confidence import estimate
 from closeform.report import asked, flown_study, model, worst
 from closeform.report.cases import SHARES, percent
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
-from closeform.report.study import draw_table, draws, spread
+from closeform.report.study import SPREAD, draw_table, draws, spread, spread_row
 from closeform.report.table import Column, Table, counted
 
 ENDED = Column("how cases ended", words=True), Column("cases"), *percent("share [%]")
 WHY = Column("why, numbers left out", words=True), Column("cases"), Column("first")
-SPREAD = (
-    Column("of the cases flown to the end", words=True),
-    *map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in case")),
-)
+SPREADS = Column("of the cases flown to the end", words=True), *SPREAD
 LOST = Column("of", words=True), Column("cases"), *percent("share [%]")
 SPENT = "delta-v", "What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s", 0.95
 PLANNED = SPENT[0], f"{SPENT[1]}, as planned", f"planned {SPENT[2]}", *SPENT[3:]  # beside what is flown
@@ -75,10 +71,12 @@ class MissionStudyReport(CasesReport):
         if campaign.spreads:
             flown = ", flown" * (campaign.flights is not None)
             title = "What they spent" if campaign.flights is None else "What they spend, flown and as planned"
-            found.append(Table(title, SPREAD, [self.row(*one) for one in campaign.spreads.items()]))
+            spreads = campaign.spreads.items()
+            rows = [spread_row(name, one, 1 if name.endswith("end [s]") else 4) for name, one in spreads]
+            found.append(Table(title, SPREADS, rows))
             dearest = next(iter(campaign.spreads.values())).worst
-            rows = [(case, spent) for spent, case in dearest]
-            found.append(Table(f"The cases that spent most{flown}", DEAREST, rows))
+            most = [(case, spent) for spent, case in dearest]
+            found.append(Table(f"The cases that spent most{flown}", DEAREST, most))
         if campaign.nearest is not None:
             as_planned = " as planned" * (campaign.flights is not None)
             words = f"closest of any pair{as_planned}, in terms of its zone"
@@ -91,13 +89,6 @@ class MissionStudyReport(CasesReport):
             lost = ("all cases", drifting, some, some), ("of these, it drifts into a zone", into, bad, bad)
             found.append(Table("Cases in which a craft loses its thrust", LOST, lost))
         return tuple(found)
-
-    @staticmethod
-    def row(name: str, found: Spread) -> tuple[Any, ...]:
-        """A row of SPREAD."""
-        form = ("{:.1f}" if name.endswith("end [s]") else "{:.4f}").format
-        numbers = [found.mean, *(one.value for one in found.quantiles.values()), found.worst[0][0]]
-        return name, *map(form, numbers), found.worst[0][1]
 
     @property
     def summary(self) -> dict[str, Any]:

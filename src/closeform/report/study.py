@@ -28,6 +28,8 @@ from closeform.report.table import Column, Table
 from closeform.search.binned import Binned
 from closeform.search.gather_result import listed
 
+SPREAD = tuple(map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in case")))
+
 
 @dataclass(frozen=True, eq=False)
 class StudyReport(CasesReport):
@@ -181,14 +183,17 @@ def quantiles(found: Spread) -> dict[str, Any]:
 
 def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     """Mean, quantiles and greatest of the times, and of the delta-v."""
-    rows = []
-    for name, found in campaign.spreads.items():
-        form = "{:.2f}".format if name.startswith("time") else "{:.4f}".format
-        numbers = [found.mean, *(one.value for one in found.quantiles.values()), found.worst[0][0]]
-        rows.append((name, *map(form, numbers), found.worst[0][1]))
-    headings = "mean", "median", "95 %", "99.9 %", "greatest", "in case"
-    columns = Column(campaign.done, words=True), *(Column(heading) for heading in headings)
+    spreads = campaign.spreads.items()
+    rows = [spread_row(name, found, 2 if name.startswith("time") else 4) for name, found in spreads]
+    columns = Column(campaign.done, words=True), *SPREAD
     return (Table("How long", columns, rows),) if rows else ()
+
+
+def spread_row(name: str, found: Spread, digits: int) -> tuple[Any, ...]:
+    """A name, and what SPREAD says of it, to so many `digits`."""
+    greatest, case = found.worst[0]
+    numbers = found.mean, *(one.value for one in found.quantiles.values()), greatest
+    return name, *(f"{one:.{digits}f}" for one in numbers), case
 
 
 def draws(campaign: FlownCases) -> dict[str, Any]:
