@@ -113,9 +113,14 @@ def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
     return Table("Timeline", columns, rows, folded=len(rows) > MOST_ROWS)
 
 
+def first_lock(gathering: Gathering) -> Event | None:
+    """The lock that begins the formation set; None where nobody locks."""
+    return next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
+
+
 def halves(gathering: Gathering) -> list[Event]:
     """The burns with which both of the first pair null half of their relative velocity, if both can."""
-    first = next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
+    first = first_lock(gathering)
     if first is None or gathering.burns != "half":
         return []
     pair = first.first, first.second
@@ -203,7 +208,7 @@ def chosen(result: Gathered) -> str:
 def ways(result: Gathered) -> tuple[Table, ...]:
     """What all craft spend, by exact burns, for each way in which the first pair can burn."""
     gathering, names = result.result, result.after.names
-    first = next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
+    first = first_lock(gathering)
     if first is None:
         return ()
     low, high = names[first.first], names[first.second]
