@@ -65,17 +65,12 @@ class CasesReport(ABC):
         return {
             "kind": "study",
             "title": campaign.title,
-            "inputs": self.digests,
+            "inputs": repeat.inputs(campaign.scenario),
             "seed": campaign.seed,
             "cases": len(campaign),
             "status": MET if campaign.ok else NOT_MET,
             "verdict": self.verdict,
         }
-
-    @property
-    def digests(self) -> dict[str, str]:
-        """The hashes of the scenario and of the files that it names."""
-        return {name: f"sha256:{digest}" for name, digest in self.campaign.scenario.digests.items()}
 
     def repeated(self, out: Path | None, beside: Sequence[str]) -> Section:
         """How to repeat it."""
@@ -86,7 +81,7 @@ class CasesReport(ABC):
             command += f" --cases {len(campaign)}"
         if study is None or study.seed != campaign.seed:
             command += f" --seed {campaign.seed}"
-        return repeat.section(command, self.digests, beside, out, seed=campaign.seed)
+        return repeat.section(command, repeat.inputs(campaign.scenario), beside, out, seed=campaign.seed)
 
     def leave(
         self,

@@ -5,11 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 from closeform.result_folder import SUMMARY, VIEWER, WORST_FLIGHT, Folder, digest, versions
+
+if TYPE_CHECKING:
+    from closeform.scenario import Scenario
 
 OPTIONS = Column("option", "option", words=True), Column("given", "given", words=True)
 ROWS = Column("what", "what", words=True), Column("is", "is", words=True)
@@ -126,6 +129,11 @@ def links(names: Sequence[str]) -> list[tuple[str, str]]:
     """What of it stands above everything."""
     pages = {VIEWER: "See it in motion", WORST_FLIGHT: "See the worst flight in motion"}
     return [(name, words) for name, words in pages.items() if name in names]
+
+
+def inputs(scenario: "Scenario") -> dict[str, str]:
+    """A scenario and the files that it names, by their hashes."""
+    return {name: f"sha256:{digest}" for name, digest in scenario.digests.items()}
 
 
 def hashed(files: Sequence[Path]) -> dict[str, str]:

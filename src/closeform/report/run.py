@@ -148,11 +148,6 @@ class RunReport:
         return *before, *told, model.section(mission), *sure
 
     @property
-    def inputs(self) -> dict[str, str]:
-        """The hashes of the scenario and of the files that it names."""
-        return {name: f"sha256:{digest}" for name, digest in self.mission.scenario.digests.items()}
-
-    @property
     def seed(self) -> int | None:
         """With which the states of a case were drawn."""
         scenario = self.mission.scenario
@@ -164,7 +159,7 @@ class RunReport:
         case = "" if scenario.case is None else f" --case {scenario.case}"
         point = "" if scenario.place is None else f" --point {scenario.place}"
         command = f"closeform run {Path(scenario.file).name}{point}{case}"
-        return repeat.section(command, self.inputs, beside, out, seed=self.seed)
+        return repeat.section(command, repeat.inputs(scenario), beside, out, seed=self.seed)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -174,7 +169,7 @@ class RunReport:
         return {
             "kind": "run",
             "title": scenario.title,
-            "inputs": self.inputs,
+            "inputs": repeat.inputs(scenario),
             **origin(scenario),
             "seed": self.seed,
             "case": scenario.case,
