@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -27,7 +28,10 @@ from closeform.cli import main
 from closeform.confidence import estimate
 from closeform.console import WIDTH
 from closeform.mission import fly
+from closeform.report import worst
+from closeform.report.any_study import report_of
 from closeform.report.cases import by_detection
+from closeform.report.run import RunReport
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gather import gather
 from closeform.search.locks import lock_times
@@ -322,6 +326,29 @@ def test_a_case_is_done_when_its_last_pair_has_locked(tmp_path) -> None:
     assert 0 < len(campaign.failed) < 200
     assert sum(share.cases for share in campaign.shares) == 200  # failures stay in the denominator
     assert campaign.shares[-1].inside.share == len(campaign.failed) / 200
+
+
+def as_words(command: str) -> list[str]:
+    """What a shell makes of a command."""
+    told = subprocess.run(
+        ["sh", "-c", f"printf '%s\\n' {command}"], capture_output=True, text=True, check=True
+    )
+    return told.stdout.splitlines()
+
+
+@pytest.mark.parametrize("file", ["narrow.toml", "two words.toml", "it's $HOME.toml"])
+def test_commands_that_are_told_can_be_pasted(file) -> None:
+    """A shell takes the name of the file as one word as it is, in all four places."""
+    scenario = parse(NARROW, file)
+    campaign = flown(scenario, 50)
+    report, case = report_of(campaign, scenario), int(campaign.failed[0])
+    run = ["closeform", "run", file, "--case", str(case)]
+    study = ["closeform", "study", file, "--cases", "50"]
+    (hint,) = report.hint
+    assert as_words(hint)[:5] == run
+    assert as_words(worst.command(campaign, f"case {case}")) == run
+    for one, told in ((RunReport(fly(case_of(scenario, case))).repeat, run), (report.repeated, study)):
+        assert as_words(one(None, ()).tables[0].rows[0][1]) == told
 
 
 def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:

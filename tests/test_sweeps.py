@@ -12,9 +12,10 @@ from closeform.campaign import flown
 from closeform.campaign.chunks import Held
 from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli import main
-from closeform.report.sweep_study import numbered
+from closeform.report.sweep_study import SweepReport, numbered
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.sweep import points
+from test_campaign import as_words
 from test_mission_cases import PASS
 
 ROBUST = (Path(__file__).parents[1] / "examples" / "robustness.toml").read_text()
@@ -48,6 +49,12 @@ def test_each_point_is_the_study_of_its_own_file(swept):
         assert point.met_cases == truth.good.sum()
         assert point.spread.worst == truth.spreads["time [s]"].worst
     assert swept.points[0].met_cases > swept.points[2].met_cases  # 20 deg of pointing error
+
+
+def test_the_command_of_a_point_can_be_pasted():
+    """A shell takes the name of the file as one word."""
+    (hint,) = SweepReport(flown(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
+    assert as_words(hint)[:7] == ["closeform", "run", "two words.toml", "--case", "K", "--point", "P"]
 
 
 def test_points_may_begin_within_chunks(swept, monkeypatch):

@@ -55,7 +55,7 @@ class CasesReport(ABC):
 
     def run_of(self, case: int, which: str) -> tuple[str, ...]:
         """The command that shows `which` case this is; none where the file as it is has no run of it."""
-        told = f"closeform run {self.campaign.scenario.file} --case {case} shows {which}"
+        told = f"closeform run {repeat.quoted(self.campaign.scenario.file)} --case {case} shows {which}"
         return (told,) if self.campaign.has_run(case) else ()
 
     @property
@@ -76,7 +76,7 @@ class CasesReport(ABC):
         """How to repeat it."""
         campaign = self.campaign
         study = campaign.scenario.study
-        command = f"closeform study {Path(campaign.scenario.file).name}"
+        command = f"closeform study {repeat.quoted(Path(campaign.scenario.file).name)}"
         if study is not None and study.cases != len(campaign):
             command += f" --cases {len(campaign)}"
         if study is None or study.seed != campaign.seed:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 OPTIONS = Column("option", "option", words=True), Column("given", "given", words=True)
 ROWS = Column("what", "what", words=True), Column("is", "is", words=True)
 FILES = Column("file", "file", words=True, links=True), Column("what it holds", "words", words=True)
+EXPANDED = {*'"$`'}  # what a shell sees between double quotes, too
 HOLDS = {  # files of results, in the order in which they are listed
     VIEWER: "all of it in motion, in space",
     WORST_FLIGHT: "the worst flight in the field, in motion",
@@ -96,7 +97,7 @@ class Command:
 
 def quoted(word: str) -> str:
     """A word as a shell takes it."""
-    return f'"{word}"' if " " in word and '"' not in word else shlex.quote(word)
+    return f'"{word}"' if " " in word and not {*word} & EXPANDED else shlex.quote(word)
 
 
 def section(

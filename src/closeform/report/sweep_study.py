@@ -13,6 +13,7 @@ from closeform.report import asked, model
 from closeform.report.cases import SHARES, percent
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
+from closeform.report.repeat import quoted
 from closeform.report.section import Section
 from closeform.report.study import draw_table, draws, spread
 from closeform.report.table import Column, Table
@@ -45,7 +46,7 @@ class SweepReport(CasesReport):
         """How to see a case."""
         if not self.campaign.as_in_file:
             return ()
-        file = self.campaign.scenario.file
+        file = quoted(self.campaign.scenario.file)
         return (f"closeform run {file} --case K --point P shows a case, of the point in row P from 0 on",)
 
     @cached_property

@@ -10,6 +10,7 @@ from closeform.campaign import Campaign
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.search_campaign import LATER
 from closeform.report.cases_report import Replays
+from closeform.report.repeat import quoted
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 
@@ -64,7 +65,7 @@ def command(campaign: FlownCases, what: str) -> str | None:
     kind, _, number = what.partition(" ")
     if kind != "case" or not campaign.has_run(int(number)):
         return None
-    return f"closeform run {Path(campaign.scenario.file).name} --case {number}"
+    return f"closeform run {quoted(Path(campaign.scenario.file).name)} --case {number}"
 
 
 def of_errors(campaign: ErrorCampaign) -> Table:
