@@ -3,9 +3,9 @@
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.shapes import CUBE, CYLINDER, FACES
 from closeform.zones.solids import HalfSpaces
-from closeform.zones.zone import Zone
+from closeform.zones.zone import LEADING, Zone, face_normals
 
 PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upwards
 AROUND = np.linspace(0, 2 * np.pi, 145)
@@ -17,7 +17,7 @@ def drawn(zone: Zone) -> Zone:
     """The zone, or what is shown of one without an end: thrice as far as its farthest face."""
     if zone.bounded:
         return zone
-    ways = zone.faces @ zone.matrix
+    ways = face_normals(zone)
     offsets = 1.0 / np.linalg.norm(ways, axis=1)
     ends = np.concatenate([np.eye(3), -np.eye(3)])
     return HalfSpaces(np.concatenate([ways, ends]), np.append(offsets, np.full(6, OPEN * offsets.max())))
@@ -30,7 +30,7 @@ def touched(zone: Zone, ways: Floats) -> Floats:
         return np.asarray(corners[(ways @ corners.T).argmax(axis=1)])
     half_axes = np.linalg.inv(zone.matrix)
     q = ways @ half_axes
-    leading = {BALL: 3, CYLINDER: 2}.get(zone.shape, 0)
+    leading = LEADING.get(zone.shape, 0)
     sizes = np.linalg.norm(q[:, :leading], axis=1, keepdims=True)
     q[:, :leading] /= np.where(sizes > 0.0, sizes, 1.0)
     q[:, leading:] = np.sign(q[:, leading:])
@@ -53,9 +53,8 @@ def shell(zone: Zone) -> list[Floats]:
     """Lines (K, 3) that show a zone in space: edges between flat faces, circles around round ones."""
     zone = drawn(zone)
     if zone.shape in (CUBE, FACES):
-        ways = np.concatenate([zone.matrix, -zone.matrix]) if zone.shape == CUBE else zone.faces @ zone.matrix
         corners = zone.vertices
-        on = corners @ ways.T > 1.0 - 1e-9
+        on = corners @ face_normals(zone).T > 1.0 - 1e-9
         shared = on.astype(int) @ on.T.astype(int)  # faces that two corners have in common
         return [corners[[a, b]] for a, b in np.argwhere(np.triu(shared >= 2, 1))]
     half_axes = np.linalg.inv(zone.matrix)

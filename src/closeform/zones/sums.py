@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.zones.containment import greatest_length
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.solids import HalfSpaces, Sphere
-from closeform.zones.zone import LEADING, Zone, enclosing
+from closeform.zones.zone import LEADING, Zone, enclosing, face_normals
 
 VOLUMES = {BALL: 4.0 * pi / 3.0, CUBE: 8.0, CYLINDER: 2.0 * pi}  # of unit shapes
 HALVINGS = 60  # of the logarithm of p: to a double's last digit from any start
@@ -73,17 +73,9 @@ def _ellipsoid(one: Floats, other: Floats) -> Zone:
 
 def _between_planes(one: Zone, other: Zone) -> Zone:
     """All that is within the planes along faces of either, each as far out as the sum reaches."""
-    normals = np.concatenate([_normals(one), _normals(other)])
+    normals = np.concatenate([face_normals(one), face_normals(other)])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     ends = one.support(normals) + other.support(normals)
     if not np.isfinite(ends).any():
         raise ValueError("the sum of their zones has no end; give one of them an end")
     return HalfSpaces(normals[np.isfinite(ends)], ends[np.isfinite(ends)])
-
-
-def _normals(zone: Zone) -> Floats:
-    """Directions (K, 3) out of flat faces."""
-    if zone.shape == FACES:
-        return zone.faces @ zone.matrix
-    flat = zone.matrix[LEADING.get(zone.shape, 0) :]
-    return np.concatenate([flat, -flat])

@@ -312,6 +312,14 @@ def gradient(zone: Zone, position: Floats) -> Floats:
     return np.asarray(np.take_along_axis(rows, most, axis=-2)[..., 0, :] @ zone.matrix)
 
 
+def face_normals(zone: Zone) -> Floats:
+    """Directions (K, 3) [1/m] out of the flat faces of a zone: n . r = 1 on each."""
+    if zone.shape == FACES:
+        return zone.faces @ zone.matrix
+    flat = zone.matrix[LEADING.get(zone.shape, 0) :]
+    return np.concatenate([flat, -flat])
+
+
 def enclosing(zone: Zone) -> Floats:
     """Matrix E (3, 3) in 1/m with |E r| <= 1 for every r in the zone: an ellipsoid that holds it."""
     ratios = {BALL: (1.0, 1.0), CUBE: (3.0, 3.0), CYLINDER: (1.5, 3.0)}  # of its axes, squared
