@@ -25,7 +25,7 @@ from closeform.motion.within_limit import TooLittleThrust, limited
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures
 from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver, Spent
-from closeform.planning.impulse_moments import Moments
+from closeform.planning.impulse_moments import Moments, some_of_each
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 
@@ -140,7 +140,7 @@ class BurnSolver(ImpulseSolver):
     def fewest(self, best: Spent) -> Spent:
         """The same without burns hardly used, where that is clear; what these did the others do longer."""
         for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
-            used, start = self.beside(best, share), replace(best, margin=best.margin + further)
+            used, start = self.with_neighbours(best, share), replace(best, margin=best.margin + further)
 
             def kept(_: Spent, used: list[Moments] = used) -> list[Moments]:
                 return used
@@ -150,14 +150,13 @@ class BurnSolver(ImpulseSolver):
                 return found
         return best
 
-    def beside(self, best: Spent, share: float) -> list[Moments]:
+    def with_neighbours(self, best: Spent, share: float) -> list[Moments]:
         """When each craft fires more than a share of all, with the slots next to those; they are one burn."""
         large = np.linalg.norm(best.impulses, axis=2) > share * best.delta_v
         near = large.copy()
         near[:, 1:] |= large[:, :-1]
         near[:, :-1] |= large[:, 1:]
-        chosen = np.where(self.limits[:, None] > 0.0, near, large)
-        return [own.some(row[: len(own.times)]) for own, row in zip(best.moments, chosen, strict=True)]
+        return some_of_each(best.moments, np.where(self.limits[:, None] > 0.0, near, large))
 
     def settled(self, best: Spent) -> Contacts:
         """The contacts with the multipliers of the last round, whose slots are fine where craft burn."""

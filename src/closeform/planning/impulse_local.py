@@ -25,7 +25,7 @@ from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Checked, Failures, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
-from closeform.planning.impulse_moments import Moments, Pushes
+from closeform.planning.impulse_moments import Moments, Pushes, some_of_each
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_scene import BRIEF, Dual, Fleet, Planes, Priced
 from closeform.planning.joint_dual import price
@@ -80,8 +80,7 @@ class Spent:
 
     def fired(self, share: float) -> list[Moments]:
         """When each craft fires more than a share of all."""
-        large = np.linalg.norm(self.impulses, axis=2) > share * self.delta_v
-        return [own.some(row[: len(own.times)]) for own, row in zip(self.moments, large, strict=True)]
+        return some_of_each(self.moments, np.linalg.norm(self.impulses, axis=2) > share * self.delta_v)
 
 
 class ImpulseSolver:

@@ -64,6 +64,11 @@ class Moments(NamedTuple):
         return found[0].joined(*found[1:], *([self] if fixed else []))
 
 
+def some_of_each(moments: Sequence[Moments], chosen: Any) -> list[Moments]:
+    """Those of each craft in a mask (N, J), whose rows may be longer than its moments are many."""
+    return [own.some(row[: len(own.times)]) for own, row in zip(moments, chosen, strict=True)]
+
+
 class Pushes(NamedTuple):
     """Where N craft push: `directions` (N, M, 3) at time 0, the first of the `counts` (N,) zero where free.
 
