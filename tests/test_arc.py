@@ -6,6 +6,7 @@ from scipy.integrate import quad, solve_ivp
 
 import closeform as cf
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, STATE, THRUST, WIDTH
+from closeform.planning.approaches import sample_bodies
 
 N = 1.1e-3
 STATE_0 = [40.0, -90.0, 25.0, 0.05, -0.12, 0.08]
@@ -104,3 +105,19 @@ def test_thrust_constant_in_inertial_space_is_of_the_span():
     assert inertial.delta_v == pytest.approx(size * 700.0, rel=1e-9)
     assert inertial.energy == pytest.approx(0.5 * size**2 * 700.0, rel=1e-9)
     assert inertial.peak_thrust == pytest.approx(size, rel=2e-9)
+
+
+def test_samples_go_on_from_one_to_the_next():
+    """At times that are even, uneven and twice the same, also where one arc follows another."""
+    orbit = cf.Orbit(N)
+    coast = orbit.coast(STATE_0, 700.0)
+    burn = orbit.transfer(coast.state(700.0), [0.0, 50.0, 0.0, 0.0, 0.0, 0.0], 900.0, start=700.0)
+    path = cf.join([coast, burn, orbit.coast(burn.state(1600.0), 400.0, start=1600.0)])
+    ends = [0.0, 0.0, 700.0, 700.0, 700.0, 1600.0, 1600.0, 2000.0]
+    uneven = [33.0, 33.0, 851.0, 912.0, 912.0]
+    times = np.sort(np.concatenate([np.linspace(-100.0, 2100.0, 23), uneven, ends]))
+    states = np.empty((1, len(times), 6))
+    sample_bodies(path.arcs, path.offsets, times, states)
+    there = (times >= 0.0) & (times <= 2000.0)
+    assert np.isinf(states[0, ~there, 0]).all()
+    np.testing.assert_allclose(states[0, there], path.state(times[there]), rtol=0.0, atol=1e-10)  # m, m/s

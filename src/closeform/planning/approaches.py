@@ -31,7 +31,7 @@ def sample_body(arcs, first, last, times, states):
 
     Along an arc they go on from sample to sample, by steps that are worked out once where they are even.
     """
-    row, step, transforms = -1, 0.0, inverse_transforms(0.0, 0.0)
+    row, step, transforms = -1, inf, inverse_transforms(0.0, 0.0)
     state = thrust = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(len(times)):
         t = times[k]
@@ -41,7 +41,7 @@ def sample_body(arcs, first, last, times, states):
         before, row = row, locate(arcs, first, last, t)
         arc = arcs[row]
         if row != before or pushes(arc):
-            state, thrust, step = state_at(arc, t), primer_at(arc, t), 0.0
+            state, thrust, step = state_at(arc, t), primer_at(arc, t), inf
         else:
             h = t - times[k - 1]
             if abs(h - step) > EVEN * h:
