@@ -48,19 +48,25 @@ def rung(tau):
 
 
 @kernel()
-def follow(program, tolerance, bar, cones, planes, x):
+def barrier_terms(fleet, number):
+    """How many terms the barriers of all moments and planes have, and the degree of their cones."""
+    terms = degrees = 1.0 * number
+    for i in range(len(fleet.counts)):
+        for j in range(fleet.counts[i]):
+            limited = fleet.most[i, j] < inf
+            terms += 3.0 if limited else 1.0
+            degrees += (2.0 if is_free(fleet.along[i, j]) else 1.0) + (1.0 if limited else 0.0)
+    return terms, degrees
+
+
+@kernel()
+def follow(program, terms, degrees, tolerance, bar, cones, planes, x):
     """Follow the centres to a relative gap; returns the bound, and how many times the limits are needed."""
     craft, number, width = len(program.counts), len(planes), x.shape[1]
     program, x = lent(program), borrowed(x)
     cones, planes = borrowed(cones), borrowed(planes)
     hessians, changes = np.empty((craft, width, width)), np.empty((craft, width))
     schur, ahead = np.empty((number, number)), np.empty(number)
-    degrees = terms = 1.0 * number
-    for i in range(craft):
-        for j in range(program.counts[i]):
-            limited = program.most[i, j] < inf
-            degrees += (2.0 if is_free(program.along[i, j]) else 1.0) + (1.0 if limited else 0.0)
-            terms += 3.0 if limited else 1.0
     needed, last, met, done = 0.0, 0.0, False, False
     for _ in range(STEPS):
         bound, gained, length, gap = measure(program, cones, planes, x)
@@ -125,7 +131,7 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     widest = fill_members(planes, members, sizes)
     rows = np.empty((craft, fleet.times.shape[1], 3, 6 + widest))
     gains, roots = np.empty((craft, 6)), np.empty((craft, 6, 6))
-    total, terms = 0.0, 1.0 * number
+    total = 0.0
     for k in range(number):
         dual.multipliers[k] = inf
     for i in range(craft):
@@ -134,8 +140,6 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
         if not normalise(rows[i], fleet.counts[i], gains[i], roots[i]):
             return inf, 0.0
         begin(rows[i], fleet.counts[i], members[i], sizes[i], dual.multipliers)
-        for j in range(fleet.counts[i]):
-            terms += 3.0 if fleet.most[i, j] < inf else 1.0
         for a in range(6):
             total += gains[i, a] ** 2
     for k in range(number):
@@ -144,6 +148,7 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
         total += (planes.misses[k] * dual.multipliers[k]) ** 2
     if total == 0.0:
         return 0.0, 0.0
+    terms, degrees = barrier_terms(fleet, number)
     unit = sqrt(total / (2.0 * terms))  # of delta-v: at tau = 1 gains and barriers are of one size
     for i in range(craft):
         for a in range(6):
@@ -153,7 +158,7 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     cones, walls = np.zeros((craft, fleet.times.shape[1], ROW)), np.zeros((number, ROW))
     x = np.zeros((craft, 6 + widest))
     place_cones(program, dual.multipliers, cones, walls, x)
-    cost, needed = follow(program, tolerance, bar / unit, cones, walls, x)
+    cost, needed = follow(program, terms, degrees, tolerance, bar / unit, cones, walls, x)
     if cost == inf:
         return inf, needed
     for k in range(number):
