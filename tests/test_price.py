@@ -7,8 +7,11 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
+from closeform.planning.impulse_local import ImpulseSolver
 from closeform.planning.plan import Contact
 from closeform.planning.planner import once
+from closeform.planning.problem import Problem
+from closeform.planning.scene import Contacts
 from test_least_delta_v_plans import ORBIT as LOW
 from test_least_delta_v_plans import passage, rates
 
@@ -286,3 +289,18 @@ def test_contacts_that_are_the_same_are_one():
     ]
     lost = touch(2, 20.0, across, 3.0, 4.0)  # after thrust was lost
     assert len(once((*contacts, lost))) == 3
+
+
+@pytest.mark.parametrize("orbit", [LOW, cf.Orbit(0.0)], ids=["orbit", "deep space"])
+def test_planes_that_are_kept_exactly_without_thrust_have_no_price(orbit):
+    stays = orbit.coast([0.0, 100.0, 0.0, 0.0, 0.0, 0.0], 1000.0)
+    obstacle = orbit.coast(np.zeros(6), 1000.0)
+    problem = Problem.of(cf.stack([stays]), cf.stack([obstacle]), [(cf.Sphere(10.0), np.array([[0, 1]]))])
+    solver = ImpulseSolver(problem, (None,), ("stays",))
+    contacts = Contacts.at(np.zeros(2, dtype=np.int64), np.array([300.0, 600.0]), np.zeros((2, 2)))
+    contacts = contacts._replace(normals=np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))
+    planes = solver.planes(contacts)._replace(misses=np.zeros(2))
+    found = solver.dual(solver.fleet(solver.grid), planes, 1e-5, np.inf)
+    assert found.cost == 0.0
+    assert found.multipliers.tolist() == [0.0, 0.0]
+    assert not found.impulses.any()

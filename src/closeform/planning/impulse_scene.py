@@ -62,7 +62,7 @@ class Planes(NamedTuple):
 
 
 class Dual(NamedTuple):
-    """A point of the dual, from which a climb begins and where it ends."""
+    """A point of the dual: primers as natural motions, and what their planes add."""
 
     starts: Floats  # (N, 6): c of each craft
     multipliers: Floats  # (K,)

@@ -130,22 +130,22 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     sizes, members = np.zeros(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)
     widest = fill_members(planes, members, sizes)
     rows = np.empty((craft, fleet.times.shape[1], 3, 6 + widest))
-    gains, roots = np.empty((craft, 6)), np.empty((craft, 6, 6))
+    gains, roots, pulls = np.empty((craft, 6)), np.empty((craft, 6, 6)), np.empty(number)
     total = 0.0
     for k in range(number):
-        dual.multipliers[k] = inf
+        pulls[k] = inf
     for i in range(craft):
         gain(fleet, i, gains[i])
         fill_rows(fleet, planes, i, members[i], sizes[i], rows[i])
         if not normalise(rows[i], fleet.counts[i], gains[i], roots[i]):
             return inf, 0.0
-        begin(rows[i], fleet.counts[i], members[i], sizes[i], dual.multipliers)
+        begin(rows[i], fleet.counts[i], members[i], sizes[i], pulls)
         for a in range(6):
             total += gains[i, a] ** 2
     for k in range(number):
-        if dual.multipliers[k] == inf:  # nobody can give way
-            dual.multipliers[k] = 1.0
-        total += (planes.misses[k] * dual.multipliers[k]) ** 2
+        if pulls[k] == inf:  # nobody can give way
+            pulls[k] = 1.0
+        total += (planes.misses[k] * pulls[k]) ** 2
     if total == 0.0:
         return 0.0, 0.0
     terms, degrees = barrier_terms(fleet, number)
@@ -157,7 +157,7 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     program = Program(rows, fleet.along, most, fleet.counts, members, sizes, gains, misses)
     cones, walls = np.zeros((craft, fleet.times.shape[1], ROW)), np.zeros((number, ROW))
     x = np.zeros((craft, 6 + widest))
-    place_cones(program, dual.multipliers, cones, walls, x)
+    place_cones(program, pulls, cones, walls, x)
     cost, needed = follow(program, terms, degrees, tolerance, bar / unit, cones, walls, x)
     if cost == inf:
         return inf, needed
