@@ -80,20 +80,6 @@ def fly_astray(
         see = lent(Astray(own, craft[c], offset, swings))
         turns = Turns(legs, first, second, ends[c], pushes[c], astray, see)
         one = slice(c, c + 1)
-        fly_cases(
-            turns,
-            ways,
-            keeps,
-            kinds,
-            table,
-            boxes,
-            matrices,
-            fails[one],
-            gates,
-            normals[one],
-            positions[one],
-            velocities[one],
-            events,
-            labels[one],
-            results[one],
-        )
+        kept, flaws = (keeps, kinds, table, boxes, matrices), (fails[one], gates, normals[one])
+        flown = positions[one], velocities[one], events, labels[one], results[one]
+        fly_cases(turns, ways, *kept, *flaws, *flown)
