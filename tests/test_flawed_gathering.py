@@ -69,6 +69,12 @@ within = "1 h"
 """
 
 
+def off_by(execution):
+    """Cases whose burns are off."""
+    text = LOST.replace("[sensor]", f"execution = {execution}\n[sensor]")
+    return text.replace("seed = 5", 'seed = 5\ndraws = "replanned"')
+
+
 def block(seed, key, counter, event=0):
     """Four numbers between 0 and 1 of NumPy's own generator."""
     stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
@@ -181,11 +187,7 @@ def test_failures_of_craft_that_search_imperfectly_are_those_of_a_run():
 
 def test_burns_are_off_by_gates():
     """Every burn of every craft is off along and across itself, and what follows is the model's."""
-    execution = 'execution = { impulse = { speed = "0.2 mm/s", magnitude = "2 %", pointing = "1 deg" } }\n'
-    text = LOST.replace("[sensor]", execution + "[sensor]").replace(
-        "seed = 5", 'seed = 5\ndraws = "replanned"'
-    )
-    scenario = parse(text)
+    scenario = parse(off_by('{ impulse = { speed = "0.2 mm/s", magnitude = "2 %", pointing = "1 deg" } }'))
     campaign = flown(scenario, 10)
     assert isinstance(campaign, MissionCampaign)
     burns, sky = 0, sky_of(scenario)
@@ -225,10 +227,7 @@ def test_burns_are_off_by_gates():
 
 def test_failures_and_errors_of_burns_go_together():
     """Up to the first failure the case is that of errors alone, and from its own on nobody burns."""
-    execution = 'execution = { magnitude = "2 %", pointing = "1 deg" }\n'
-    text = LOST.replace("[sensor]", execution + "[sensor]").replace(
-        "seed = 5", 'seed = 5\ndraws = "replanned"'
-    )
+    text = off_by('{ magnitude = "2 %", pointing = "1 deg" }')
     both = parse(text + '"craft.fails" = { chance = 0.5 }\n')
     checked = 0
     for case in range(6):
@@ -267,17 +266,21 @@ def test_more_random_numbers_change_no_burn_before():
     assert asked[0] == 1 < asked[1] < 64 == asked[-1]
 
 
-def test_without_thrust_another_of_the_set_corrects():
-    """60 m away, straight at a sphere of 30 m: who still can leaves it by 30 deg; or they collide."""
+def meeting(flaws):
+    """Two that know each other 60 m apart, one straight at a sphere of 30 m, beside the first pair."""
     search = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), RATE, TIP)
     states = with_kernel([[0, 0, 0], [60.0, 0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
     told = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
     told |= {"burns": "second", "errors": None}
-    exact = gather(search, *states, **told)
+    return gather_flawed(gather(search, *states, **told), search, *states, flaws, **told)
+
+
+def test_without_thrust_another_of_the_set_corrects():
+    """60 m away, straight at a sphere of 30 m: who still can leaves it by 30 deg; or they collide."""
     for failing, corrects in (((), (3,)), ((3,), (2,)), ((2,), (3,)), ((2, 3), ())):
         fails = np.full((1, 4), np.inf)
         fails[0, failing] = 0.0
-        found = gather_flawed(exact, search, *states, BurnFlaws.of_thrust(fails), **told)
+        found = meeting(BurnFlaws.of_thrust(fails))
         burns = [event for event in found.events if event.kind is EventKind.CORRECTION]
         assert tuple(event.first for event in burns) == corrects
         assert [np.linalg.norm(event.delta_v) for event in burns] == pytest.approx(
@@ -288,17 +291,12 @@ def test_without_thrust_another_of_the_set_corrects():
 
 def test_corrections_are_off_too_and_conflicts_are_of_what_is_flown():
     """A burn that is 2 % too long passes farther out, one too short enters; nobody burns twice."""
-    search = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), RATE, TIP)
-    states = with_kernel([[0, 0, 0], [60.0, 0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
-    told = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
-    told |= {"burns": "second", "errors": None}
-    exact = gather(search, *states, **told)
     for size in (1.0, -1.0):
         normals = np.zeros((1, 4, 64, 3))
         normals[..., 0] = size
         gates, never = np.tile([0.0, 0.02, 0.0, 0.0], (4, 1)), np.full((1, 4), np.inf)
         flaws = BurnFlaws(never, gates, lambda burns, normals=normals: normals[:, :, :burns])
-        found = gather_flawed(exact, search, *states, flaws, **told)
+        found = meeting(flaws)
         (burn,) = [event for event in found.events if event.kind is EventKind.CORRECTION]
         assert np.linalg.norm(burn.delta_v) == pytest.approx(0.05 * (1.0 + 0.02 * size), rel=1e-8)
         assert len(found.conflicts) == (size < 0.0)
