@@ -17,6 +17,7 @@ from closeform.search.gather import gather
 from closeform.search.gather_result import EventKind, GatherStatus
 from closeform.search.lost_fleet import lost_fleet
 from lost import BASIC, Sky, gathered
+from philox import block
 from test_clearance import with_kernel
 
 RATE, TIP = np.radians(0.25), np.radians(25.0)
@@ -73,13 +74,6 @@ def off_by(execution):
     """Cases whose burns are off."""
     text = LOST.replace("[sensor]", f"execution = {execution}\n[sensor]")
     return text.replace("seed = 5", 'seed = 5\ndraws = "replanned"')
-
-
-def block(seed, key, counter, event=0):
-    """Four numbers between 0 and 1 of NumPy's own generator."""
-    stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
-    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=[counter, event, 0, 0])
-    return ((philox.random_raw(4) >> np.uint64(11)) + 0.5) * 2.0**-53
 
 
 def sky_of(scenario):

@@ -19,6 +19,7 @@ from closeform.mission import fly
 from closeform.report.mission_study import MissionStudyReport
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap
+from philox import block, words
 from test_field import axes_of, textbook
 
 ERRORS = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
@@ -170,13 +171,8 @@ def test_draws_of_a_flight_are_those_of_its_blocks(missions):
     case = 5
     found = case_of(missions.scenario, case)
 
-    def words(key: str, block: int) -> np.ndarray:
-        stream = np.random.SeedSequence(7, spawn_key=tuple(key.encode()))
-        philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=block)
-        return philox.random_raw(4) >> np.uint64(11)
-
-    def uniform(key: str, block: int) -> float:
-        return float((words(key, block)[0] + 0.5) * 2.0**-53)
+    def uniform(key: str, counter: int) -> float:
+        return float(block(7, key, counter)[0])
 
     truth = found.truth
     drawn = 5.2e-13 + 4e-13 * (2.0 * uniform("orbit.field.density", case) - 1.0)
@@ -188,8 +184,8 @@ def test_draws_of_a_flight_are_those_of_its_blocks(missions):
         own = nominal + 0.005 * (2.0 * uniform("craft.ballistic", 2 * case + c) - 1.0)
         assert truth.craft[c].ballistic == own
         assert found.craft[c].ballistic == nominal  # which plans go by
-    assert found.flight_seed == int(words("flight", case)[0])
-    random = ((words("craft.position", 2 * case) + 0.5) * 2.0**-53)[:3]
+    assert found.flight_seed == int(words(7, "flight", case)[0])
+    random = block(7, "craft.position", 2 * case)[:3]
     assert truth.craft[0].position == tuple(np.array([0.0, 0.0, 120.0]) + ndtri(random))
 
 

@@ -15,6 +15,7 @@ from closeform.campaign.mission_cases import MissionCases
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.scenario import ScenarioError, parse
+from philox import block
 
 PASS = """\
 closeform = 1
@@ -92,9 +93,7 @@ def test_draws_of_a_case_are_those_of_its_blocks(missions):
     scenario, case = missions.scenario, 5
     found = case_of(scenario, case)
     for key, size in (("craft.position", 3), ("craft.mass", 1)):
-        stream = np.random.SeedSequence(11, spawn_key=tuple(key.encode()))
-        philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=3 * case)
-        random = ((philox.random_raw(12).reshape(3, 4) >> np.uint64(11)) + 0.5) * 2.0**-53
+        random = np.array([block(11, key, 3 * case + c) for c in range(3)])
         for c in range(3):
             one, nominal = found.craft[c], scenario.craft[c]
             if size == 3:
