@@ -44,6 +44,14 @@ def size(name: str, value: ArrayLike, unit: str = "") -> float:
     return found
 
 
+def positive(name: str, value: ArrayLike, unit: str = "") -> float:
+    """An argument as a finite float above 0; its `unit` as an error says it, like " m"."""
+    found = number(name, value)
+    if not 0.0 < found < np.inf:
+        raise ValueError(f"{name}: must be positive and finite, got {found:g}{unit}")
+    return found
+
+
 def whole(name: str, value: Any, least: int = 0) -> int:
     """An argument as a whole number."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import number, numbers
+from closeform.arrays import number, numbers, positive
 
 
 @dataclass(frozen=True)
@@ -106,9 +106,7 @@ class StuckThrust:
     acceleration: Any = None
 
     def __init__(self, longest: float, acceleration: ArrayLike | None = None) -> None:
-        seconds = number("longest", longest)
-        if not 0.0 < seconds < np.inf:
-            raise ValueError(f"longest: must be positive and finite, got {seconds:g} s")
+        seconds = positive("longest", longest, " s")
         thrust = None if acceleration is None else numbers("acceleration", acceleration)
         if thrust is not None and (thrust.shape != (3,) or not np.isfinite(thrust).all()):
             raise ValueError(

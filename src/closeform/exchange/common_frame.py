@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.arrays import Floats, number, sequence
+from closeform.arrays import Floats, number, positive, sequence
 from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
@@ -150,8 +150,7 @@ def common_frame(
     Kepler's third law; docs/ephemerides.md and docs/validity.md.
     """
     spans = _spans(ephemerides)
-    if not (number("mu", mu) > 0.0 and np.isfinite(mu)):
-        raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
+    positive("mu", mu, " m^3/s^2")
     if interpolate is not None and not number("interpolate", interpolate) >= 0.0:
         raise ValueError(f"interpolate: by how much states may be off, 0 or more, got {interpolate:g} m")
     _comparable([each.first for each in spans])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from closeform.arrays import Floats, instance, number, numbers, sequence, shown
+from closeform.arrays import Floats, instance, number, numbers, positive, sequence, shown
 from closeform.exchange.covariance import axes, canonical, check, inertial
 from closeform.motion.mean_motion import EARTH_MU
 from closeform.result import Result
@@ -75,8 +75,8 @@ class ConjunctionObject(Result):
             object.__setattr__(self, name, value)
         if not np.allclose(self.covariance, self.covariance.T, rtol=1e-9, atol=0.0):
             raise ValueError("covariance: not symmetric; give the same values above and below the diagonal")
-        if self.radius is not None and not 0.0 < number("radius", self.radius) < np.inf:
-            raise ValueError(f"radius: must be positive and finite, got {self.radius:g} m")
+        if self.radius is not None:
+            positive("radius", self.radius, " m")
         if canonical(self.frame) not in INERTIAL and not self.turning:
             known = ", ".join((*INERTIAL, "ITRF"))
             raise ValueError(f"frame: {self.frame} is unknown; convert the states to one of {known}")

@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, numbers, sequence, shown
+from closeform.arrays import Floats, instance, numbers, positive, sequence, shown
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
@@ -83,10 +83,7 @@ class Thrusters:
         if self.acceleration is not None:
             object.__setattr__(self, "acceleration", self._each("acceleration", self.acceleration))
         if self.period is not None:
-            period = number("period", self.period)
-            if not 0.0 < period < np.inf:
-                raise ValueError(f"period: must be positive and finite, got {period:g} s")
-            object.__setattr__(self, "period", period)
+            object.__setattr__(self, "period", positive("period", self.period, " s"))
 
     def _each(self, name: str, value: ArrayLike, least: float | None = None) -> Floats:
         """One number for each thruster: positive, or of at least `least`."""
@@ -166,9 +163,7 @@ class Thrusters:
         ----------
         docs/fuel.md, thrusters.
         """
-        kilograms = number("mass", mass)
-        if not 0.0 < kilograms < np.inf:
-            raise ValueError(f"mass: must be positive and finite, got {kilograms:g} kg")
+        kilograms = positive("mass", mass, " kg")
         newtons, bits = self._each("force", force), self._each("minimum_impulse", minimum_impulse, 0.0)
         return replace(self, acceleration=newtons / kilograms, minimum_bit=bits / kilograms)
 

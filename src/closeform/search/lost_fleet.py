@@ -21,7 +21,7 @@ from closeform.search.request import Burns, Groups, cleared, sides
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, craft_rows, of_each
-from closeform.search.sensor import positive
+from closeform.search.sensor import one_positive
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, all_made, pair_zones
 from closeform.zones.shapes import CUBE
@@ -146,7 +146,7 @@ def lost_fleet(
         kept = all_made(pair_zones("keep_out", keep_out, count))
         for zone in kept.zones:
             cleared(zone)
-    speed = None if max_speed is None else positive("max_speed", max_speed)
+    speed = None if max_speed is None else one_positive("max_speed", max_speed)
     flown, drifts = all_rounds(search, int(rounds), speed)
     told, push, craft = sides(groups, count), 2.0 * (speed or 0.0), np.empty((0, count, 0))
     if errors is not None:

@@ -19,7 +19,7 @@ from closeform.arrays import Floats, instance, numbers, shown
 from closeform.result import Result
 from closeform.search.coverage import covered
 from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
-from closeform.search.sensor import Sensor, positive
+from closeform.search.sensor import Sensor, one_positive
 from closeform.search.tips import full_tip, least_half_angle, near_field
 
 YEAR = 365.25636 * 86400.0  # sidereal, in seconds: how fast the sun's direction turns at 1 AU
@@ -133,9 +133,9 @@ class Search(Result):
         H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         rate, limit = _limits(slew_rate, sun_limit)
-        turn = positive("in_plane_turn", in_plane_turn)
+        turn = one_positive("in_plane_turn", in_plane_turn)
         instance("sensor", sensor, Sensor)
-        tip = limit if tip_angle is None else positive("tip_angle", tip_angle)
+        tip = limit if tip_angle is None else one_positive("tip_angle", tip_angle)
         if tip > limit:
             raise ValueError(
                 f"tip_angle: {degrees(tip):g} deg is above the sun limit of {degrees(limit):g} deg; "
@@ -321,7 +321,7 @@ def _known(group: Any) -> None:
 
 
 def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:
-    rate, limit = positive("slew_rate", slew_rate), positive("sun_limit", sun_limit)
+    rate, limit = one_positive("slew_rate", slew_rate), one_positive("sun_limit", sun_limit)
     if limit >= pi / 2.0:
         raise ValueError(f"sun_limit: must be below pi/2 (90 deg), got {limit:g} rad")
     return rate, limit

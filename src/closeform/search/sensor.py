@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, inf, isfinite, pi
+from math import cos, inf, pi
 
-from closeform.arrays import numbers, shown, size
+from closeform.arrays import numbers, positive, shown, size
 
 
 def one_number(name: str, value: float) -> float:
@@ -16,12 +16,9 @@ def one_number(name: str, value: float) -> float:
     return float(number)
 
 
-def positive(name: str, value: float) -> float:
-    """An argument as a positive, finite float; ValueError naming it for anything else."""
-    number = one_number(name, value)
-    if not (isfinite(number) and number > 0.0):
-        raise ValueError(f"{name}: must be positive and finite, got {number:g}")
-    return number
+def one_positive(name: str, value: float) -> float:
+    """The same, which is positive and finite."""
+    return positive(name, one_number(name, value))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, shown
+from closeform.arrays import Floats, positive, shown
 from closeform.motion.frames import relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU
 from closeform.motion.orbit import Orbit
@@ -114,7 +114,7 @@ class Encounter(Result):
             raise ValueError(f'axes: expected "rtn" or "inertial", got {shown(axes)}')
         root_of("covariance", covariance)
         root_of("secondary_covariance", secondary_covariance)
-        orbit, eccentricity = _circle(chief, number("mu", mu))
+        orbit, eccentricity = _circle(chief, positive("mu", mu, " m^3/s^2"))
         relative = relative_from_inertial(chief, deputy)
         radius, distance = float(np.linalg.norm(chief[:3])), float(np.linalg.norm(relative[:3]))
         if distance > FAR * radius:
@@ -147,8 +147,6 @@ class Encounter(Result):
 
 def _circle(chief: Floats, mu: float) -> tuple[Orbit, float]:
     """The circle that the primary's orbit is taken for, and its true eccentricity."""
-    if not (np.isfinite(mu) and mu > 0.0):
-        raise ValueError(f"mu: must be positive and finite, got {mu:g} m^3/s^2")
     position, velocity = chief[:3], chief[3:]
     radius = float(np.linalg.norm(position))
     inverse = 2.0 / radius - float(velocity @ velocity) / mu
@@ -169,10 +167,7 @@ def _half_window(given: float | None, orbit: Orbit, far: float, speed: float) ->
     if given is None:
         quarter = 0.25 * orbit.period
         return min(quarter, far / speed) if speed > 0.0 else quarter
-    half = number("half_window", given)
-    if not (np.isfinite(half) and half > 0.0):
-        raise ValueError(f"half_window: must be positive and finite, got {half:g} s")
-    return half
+    return positive("half_window", given, " s")
 
 
 def _warnings(eccentricity: float, distance: float, radius: float, *errors: Errors) -> list[str]:
