@@ -24,6 +24,8 @@ COARSE = 1.01  # of the sum over parts, in place of an integral, and of what has
 FADED = 3e-4  # of all pushes: those before add less than a hundredth
 SETTLED = 1e-9  # of a state that is left by something constant
 LONGEST = 10_000  # intervals, after which a constant error has settled
+# Of thrust that is larger by the whole of itself, or turned by 1 about each axis: what is added to it.
+KINDS = np.concatenate([np.eye(3)[None], np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)])
 CORNERS = np.array([[s, *turn] for s in (-1.0, 1.0) for turn in np.eye(3)])  # of errors of thrust
 
 
@@ -196,8 +198,7 @@ class ClosedLoop:
 
     def _answers(self, wrong: Floats) -> Floats:
         """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
-        grown, (x, y, z) = 1.0 + wrong[0], wrong[1:]
-        off = grown * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) + wrong[0] * np.eye(3)
+        off = wrong[0] * KINDS[0] + (1.0 + wrong[0]) * np.tensordot(wrong[1:], KINDS[1:], 1)
         if len(self.fired):
             since = self.since[:, None] - self.fired
             each = self.orbit.transition(np.maximum(since, 0.0))[..., 3:] @ off @ self.law

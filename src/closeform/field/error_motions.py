@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.field.closed_loop import KINDS
 from closeform.field.executed import burn_edges
 from closeform.field.timetable import SAME
 from closeform.field.validity import deviations_of
@@ -16,8 +17,6 @@ from closeform.uncertainty.columns import burning, columns_of, gates_of
 from closeform.uncertainty.errors import Errors
 
 EACH = Errors(magnitude=1.0, pointing=1.0)  # of which a burn has four columns
-AXES = np.eye(3)
-KINDS = np.concatenate([AXES[None], np.cross(AXES[:, None], AXES).swapaxes(1, 2)])  # larger, or turned about
 
 
 def error_motions(

@@ -12,7 +12,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.closed_loop import ClosedLoop
+from closeform.field.closed_loop import KINDS, ClosedLoop
 from closeform.field.drawn import nothing_drawn
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
@@ -31,7 +31,6 @@ STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends 
 OFTEN = 15.0  # s from one step to the next, unless that is more than the most
 NEAR = 0.02  # of a step
 FINER = 6  # instants of a step, between which pulses lead no further
-TURNS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)  # (3, 3, 3), small turns about axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +113,10 @@ class Followed:
         By what is felt, and by thrust that is larger by the whole of itself, and turned by 1 about each axis.
         """
         orbit, times, flown = self.paths.orbit, self.times, self.flown
-        pushes = [self.felt, flown, *np.einsum("kij,ntj->knti", TURNS, flown)]
+        pushes = [self.felt, *np.einsum("kij,ntj->knti", KINDS, flown)]
         pushed = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *flown.shape[:2], 6)
-        fired = self.jumps.impulse
-        kicked = np.stack([fired, *np.einsum("kij,mj->kmi", TURNS, fired)])
-        for k, when, sizes in zip(self.jumps.craft, self.jumps.time, kicked.swapaxes(0, 1), strict=True):
+        kicked = np.einsum("kij,mj->mki", KINDS, self.jumps.impulse)
+        for k, when, sizes in zip(self.jumps.craft, self.jumps.time, kicked, strict=True):
             after = times > when + SAME  # who is measured just then is so before it
             moved = orbit.transition(times[after] - when)[:, :, 3:]
             pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
