@@ -12,7 +12,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats
-from closeform.field.feedback import Feedback, Navigation, kicks_back, left_of, slots_of, way_back
+from closeform.field.feedback import Feedback, Navigation, kicked, kicks_back, left_of, slots_of, way_back
 from closeform.field.timetable import BESIDE
 from closeform.motion.orbit import Orbit
 
@@ -77,9 +77,19 @@ class ClosedLoop:
         return np.asarray(self.orbit.transition(self.delay))
 
     @cached_property
+    def answered(self) -> Floats:
+        """What answers make of a state that is believed (S + 1, 6, 6)."""
+        return self.left - self.moved
+
+    @cached_property
     def taken(self) -> Floats:
         """What a wrong measurement adds (S + 1, 6, 6)."""
-        return np.asarray((self.left - self.moved) @ self.late)
+        return np.asarray(self.answered @ self.late)
+
+    @cached_property
+    def kicked(self) -> Floats:
+        """What an impulse of 1 m/s along each axis has become (S + 1, J, 6, 3)."""
+        return kicked(self.orbit, self.fired, self.since)
 
     def intervals(self, count: int) -> Iterator[tuple[int, slice]]:
         """Of so many steps which one a measurement is made at, and in which it counts, both ends included."""
@@ -98,7 +108,7 @@ class ClosedLoop:
             now, kept = off[:, some.start], slice(some.stop - some.start)
             believed = now - pushed[:, some.start] + pushed[:, seen] @ self.late.T
             coasts = np.einsum("sij,rj->rsi", self.moved[kept], now - pushed[:, some.start])
-            answers = np.einsum("sij,rj->rsi", (self.left - self.moved)[kept], believed)
+            answers = np.einsum("sij,rj->rsi", self.answered[kept], believed)
             off[:, some] = pushed[:, some] + coasts + answers
             answered.append(believed[:, None])
         return off[..., :3], np.concatenate(answered, axis=1)
@@ -134,7 +144,7 @@ class ClosedLoop:
     @cached_property
     def erring(self) -> Floats:
         """What a burn that is larger by itself, or turned by 1 about an axis, adds (4, S + 1, 6, 6)."""
-        return np.array([self._answers(wrong) - self.left + self.moved for wrong in np.eye(4)])
+        return np.array([self._answers(wrong) - self.answered for wrong in np.eye(4)])
 
     def _pushed(self, errors: Errors, asked: Floats) -> tuple[Floats, Floats, Floats]:
         """Covariances (S + 1, 6, 6) that errors of a burn make in its interval and in the next.
@@ -145,7 +155,7 @@ class ClosedLoop:
         sizes = np.array([errors.magnitude, *[errors.pointing] * 3])
         now = sizes[:, None, None, None] * self.erring
         end, unseen = now[:, -1:], now[:, -1:] - self.late @ now[:, -1 - self.wait, None]
-        later = self.left @ end - (self.left - self.moved) @ unseen
+        later = self.left @ end - self.answered @ unseen
         told = _moved(end - unseen, asked)
         return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), told.sum(axis=0)[0]
 
@@ -155,9 +165,7 @@ class ClosedLoop:
         sizes = _moved(self.law, asked)
         total = np.trace(sizes, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
         square = max(fixed, aside) ** 2 * np.eye(3) + share**2 * sizes + turned**2 * (total - sizes)
-        since = self.since[:, None] - self.fired
-        each = self.orbit.transition(np.maximum(since, 0.0))[..., 3:] * (since >= 0.0)[..., None, None]
-        now = _moved(each, square).sum(axis=1)
+        now = _moved(self.kicked, square).sum(axis=1)
         return now, _moved(self.left, now[-1]), now[-1]
 
     def covariances(self, sight: Navigation, wrong: Floats | None = None) -> tuple[Floats, Floats]:
@@ -200,13 +208,11 @@ class ClosedLoop:
         """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
         off = wrong[0] * KINDS[0] + (1.0 + wrong[0]) * np.tensordot(wrong[1:], KINDS[1:], 1)
         if len(self.fired):
-            since = self.since[:, None] - self.fired
-            each = self.orbit.transition(np.maximum(since, 0.0))[..., 3:] @ off @ self.law
-            return np.asarray(self.left - self.moved + (each * (since >= 0.0)[..., None, None]).sum(axis=1))
+            return np.asarray(self.answered + (self.kicked @ off @ self.law).sum(axis=1))
         back = self.orbit.transition(-self.since)[:, :, 3:] @ off @ self.law
         step = self.since[1]
         summed = np.concatenate([np.zeros((1, 6, 6)), np.cumsum(0.5 * step * (back[1:] + back[:-1]), axis=0)])
-        return np.asarray(self.left - self.moved + self.moved @ summed)
+        return np.asarray(self.answered + self.moved @ summed)
 
     def misled(self) -> Iterator[Floats]:
         """Where constant errors of 1 of measurements have led to (6, 6) when one after another counts."""
@@ -260,9 +266,7 @@ class ClosedLoop:
 
         In the worst directions, all of them: the sum over all that were before.           # theory (94)
         """
-        since = self.since[:, None] - self.fired
-        each = self.orbit.transition(np.maximum(since, 0.0))[..., :3, 3:]
-        own = (np.linalg.norm(each, 2, axis=(2, 3)) * (since >= 0.0)).sum(axis=1)
+        own = np.linalg.norm(self.kicked[:, :, :3], 2, axis=(2, 3)).sum(axis=1)
         pushed, total = self.orbit.transition(self.every - self.fired)[..., 3:], own
         added = np.ones(1)
         while added.max() > FADED * total.max():

@@ -186,8 +186,11 @@ def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
 def left_of(orbit: Orbit, fired: Floats, gains: Floats, times: Floats) -> tuple[Floats, Floats]:
     """M and Phi (T, 6, 6) as of `way_back`, at times (T,) after one measurement, by impulses."""
     moved = orbit.transition(times)
-    left = moved.copy()
-    for when, gain in zip(fired, gains, strict=True):
-        since = np.maximum(times - when, 0.0)
-        left += (times >= when)[:, None, None] * (orbit.transition(since)[:, :, 3:] @ gain)
-    return left, moved
+    return moved + (kicked(orbit, fired, times) @ gains).sum(axis=1), moved
+
+
+def kicked(orbit: Orbit, fired: Floats, times: Floats) -> Floats:
+    """What impulses of 1 m/s along each axis have become (T, J, 6, 3); 0 until they are fired."""
+    since = times[:, None] - fired
+    moved = orbit.transition(np.maximum(since, 0.0))[..., 3:]
+    return np.asarray(moved * (since >= 0.0)[..., None, None])
