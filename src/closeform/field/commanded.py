@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.drawn import nothing_drawn
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.residual import residuals
@@ -181,13 +180,12 @@ def thrust(
         if mass is not None or specific_impulse is not None:
             raise ValueError("mass: is of thrusters that burn; give them, too")
         return CommandedThrust(*told, impulses, path, deviation, None)
-    from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
+    from closeform.field.pulsed_flight import fired_in, flown_exactly  # whose kernels only thrusters need
 
-    jumps = impulses.craft, impulses.time, impulses.impulse
     own = each_set(thrusters, len(paths), Thrusters)
-    firing = fired_in(paths, jumps, field, own, mass, specific_impulse)
-    when, _, done = flown_pulses(paths, firing, own, (field, field), None, nothing_drawn(len(paths)))
-    path = paths.orbit._through(when, done.states[0])
-    off = done.states[0, ..., :3] - spanning(paths, when).position(when)
+    firing = fired_in(paths, impulses, field, own, mass, specific_impulse)
+    when, states = flown_exactly(paths, firing, own, field)
+    path = paths.orbit._through(when, states)
+    off = states[..., :3] - spanning(paths, when).position(when)
     told = *told[:-3], np.asarray(firing.delta_v), *told[-2:]
     return CommandedThrust(*told, impulses, path, np.linalg.norm(off, axis=2).max(axis=1), firing)

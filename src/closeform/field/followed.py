@@ -13,7 +13,6 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.closed_loop import KINDS, ClosedLoop
-from closeform.field.drawn import nothing_drawn
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
 from closeform.field.residual import residuals
@@ -161,12 +160,11 @@ def _pulses(
     paths: Path, jumps: Retargeted, field: Field, thrusters: Sequence[Thrusters]
 ) -> tuple[Path, Any, Path]:
     """Paths in Hill's equations of what thrusters fire, who fires, and where that leads in the field."""
-    from closeform.field.pulsed_flight import fired_in, flown_pulses  # whose kernels only thrusters need
+    from closeform.field.pulsed_flight import fired_in, flown_exactly  # whose kernels only thrusters need
 
-    firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), field, thrusters)
-    nothing = nothing_drawn(len(paths))
-    times, _, done = flown_pulses(paths, firing, thrusters, (field, field), None, nothing)
-    return firing.path, np.unique(firing.pulses.craft), paths.orbit._through(times, done.states[0])
+    firing = fired_in(paths, jumps, field, thrusters)
+    led = paths.orbit._through(*flown_exactly(paths, firing, thrusters, field))
+    return firing.path, np.unique(firing.pulses.craft), led
 
 
 def _least_push(thrusters: Thrusters) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +12,13 @@ from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import OF_FLIGHTS, Flights, Nozzles, commands_of, flown, together
 from closeform.field.drag import ballistics_of
-from closeform.field.drawn import Draws, exactly
+from closeform.field.drawn import Draws, exactly, nothing_drawn
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
 from closeform.field.orders import BIT, STRENGTH, THRUSTER
 from closeform.field.residual import residuals
-from closeform.field.retargeted import changed_impulses, retargeted
+from closeform.field.retargeted import Retargeted, changed_impulses, retargeted
 from closeform.field.timetable import BESIDE, edges_of, impulses_of, joined
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.firing import Firing, fire
@@ -36,7 +35,7 @@ INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
 
 def fired_in(
     paths: Path,
-    jumps: tuple[Any, Floats, Floats],
+    jumps: Retargeted,
     field: Field,
     thrusters: Sequence[Thrusters | None],
     mass: ArrayLike | None = None,
@@ -44,17 +43,16 @@ def fired_in(
 ) -> Firing:
     """What thrusters fire for planned paths (N,) in a field: their thrust less the residual, or `jumps`.
 
-    These are the craft (M,), times (M,) and sizes (M, 3) of impulses as changed for the field.  Of craft that
-    have thrusters; nothing for those that coast.
+    These are impulses as changed for the field.  Of craft that have thrusters; nothing for those that coast.
     """
-    craft, _, sizes = jumps
     steady, asked = _commanded(paths, field), []
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     for k in shooters:
         one = paths[k]
-        arcs = one.arcs.copy() if (craft == k).any() or not one.delta_v else steady[k]
+        sizes = jumps.impulse[jumps.craft == k]
+        arcs = one.arcs.copy() if len(sizes) or not one.delta_v else steady[k]
         kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
-        arcs[kicked, IMPULSE : IMPULSE + 3] = sizes[craft == k]
+        arcs[kicked, IMPULSE : IMPULSE + 3] = sizes
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
     return fire(stack(asked), [one for one in thrusters if one is not None], mass, specific_impulse)
 
@@ -122,11 +120,20 @@ def fly_pulses(
     """
     law = law and led_by_pulses(law, thrusters)
     jumps, _, _ = changed_impulses(paths, fields[1])
-    firing = fired_in(paths, (jumps.craft, jumps.time, jumps.impulse), fields[1], thrusters)
+    firing = fired_in(paths, jumps, fields[1], thrusters)
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     planned = np.array(paths.delta_v)
     planned[shooters] = fire(paths[shooters], firing.thrusters).delta_v
     return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws)
+
+
+def flown_exactly(
+    paths: Path, firing: Firing, thrusters: Sequence[Thrusters | None], field: Field
+) -> tuple[Floats, Floats]:
+    """Times (T,), and states (N, T, 6) to which what is fired leads planned paths, without errors."""
+    nothing = nothing_drawn(len(paths))
+    times, _, done = flown_pulses(paths, firing, thrusters, (field, field), None, nothing)
+    return times, done.states[0]
 
 
 def flown_pulses(
