@@ -86,11 +86,9 @@ class Followed:
             fine = np.linspace(start, end, FINER * (len(times) - 1) + 1)
             off = (path.position(fine) - paths.position(fine))[shooting]
             aside[shooting] = off[:, ::FINER]
-            share = (np.arange(len(fine)) % FINER / FINER)[:, None]
-            begin = np.arange(len(fine)) // FINER
-            after = np.minimum(begin + 1, len(times) - 1)
-            between = (1.0 - share) * aside[shooting][:, begin] + share * aside[shooting][:, after]
-            ripple[shooting] = np.linalg.norm(off - between, axis=-1).max(axis=1)
+            straight = np.linspace(off[:, :-1:FINER], off[:, FINER::FINER], FINER, endpoint=False, axis=2)
+            more = off[:, :-1] - straight.reshape(off[:, :-1].shape)
+            ripple[shooting] = np.linalg.norm(more, axis=-1).max(axis=1)
         felt = left_out * ~(opposed | fires & cancel)[:, None, None]
         against = -left_out * opposed[:, None, None]
         return cls(paths, loop, times, jumps, aside, against, felt, pulsed, ripple, thrusters)
