@@ -12,14 +12,13 @@ from closeform.arrays import Floats, instance, number, numbers, shown
 from closeform.field.course import Flights, commands_of, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, drawable, seeds_of
-from closeform.field.feedback import Feedback, Navigation, thrust_errors, usual_feedback
+from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.least_ratios import least_ratios
 from closeform.field.retargeted import retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
-from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path, fires_impulses
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
@@ -128,9 +127,8 @@ def fly(
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     sizes = thrust_errors(thrust_error, len(paths))
-    limit, least = _limit(max_acceleration, fires, len(paths)), number("minimum_bit", minimum_bit)
-    if not checked("minimum_bit", least) >= 0.0:
-        raise ValueError(f"minimum_bit: must be 0 or more, got {least:g}")
+    limit = _limit(max_acceleration, fires, len(paths))
+    least = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     draws = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths)))
     asked = _Asked(paths, field, known or field, law, zones, cancel, limit, least, draws)
     if control == "replan":

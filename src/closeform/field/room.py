@@ -170,10 +170,8 @@ def room(
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
     sight = instance("navigation", Navigation() if navigation is None else navigation, Navigation)
     instance("cancel", cancel, bool)
-    sizes, least = (
-        thrust_errors(thrust_error, count),
-        nonnegative("minimum_bit", number("minimum_bit", minimum_bit)),
-    )
+    sizes = thrust_errors(thrust_error, count)
+    least = nonnegative("minimum_bit", number("minimum_bit", minimum_bit))
     many = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown = nonnegative("residual", residual)
     if unknown.shape not in ((), (count,)):
