@@ -139,13 +139,18 @@ def test_thrust_that_a_limit_allows():
     assert cf.fly(path, FIELD, max_acceleration=0.93 * room.thrust, **ways).limited.any(axis=0).all()
 
 
-def test_impulses_that_are_not_fired():
-    """Of flights without noise that a difference of drag moves: within the tube, and no wide one."""
-    law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
+def lagging() -> tuple[cf.Path, cf.Field]:
+    """Three craft that coast, and a field in which two of them feel another drag than the chief."""
     lag = cf.Field(CHIEF, 0, cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.03, 0.01], 0.02, spin=0.0))
     states = np.zeros((3, 6))
     states[:, 1] = [0.0, 50.0, -50.0]
-    path = CHIEF.orbit.coast(states, 3.0 * ORBIT.period)
+    return CHIEF.orbit.coast(states, 3.0 * ORBIT.period), lag
+
+
+def test_impulses_that_are_not_fired():
+    """Of flights without noise that a difference of drag moves: within the tube, and no wide one."""
+    law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
+    path, lag = lagging()
     flights = cf.fly(path, lag, feedback=law, minimum_bit=bit, cancel=False)
     unknown = cf.validity(path, lag).residual
     room = cf.tube(ORBIT, law, cf.Navigation(), unknown, minimum_bit=bit)
@@ -255,10 +260,7 @@ def test_pulses_lead_where_the_room_says():
 def test_impulses_below_a_bit_stay_in_the_room():
     """As in the tube: of craft that a difference of drag moves."""
     law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
-    lag = cf.Field(CHIEF, 0, cf.Drag(5.2e-13, 500e3, 60e3, [0.02, 0.03, 0.01], 0.02, spin=0.0))
-    states = np.zeros((3, 6))
-    states[:, 1] = [0.0, 50.0, -50.0]
-    path = CHIEF.orbit.coast(states, 3.0 * ORBIT.period)
+    path, lag = lagging()
     flights = cf.fly(path, lag, feedback=law, minimum_bit=bit, cancel=False)
     fine, room = (cf.room(path, lag, law, cancel=False, minimum_bit=size) for size in (0.0, bit))
     off = flights.deviations.max(axis=(0, 2))
