@@ -235,13 +235,13 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         if found.enough is None or limits is None:
             return none
         return replace(none, status=Status.TOO_WEAK, weak=shortage(problem, limits, found.enough))
-    number, path, spent = len(found.contacts), clear, found.delta_v
+    contacts, path, spent = once(found.contacts), clear, found.delta_v
     if found.flown is not None and (clear is None or spent < (1.0 - CHEAPER) * clear.delta_v):
         path = problem.path(found.flown)[0]
     assert path is not None
     if path is clear:
-        number, spent = 0, path.delta_v
-    bound = min(free.least, spent)
+        contacts, spent = (), path.delta_v
+    bound, number = min(free.least, spent), len(contacts)
     best = f"{number} contact{'s' * (number != 1)}, the best of {ways}" if number else "no conflict"
     return Avoidance(
         sigmas=problem.sigmas,
@@ -250,7 +250,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         extra_energy=path.energy - problem.energy(problem.direct),
         delta_v=spent,
         lower_bound=bound,
-        contacts=once(found.contacts) if number else (),
+        contacts=contacts,
         status=Status.AVOIDED if number else Status.CLEAR,
         reason=f"{best}, {closeness(spent, bound, 'delta-v')}",
         margin=found.margin if number else 1.0,

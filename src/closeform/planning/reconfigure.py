@@ -284,8 +284,8 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         reason = _blocked(names, found.blocked, found.tried)
         reason += "" if problem.drift is None else unseparated(problem, names)
         return replace(plan, blocked=found.blocked, reason=reason)
-    paths, number, spent = problem.path(found.flown), len(found.contacts), found.delta_v
-    bound = min(free.least, spent)
+    paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
+    bound, number = min(free.least, spent), len(contacts)
     best = f"{number} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
     return replace(
         plan,
@@ -293,7 +293,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         energy=float(paths.energy.sum()),
         delta_v=spent,
         lower_bound=bound,
-        contacts=once(found.contacts),
+        contacts=contacts,
         margin=found.margin,
         proven=is_proven(spent, bound),
         status=Status.AVOIDED if number else Status.CLEAR,
