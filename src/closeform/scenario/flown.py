@@ -46,8 +46,7 @@ def in_field(scenario: Scenario) -> Iterator[str]:
 def in_flight(scenario: Scenario) -> Iterator[str]:
     """What a flight that is part of a run, or of each case of a study, cannot have, nor a margin for one."""
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
-    noisy = any(craft.execution is not None and craft.execution.noise for craft in scenario.craft)
-    if noisy and (autos or scenario.flights is not None):
+    if scenario.noisy and (autos or scenario.flights is not None):
         yield "craft.execution: no flight can have white noise; remove noise"
     if scenario.flights is None:
         return

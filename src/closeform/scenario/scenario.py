@@ -185,6 +185,11 @@ class Scenario:
         )
 
     @property
+    def noisy(self) -> bool:
+        """Whether the thrust of any craft has white noise, of which nothing can be drawn."""
+        return any(craft.execution is not None and craft.execution.noise > 0.0 for craft in self.craft)
+
+    @property
     def plan(self) -> "Search":
         """The search of the core that [sensor] and [search] describe.
 

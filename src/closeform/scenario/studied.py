@@ -95,7 +95,7 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
             "study.draws: no craft has errors; add for example "
             f"covariance = {Craft.examples()['covariance']} to [craft]"
         )
-    if any(craft.execution is not None and craft.execution.noise for craft in scenario.craft):
+    if scenario.noisy:
         yield "study.draws: white noise cannot be drawn; remove noise from execution"
 
 
