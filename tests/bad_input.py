@@ -1687,6 +1687,12 @@ MISUSES = (
         "done: holds finished results; add --overwrite or choose another --out",
     ),
     Misuse(
+        "a study that began where those of earlier versions were",
+        "study begun.toml",
+        "begun-results: holds an unfinished study, 1 of 3 chunks are whole; give --out begun-results to go on "
+        "with it, or --out begun-study to begin anew",
+    ),
+    Misuse(
         "an example that does not come along",
         "new swp",
         "new: there is no example 'swp'; did you mean swap?",

@@ -470,7 +470,7 @@ def test_a_case_that_failed_can_be_seen_beside_the_study(tmp_path, monkeypatch, 
     assert "never lock" in capsys.readouterr().out
     summary = json.loads(Path(f"narrow-case-{case}-results/summary.json").read_text())
     assert (summary["case"], summary["seed"]) == (case, 7)
-    assert Path("narrow-results/histogram.png").is_file()
+    assert Path("narrow-study/histogram.png").is_file()
 
 
 def test_messages(tmp_path, monkeypatch, capsys) -> None:

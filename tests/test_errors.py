@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, STUDY, Bad, Call, Misuse
+from closeform import manifest
 from closeform.cli import main
-from closeform.result_folder import Folder
+from closeform.result_folder import PRIVATE, Folder
 from closeform.scenario import Scenario, ScenarioError, parse
 from closeform.scenario.table import Table
 from field_scenario import IN_AIR, swap
@@ -108,6 +109,11 @@ def desk(tmp_path, monkeypatch):
     Folder(tmp_path / "done").summary({"status": 0})
     shutil.copytree(tmp_path / "done", tmp_path / "used")
     (tmp_path / "used" / "notes.txt").write_text("read before the review")
+    (tmp_path / "begun.toml").write_text(LOST)
+    (tmp_path / "begun-results" / PRIVATE).mkdir(parents=True)
+    manifest.rewrite(
+        tmp_path / "begun-results" / PRIVATE / manifest.NAME, [{"cases": 300, "chunk": 100}, {"first": 0}]
+    )
     (tmp_path / "a.oem").write_text(oem("A", 0.0))
     (tmp_path / "b.oem").write_text(oem("B", 1e-4))
     (tmp_path / "later.oem").write_text(oem("B", 1e-4, hour="05"))

@@ -104,6 +104,29 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert not (desk / "out" / ".unfinished").exists()
 
 
+def test_a_study_that_began_where_runs_go_stays_there(desk, monkeypatch, capsys) -> None:
+    """As studies once did by default: it is told, and gone on with by the name of its folder."""
+    old = [*STUDY[:-1], "narrow-results"]
+    with monkeypatch.context() as patched:
+        patched.setattr("test_study_chunks.STUDY", old)
+        assert stopped(monkeypatch, 3, KeyboardInterrupt()) == 130
+    begun = rows(desk / "narrow-results" / ".unfinished" / "results")
+    capsys.readouterr()
+    for more in ([], ["--overwrite"]):
+        assert main([*STUDY[:2], *more]) == 2
+        assert capsys.readouterr().err == (
+            "narrow-results: holds an unfinished study, 3 of 6 chunks are whole; give --out narrow-results "
+            "to go on with it, or --out narrow-study to begin anew\n"
+        )
+    assert rows(desk / "narrow-results" / ".unfinished" / "results") == begun
+    assert not (desk / "narrow-study").exists()
+    again = flown_ranges(monkeypatch)
+    assert main(old) == 1
+    assert len(again) == 3
+    assert main(STUDY[:2]) == 1  # finished results are in nobody's way
+    assert rows(desk / "narrow-study") == rows(desk / "narrow-results")
+
+
 @pytest.mark.parametrize(
     ("options", "what"),
     [

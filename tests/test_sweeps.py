@@ -92,14 +92,14 @@ def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys,
     assert main(["study", "swept.toml", "--cases", "300"]) == 1
     printed = capsys.readouterr().out
     assert "not met in every case at 4 of 4 points" in printed
-    rows = pyarrow.parquet.read_table("swept-results/cases").to_pydict()
+    rows = pyarrow.parquet.read_table("swept-study/cases").to_pydict()
     assert rows["point"] == np.repeat(range(4), 300).tolist()
     assert rows["case"] == [*range(300)] * 4
     times = np.concatenate([point.campaign.time for point in swept.points])
     np.testing.assert_array_equal(np.array(rows["time_s"], dtype=float), times)
-    summary = json.loads(Path("swept-results/summary.json").read_text())
+    summary = json.loads(Path("swept-study/summary.json").read_text())
     assert [point["met"]["cases"] for point in summary["points"]] == [one.met_cases for one in swept.points]
-    assert Path("swept-results/sweep.png").stat().st_size > 10_000
+    assert Path("swept-study/sweep.png").stat().st_size > 10_000
     case = int(np.argmin(swept.points[3].campaign.good))
     assert main(["run", "swept.toml", "--point", "3", "--case", str(case), "--no-viewer"]) == 1
     told = json.loads(Path(f"swept-point-3-case-{case}-results/summary.json").read_text())

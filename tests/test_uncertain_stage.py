@@ -249,13 +249,13 @@ def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatc
     Path("a.toml").write_text(NEAR + EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "") + PASS + study)
     assert main(["study", "a.toml"]) == 1
     printed = capsys.readouterr().out
-    summary = json.loads(Path("a-results/summary.json").read_text())
+    summary = json.loads(Path("a-study/summary.json").read_text())
     told = fly(parse(NEAR + PASS)).results[0].uncertain.likeliest.probability
     share = summary["inside"]["Within the hard bodies"]["F1 - F2"]
     assert share["low"] < told.value < share["high"]
     count = round(20_000 * share["share"])
-    assert f"{count} of 20000 cases not free of collisions; results in a-results" in printed
-    cases = pyarrow.parquet.read_table("a-results/cases/000000000.parquet").to_pydict()
+    assert f"{count} of 20000 cases not free of collisions; results in a-study" in printed
+    cases = pyarrow.parquet.read_table("a-study/cases/000000000.parquet").to_pydict()
     assert 20_000 - sum(cases["free_of_collisions"]) == count
     few = closeform.campaign.study("a.toml", cases=300)
     assert few.met["free of collisions"].tolist() == cases["free_of_collisions"][:300]
@@ -274,7 +274,7 @@ def test_a_study_of_errors_flies_its_mission_where_it_holds_its_place(tmp_path, 
     held = []
 
     def planned(scenario):
-        held.append((Path("a-results") / PRIVATE / LOCK).exists())
+        held.append((Path("a-study") / PRIVATE / LOCK).exists())
         return fly(scenario)
 
     monkeypatch.setattr(error_cases, "fly", planned)

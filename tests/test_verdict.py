@@ -473,14 +473,14 @@ def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsy
     printed = capsys.readouterr().out
     share = 100.0 * np.mean([one.ok for one in alone])
     assert re.search(rf"^all of it +{campaign.good.sum()} +{share:.3f} ", printed, re.MULTILINE)
-    summary = json.loads(Path("lost-results/summary.json").read_text())
+    summary = json.loads(Path("lost-study/summary.json").read_text())
     assert summary["status"] == 1
     assert summary["asked"]["all of it"]["cases"] == campaign.good.sum()
     assert summary["verdict"] == campaign.reason
     for what in ("clear", *(["within delta_v_budget", "within propellant"] if limits else [])):
         assert f"of 120 cases not {what}: " in campaign.reason
     assert f"run lost.toml --case {np.argmin(campaign.good)} shows the first" in printed
-    page = unescape(Path("lost-results/report.html").read_text())
+    page = unescape(Path("lost-study/report.html").read_text())
     assert "What is met" in page
     assert '<p class="verdict bad">' in page
 

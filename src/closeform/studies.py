@@ -38,7 +38,7 @@ def study(
     seed
         Seed of the draws, instead of the file's.
     out
-        Folder for the results; NAME-results next to where you are by default.
+        Folder for the results; NAME-study next to where you are by default.
     overwrite
         Replace finished results.
     scheduler
@@ -47,7 +47,7 @@ def study(
     from closeform.publishing import workplace
     from closeform.result_folder import CASES, FolderError, check_free, written
 
-    place = out if out is not None else Path(f"{scenario.stem}-results")
+    place = out if out is not None else usual_place(scenario)
     check_free(place, overwrite, study=True)
     loaded = read(scenario, "study")
     if loaded is None:
@@ -92,6 +92,23 @@ def study(
     with kept(place):
         tell_study(report, draw_lines(campaign), place)
     return MET if campaign.ok else NOT_MET
+
+
+def usual_place(scenario: Path) -> Path:
+    """Where a study goes of which nobody says that, beside a run of the scenario.
+
+    Raises FolderError for one that began where runs go, as studies once did, and has chunks to go on from.
+    """
+    from closeform import manifest
+    from closeform.result_folder import PRIVATE, FolderError
+
+    place, before = Path(f"{scenario.stem}-study"), Path(f"{scenario.stem}-results")
+    whole, every = manifest.progress(before / PRIVATE / manifest.NAME)
+    if whole and not place.exists():
+        kept = f"holds an unfinished study, {whole} of {every} chunks are whole"
+        remedy = f"give --out {before} to go on with it, or --out {place} to begin anew"
+        raise FolderError(f"{before}: {kept}; {remedy}")
+    return place
 
 
 @contextmanager
