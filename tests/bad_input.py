@@ -1165,7 +1165,8 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "flights without number",
         KEEP_OUT,
         f"{KEEP_OUT}\n\n[flight]\nseeds = 0",
-        "flight.seeds: 0 is below 1; write for example seeds = 100",
+        "flight.seeds: 0 is below 1; write for example seeds = 100\n"
+        "flight: is for flights in a field; add field, with epoch and chief, to [orbit], or remove it",
     ),
     Bad(
         "two stages that are planned anew in flight",

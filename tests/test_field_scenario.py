@@ -1,6 +1,7 @@
 """Scenarios with a field: what is said before plans, against another integrator of the same motion."""
 
 import json
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from closeform.cli import main
 from closeform.mission import fly
-from closeform.scenario import parse
+from closeform.scenario import ScenarioError, parse
 from field_scenario import AIR, swap
 from test_field import axes_of, textbook
 
@@ -149,3 +150,45 @@ def test_feedback_that_answers_late_to_a_filter():
     told = parse(text).flight
     assert told["feedback"] == cf.Feedback(every=120.0, delay=20.0)
     assert told["navigation"] == cf.Navigation(position=0.1, correlation=300.0)
+
+
+MISTAKES = {  # in a file that studies flights, none of which another one depends on
+    "zonals = 2,": "zonal = 2,",
+    ', scale_height = "60 km"': ', scale_hight = "60 km"',
+    '"5.2e-13 kg/m^3"': '"5.2e-13 kg"',
+    'epoch = "2026-11-22T12:00:00Z"\n': "",
+    "eccentricity = 0.001": "excentricity = 0.001",
+    'velocity = "0.3 mm/s"': 'velocity = "0.3 mm"',
+    'every = "60 s"': 'evry = "60 s"',
+    '"1 %, 1 deg"': '"1 %"',
+    "max_acceleration": "max_accelerate",
+    "[flight]\nseeds = 100": '[flight]\nsedes = 100\ncontrol = "replan"',
+    "seeds = 100": "seeds = 0",
+    "cases = 100": 'cases = 100\ndraws = "errors"',
+    '"craft.position" = {': '"craft.fails" = { chance = 0.1 }\n"craft.position" = {',
+    '"craft.velocity" = { normal = "2 mm/s" }': '"craft.speed" = { normal = "2 mm/s" }',
+    '{ uniform = "4e-13 kg/m^3" }': '{ uniform = "4e-13 kg" }',
+    '"look"': '"change sides"',
+}
+
+
+def complaints(text):
+    with pytest.raises(ScenarioError) as found:
+        parse(text, "flown.toml", "study")
+    return set(found.value.lines)
+
+
+def test_what_is_wrong_in_different_keys_is_told_at_once():
+    """Of each two mistakes everything that is told of each alone, and of all of them together."""
+    good = (Path(__file__).parents[1] / "examples" / "flown_cases.toml").read_text()
+    alone = {old: complaints(good.replace(old, new)) for old, new in MISTAKES.items()}
+    assert sum(map(len, alone.values())) >= len(MISTAKES)
+    for one, other in combinations(MISTAKES, 2):
+        if one not in other and other not in one:
+            text = good.replace(one, MISTAKES[one]).replace(other, MISTAKES[other])
+            assert complaints(text) >= alone[one] | alone[other], (one, other)
+    text = good
+    for old, new in MISTAKES.items():
+        text = text.replace(old, new)
+    told = set().union(*(lines for old, lines in alone.items() if old != "seeds = 100"))
+    assert complaints(text) >= told

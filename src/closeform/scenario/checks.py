@@ -13,7 +13,7 @@ from closeform.scenario.asked import doubted, drifting
 from closeform.scenario.clear_ends import ends, zones
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.errors import did_you_mean, key_of, meant_by
-from closeform.scenario.flown import in_field, in_flight, too_blind
+from closeform.scenario.flown import in_air, in_field, in_flight, too_blind
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import Drifting
@@ -22,6 +22,7 @@ from closeform.scenario.studied import study
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
 MOST_SAMPLES = 1e7
+ORBIT = r"orbit(\.(?!field).*)?"  # keys that say where everybody flies; the field does not
 PLACED = "position|velocity|start|keep_out"  # keys of [craft] that say where nobody else may be
 
 
@@ -40,7 +41,7 @@ def check(scenario: Scenario, wrong: Sequence[str], command: str) -> list[str]:
 def fit(scenario: Scenario, found: "Findings") -> None:
     """Find what does not fit together."""
     circular = scenario.orbit.deep_space is None
-    known = found.sound("orbit.*")
+    known = found.sound(ORBIT)
     searches = any(stage.searches for stage in scenario.stages)
     if scenario.craft:
         found.add(duplicates(scenario), r"craft\.name|stage\[\d+\]\.name")
@@ -50,7 +51,10 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
     if searches and scenario.craft and known and not circular and not scenario.scattered:
         found.add(at_one_place(scenario), r"craft\.(position|velocity|start)")
+    found.add(in_flight(scenario))
     found.add(study(scenario, found.sound))
+    found.add(in_field(scenario), r"orbit\.field")
+    found.add(in_air(scenario), r"orbit\.field|craft\.(name|ballistic)")
     if not known:
         return
     try:
@@ -63,11 +67,9 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         return
     found.add(in_orbit(scenario) if circular else deep_space(scenario))
     found.add(spans(scenario, orbit))
-    found.add(in_field(scenario), r"craft\.(name|ballistic|thrust_error)|feedback.*|navigation.*|flight.*")
-    found.add(in_flight(scenario), "flight.*|stage.*|study.*")
     if scenario.craft:
         found.add(zones(scenario, orbit), rf"craft\.({PLACED})")
-        found.add(too_blind(scenario, orbit), r"craft\.(name|keep_out|ballistic)|feedback.*|navigation.*")
+        found.add(too_blind(scenario, orbit), r"orbit.*|craft\.(name|keep_out)|feedback.*|navigation.*")
         for number, stage in enumerate(scenario.stages, 1):
             if isinstance(stage, Reconfigure):
                 found.add(
@@ -82,8 +84,10 @@ class Findings:
         self.said = {key_of(line) for line in said}
         for line in said:
             section, _, key = key_of(line).partition(".")
-            named = [meant_by(line)] if key else re.findall(r"\w+", line)  # of a whole table: by their words
-            self.said |= {f"{section}.{one}" for one in named if one is not None}
+            if not key:  # of a whole table: by their words
+                self.said |= {f"{section}.{word}" for word in re.findall(r"\w+", line)}
+            elif line.startswith(f"{section}.{key}:") and (meant := meant_by(line)):
+                self.said.add(f"{section}.{meant}")
         self.new: list[str] = []
 
     def sound(self, keys: str) -> bool:

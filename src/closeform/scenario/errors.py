@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
+from types import NoneType
 from typing import Any, get_args
 
 from pydantic import ValidationError
@@ -43,8 +44,11 @@ def dotted(place: Place) -> str:
 
 
 def key_of(line: str) -> str:
-    """The key of the file that a line is about, without what is inside its value: `stage[2].to`."""
-    found = re.match(r"[a-z_]+(?:\[\d+\])?(?:\.[\w-]+)?", line)
+    """The key of the file that a line is about, without what is inside its value: `stage[2].to`.
+
+    Of draws that of each: `study.vary."craft.mass"`.
+    """
+    found = re.match(r'[a-z_]+(?:\[\d+\])?(?:\.[\w-]+)?(?:\."[^"]*")?', line)
     return found[0] if found else line
 
 
@@ -129,6 +133,19 @@ def keys_inside(table: type[Table]) -> Iterator[str]:
     for name, field in table.model_fields.items():
         for inner in tables_in(field.annotation):
             yield from (f"{table.key_of(name)}.{key}" for key in inner.examples())
+
+
+def inner(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
+    """The keys of a table that hold a table of one kind, and that."""
+    for name, field in table.model_fields.items():
+        kinds = [one for one in get_args(field.annotation) or (field.annotation,) if one is not NoneType]
+        if (
+            len(kinds) == 1
+            and isinstance(kinds[0], type)
+            and issubclass(kinds[0], Table)
+            and not field.metadata
+        ):
+            yield table.key_of(name), kinds[0]
 
 
 def tables_in(annotation: Any) -> Iterator[type[Table]]:

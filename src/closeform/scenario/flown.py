@@ -11,27 +11,35 @@ from closeform.scenario.scenario import Scenario
 from closeform.scenario.study import FAILS
 
 
+REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
+
+
 def in_field(scenario: Scenario) -> Iterator[str]:
-    """A field that lacks something, or what only a field gives a meaning."""
-    remedy = "add field, with epoch and chief, to [orbit], or remove it"
-    table, thrown = scenario.orbit.field, any(any(craft.thrust_error) for craft in scenario.craft)
-    ballistics, chief = [craft.ballistic for craft in scenario.craft], scenario.orbit.chief
-    if table is not None and chief is not None and (chief.center or "EARTH").upper() != "EARTH":
-        yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
-    if table is None:
-        tables = {"feedback": scenario.feedback, "navigation": scenario.navigation}
-        for key, given in (tables | {"flight": scenario.flights}).items():
-            if given is not None:
-                yield f"{key}: is for flights in a field; {remedy}"
-        for number, stage in enumerate(scenario.stages, 1):
-            if getattr(stage, "margin", None) == "auto":
-                key = f"stage[{number}].margin"
-                yield f"{key}: auto is for flights in a field; add field to [orbit], or give a length"
-        if thrown:
-            yield f"craft.thrust_error: is for flights in a field; {remedy}"
+    """A field of another planet, or what only a field gives a meaning."""
+    table, chief = scenario.orbit.field, scenario.orbit.chief
+    if table is not None:
+        if chief is not None and (chief.center or "EARTH").upper() != "EARTH":
+            yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
+        return
+    tables = {"feedback": scenario.feedback, "navigation": scenario.navigation, "flight": scenario.flights}
+    for key, given in tables.items():
+        if given is not None:
+            yield f"{key}: is for flights in a field; {REMEDY}"
+    for number, stage in enumerate(scenario.stages, 1):
+        if getattr(stage, "margin", None) == "auto":
+            key = f"stage[{number}].margin"
+            yield f"{key}: auto is for flights in a field; add field to [orbit], or give a length"
+    if any(any(craft.thrust_error) for craft in scenario.craft):
+        yield f"craft.thrust_error: is for flights in a field; {REMEDY}"
+
+
+def in_air(scenario: Scenario) -> Iterator[str]:
+    """Air without what it pulls on, or the reverse."""
+    table, chief = scenario.orbit.field, scenario.orbit.chief
+    ballistics = [craft.ballistic for craft in scenario.craft]
     if table is None or table.air is None:
         if any(one is not None for one in ballistics):
-            what = remedy if table is None else "add density, at_altitude and scale_height to field"
+            what = REMEDY if table is None else "add density, at_altitude and scale_height to field"
             yield f"craft.ballistic: there is no air; {what}"
         return
     if None in ballistics:

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from closeform.scenario.checks import check
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, meant_by
+from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, inner, meant_by
 from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
@@ -184,7 +184,14 @@ class Reading:
         return self.validated(model, self.raw[key], (key,))
 
     def validated(self, model: type[Model], value: dict[str, Any], place: Place) -> Model | None:
-        """A table; where something is wrong with it, one with examples instead, None if that is none."""
+        """A table; where something is wrong with it, one with examples instead, None if that is none.
+
+        The tables in it are validated each by itself, too.
+        """
+        tables = ((key, one) for key, one in inner(model) if isinstance(value.get(key), dict))
+        value = value | {
+            key: self.validated(one, value[key], (*place, key)) or model.example(key) for key, one in tables
+        }
         try:
             return model.model_validate(value)
         except ValidationError as error:

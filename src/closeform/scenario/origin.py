@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from closeform.scenario.checks import Findings
+from closeform.scenario.checks import ORBIT, Findings
 from closeform.scenario.errors import Place
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.scenario import Scenario
@@ -17,7 +17,7 @@ def located(
     `wrong` are the lines on what is wrong already, about which nothing is looked at; `complain` takes more.
     """
     found, scenario = Findings(wrong), replace(scenario, inputs=inputs)
-    if not found.sound("orbit.*"):
+    if not found.sound(ORBIT):
         return scenario
     try:
         chief = scenario.orbit.origin(inputs)
@@ -27,6 +27,8 @@ def located(
     field = None
     if chief is not None:
         scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief))
+        if not found.sound(r"orbit\.field"):
+            return scenario
         try:
             field = scenario.field
         except ValueError as error:

@@ -31,13 +31,13 @@ def study(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
         section = key.rpartition(".")[0]
-        if section != "craft" and not sound(f"{section}.*"):
-            continue
         if key not in known:
             near = [one for one in known if not one.startswith(TABLED) or there(scenario, one)]
             yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
+        elif section != "craft" and not sound(f"{section}.*"):
+            continue
         elif section != "craft" and not there(scenario, key):
             yield f"{place}: there is no [{section}]; add that table or remove the draw"
         elif wrong := too_far(scenario, key, draw):
