@@ -10,7 +10,6 @@ from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.study import FAILS
 
-
 REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
 
 
