@@ -471,7 +471,9 @@ def test_impulses_beside_each_other_are_changed_as_one():
     assert end == pytest.approx(parted.state(2400.0), abs=1e-3)
 
 
-@pytest.mark.parametrize("late", [0.0, 4.6e-13], ids=["at once", "but for rounding"])
+@pytest.mark.parametrize(
+    "late", [0.0, 4.6e-13, 5e-7], ids=["at once", "but for rounding", "but for half a microsecond"]
+)
 def test_impulses_of_two_stages_that_meet_are_fired_both(late):
     """The last of one stage and the first of the next: as planned, as changed for the field, and by burns."""
     orbit, field = chief().orbit, cf.Field(chief())
@@ -480,7 +482,7 @@ def test_impulses_of_two_stages_that_meet_are_fired_both(late):
     path = cf.join([orbit.two_impulse(*stage) for stage in stages])
     end, (when, sizes) = float(path.end), map(np.array, zip(*path.impulses, strict=True))
     assert len(when) == 4
-    assert 0.0 <= when[2] - when[1] < 1e-12
+    assert 0.0 <= when[2] - when[1] < 1e-6
     as_planned = cf.fly(path, field, "open", cancel=False)
     assert as_planned.states[0, 0, -1] == pytest.approx(fired(first, when, sizes, end), abs=1e-3)
     told = cf.thrust(path, field)

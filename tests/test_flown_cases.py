@@ -314,6 +314,62 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
     assert drawn in capsys.readouterr().out
 
 
+THICK = 'density = "1e-10 kg/m^3", at_altitude = "500 km", scale_height = "60 km"'
+WEAK = """\
+mass = "12 kg"
+max_thrust = ["20 mN", "2 mN"]
+thrusters = "rtn"
+period = "30 s"
+ballistic = ["0.02 m^2/kg", "{} m^2/kg"]
+"""
+
+
+def dragged(ballistic: float, more: str) -> str:
+    """B is pushed back by the air, which its thrusters do not withstand where it is large enough."""
+    air = {"field": f"zonals = 2, {THICK}", "chief": IN_AIR["chief"]}
+    return swap(**air, craft=WEAK.format(ballistic), more=ERRORS + FLIGHT.format(seeds=3) + more)
+
+
+def test_a_plan_that_cannot_be_flown_is_left_with_why(tmp_path: Path, capsys):
+    """The thruster along the track, the third, is asked for the drag that B has beyond the chief's."""
+    (tmp_path / "weak.toml").write_text(dragged(0.2, ""))
+    assert main(["run", str(tmp_path / "weak.toml"), "--out", str(tmp_path / "run"), "--no-viewer"]) == 1
+    printed = " ".join(capsys.readouterr().out.split())
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    why = summary["grounded"]
+    drag = 0.5 * 1e-10 * 7620.0**2 * 0.18  # m/s^2, at the speed of the orbit
+    begin, _, rest = why.partition(" s the plan asks thruster 3 for ")
+    assert begin.startswith("acceleration: B: at about ")
+    assert float(rest.split()[0]) == pytest.approx(drag, rel=0.1)  # the air turns with the Earth, thrust adds
+    assert rest.endswith("it gives 0.0001667; plan with a max_acceleration or more time")
+    assert summary["verdict"] == f"cannot be flown: {why}"
+    assert printed.count(f"annot be flown: {why}") == 2  # where flights are told, and at the end
+    assert f"cannot be flown: {why}" in (tmp_path / "run" / "report.html").read_text()
+    loaded, mission = cf.load(tmp_path / "run"), cf.run(tmp_path / "weak.toml")
+    assert np.array_equal(loaded.paths.arcs, mission.paths.arcs)
+    assert (mission.grounded, mission.flights, mission.verdict.status) == (why, None, 1)
+    assert main(["fly", str(tmp_path / "run"), "--out", str(tmp_path / "flights")]) == 2
+    assert capsys.readouterr().err == f"{tmp_path / 'run'}: cannot be flown: {why}\n"
+
+
+def test_cases_that_cannot_be_flown_do_not_count_as_flights():
+    """Their plans stand in their rows, with why; the same thrust is enough in others."""
+    study = STUDY[: STUDY.index("[study.vary]")].replace("40", "6")
+    draws = '[study.vary]\n"craft.max_thrust" = { uniform = "1 mN" }\n'
+    missions = flown(parse(dragged(0.0612, study + draws), "weak.toml"))
+    status, reasons = missions.column("status"), missions.column("reason")
+    grounded = status == "refused"
+    assert 0 < grounded.sum() < 6
+    for why, off in zip(reasons, grounded, strict=True):
+        assert ("cannot be flown: acceleration: B: at about " in why) == off
+    assert (missions.column("delta_v_m_s") > 0.1).all()  # m/s, of the plan
+    for name in ("end_s", "flown_end_m", "flown_delta_v_m_s", "flown_ratio"):
+        assert np.array_equal(np.isnan(missions.column(name)), grounded)
+    assert missions.flights.count == 6 - grounded.sum()
+    assert missions.counts["refused"] == grounded.sum()
+    assert f"{grounded.sum()} of 6 cases cannot be flown: " in missions.reason
+
+
 def test_small_ratios_are_the_bad_tail():
     figure = cf.plots.distribution(np.arange(1.0, 101.0), "least distance [x zone]", 0.05)
     words = " ".join(text.get_text() for text in figure.texts)

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.cli import main
+from closeform.flown_verdict import Entered
 from closeform.scenario import parse
 from closeform.stage_margin import flown_errors
 from closeform.stage_start import BurnRoom, StageStart
-from closeform.verdict import Entered
 from field_scenario import swap
 from test_field import axes_of, textbook
 
@@ -119,16 +119,18 @@ def two(rows: dict[str, np.ndarray], loaded: cf.LoadedRun) -> list[cf.Path]:
     return found
 
 
-def test_larger_zones_than_the_tube_are_kept(run: Path, tmp_path: Path):
+def test_larger_zones_than_the_tube_are_kept(run: Path, tmp_path: Path, capsys):
     """Planned at the zone plus what the tube says, flown against the zone itself."""
     loaded = cf.load(run)
     room = cf.tube(loaded.orbit, cf.Feedback(), loaded.scenario.flight["navigation"]).of_a_pair
     place = tmp_path / "swap.toml"
     place.write_text(swap(more=COAST + NAVIGATION).replace('"30 m"', f'"{30.0 + room} m"'))
     main(["run", str(place), "--out", str(tmp_path / "roomy"), "--no-viewer"])
+    capsys.readouterr()
     _, summary, tables = flown(tmp_path / "roomy", tmp_path / "out", "--seeds", "30")
     assert (tables["ratios"]["ratio"] * (30.0 + room)).min() > 30.0
     assert summary["tube"]["of_a_pair_m"] == pytest.approx(room)
+    assert " m in space; 99.997 % of flights stay within " in capsys.readouterr().out  # of 4 sigmas one way
 
 
 def test_options_stand_for_what_the_scenario_says(run: Path, tmp_path: Path, capsys):
@@ -342,7 +344,7 @@ def test_no_tube_is_told_of_planned_impulses(tmp_path: Path, capsys):
     _, summary, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "4")
     assert summary["feedback"]["impulses"] == 0
     assert "tube" not in summary
-    assert "of flights stay within" not in capsys.readouterr().out
+    assert "% of flights stay within" not in capsys.readouterr().out
 
 
 def test_thrusters_fire_what_leads_back(tmp_path: Path):
@@ -376,6 +378,32 @@ def test_thrusters_fire_what_leads_back(tmp_path: Path):
     assert 1e-3 < np.abs(ended - planned).max() < 1.0  # m: what is followed, and what is flown
     _, seldom, _ = flown(tmp_path / "run", tmp_path / "seldom", "--seeds", "1", "--every", "4 min")
     assert seldom["feedback"] == found["feedback"] | {"every_s": 240.0}  # the rest as without it
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.5, False), (1.001, True)])
+def test_limits_are_held_against_the_dearest_flight(share: float, kept: bool, tmp_path: Path, capsys):
+    """A budget that the plan keeps and a flight does not is not kept, as in a run with its flights."""
+    more = 'margin = "auto"\n' + NAVIGATION
+    loaded, _ = swapped(tmp_path, swap(more=more))
+    spent = loaded.paths.delta_v
+    _, free, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "8")
+    assert "limits" not in free["verdict"]
+    most = np.array([row["delta_v_m_s"] for row in free["spent"][:2]])
+    k = int(np.argmax(most - spent))
+    assert most[k] > 1.001 * spent[k]
+    budgets = [spent[j] + (share if j == k else 2.0) * abs(most[j] - spent[j]) for j in range(2)]
+    craft = f"delta_v_budget = {json.dumps([f'{budget} m/s' for budget in budgets])}"
+    (tmp_path / "limited").mkdir()
+    _, summary = swapped(tmp_path / "limited", swap(craft=craft, more=more))
+    assert summary["limits_kept"]
+    capsys.readouterr()
+    status, found, _ = flown(tmp_path / "limited" / "run", tmp_path / "out", "--seeds", "8")
+    assert (status, found["violated"]) == (0 if kept else 1, 0)
+    name = loaded.names[k]
+    said = "limits are kept" if kept else f"limits are not kept: delta-v ({name})"
+    assert found["verdict"] == f"{free['verdict']}; {said}"
+    warned = f"{name} needs {most[k]:.4g} m/s, its delta_v_budget is {budgets[k]:g} m/s"
+    assert (warned in capsys.readouterr().out) != kept
 
 
 def test_where_nothing_is_uncertain_one_flight_is_all(tmp_path: Path, capsys):

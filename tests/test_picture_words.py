@@ -119,7 +119,7 @@ def test_a_name_is_text(draw):
 
 @pytest.mark.parametrize("seeds", [1, 2])
 def test_pictures_of_one_flight_speak_of_no_other(seeds):
-    """No median, no average, no worst of one, and no line in the legend that is not drawn."""
+    """No median, no average, no worst of one, no number, and no line in the legend that is not drawn."""
     chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
     paths = chief.orbit.transfer(RING[:2], RING[[1, 2]], 900.0)
     flight = cf.fly(paths, cf.Field(chief), navigation=cf.Navigation(0.1, 3e-4), seeds=seeds)
@@ -130,7 +130,7 @@ def test_pictures_of_one_flight_speak_of_no_other(seeds):
         plots.flight_ratios(flight, BALL),
     )
     told = " ".join(text.get_text() for figure in figures for text, _ in written(figure))
-    many = "median", "average", "worst", "each flight", f"{seeds} flights"
+    many = "median", "average", "worst", "each flight", f"{seeds} flights", f"flight {flight.worst}: "
     assert [word in told for word in many] == [seeds > 1] * len(many)
 
 

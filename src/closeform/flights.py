@@ -81,6 +81,7 @@ def fly(
         raise UsageError(
             f"--control: replan is for one stage, and {directory} has {len(run.flown)}; {remedy}"
         )
+    from closeform.field.grounded import Grounded
     from closeform.flown_run import FlownRun, usually_led
     from closeform.report.repeat import Command
 
@@ -93,6 +94,8 @@ def fly(
 
         try:
             return FlightReport(FlownRun.of(run, control, told, seeds), command)
+        except Grounded as error:
+            raise UsageError(f"{directory}: cannot be flown: {error}") from None
         except ValueError as error:
             raise UsageError(f"{directory}: {error}") from None
 

@@ -16,13 +16,16 @@ from closeform.field.field import Field
 from closeform.field.flight import fly
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import spanning
+from closeform.field.grounded import Grounded
 from closeform.field.least_ratios import least_ratios
 from closeform.field.tube import Tube, tube
+from closeform.flown_verdict import Entered
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of, fires_impulses
-from closeform.verdict import Entered, Use
+from closeform.named_craft import as_listed
+from closeform.verdict import Use
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -70,7 +73,15 @@ class FlownRun:
 
     @classmethod
     def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
-        """Fly it, once where nothing is uncertain.  Raises ValueError where it cannot be."""
+        """Fly it, once where nothing is uncertain.  Raises Grounded, in its names, where it cannot be."""
+        try:
+            return cls.flying(run, control, told, seeds)
+        except Grounded as error:
+            raise Grounded(as_listed(str(error), run.scenario.names)) from None
+
+    @classmethod
+    def flying(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
+        """The same, which counts craft where it cannot be."""
         known, field = run.scenario.field, run.scenario.truth.field
         assert known is not None
         assert field is not None
@@ -93,7 +104,7 @@ class FlownRun:
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
-        """Fly it as the [flight] of its scenario asks for.  Raises ValueError where it cannot be."""
+        """Fly it as the [flight] of its scenario asks for.  Raises Grounded where it cannot be."""
         scenario = run.scenario
         assert scenario.flights is not None
         return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)
@@ -115,11 +126,13 @@ class FlownRun:
 
     @property
     def entered(self) -> Entered:
-        """In how many flights a zone is entered."""
+        """In how many flights a zone is entered, and whose limits are not kept in one."""
         flight = self.flight
         count = round(flight.violated * len(flight.states)) if flight.ratios.size else 0
         least = flight.least_ratio if flight.ratios.size else None
-        return Entered(count, len(flight.states), least, self.uncertain)
+        used = tuple(self.spent)
+        exceeded = tuple(use for use in used if use.exceeded) if used else None
+        return Entered(count, len(flight.states), least, self.uncertain, exceeded)
 
     @cached_property
     def stages(self) -> tuple[FlownStage, ...]:

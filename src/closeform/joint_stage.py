@@ -1,6 +1,5 @@
 """Stages in which a whole formation moves in one plan: scatter, regather, reconfigure."""
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from math import inf, nan
@@ -11,6 +10,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.mission_result import ReconfigureResult, StageResult
 from closeform.motion.duration import far_beyond
+from closeform.named_craft import named
 from closeform.pulsed import pulsed
 from closeform.scenario import Goal, Joint, Reconfigure, Regather, Scatter
 from closeform.stage_margin import with_margin
@@ -164,12 +164,3 @@ def planned(
     reason = f"the relative orbits move on faster than craft arrive, up to {took:.6g} s"
     late = replace(plan, paths=None, energy=nan, delta_v=nan, status=Status.TOO_WEAK, reason=reason)
     return late, measures
-
-
-def named(text: str, names: tuple[str, ...]) -> str:
-    """A text that counts, "craft 0 and 3", with names instead."""
-
-    def called(found: re.Match[str]) -> str:
-        return " and ".join(names[int(number)] for number in re.findall(r"\d+", found[0]))
-
-    return re.sub(r"\bcraft \d+(?: and \d+\b)?", called, text)

@@ -99,11 +99,14 @@ def as_happened(mission: Mission, progress: Callable[[str], None]) -> Mission:
         return scenario.history.whole(mission)
     if scenario.flights is None or not mission.flown:
         return mission
+    from closeform.field.grounded import Grounded
     from closeform.flown_run import FlownRun
 
     progress("flying in the field")
     try:
         return replace(mission, flights=FlownRun.asked(mission))
+    except Grounded as error:
+        return replace(mission, grounded=str(error))
     except ValueError as error:
         raise ScenarioError(scenario.file, [f"flight: {error}"]) from error
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
+from closeform.flown_verdict import in_flight
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -221,6 +222,7 @@ class Mission(Stages):
     stopped: str | None = None
     lost: tuple[LostThrust, ...] = ()
     flights: "FlownRun | None" = None
+    grounded: str | None = None  # why it cannot be flown there, where that was asked for
 
     @cached_property
     def burns(self) -> dict[str, Any]:
@@ -243,7 +245,7 @@ class Mission(Stages):
         apart = alone or all(result.stage.keeps_out for result in self.results)
         watched = apart or any(result.after.approaches for result in self.results)
         conflicts, pairs = conflicts_in(result.after for result in self.flown)
-        judged = *self.lost, *(() if self.flights is None else (self.flights.entered,))
+        judged = *(one.asked for one in self.lost), *in_flight(self.flights, self.grounded)
         return Verdict(
             self.stopped,
             conflicts if watched else None,
@@ -251,7 +253,7 @@ class Mission(Stages):
             tuple(use for use in self.uses if use.exceeded) if self.scenario.limited else None,
             searched,
             tuple(result.late for result in self.flown if result.late is not None),
-            asked=(*(some.asked for some in judged), *(one for some in self.flown for one in some.asked)),
+            asked=(*judged, *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
         )
 

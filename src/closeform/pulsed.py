@@ -1,6 +1,5 @@
 """What thrusters make of a stage: pulses that fly its plan, with the room that they need, certified."""
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -9,6 +8,7 @@ import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import StageResult
+from closeform.named_craft import as_listed
 from closeform.stage_start import BurnRoom, StageStart
 
 if TYPE_CHECKING:
@@ -111,12 +111,7 @@ def fired(start: StageStart, flight: WatchedFlight, shooting: list[int]) -> "tup
     try:
         return names, fire(flight.paths[shooting], [one for one in thrusters if one is not None], **tanks)
     except ValueError as error:
-        text = re.sub(r"\bthruster (\d+)", lambda one: f"thruster {int(one[1]) + 1}", str(error))
-        what, _, words = text.partition(": craft ")
-        if not words:
-            raise type(error)(text) from None
-        k, _, why = words.partition(": ")
-        raise type(error)(f"{what}: {names[int(k)]}: {why}") from None
+        raise type(error)(as_listed(str(error), names)) from None
 
 
 def nearest(flight: WatchedFlight, planned: WatchedFlight) -> float:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from closeform.motion.path import Path
+from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint, Scenario
 from closeform.stage_start import StageStart
 from closeform.zones.pair_zones import PairZones
@@ -29,20 +30,24 @@ def with_margin(
         return make(stage.margin or 0.0)
     from closeform.field.feedback import usual_feedback
     from closeform.field.fitted import fit_margin
+    from closeform.field.grounded import Grounded
 
     told = start.scenario.flight
-    found = fit_margin(
-        make,
-        field_of(start.scenario, who),
-        PairZones.of([start.keep_out[k] for k in who]),
-        told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
-        told["navigation"],
-        obstacles=others,
-        held=True,
-        thrust_error=told["thrust_error"][who],
-        errors=flown_errors(start, who),
-        thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
-    )
+    try:
+        found = fit_margin(
+            make,
+            field_of(start.scenario, who),
+            PairZones.of([start.keep_out[k] for k in who]),
+            told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
+            told["navigation"],
+            obstacles=others,
+            held=True,
+            thrust_error=told["thrust_error"][who],
+            errors=flown_errors(start, who),
+            thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
+        )
+    except Grounded as error:
+        raise Grounded(as_listed(str(error), [start.scenario.names[k] for k in who])) from None
     if found.plan.ok and not found.fits:
         raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
     return found.plan

@@ -6,7 +6,6 @@ from math import ceil, floor, inf, log10
 from typing import TYPE_CHECKING, Any, Self
 
 from closeform.arrays import Floats
-from closeform.confidence import estimate
 from closeform.scenario import Craft
 
 if TYPE_CHECKING:  # whose kernels a verdict can spare
@@ -156,53 +155,6 @@ class LostThrust:
         else:
             drifts = f"drifts clear of all, least {self.ratio:.4f} x zone of {self.other}"
         return Asked("", f"{words} and {drifts}", False, 0.0, f"thrust of {self.craft}")
-
-
-@dataclass(frozen=True)
-class Entered:
-    """How many flights in a field enter a zone, `least` ratio (None without); alike unless `uncertain`."""
-
-    count: int
-    flights: int
-    least: float | None
-    uncertain: bool
-
-    @property
-    def ok(self) -> bool:
-        """Whether none does."""
-        return self.count == 0
-
-    @property
-    def status(self) -> int:
-        """The exit status."""
-        return MET if self.ok else NOT_MET
-
-    @property
-    def many(self) -> str:
-        """The flights in words."""
-        return f"{self.flights} flight{'s' * (self.flights != 1)}"
-
-    @property
-    def asked(self) -> Asked:
-        """The same as part of what a run comes to."""
-        if self.least is None:
-            return Asked(f"{self.many} flown, there is no zone to enter", "", True, inf, "flight")
-        if self.flights == 1:
-            kept, broken = "no zone is entered in flight", "a zone is entered in flight"
-        else:
-            kept = f"no zone is entered in {self.many}"
-            broken = f"zones are entered in {self.count} of {self.many}"
-        least = f", least {self.least:.4f} x zone"
-        return Asked(kept + least, broken + least, self.ok, self.least - 1.0, "flight")
-
-    def __str__(self) -> str:
-        if self.least is None:
-            return f"flown: {self.many}, there is no zone to enter"
-        found = (
-            "clear: no zone is entered in" if self.ok else f"violated: zones are entered in {self.count} of"
-        )
-        likely = str(estimate(self.count, self.flights)) if self.uncertain else "nothing is uncertain"
-        return f"{found} {self.many} ({likely}), least {self.least:.4f} x zone"
 
 
 @dataclass(frozen=True)

@@ -95,9 +95,7 @@ class MissionCases(Cases):
         except ScenarioError as error:
             reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
             return row | {"status": REFUSED, "reason": reason}
-        verdict = mission.verdict
-        status = STOPPED if verdict.stopped is not None else MET if verdict.ok else UNMET
-        row |= {"status": status, "reason": "" if verdict.ok else str(verdict)}
+        row |= {"status": ended(mission), "reason": "" if mission.verdict.ok else str(mission.verdict)}
         return row | figures(mission)
 
     def good(self, columns: Columns) -> Any:
@@ -109,13 +107,22 @@ class MissionCases(Cases):
         return MissionCampaign(self, chunks)
 
 
+def ended(mission: Mission) -> str:
+    """How it ended: one of STATUSES."""
+    if mission.stopped is not None:
+        return STOPPED
+    if mission.grounded is not None:
+        return REFUSED
+    return MET if mission.verdict.ok else UNMET
+
+
 def figures(mission: Mission) -> dict[str, Any]:
     """What a mission came to, in numbers: of the stages that were flown."""
     flown = mission.flown
     each = np.array([result.delta_v for result in flown]).reshape(-1, len(mission.scenario.craft))
     ratios = [pair.ratio for result in flown for pair in result.after.approaches]
     return {
-        "end_s": flown[-1].end if mission.stopped is None else nan,
+        "end_s": flown[-1].end if mission.stopped is None and mission.grounded is None else nan,
         "delta_v_m_s": each.sum() if flown else nan,
         **dict(zip(map(of_craft, mission.scenario.names), each.sum(axis=0), strict=True)),
         **{of_stage(result.number): spent.sum() for result, spent in zip(flown, each, strict=True)},

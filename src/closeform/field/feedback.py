@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, shown, whole
+from closeform.field.grounded import Grounded
 from closeform.motion.arc import THRUST
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
@@ -164,7 +165,7 @@ def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floa
     pushed = orbit.transition(law.horizon - times)[:, :, 3:] * scale[:, None]
     gramian = np.einsum("jik,jlk->il", pushed, pushed)
     if np.linalg.cond(gramian) > BLIND:
-        raise ValueError(
+        raise Grounded(
             f"feedback: {law.impulses} impulses, {law.horizon / law.impulses:g} s apart, cannot steer to all "
             "sides; give more of them, or another horizon"
         )

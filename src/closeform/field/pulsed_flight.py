@@ -16,6 +16,7 @@ from closeform.field.drawn import Draws, exactly, nothing_drawn
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
+from closeform.field.grounded import Grounded
 from closeform.field.orders import BIT, STRENGTH, THRUSTER
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses, retargeted
@@ -27,6 +28,7 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of
+from closeform.named_craft import named
 
 NEGLIGIBLE = 1e-9  # m/s: not missed where no thruster pushes
 PIECE = 30.0  # s: in so long what is commanded is one arc's thrust, met at four instants
@@ -54,7 +56,21 @@ def fired_in(
         kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
         arcs[kicked, IMPULSE : IMPULSE + 3] = sizes
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
-    return fire(stack(asked), [one for one in thrusters if one is not None], mass, specific_impulse)
+    return _fired(stack(asked), shooters, thrusters, mass, specific_impulse)
+
+
+def _fired(
+    paths: Path,
+    shooters: Sequence[int],
+    thrusters: Sequence[Thrusters | None],
+    mass: ArrayLike | None = None,
+    specific_impulse: ArrayLike | None = None,
+) -> Firing:
+    """What the craft that are `shooters` fire for their paths.  Raises Grounded, which counts all craft."""
+    try:
+        return fire(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
+    except ValueError as error:
+        raise Grounded(named(str(error), [f"craft {k}" for k in shooters])) from None
 
 
 def _commanded(paths: Path, field: Field) -> Floats:
@@ -79,15 +95,15 @@ def _commanded(paths: Path, field: Field) -> Floats:
 def led_by_pulses(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedback:
     """The same by pulses: thrust that lasts is fired once in each period of the craft whose is the longest.
 
-    Raises ValueError where thrusters are to fire more often.
+    Raises Grounded where thrusters are to fire more often.
     """
     longest = max((one.period or 0.0 for one in thrusters if one is not None), default=0.0)
     if law.delay:
-        raise ValueError("delay: goes with thrust that lasts, and thrusters fire pulses; leave it out")
+        raise Grounded("delay: goes with thrust that lasts, and thrusters fire pulses; leave it out")
     if not law.impulses:
         return replace(law, impulses=max(int(law.horizon / longest), 2) if longest else BY_IMPULSES.impulses)
     if law.horizon / law.impulses < longest * (1.0 - BESIDE):
-        raise ValueError(
+        raise Grounded(
             f"feedback: pulses {law.horizon / law.impulses:g} s apart, of thrusters that fire once in "
             f"{longest:g} s; give fewer impulses, or a longer horizon"
         )
@@ -123,7 +139,7 @@ def fly_pulses(
     firing = fired_in(paths, jumps, fields[1], thrusters)
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     planned = np.array(paths.delta_v)
-    planned[shooters] = fire(paths[shooters], firing.thrusters).delta_v
+    planned[shooters] = _fired(paths[shooters], shooters, thrusters).delta_v
     return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws)
 
 

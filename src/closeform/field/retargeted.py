@@ -14,6 +14,7 @@ from closeform.field.course import Commands, Flights, commands_of, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import exactly
 from closeform.field.field import Field
+from closeform.field.grounded import Grounded
 from closeform.field.timetable import impulses_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
@@ -118,7 +119,7 @@ def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
         if moved < MET:
             break
     else:
-        raise ValueError(
+        raise Grounded(
             f"plan: changes of its impulses for this field do not settle in {ROUNDS} rounds; plan in shorter "
             "stages, or thrust that lasts: cost 'energy'"
         )

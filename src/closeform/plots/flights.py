@@ -84,8 +84,9 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     seed, craft, step = (
         int(k) for k in np.unravel_index(int(np.argmax(flight.deviations)), flight.deviations.shape)
     )
-    radius = 0.0
+    radius, share = 0.0, ""
     if tube is not None:
+        share = f"{100.0 * tube.probability:.3f} % of flights"
         lasts = float(flight.times[-1] - flight.times[0])
         radius = float(np.max(tube.containment(lasts, craft=flight.states.shape[1])))
     unit = length_unit(max(float(off.max()), radius))
@@ -96,16 +97,17 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     if tube is not None:
         axes.axhline(radius / unit.size, color=ZONE, linewidth=2.0, linestyle=DASHED)
         corner = float(ticks(flight.times[0])), radius / unit.size
-        said = f"{tube.probability:.3%} of flights stay below {length(radius)}"
+        said = f"{share} stay below {length(radius)}"
         plain(word(axes, corner, said, shift=(6, -16), ha="left", va="baseline"))
     axes.set_ylim(0.0, 1.12 * max(float(off.max()), radius) / unit.size or 1.0)
     axes.set_ylabel(f"off the plan [{unit.name}]", fontsize=TEXT, color=INK)
     time_axes([axes], ticks, float(flight.times[0]), float(flight.times[-1]))
-    _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, f"flight {seed}: {called[craft]}", 8)
+    name = f"{_which(flight, seed)}{called[craft]}"
+    _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, name, 8)
     most = f"Off by at most {length(float(off.max()))} in {_flights(flight)}"
     inside = ""
     if tube is not None:
-        inside = f"; {tube.probability:.3%} of flights stay within {length(radius)}, said beforehand"
+        inside = f"; {share} stay within {length(radius)}, said beforehand"
     _meanings(figure, flight, ("each flight, its craft farthest off", "median", "the worst"))
     plain(headline(figure, f"{most}{inside}"))
     return figure
@@ -169,7 +171,7 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
     time_axes([close], Clock(ticks.unit, None), float(fine[0]), float(fine[-1]))
     now = int(np.argmin(nearer[seed]))
     lowest = float(nearer[seed, now])
-    name = f"flight {seed}: {pair}, {lowest:.4f} × zone"
+    name = f"{_which(flight, seed)}{pair}, {lowest:.4f} × zone"
     _dot(close, ticks, float(fine[now]), lowest, name, -UNDER - _line_below(close, lowest))
     _meanings(figure, flight, ("each flight", "median", "the worst", "planned"))
     entered = int((least.min(axis=1) < 1.0).sum())
@@ -253,6 +255,10 @@ def _clock(flight: Flight) -> Clock:
 def _flights(flight: Flight) -> str:
     count = len(flight.states)
     return f"{count} flight{'s' * (count != 1)}"
+
+
+def _which(flight: Flight, seed: int) -> str:
+    return f"flight {seed}: " if len(flight.states) > 1 else ""
 
 
 def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> None:

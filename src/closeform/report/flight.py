@@ -12,6 +12,7 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.epochs import Epoch
 from closeform.field.field import described
 from closeform.flown_run import FlownRun
+from closeform.flown_verdict import Entered
 from closeform.report import conflicts, flown, own_errors, results
 from closeform.report.page import Head
 from closeform.report.picture import Picture, Progress
@@ -21,7 +22,6 @@ from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Table, counted
 from closeform.result_folder import Folder
 from closeform.scenario.study import UNPLANNED, readers
-from closeform.verdict import Entered
 from closeform.zones.pair_zones import PairZones
 
 
@@ -123,7 +123,7 @@ class FlightTold:
 
     @property
     def verdict(self) -> Entered:
-        """Whether any zone is entered."""
+        """Whether any zone is entered, and whether limits are kept."""
         return self.flown.entered
 
     @property
@@ -145,7 +145,7 @@ class FlightTold:
             farthest, within = flight.greatest_deviation, flown.contained(self.flown)
             told.append(
                 f"Farthest off its plan of all craft at all times: {farthest:.3g} m in space; "
-                f"{room.probability:.3%} of flights stay within {within:.3g} m"
+                f"{100.0 * room.probability:.3f} % of flights stay within {within:.3g} m"
             )
         short = dict(zip(self.flown.names, flight.limited.max(axis=0).tolist(), strict=True))
         told += [
@@ -309,6 +309,12 @@ class FlightReport(FlightTold):
     def figures(self) -> dict[str, Any]:
         """Every figure printed, in full and in SI units, for `summary.json`."""
         return {"kind": "flight", "title": self.title, **self.command.figures, **super().figures}
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Whose limits are not kept, too, of which a run warns by itself."""
+        exceeded = self.verdict.exceeded or ()
+        return (*super().lines, *(use.warning(self.flown.grams) for use in exceeded))
 
     def leave(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None

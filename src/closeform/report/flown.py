@@ -172,7 +172,8 @@ def sure(flown: FlownRun) -> Section:
         parts = [("the field, not known", room.model), ("thrust that is off", room.thrust)]
         parts += [("biases", room.bias), (f"noise, {room.sigmas:g} sigmas", room.sigmas * room.noise)]
         parts += [("all of it", room.radius), ("all of it, of a pair", room.of_a_pair)]
-        parts += [(f"all craft at all times, in {room.probability:.3%} of flights", contained(flown))]
+        share = f"{100.0 * room.probability:.3f} % of flights"
+        parts += [(f"all craft at all times, in {share}", contained(flown))]
         tables.append(
             Table("The tube, said beforehand", TUBE, [(one, float(np.max(part))) for one, part in parts])
         )

@@ -31,6 +31,7 @@ STAGES = (
     Column("delta-v of all [m/s]", "delta_v_m_s", "{:.6g}".format),
 )
 MOST_CRAFT = 100  # that are shown together
+IN_FLIGHT = "No craft enters a zone in flight, with errors as they are"
 
 
 def section(mission: Mission) -> Section:
@@ -58,7 +59,9 @@ def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
         yield from of_stage(mission, result)
     if mission.flights is not None:
         flown = mission.flights.entered
-        yield "No craft enters a zone in flight, with errors as they are", str(flown), flown.ok
+        yield IN_FLIGHT, flown.zones, flown.clear
+    if mission.grounded is not None:
+        yield IN_FLIGHT, f"cannot be flown: {mission.grounded}", False
 
 
 def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:

@@ -66,6 +66,7 @@ SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Gather: gather.section,
 }
 SAMPLES = 201  # instants of each craft and stage in paths.parquet
+FLOWN = "Flown in the field"
 FLOWN_PATHS = "flown"  # the table of the worst flight's, beside those that were planned
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
@@ -102,10 +103,10 @@ class RunReport:
 
     @cached_property
     def in_flight(self) -> tuple[Section, ...]:
-        """The section of these."""
-        if self.flights is None:
-            return ()
-        return (self.flights.section("Flown in the field", self.flights.opening[1:]),)
+        """The section of these, or why there are none where some were asked for."""
+        if self.mission.grounded is not None:
+            return (Section(FLOWN, (f"Cannot be flown: {self.mission.grounded}",)),)
+        return () if self.flights is None else (self.flights.section(FLOWN, self.flights.opening[1:]),)
 
     @cached_property
     def by_rule(self) -> left_out.ByRule | None:
@@ -186,6 +187,7 @@ class RunReport:
             "budget": budget.figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
             **({} if self.flights is None else {"flights": self.flights.figures}),
+            **({} if mission.grounded is None else {"grounded": mission.grounded}),
         }
 
     @property
