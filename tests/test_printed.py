@@ -82,7 +82,10 @@ def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys)
         *("craft", "delta-v [m/s]", "of its budget [%]"),
         *("propellant [g]", "left [g]", "of max_thrust [%]"),
     ]
-    for k, line in enumerate(table[1:]):
+    *each, last = table[1:]
+    assert last.split() == ["all", f"{SPENT.sum():.6f}", "-", f"{1e3 * burnt.sum():.2f}", "-", "-"]
+    assert len(each) == 2
+    for k, line in enumerate(each):
         name, *cells = line.split()
         assert name == "AB"[k]
         budget, limit, fuel = (2.0, 1.0)[k], (0.02, 0.05)[k], 1e3 * burnt[k]
@@ -114,6 +117,12 @@ def test_only_what_was_flown_is_used() -> None:
     assert mission.stopped is not None
     assert len(mission.results) == 3
     np.testing.assert_allclose(list(RunReport(mission).summary["delta_v_m_s"].values()), SPENT, rtol=1e-9)
+
+
+def test_one_who_burns_alone_is_all() -> None:
+    alone = TWO_STAGES.rsplit("\n[[", 1)[0]
+    (table,) = RunReport(fly(parse(alone))).closing
+    assert [row[0] for row in table.rows] == ["A", "B"]
 
 
 def test_nothing_to_sum_up() -> None:

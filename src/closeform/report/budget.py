@@ -24,11 +24,12 @@ def section(mission: Mission, thrusting: Floats) -> Section:
         return Section("Budget", (f"Nobody burns, in {end:.1f} s",))
     in_all = limits.used(mission)
     columns, rows = in_all.columns, in_all.rows
-    every = replace(
+    each = replace(
         in_all,
         columns=(*columns[:2], SECONDS, *columns[2:]),
         rows=[(*row[:2], long, *row[2:]) for row, long in zip(rows, thrusting.sum(axis=0), strict=True)],
     )
+    every = limits.with_total(mission, each)
     lines = [f"{total(mission, spent)}, in {end:.1f} s"]
     if not thrusting.any():
         lines.append("All burns are impulses, which take no time")

@@ -50,7 +50,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
     burns = np.any(mission.delta_v > 0.0, axis=1).sum()
     known = bool(np.isfinite(mission.spent_of_each[1]).any())
     told = mission.scenario.limited or burns > 1 or known
-    return (used(mission),) if burns and told else ()
+    return (with_total(mission, used(mission)),) if burns and told else ()
 
 
 def used(mission: Mission) -> Table:
@@ -81,6 +81,21 @@ def used(mission: Mission) -> Table:
     )
     title = "What each craft used in all" + ", planned and flown" * bool(how)
     return Table(title, shown, rows, folded=len(rows) > MOST_ROWS)
+
+
+def with_total(mission: Mission, used: Table) -> Table:
+    """The same with a last row for all craft, where several burn; in flight what all spend in one at most."""
+    columns = dict(zip((column.key for column in used.columns), zip(*used.rows, strict=True), strict=True))
+    if sum(spent > 0.0 for spent in columns["delta_v_m_s"]) < 2:
+        return used
+    fuel, flights = columns["propellant_kg"], mission.flights
+    totals = {
+        "craft": "all",
+        "delta_v_m_s": sum(columns["delta_v_m_s"]),
+        "flown_delta_v_m_s": flights and float(flights.flight.delta_v.sum(axis=1).max()),
+        "propellant_kg": None if None in fuel else sum(fuel),
+    }
+    return replace(used, rows=[*used.rows, tuple(totals.get(column.key or "") for column in used.columns)])
 
 
 def flown_delta_v(mission: Mission) -> tuple[list[float | None], str, str | None]:

@@ -182,7 +182,7 @@ class RunReport:
             "craft": list(scenario.names),
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
             "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),
-            "used": [record for table in self.closing for record in table.records],
+            "used": limits.used(mission).records if self.closing else [],
             "asked": found.figures(mission),
             "budget": budget.figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
