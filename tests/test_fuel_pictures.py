@@ -4,9 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import closeform as cf
+from closeform.fuel.burns import Burns
 from closeform.mission import fly
+from closeform.plots.names import overlap
 from closeform.report.run import RunReport
 from closeform.scenario import load
 
@@ -51,6 +54,35 @@ def test_bars_are_as_high_as_burns():
     )
     assert middles * 60.0 == pytest.approx([time for time, _ in HOP.impulses], abs=1e-6)  # minutes
     assert figure.get_suptitle().startswith(f"I: {len(sizes)} burns, {HOP.delta_v:.4g} m/s")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sizes_of_burns_stand_on_nothing(seed, monkeypatch):
+    """Burns at random times, many near each other: no two words share a pixel, nor a word and a bar."""
+    draws = np.random.default_rng(seed)
+
+    def some(_):
+        count = draws.integers(1, 9)
+        times, sizes = np.sort(draws.uniform(0.0, HOP.end, count)), draws.uniform(0.01, 0.2, count)
+        lasts = np.where(draws.random(count) < 0.5, 0.0, draws.uniform(0.0, 400.0, count))
+        return Burns(times, lasts, np.zeros((count, 3)), sizes)
+
+    monkeypatch.setattr("closeform.plots.burning.burns_of", some)
+    figure = cf.plots.burns([HOP] * 6)
+    FigureCanvasAgg(figure).draw()
+    (axes,) = figure.axes
+    words = [text.get_window_extent() for text in axes.texts]
+    assert len(words) >= 6  # a row has one at least
+    bars = [
+        axes.transData.transform(path.vertices[:4]) for row in axes.collections for path in row.get_paths()
+    ]
+    taken = [(*one.min(axis=0), *one.max(axis=0)) for one in bars] + [one.extents for one in words]
+    for k, word in enumerate(words):
+        others = taken[: len(bars) + k] + taken[len(bars) + k + 1 :]
+        assert not any(overlap(word.extents, other) for other in others)
+        assert axes.get_window_extent().containsx(word.x0)
+        assert axes.get_window_extent().containsx(word.x1)
+        assert word.y1 <= axes.get_window_extent().y1
 
 
 def test_nobody_burns_and_too_many_do():

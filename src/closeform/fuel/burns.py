@@ -34,6 +34,11 @@ class Burns(NamedTuple):
         """Which (K,) are more than nothing, in micrometres per second and among the others."""
         return self.size >= min(LEAST, SHARE * float(self.size.sum()))
 
+    @property
+    def told(self) -> "Burns":
+        """Those alone."""
+        return Burns(*(column[self.telling] for column in self))
+
 
 def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
     """The pulses of one craft."""

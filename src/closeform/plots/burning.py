@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from closeform.arrays import Floats
 from closeform.fuel.burns import Burns, burns_of, burns_of_pulses
 from closeform.fuel.firing import Firing
 from closeform.motion.path import Path
@@ -16,14 +18,17 @@ from closeform.palette import AFTER, FAINT, INK, colours
 from closeform.plots.given import crafts
 from closeform.plots.letters import short_names
 from closeform.plots.look import SMALL, clock, column, dress, headline, sheet, speed, speed_unit, time_axes
+from closeform.plots.names import Names
 
 NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
 LETTERED = 8  # larger burns in a row up to which each has its size beside it
-BESIDE = 0.075  # of the time: sizes nearer than that would stand on each other
 SMALLEST = 0.1  # of the largest burn: smaller ones have no size beside them
 MARGIN = 0.015  # of the time, before and after it, so that bars at its ends are seen
 HIGH = 0.8  # of a row, the largest burn
+LOW = 0.35  # of a row: a size stands no lower, above the line of its row
+LETTERS, BESIDE = SMALL - 2.0, 4.0  # points: of a size, and between it and a bar
 MOST_ROWS = 60
+Interval = Sequence[float]  # of pixels, from and to
 
 
 def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = None) -> Figure:
@@ -56,44 +61,63 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     every = (
         [burns_of_pulses(paths.pulses, k) for k in range(count)]
         if isinstance(paths, Firing)
-        else [burns_of(path) for path in flown]
+        else [burns_of(path).told for path in flown]
     )
     start, end = min(path.start for path in flown), max(path.end for path in flown)
     ticks, greatest = clock(flown[0], start, end), max(float(one.size.max(initial=0.0)) for one in every)
     figure = sheet(2.4 + 0.55 * count if count > 1 else 3.6)
     (axes,) = column(figure, [1.0])
     dress(axes)
+    bars = []
     for row, (one, tint) in enumerate(zip(every, colours(count) if count > 1 else [AFTER], strict=True)):
         level = count - 1.0 - row
         axes.axhline(level, color=FAINT, linewidth=1.0)
-        if not greatest:
-            continue
         width = np.maximum(one.duration, NARROWEST * (end - start))
-        middle, high = one.start + 0.5 * one.duration, level + HIGH * one.size / greatest
+        middle, high = one.start + 0.5 * one.duration, level + HIGH * one.size / (greatest or 1.0)
         left, right = ticks(middle - 0.5 * width), ticks(middle + 0.5 * width)
-        bars = np.stack([left, right, right, left], axis=1)
-        tops = np.stack([np.full_like(high, level), np.full_like(high, level), high, high], axis=1)
-        corners: Any = np.stack([bars, tops], axis=-1)
-        axes.add_collection(PolyCollection(corners, facecolors=tint, linewidths=0))
-        large = one.size >= SMALLEST * greatest
-        if large.sum() <= LETTERED:
-            last = -np.inf
-            for time, size in zip(middle[large].tolist(), one.size[large].tolist(), strict=True):
-                if time - last < BESIDE * (end - start):
-                    continue
-                last = time
-                late = time > start + 0.9 * (end - start)
-                place = (float(ticks(time)), level + HIGH * size / greatest)
-                look: dict[str, Any] = {"fontsize": SMALL - 2.0, "color": INK, "va": "center"}
-                look |= {"ha": "right" if late else "left", "textcoords": "offset points"}
-                axes.annotate(speed(size), place, (-3 if late else 3, 4), **look)
+        low = np.full_like(high, level)
+        corners = np.stack([[left, low], [left, high], [right, high], [right, low]]).transpose(2, 0, 1)
+        bars.append(corners)
+        axes.add_collection(PolyCollection(list(corners), facecolors=tint, linewidths=0))
     axes.set_ylim(-0.15, count - 1.0 + 1.0)
     axes.set_yticks(np.arange(count)[::-1], called)
     axes.tick_params(axis="y", labelsize=SMALL if count <= 20 else SMALL - 3)
     time_axes([axes], ticks, start - MARGIN * (end - start), end + MARGIN * (end - start))
+    if greatest:
+        _sizes(figure, axes, [one.size for one in every], bars)
     planned = float(np.sum(paths.planned.delta_v)) if isinstance(paths, Firing) else None
     headline(figure, _said(called, every, greatest, planned))
     return figure
+
+
+def _sizes(figure: Figure, axes: Axes, sizes: list[Floats], bars: list[Floats]) -> None:
+    """The sizes (K,) of the larger burns of each row beside its bars (K, 4, 2), where they find room."""
+    greatest = max(float(one.max(initial=0.0)) for one in sizes)
+    unit, gap = speed_unit(greatest), BESIDE * figure.dpi / 72.0
+    for row, corners in zip(sizes, bars, strict=True):
+        large = np.flatnonzero(row >= SMALLEST * greatest)
+        if len(large) > LETTERED:
+            continue
+        words = [f"{size / unit.size:.4g} {unit.name}" for size in row.tolist()]
+        wide = [width for width, _ in Names(figure, words, LETTERS).sizes]
+        taken = axes.transData.transform(corners.reshape(-1, 2))[:, 0].reshape(-1, 4)[:, 1:3].tolist()
+        for k in sorted(large.tolist(), key=lambda k: -row[k]):
+            left, right = taken[k]
+            after, before = (right + gap, right + gap + wide[k]), (left - gap - wide[k], left - gap)
+            for room, edge, aside, where in ((after, 2, BESIDE, "left"), (before, 1, -BESIDE, "right")):
+                if _is_free(room, axes.get_window_extent().intervalx, taken):
+                    taken.append(room)
+                    (x, top), level = corners[k, edge], corners[k, 0, 1]
+                    look: dict[str, Any] = {"fontsize": LETTERS, "color": INK, "va": "top", "ha": where}
+                    look |= {"textcoords": "offset points", "xytext": (aside, 0)}
+                    axes.annotate(words[k], (x, max(top, level + LOW)), **look)
+                    break
+
+
+def _is_free(room: Interval, within: Interval, taken: Sequence[Interval]) -> bool:
+    """Whether an interval of pixels overlaps nothing that is taken."""
+    (begin, end), (first, last) = room, within
+    return first <= begin and end <= last and all(end <= one[0] or one[1] <= begin for one in taken)
 
 
 def _said(called: list[str], every: list[Burns], greatest: float, planned: float | None) -> str:

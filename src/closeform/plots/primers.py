@@ -159,7 +159,7 @@ def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Fi
 
 def _spent(path: Path, spent: float) -> str:
     """What impulses and burns cost, and how many there are."""
-    burns, impulses = int(burns_of(path).telling.sum()), len(path.impulses)
+    burns, impulses = len(burns_of(path).told.size), len(path.impulses)
     if burns > impulses:
         return f"{speed(spent)} with {burns} burn{'s' * (burns != 1)}"
     return f"{speed(spent)} with {impulses} impulse{'s' * (impulses != 1)}"

@@ -107,7 +107,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     spent = [effort.spent(mission, result, name, result.planned.path(name)) for name in moved.movers]
     _, speed, push, force, fuel = zip(*spent, strict=True)
     if by_delta_v:
-        pushes = [int(burns_of(paths[k]).telling.sum()) for k in range(len(who))]
+        pushes = [len(burns_of(paths[k]).told.size) for k in range(len(who))]
         title = "impulses" if any(paths[k].impulses for k in range(len(who))) else "burns"
         columns[Column(title)] = [*pushes, sum(pushes)]
     else:
