@@ -1,5 +1,6 @@
 """Least delta-v within thrust limits around zones: against convex programs, flown by an integrator."""
 
+import itertools
 from contextlib import suppress
 from math import inf, pi
 from types import SimpleNamespace
@@ -277,8 +278,9 @@ def test_burns_that_are_none_are_left_out():
     assert sizes.min() > 1e-4 * plan.delta_v  # without it 1e-7 of it
 
 
-def test_burns_of_nothing_are_not_listed():
-    """A plan touches its limit in passing, for nanometres per second; what is told adds up without."""
+@pytest.fixture(scope="module")
+def touching():
+    """A plan that touches its limit in passing, for nanometres a second, and the size of every burn [m/s]."""
     orbit, draws = cf.Orbit.circular(500e3), np.random.default_rng(25)
     count = draws.integers(3, 6)
     angle = 2.0 * np.pi / count * np.arange(count)
@@ -290,10 +292,43 @@ def test_burns_of_nothing_are_not_listed():
     plan = cf.reconfigure(orbit, ring, -ring, lasts, cf.Sphere(15.0), cost="delta-v", max_acceleration=limit)
     every = np.concatenate([burns_of(plan.paths[k]).size for k in range(count)])
     assert every.min() < 1e-8  # m/s: such a plan it is
+    return plan, every
+
+
+def test_burns_of_nothing_are_not_listed(touching):
+    """What is told adds up without."""
+    (plan, every), count = touching, len(touching[0].paths)
     after = SimpleNamespace(names=[str(k) for k in range(count)], paths=plan.paths)
     told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
     assert min(told) >= 5e-7  # what prints as 0.000000 is left out
     assert sum(told) == pytest.approx(plan.delta_v, abs=5e-7 * len(every))
+
+
+def test_burns_of_nothing_are_not_exported(touching, tmp_path):
+    """An OPM has those that are told, and so has an OCM, whose accelerations add up to them."""
+    plan, every = touching
+    chief = cf.Chief.from_elements("2026-11-22T12:00:00", [cf.EARTH_RADIUS + 500e3, 0, 0, 0, 1.7, 0])
+    told = int((every >= 5e-7).sum())
+    assert told < len(every)
+    opm, ocm = (cf.export(plan.paths, tmp_path / to, to, chief=chief) for to in ("opm", "ocm"))
+    texts = [file.read_text() for file in sorted(opm.glob("*.opm"))]
+    assert sum(text.count("MAN_EPOCH_IGNITION") for text in texts) == told
+    spent = 0.0
+    for file in sorted(ocm.glob("*.ocm")):
+        block = file.read_text().split("MAN_START")[1].split("MAN_STOP")[0]
+        rows = [line.split() for line in block.splitlines() if line.endswith((" ON", " OFF"))]
+        for row, after in itertools.pairwise(rows):
+            if row[-1] == "ON":  # thrust between nodes by the mean of its ends
+                ends = np.array([row[2:5], after[2:5] if after[-1] == "ON" else row[2:5]], dtype=float)
+                spent += float(row[1]) * np.linalg.norm(ends, axis=1).mean() * 1e3
+        burns = burns_of(plan.paths[int(file.stem[1:]) - 1])
+        large, times = burns.size >= 5e-7, np.array([float(row[0]) for row in rows])[:, None]
+        assert (
+            ((times > burns.start[large] - 1e-6) & (times < (burns.start + burns.duration)[large] + 1e-6))
+            .any(axis=1)
+            .all()
+        )
+    assert spent == pytest.approx(plan.delta_v, rel=1e-3)
 
 
 def test_burns_of_who_burns_next_to_nothing_are_listed():

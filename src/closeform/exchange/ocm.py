@@ -95,10 +95,12 @@ def impulses(track: Track, frame: FileFrame) -> list[str]:
 
 
 def thrusts(track: Track, frame: FileFrame) -> list[str]:
-    """The acceleration by thrust at every node of a piece with thrust, to the next node."""
+    """The acceleration by thrust at every node of a piece that is in a burn, to the next node."""
     rows: list[tuple[str, Floats]] = []
+    starts, ends = track.burns.start, track.burns.start + track.burns.duration
     for piece in track.pieces:
-        if np.any(piece.thrust):
+        middle = 0.5 * (piece.times[0] + piece.times[-1])
+        if np.any(piece.thrust) and ((starts < middle) & (middle < ends)).any():
             lasts = np.diff(piece.times, append=piece.times[-1])
             rows.append(("ON", np.column_stack([piece.times, lasts, piece.thrust / 1e3])[:-1]))
             rows.append(("OFF", np.concatenate([piece.times[-1:], [0.0, 0.0, 0.0, 0.0]])[None]))
