@@ -2,6 +2,7 @@
 
 import io
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from closeform.mission import fly
 from closeform.plots.letters import LONG, short_names
 from closeform.plots.look import banner
 from closeform.report.run import RunReport
-from closeform.scenario.load import parse
+from closeform.scenario.load import load, parse
 
+EXAMPLES = Path(__file__).parents[1] / "examples"
 ORBIT = cf.Orbit.circular(500e3)
 DEEP = cf.Orbit(0.0)
 N = ORBIT.mean_motion
@@ -397,3 +399,18 @@ def test_every_stage_that_moves_has_its_film():
         file = io.BytesIO()
         getattr(plots, film.plot)(*film.arguments, file, frames=2, **film.options)
         assert file.getvalue().startswith(b"GIF89a")
+
+
+def test_of_equals_a_picture_names_whom_the_text_names():
+    """F8 touches the zones of F6, F1 and F3 alike, but for rounding: both name the first."""
+    mission = fly(load(EXAMPLES / "cluster.toml"))
+    _, stage, _ = mission.results
+    (drawn,) = (one for one in RunReport(mission).sections[1].pictures if one.plot == "ratios")
+    words = [
+        text.get_text() for text in plots.ratios(*drawn.arguments, **drawn.options).legends[0].get_texts()
+    ]
+    near = stage.after.closest
+    touched = [one for one in stage.after.approaches if one.ratio < 1.0 + 1e-6]
+    assert len(touched) > 1
+    assert near.time == min(one.time for one in touched)
+    assert words[1] == f"after: 1.00 × zone, {near.first} at {near.time / 60.0:.2f} min"

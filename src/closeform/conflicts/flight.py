@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from closeform.conflicts.all_pairs import screen
-from closeform.conflicts.two_paths import PairConflict, closest_approach
+from closeform.conflicts.two_paths import PairConflict, closest_approach, nearest_first
 from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.zones.made_table import NONE
@@ -75,7 +75,7 @@ class WatchedFlight(Result):
     @property
     def closest(self) -> PairApproach | None:
         """The pair that comes closest in terms of its zone, the earliest of equals; None for one craft."""
-        return min(self.approaches, key=lambda pair: (round(pair.ratio, 6), pair.time), default=None)
+        return min(self.approaches, key=lambda pair: nearest_first(pair.ratio, pair.time), default=None)
 
 
 def stays_rather(path: Path, other: Path) -> bool:

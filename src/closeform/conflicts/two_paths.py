@@ -22,6 +22,8 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
+EQUAL = 6  # digits of ratios after the point: symmetric craft touch alike but for rounding
+
 
 @dataclass(frozen=True, repr=False)
 class Conflict(Result):
@@ -86,6 +88,11 @@ class Approach(Rows):
     time: Any
     ratio: Any
     distance: Any
+
+
+def nearest_first(ratio: float, time: float) -> tuple[float, float]:
+    """By what approaches are sorted: how near they are in terms of zones, then, of equals, when."""
+    return round(ratio, EQUAL), time
 
 
 def check_comparable(path: Path, other: Path, zone: Zone) -> None:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats, instance
-from closeform.conflicts.two_paths import closest_approach
+from closeform.conflicts.two_paths import closest_approach, nearest_first
 from closeform.motion.path import Path
 from closeform.palette import AFTER, BEFORE, CONFLICT, INK, ZONE
 from closeform.plots.given import crafts, one_craft
@@ -56,7 +56,8 @@ class Nearness:
             both = (times >= start) & (times <= end)
             row[both] = zone.norm(path.position(times[both]) - obstacle.position(times[both]))
         approaches = [closest_approach(path, obstacle, zone) for obstacle in obstacles]
-        nearest = min(range(len(obstacles)), key=lambda k: approaches[k].ratio)
+        ranked = [nearest_first(one.ratio, one.time) for one in approaches]
+        nearest = ranked.index(min(ranked))
         return cls(times, norms, approaches[nearest].ratio, approaches[nearest].time, nearest)
 
 

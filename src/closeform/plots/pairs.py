@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
+from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.plots.given import crafts
@@ -77,8 +77,9 @@ class Pairs:
     @property
     def order(self) -> list[int]:
         """The pairs that share a time, the closest first; of equals the earliest."""
-        ranked = zip(np.round(self.ratio, 6).tolist(), self.time.tolist(), range(len(self)), strict=True)
-        return [k for ratio, _, k in sorted(ranked) if ratio < np.inf]
+        near = list(zip(self.ratio.tolist(), self.time.tolist(), strict=True))
+        ranked = sorted(range(len(self)), key=lambda k: nearest_first(*near[k]))
+        return [k for k in ranked if near[k][0] < np.inf]
 
 
 def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach, WatchedFlight
-from closeform.conflicts.two_paths import PairConflict
+from closeform.conflicts.two_paths import PairConflict, nearest_first
 from closeform.mission_result import StageResult
 from closeform.motion.arc import END, START
 from closeform.report.picture import Film, Picture
@@ -71,12 +71,12 @@ def stays(flight: WatchedFlight) -> list[tuple[Any, ...]]:
         worst = deepest_of(found)
         inside = sum(met.end - met.start for met in found)
         rows.append((pair, len(found), found[0].start, found[-1].end, inside, worst.time, worst.ratio))
-    return sorted(rows, key=lambda row: (round(row[-1], 6), row[-2]))
+    return sorted(rows, key=lambda row: nearest_first(row[-1], row[-2]))
 
 
 def deepest_of(found: Sequence[PairConflict]) -> PairConflict:
     """The deepest of some conflicts, of equals the earliest."""
-    return min(found, key=lambda met: (round(met.ratio, 6), met.time))
+    return min(found, key=lambda met: nearest_first(met.ratio, met.time))
 
 
 def zones(flight: WatchedFlight) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach
+from closeform.conflicts.two_paths import nearest_first
 from closeform.mission_result import FirstLocks, Mission, StageResult
 from closeform.report.conflicts import RATIO
 from closeform.report.limits import first_of_each
@@ -85,7 +86,7 @@ def closest(mission: Mission) -> tuple[StageResult[Any, Any], PairApproach] | No
     """The pair that comes closest in all stages flown, and in which."""
     flown = [(result, result.after.closest) for result in mission.results if result.flown]
     near = [(result, pair) for result, pair in flown if pair is not None]
-    return min(near, key=lambda one: (round(one[1].ratio, 6), one[1].time), default=None)
+    return min(near, key=lambda one: nearest_first(one[1].ratio, one[1].time), default=None)
 
 
 def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[Any, ...]]:

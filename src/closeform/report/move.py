@@ -4,9 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from closeform.conflicts.two_paths import closest_approach
+from closeform.conflicts.two_paths import closest_approach, nearest_first
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
 from closeform.report import arrival, burns, conflicts, effort, optimum
@@ -172,11 +170,12 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     craft, path, around = moved.craft, moved.direct, moved.avoidance.path
     if not moved.others:
         return ()
-    ratios = [
-        closest_approach(path, before.path(name), zone).ratio
+    approaches = [
+        closest_approach(path, before.path(name), zone)
         for name, zone in zip(moved.others, moved.zones, strict=True)
     ]
-    closest = int(np.argmin(ratios))
+    ranked = [nearest_first(one.ratio, one.time) for one in approaches]
+    closest = ranked.index(min(ranked))
     other, zone = moved.others[closest], moved.zones[closest]
     obstacle = before.path(other)
     changed = around is not None and around is not path

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
+from closeform.conflicts.two_paths import nearest_first
 from closeform.mission_result import StageResult
 from closeform.viewer.shown import Shown
 
@@ -45,7 +46,9 @@ def flights(result: StageResult[Any, Any]) -> list[tuple[str, WatchedFlight]]:
 def approaches(shown: Shown) -> list[Record]:
     """Every `Approach` of web/scene.d.ts, the closest first."""
     found = [record for result in shown.results for record in closest(result)]
-    return sorted(found, key=lambda one: (one["ratio"], one["time"], one["first"], one["second"]))
+    return sorted(
+        found, key=lambda one: (*nearest_first(one["ratio"], one["time"]), one["first"], one["second"])
+    )
 
 
 def closest(result: StageResult[Any, Any]) -> list[Record]:
@@ -61,7 +64,7 @@ def closest(result: StageResult[Any, Any]) -> list[Record]:
             "ratio": pair.ratio,
             "distance": pair.distance,
         }
-        for pair in sorted(near, key=lambda pair: pair.ratio)[:LISTED]
+        for pair in sorted(near, key=lambda pair: nearest_first(pair.ratio, pair.time))[:LISTED]
     ]
 
 
