@@ -176,17 +176,17 @@ def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, 
     """The lines of a Validity, with names of its craft, or their indices."""
     worst = int(np.argmax(found.ends))
     who = f"craft {worst}" if names is None else names[worst]
-    off = f"In {found.field}, thrust as planned ends {found.ends[worst]:.3g} m off ({who}"
-    if np.isfinite(found.expected).all():
-        off += f"; by rule {found.expected.max():.2g} m, 95 % below {found.unlikely.max():.2g} m"
-    ends, left_out = f"{off})", f"Hill's equations leave out {found.residual.max():.2g} m/s^2"
+    ends = f"In {found.field}, thrust as planned ends {found.ends[worst]:.3g} m off ({who})"
+    left_out = f"Hill's equations leave out {found.residual.max():.2g} m/s^2"
     if not len(found.pairs):
         return (ends, left_out)
     near = int(np.argmin(found.flown))
     i, j = found.pairs[near]
     pair = f"craft {i} and {j}" if names is None else f"{names[i]} and {names[j]}"
     entered = " (entered)" if found.flown[near] < 1.0 else ""
-    least = f"Least so: {found.flown[near]:.4f} x zone{entered}, {pair}; {found.planned[near]:.4f} planned"
+    least = (
+        f"Predicted there: {found.flown[near]:.4f} x zone{entered}, {pair}, planned {found.planned[near]:.4f}"
+    )
     return (ends, f"{least}. {left_out}")
 
 

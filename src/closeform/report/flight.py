@@ -67,7 +67,7 @@ class FlightTold:
         law, sight = told["feedback"], told["navigation"]
         how = f"measured every {law.every:g} s, brought back within {law.horizon:g} s"
         if law.impulses:
-            how += f" by {'burns' if one.thrusters else 'impulses'}, of {law.impulses}"
+            how += f" by {law.impulses} {'burns' if one.thrusters else 'impulses'}"
         if law.delay:
             how += f", {law.delay:g} s late"
         seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
@@ -132,7 +132,7 @@ class FlightTold:
         flight, room, near = self.flown.flight, self.flown.tube, self.flight.closest
         told = []
         if near is not None:
-            lead = f"Worst flight, {flight.worst}" if len(flight.states) > 1 else "Closest"
+            lead = f"Worst flight, {flight.worst}" if len(flight.states) > 1 else "Closest in flight"
             told.append(
                 f"{lead}: {near.first} and {near.second} at {near.ratio:.4f} x zone "
                 f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
@@ -149,8 +149,8 @@ class FlightTold:
             )
         short = dict(zip(self.flown.names, flight.limited.max(axis=0).tolist(), strict=True))
         told += [
-            f"{name} cannot come back as it should for up to {100.0 * short[name]:.3g} % of a flight: "
-            "its thrusters are too weak, or push elsewhere"
+            f"{name}: feedback asks for more than its thrusters give in up to {100.0 * short[name]:.3g} % "
+            "of a flight: they are too weak, or none pushes that way"
             for name in self.flown.thrusters
             if short[name] > 0.0
         ]
