@@ -52,13 +52,12 @@ def fly(
     says so in `stopped`.  `predicted`: whether each stage has the `validity` of its plan in the field of the
     scenario.  Raises ScenarioError for numbers that are beyond the mathematics.
     """
-    mission = staged(scenario, progress, predicted)
-    if scenario.history is not None and (known := scenario.history.failing_in(mission)) is not None:
-        mission = staged(replace(scenario, history=known), progress, predicted)
-    return as_happened(mission, progress)
+    return as_happened(staged(scenario, progress, predicted), progress, predicted)
 
 
-def staged(scenario: Scenario, progress: Callable[[str], None], predicted: bool) -> Mission:
+def staged(
+    scenario: Scenario, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
+) -> Mission:
     """The stages, one after another, up to the last or to where the mission cannot go on."""
     orbit = scenario.orbit.build()
     states = scenario.states(orbit)
@@ -92,11 +91,15 @@ def staged(scenario: Scenario, progress: Callable[[str], None], predicted: bool)
     return Mission(scenario, orbit, tuple(results))
 
 
-def as_happened(mission: Mission, progress: Callable[[str], None]) -> Mission:
-    """A mission with the errors that a case of its study drew; or flown in its field if that is asked."""
-    scenario = mission.scenario
-    if scenario.history is not None:
-        return scenario.history.whole(mission)
+def as_happened(
+    mission: Mission, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
+) -> Mission:
+    """A mission with what its case drew that no plan knows, or flown in its field if that is asked."""
+    scenario, history = mission.scenario, mission.scenario.history
+    if history is not None:
+        if (failing := history.failing_in(mission)) is not None:
+            history, mission = failing, staged(replace(scenario, history=failing), progress, predicted)
+        return history.whole(mission)
     if scenario.flights is None or not mission.flown:
         return mission
     from closeform.field.grounded import Grounded

@@ -1,0 +1,90 @@
+"""Plans that cases of a study have in common: made once, and every row is that of its own run."""
+
+import re
+import threading
+
+import numpy as np
+import pytest
+
+from closeform.campaign import case_of, flown, mission_cases
+from closeform.campaign.plans import MOST, Plans
+from closeform.mission import fly
+from closeform.scenario import ScenarioError, parse
+from test_flown_cases import MANY
+from test_histories import TWICE
+from test_losses import FAILS
+
+STARTS = '"craft.position" = { normal = "1 m" }\n'
+LIMITS = '"craft.max_acceleration" = { choice = ["5 mm/s^2", "9 mm/s^2"] }\n'
+FLIGHTS = MANY.replace(STARTS, "")  # plans know nothing of what is drawn
+FEW = MANY.replace(STARTS, LIMITS)
+FAILURES = re.sub(r'"craft.(velocity|mass)" = .*\n', "", FAILS)
+
+
+def drawn(case):
+    """What a plan knows of the craft."""
+    return tuple((*one.position, *one.velocity, one.mass, one.max_acceleration) for one in case.craft)
+
+
+@pytest.mark.parametrize(
+    ("text", "plans"),
+    [(FLIGHTS, 1), (FEW, 4), (MANY, 8), (FAILURES, 1), (FAILS, 8), (TWICE, 8)],
+    ids=["flights", "few", "starts", "failures", "velocities", "replanned"],
+)
+def test_a_plan_is_made_once_for_all_that_it_knows(text, plans, monkeypatch):
+    """Rows are those of runs, which know of no other case, bit for bit; in chunks of any order, too."""
+    scenario, made = parse(text, "plans.toml", "study"), []
+    runs = [fly(case_of(scenario, case)) for case in range(8)]
+    planned = mission_cases.staged
+    monkeypatch.setattr(
+        mission_cases, "staged", lambda one, **told: (made.append(drawn(one)), planned(one, **told))[1]
+    )
+    campaign = flown(scenario, 8)
+    assert len(made) == plans
+    if text is not TWICE:  # whose plans begin where errors have led
+        assert len({drawn(one.scenario) for one in runs}) == plans
+    kind = type(campaign.kind)(scenario, scenario.study.seed)
+    parts = [kind.fly(first, last) for first, last in ((5, 8), (2, 5), (0, 2))][::-1]
+    for case, run in enumerate(runs):
+        for name, value in mission_cases.figures(run).items():
+            if name in kind.names:
+                np.testing.assert_array_equal(campaign.column(name)[case], value)
+        assert campaign.statuses[case] == ("met" if run.verdict.ok else "unmet")
+        assert campaign.column("reason")[case] == ("" if run.verdict.ok else str(run.verdict))
+    for name in kind.names:
+        np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), campaign.column(name))
+
+
+def test_threads_wait_for_the_plan_and_for_why_there_is_none():
+    """Four ask at once, one makes it; what it raises, all are told."""
+    for answer in ("plan", ScenarioError("file", ["stage[1]: no way"])):
+        plans, made, told, ready = Plans(), [], [], threading.Barrier(4)
+
+        def make(made=made, answer=answer):
+            made.append(1)
+            threading.Event().wait(0.05)  # while the others ask
+            if isinstance(answer, Exception):
+                raise answer
+            return answer
+
+        def ask(plans=plans, make=make, told=told, ready=ready):
+            ready.wait()
+            try:
+                told.append(plans.of((b"same",), make))
+            except ScenarioError as error:
+                told.append(error)
+
+        threads = [threading.Thread(target=ask) for _ in range(4)]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join()
+        assert made == [1]
+        assert told == [answer] * 4
+
+
+def test_plans_that_are_held_are_few():
+    plans, made = Plans(), []
+    for key in [*range(MOST + 1), MOST, 0]:
+        plans.of((bytes([key]),), lambda key=key: made.append(key))
+    assert made == [*range(MOST + 1), 0]
