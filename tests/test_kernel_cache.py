@@ -264,3 +264,30 @@ def test_parts_that_moved_are_others(monkeypatch: pytest.MonkeyPatch) -> None:
     before = described(coast)
     monkeypatch.setattr(coast.py_func, "__module__", "closeform.moved")
     assert described(coast) != before
+
+
+def test_what_the_compiler_remembers_changes_no_instruction(tmp_path):
+    """Of a kernel with arithmetic, arrays, loops and parts: numba counts what it compiles, in names alone."""
+    program = """
+        from closeform.compiled import prepare
+        from closeform.motion.effort import totals
+        prepare(totals)
+        print(*(made.library.get_asm_str() for made in totals.overloads.values()))
+    """
+    ours = "from closeform.own_process import import_numba; import_numba()\n"
+    whole, remembered = (
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", begin + textwrap.dedent(program)],
+            env={**os.environ, "HOME": str(tmp_path / name), "XDG_CACHE_HOME": str(tmp_path / name)},
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=120,
+        ).stdout
+        for name, begin in (("whole", ""), ("ours", ours))
+    )
+    instructions = [
+        re.findall(r"^\t[a-z].*", re.sub(r"B\d+v\d+", "", text), re.MULTILINE) for text in (whole, remembered)
+    ]
+    assert instructions[0] == instructions[1]
+    assert len(instructions[0]) > 1000

@@ -25,7 +25,7 @@ def import_numba() -> None:
     for the answer.  No kernel of ours correlates, but others' may, in processes that they share.
     The book, which nobody reads here, takes a twentieth of the time that kernels take to compile.
     """
-    if "scipy.linalg" in sys.modules:
+    if "scipy.linalg" in sys.modules or "numba" in sys.modules:
         return
     from llvmlite.binding import ffi
 
@@ -36,6 +36,9 @@ def import_numba() -> None:
     finally:
         ffi.register_lock_callback = register
         del sys.modules["scipy.linalg"]
+    from closeform import kernel_memory
+
+    kernel_memory.remember()
 
 
 def import_pyarrow() -> None:
