@@ -2361,6 +2361,16 @@ CALLS = (
         "navigation: 20.7 m of room are needed for what it leaves, more than a zone of 9 m; measure better, or keep larger zones",
     ),
     Call(
+        "what is flown before a plan, of other craft",
+        "cf.fit_margin(lambda margin: cf.reconfigure(chief.orbit, [start], [end], 3000.0, cf.Sphere(9.0), margin=margin), cf.Field(chief), cf.Sphere(9.0), before=chief.orbit.coast([start, end], 60.0, -60.0))",
+        "before: 2 paths of 1 craft; give one of each",
+    ),
+    Call(
+        "a plan that begins before what is flown before it has ended",
+        "cf.fit_margin(lambda margin: cf.reconfigure(chief.orbit, [start], [end], 3000.0, cf.Sphere(9.0), margin=margin), cf.Field(chief), cf.Sphere(9.0), before=chief.orbit.coast([start], 60.0))",
+        "before: ends at 60 s, and the plan begins at 0 s; leave off the rest",
+    ),
+    Call(
         "a margin that no function makes a plan of",
         "cf.fit_margin(0.3, cf.Field(chief), cf.Sphere(9.0))",
         "planned: a function of a margin that makes a plan, got 0.3",

@@ -371,7 +371,7 @@ CALLS = {
             LOW.orbit, START[:2], START[1::-1], 900.0, cf.Sphere(3.0), margin=margin
         ),
         field=cf.Field(LOW), zones=cf.Sphere(3.0), feedback=cf.Feedback(),
-        navigation=cf.Navigation(0.1, 3e-4), obstacles=[], held=False, cancel=True,
+        navigation=cf.Navigation(0.1, 3e-4), obstacles=[], held=False, before=None, cancel=True,
         residual=1e-7, thrust_error=np.array([0.0, 0.0]), errors=None, sigmas=3.0, max_acceleration=1.0,
         minimum_bit=0.0, thrusters=[None, None],
     ),

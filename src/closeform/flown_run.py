@@ -22,9 +22,9 @@ from closeform.field.tube import Tube, tube
 from closeform.flown_verdict import Entered
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
-from closeform.motion.joining import stack
-from closeform.motion.path import Path, ends_of, fires_impulses
+from closeform.motion.path import fires_impulses
 from closeform.named_craft import as_listed
+from closeform.stage_start import followed
 from closeform.verdict import Use
 from closeform.zones.pair_zones import PairZones
 
@@ -95,7 +95,7 @@ class FlownRun:
             from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
 
             told |= {"thrusters": own, "feedback": led_by_pulses(told["feedback"], own)}
-            plan = unfired(run)
+            plan = followed(run.flown)
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
         flight = fly(plan, field, control, zones=zones, known=known, seeds=some, **told)
         if pulsed:  # off what was certified, which is flown by pulses, too
@@ -241,18 +241,3 @@ def fires_pulses(run: Stages, control: Control) -> bool:
 def usually_led(run: Stages, control: Control) -> Feedback:
     """What leads a run back of which nobody said that."""
     return usual_feedback(control, fires_pulses(run, control) or fires_impulses(run.paths))
-
-
-def unfired(run: Stages) -> Path:
-    """What thrusters follow (N,) from the first stage to the last: the planned thrust of all stages.
-
-    Each begins from where the thrust before it led.
-    """
-    from closeform.fuel.pulses import linked
-
-    plans = [spanning(one.planned.paths, np.array([one.start, one.end])) for one in run.flown]
-    followed = []
-    for k in range(len(plans[0])):
-        arcs = np.concatenate([plan[k].arcs for plan in plans])
-        followed.append(linked(run.paths.orbit, arcs, ends_of(plans[0][k])[0]))
-    return stack(followed)

@@ -69,7 +69,8 @@ def staged(
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
-        start = StageStart(scenario, orbit, number, states, begin, past, shares, errors=errors)
+        known = () if replanned else tuple(results)  # where everybody is known anew
+        start = StageStart(scenario, orbit, number, states, begin, past, shares, errors=errors, flown=known)
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:

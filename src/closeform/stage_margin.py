@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from closeform.motion.path import Path
 from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint, Scenario
-from closeform.stage_start import StageStart
+from closeform.stage_start import StageStart, followed
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def with_margin(
             told["navigation"],
             obstacles=others,
             held=True,
+            before=followed(start.flown)[who] if start.flown else None,
             thrust_error=told["thrust_error"][who],
             errors=flown_errors(start, who),
             thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
@@ -63,9 +64,9 @@ def field_of(scenario: Scenario, who: list[int]) -> "Field":
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
-    """The errors of some craft in flight; of later stages those of their burns: feedback held them before."""
-    own = [start.errors[k] for k in who] if start.errors else None
-    return own if own is None or start.number == 1 else [one and one._of_burns for one in own]
+    """The errors of some craft in flight: when what they follow begins, and of their burns."""
+    own = start.scenario.flight["errors"] if start.flown else start.errors
+    return [own[k] for k in who] if own else None
 
 
 def led_by_impulses(scenario: Scenario) -> bool:

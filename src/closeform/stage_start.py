@@ -1,10 +1,10 @@
 """Where everybody is when a stage begins, and what follows from that: coasts, transfers, being late."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from math import pi
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from closeform.scenario.stage_table import Cost
 from closeform.verdict import Late, thrust_use
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
+
+if TYPE_CHECKING:
+    from closeform.mission_result import StageResult
 
 LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked
 Clear = Callable[[Floats], Any]  # of final states (S, 6) which (S,) are in nobody's zone
@@ -47,7 +50,8 @@ class StageStart:
     """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages.
 
     `shares` (N,) of each craft's first mass are left.  With `room` it is a later moment: when plans begin.
-    `errors` of the craft then, none where nobody has any.
+    `errors` of the craft then, none where nobody has any.  `flown`: the stages before, none where everybody
+    is known anew.
     """
 
     scenario: Scenario
@@ -59,6 +63,7 @@ class StageStart:
     shares: Floats
     room: BurnRoom = BurnRoom()
     errors: tuple[Any, ...] = ()
+    flown: "tuple[StageResult[Any, Any], ...]" = ()
 
     def leaving(self, room: BurnRoom) -> Self:
         """When a plan begins that leaves some room."""
@@ -211,6 +216,14 @@ class StageStart:
         flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
         return self.flight([flying[k] for k in sorted(flying)])
+
+
+def followed(stages: "Sequence[StageResult[Any, Any]]") -> Path:
+    """What craft follow in flight (N,): the planned thrust of stages, each from where that before led."""
+    from closeform.field.flown_plan import following, spanning  # which only flights need
+
+    plans = (spanning(one.planned.paths, np.array([one.start, one.end])) for one in stages)
+    return reduce(following, plans)
 
 
 def is_exact(stage: Avoid | Joint) -> bool:

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, instance, shown
 from closeform.field.feedback import Feedback, Navigation, nonnegative
 from closeform.field.field import Field
-from closeform.field.flown_plan import paths_to_fly, spanning
+from closeform.field.flown_plan import following, paths_to_fly, spanning
 from closeform.field.room import Room, needed_room, room
+from closeform.field.timetable import SAME
 from closeform.field.tube import tube
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
@@ -73,6 +74,7 @@ def fit_margin(
     *,
     obstacles: Path | Any = (),
     held: bool = False,
+    before: Path | None = None,
     cancel: bool = True,
     residual: ArrayLike = 0.0,
     thrust_error: ArrayLike = (0.0, 0.0),
@@ -102,6 +104,9 @@ def fit_margin(
     held : bool, default False
         Whether they are craft that are measured and led back to their paths like the others, instead; what is
         told of each craft is of them, too, after the others.
+    before : Path, optional
+        What craft, and after them those that are `held`, fly until then (B,), under the same feedback: a plan
+        begins with what that leaves.  Unless given it begins as `fly` does.
     cancel : bool, default True
         As of `room`.
     residual : array_like of shape (N,) or () [m/s^2], default 0
@@ -157,6 +162,7 @@ def fit_margin(
         raise ValueError(f"planned: a function of a margin that makes a plan, got {shown(planned)}")
     orbit = instance("field", field, Field).chief.orbit
     instance("held", held, bool)
+    instance("before", before, Path, type(None))
     others = obstacle_batch(orbit, obstacles)
     fixed = len(others) if others is not None else 0
     sight = Navigation() if navigation is None else navigation
@@ -183,7 +189,7 @@ def fit_margin(
         if held and others is not None:
             paths = stack([paths[k] for k in range(craft)] + [during(others[k], paths) for k in range(fixed)])
         found = room(
-            *(paths, field, feedback, sight),
+            *(_after(before, paths), field, feedback, sight),
             cancel=cancel,
             residual=residual,
             thrust_error=thrust_error,
@@ -192,6 +198,8 @@ def fit_margin(
             thrusters=thrusters,
             sigmas=sigmas,
         )
+        if before is not None:
+            found = found._since(float(paths.start[0]))
         if np.shape(limit) not in ((), (len(paths),)):
             raise ValueError(
                 f"max_acceleration: one, or one for each of {len(paths)} craft, got {shown(max_acceleration)}"
@@ -212,6 +220,20 @@ def fit_margin(
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
     why = f"still short of room after {made} plans, with a margin of {margin.max():.3g} m"
     return FittedMargin(plan, found, margin, False, made, why)
+
+
+def _after(before: Path | None, paths: Path) -> Path:
+    """Paths (N,), after what is flown before them, if anything is."""
+    if before is None:
+        return paths
+    begin, over = float(paths.start.min()), float(np.max(before.end))
+    if len(before) != len(paths):
+        raise ValueError(f"before: {len(before)} paths of {len(paths)} craft; give one of each")
+    if over > begin + SAME:
+        raise ValueError(
+            f"before: ends at {over:.6g} s, and the plan begins at {begin:.6g} s; leave off the rest"
+        )
+    return following(before, paths)
 
 
 def during(path: Path, planned: Path) -> Path:

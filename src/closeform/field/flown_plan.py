@@ -7,7 +7,7 @@ import numpy as np
 from closeform.arrays import Floats, instance
 from closeform.field.field import Field
 from closeform.motion.joining import stack
-from closeform.motion.path import Path, path_of
+from closeform.motion.path import Path, ends_of, path_of
 from closeform.planning.plan import Avoidance, Plan
 
 FITS = 5e-3  # of the mean motion, by which flattening makes an orbit's rate another than that of a circle
@@ -41,6 +41,15 @@ def paths_to_fly(plan: Any, field: Field) -> Path:
     if np.ptp(starts) > 0.0 or np.ptp(ends) > 0.0:
         raise ValueError("plan: paths begin or end apart; carry them on by coasts to common times")
     return path_of(path.orbit, path.arcs, path.offsets, (len(starts),))
+
+
+def following(before: Path, paths: Path) -> Path:
+    """Thrust of paths (N,) after that of others `before`, from where that leads, with a coast between."""
+    from closeform.fuel.pulses import linked  # whose kernels only burns need
+
+    waits = spanning(before, np.array([np.min(before.start), np.min(paths.start)]))
+    each = [np.concatenate([waits[k].arcs, paths[k].arcs]) for k in range(len(paths))]
+    return stack([linked(paths.orbit, arcs, ends_of(waits[k])[0]) for k, arcs in enumerate(each)])
 
 
 def spanning(paths: Path, times: Floats) -> Path:

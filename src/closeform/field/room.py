@@ -87,6 +87,15 @@ class Room(Result):
         """The same at any time (N,) [m]."""
         return np.asarray(self.radius.max(axis=1))
 
+    def _since(self, begin: float) -> Room:
+        """From some time on [s]."""
+        times = np.concatenate([[begin], self.times[self.times > begin]])
+        later: Any = {
+            name: np.array([_between(self.times, one, times) for one in getattr(self, name)])
+            for name in ("shift", "stretch", "turn", "spread")
+        }
+        return replace(self, times=times, **later)
+
 
 def room(
     plan: Any,
@@ -284,10 +293,8 @@ def _room_left(
 
 def _along(found: Room, craft: int, times: Floats, normals: Floats) -> tuple[Floats, Floats, Floats]:
     """Where one craft is expected along normals (T, 3) [m], how much further at most, and its variance."""
-    k = np.clip(np.searchsorted(found.times, times, "right") - 1, 0, len(found.times) - 2)
-    share = (times - found.times[k]) / (found.times[k + 1] - found.times[k])
     shift, stretch, turn, spread = (
-        ((1.0 - share) * one[craft, k].T + share * one[craft, k + 1].T).T
+        _between(found.times, one[craft], times)
         for one in (found.shift, found.stretch, found.turn, found.spread)
     )
     larger, angle = found.thrust_error[craft]
@@ -296,3 +303,10 @@ def _along(found: Room, craft: int, times: Floats, normals: Floats) -> tuple[Flo
     off += (1.0 + larger) * angle * np.linalg.norm(turned, axis=-1)
     square = np.einsum("ti,tij,tj->t", normals, spread, normals) + found.noise**2
     return (shift * normals).sum(axis=-1), off + found.rest[craft], square
+
+
+def _between(known: Floats, values: Floats, times: Floats) -> Floats:
+    """Values (T, ...) at known times, linear between them, at others (K, ...)."""
+    k = np.clip(np.searchsorted(known, times, "right") - 1, 0, len(known) - 2)
+    share = (times - known[k]) / (known[k + 1] - known[k])
+    return np.asarray(((1.0 - share) * values[k].T + share * values[k + 1].T).T)
