@@ -14,7 +14,11 @@ import pytest
 
 import closeform as cf
 import closeform.report.gather
+from closeform.campaign import case_of
 from closeform.cli import main
+from closeform.mission import fly
+from closeform.mission_result import FirstLocks
+from closeform.scenario import parse
 from closeform.scenario.stages import STAGES
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -136,6 +140,36 @@ def test_equations_that_the_code_cites_are_there() -> None:
             cited |= set(re.findall(r"\((\w+)\)", numbers))
     assert len(cited) > 40
     assert cited - set(tags) == set()
+
+
+def test_tools_have_the_options_that_pages_give_them() -> None:
+    """`python tools/certify.py --pairs 100000 --grazing 10000`; and each of them is there."""
+    given = set()
+    for page in (*PAGES, ROOT / "CONTRIBUTING.md"):
+        for tool, words in re.findall(r"(tools/\w+\.py)([^`#&\n]*)", page.read_text(encoding="utf-8")):
+            given |= {(tool, option) for option in ("", *re.findall(r"--[\w-]+", words))}
+    assert len(given) > 30
+    for tool, option in given:
+        text = (ROOT / tool).read_text(encoding="utf-8")
+        assert not option or f'"{option}"' in text, (tool, option)  # as an argument, not in words
+
+
+def test_the_case_that_needs_the_second_mops_is_one_of_the_file_that_the_page_makes() -> None:
+    """docs/robustness.md: more cases than the example has, the same draws."""
+    page = (ROOT / "docs" / "robustness.md").read_text(encoding="utf-8")
+    (old, new, file), *others = re.findall(
+        r"^sed 's/(\w+)\$/(\w+)/' (\S+) > s04_all.toml", page, re.MULTILINE
+    )
+    (case,) = re.findall(r"^closeform run s04_all.toml --case (\d+)", page, re.MULTILINE)
+    text = (ROOT / file).read_text(encoding="utf-8")
+    many = parse(re.sub(rf"{old}$", new, text, flags=re.MULTILINE))
+    assert not others
+    assert many.study is not None
+    assert int(case) < many.study.cases == 100_000_000
+    found = fly(case_of(many, int(case))).results[0].result
+    assert isinstance(found, FirstLocks)
+    assert found.search.legs[int(found.locks.leg[0])].phase == "mOPS"
+    assert found.search.legs[int(found.locks.leg[0])].round == 2
 
 
 def test_gallery_has_every_example() -> None:

@@ -2,8 +2,8 @@
 
     python tools/second_mops.py --cases 100000000
 
-Case K is that of `closeform run examples/s04.toml --case K`.  Memory is flat; 10^8 cases take a
-minute on two idle cores.
+Case K is that of `closeform run FILE --case K`, of a copy of examples/s04.toml with as many cases.  Memory is
+flat; 10^8 cases take a minute on two idle cores.
 """
 
 import argparse
