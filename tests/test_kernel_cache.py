@@ -274,10 +274,16 @@ def test_what_the_compiler_remembers_changes_no_instruction(tmp_path):
         prepare(totals)
         print(*(made.library.get_asm_str() for made in totals.overloads.values()))
     """
-    ours = "from closeform.own_process import import_numba; import_numba()\n"
+    ours = """
+        from closeform import own_process
+        own_process.begin()
+        own_process.import_numba()
+        from closeform import kernel_memory
+        kernel_memory.remember()
+    """
     whole, remembered = (
         subprocess.run(
-            [sys.executable, "-W", "error", "-c", begin + textwrap.dedent(program)],
+            [sys.executable, "-W", "error", "-c", textwrap.dedent(begin) + textwrap.dedent(program)],
             env={**os.environ, "HOME": str(tmp_path / name), "XDG_CACHE_HOME": str(tmp_path / name)},
             capture_output=True,
             text=True,

@@ -54,5 +54,8 @@ def test_check_has_nothing_compiled_that_only_a_run_needs(monkeypatch) -> None:
 
 def test_impulses_and_searches_are_compiled_where_they_are_asked_for(monkeypatch) -> None:
     assert needed("tpf", monkeypatch)[0] == "closeform.search.gather_events"
+    assert "closeform.conflicts.entries" in needed("tpf", monkeypatch)
+    assert "closeform.motion.steering" not in needed("tpf", monkeypatch)  # nobody is steered to an end
+    assert "closeform.conflicts.entries" not in needed("s04", monkeypatch)  # nor are there conflicts
     assert "closeform.planning.joint_dual" in needed("swap_impulses", monkeypatch)
     assert "closeform.search.lock_march" in needed("s04_counterexample", monkeypatch)

@@ -12,6 +12,7 @@ from numba.core.types import Array, BaseTuple, unliteral
 
 from closeform.kernel_cache import KernelCache, alone, parts
 from closeform.kernel_parts import PartCompiler
+from closeform.own_process import is_ours
 
 _announced: list[bool] = []
 ENTRIES: list[Any] = []  # the entry points of all modules that were imported
@@ -33,12 +34,17 @@ def announce(damaged: str = "") -> None:
 
 @contextmanager
 def uncollected() -> Iterator[None]:
-    """No search for unreachable objects: a compiler makes millions, and it costs a tenth of its time."""
+    """No search for unreachable objects: a compiler makes millions, and it costs a tenth of its time.
+
+    Nor afterwards among those that it left, in a process of our own.
+    """
     was_on = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
+        if is_ours():
+            gc.freeze()
         if was_on:
             gc.enable()
 

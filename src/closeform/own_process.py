@@ -5,7 +5,10 @@ package gets libraries whole.
 """
 
 import gc
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 RARELY = 50_000, 20, 20  # objects more; a picture makes about as many, and imports far more that stay
@@ -18,27 +21,44 @@ def begin() -> None:
     gc.set_threshold(*RARELY)
 
 
-def import_numba() -> None:
-    """Import numba in half of its time, and without its book of who works with LLVM when.
+def is_ours() -> bool:
+    """Whether it is."""
+    return bool(_begun)
 
-    It asks at import whether there is a BLAS for `np.correlate` in kernels, and loads `scipy.linalg`
-    for the answer.  No kernel of ours correlates, but others' may, in processes that they share.
-    The book, which nobody reads here, takes a twentieth of the time that kernels take to compile.
+
+@contextmanager
+def without_blas() -> Iterator[None]:
+    """numba finds no `scipy.linalg`, which it would load for whether there is a BLAS for `np.correlate`.
+
+    No kernel of ours correlates, but others' may, in processes that they share.
+    """
+    if "scipy.linalg" in sys.modules:
+        yield
+        return
+    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # as Python marks what is not to load
+    try:
+        yield
+    finally:
+        del sys.modules["scipy.linalg"]
+
+
+def import_numba() -> None:
+    """Import numba in half of its time, without its book of who works with LLVM when, and colours of errors.
+
+    The book, which nobody reads here, takes a twentieth of the time that kernels take to compile, and colours
+    as much: of thousands of errors that only say that a type does not fit.
     """
     if "scipy.linalg" in sys.modules or "numba" in sys.modules:
         return
     from llvmlite.binding import ffi
 
-    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]  # as Python marks what is not to load
+    os.environ["NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING"] = "1"
     register, ffi.register_lock_callback = ffi.register_lock_callback, lambda enter, leave: None
     try:
-        import numba  # noqa: F401
+        with without_blas():
+            import numba  # noqa: F401
     finally:
         ffi.register_lock_callback = register
-        del sys.modules["scipy.linalg"]
-    from closeform import kernel_memory
-
-    kernel_memory.remember()
 
 
 def import_pyarrow() -> None:

@@ -21,7 +21,9 @@ NEEDS = (
     (r'cost\s*=\s*"delta-v"', "planning.joint_dual planning.impulse_peaks planning.impulse_flight"),
     (r'cost\s*=\s*"delta-v"|do\s*=\s*"transfer"|thrusters\s*=', "motion.impulses motion.constant_primers"),
     (r"thrusters\s*=", "motion.saturated"),
-    (r"\[\[\s*stage\s*\]\]", "conflicts.entries motion.steering motion.effort motion.path"),
+    (r'do\s*=\s*"(?!lock)', "conflicts.entries"),
+    (r"\[\[\s*stage\s*\]\]", "motion.effort motion.path"),
+    (r'do\s*=\s*"(avoid|reconfigure|scatter|regather|transfer)"', "motion.steering"),
 )
 
 
@@ -35,8 +37,9 @@ def compile_for(text: str) -> None:
 
 def compile_beside(modules: list[str]) -> None:
     """Start a process that compiles the kernels of `modules`; it ends with this one at the latest."""
-    ahead = "from closeform.own_process import import_numba; import_numba()"
-    code = f"{ahead}; from closeform.warmup import compile_all; compile_all({modules})"
+    ahead = "from closeform import own_process; own_process.begin(); own_process.import_numba()"
+    memory = "from closeform import kernel_memory; kernel_memory.remember()"
+    code = f"{ahead}; {memory}; from closeform.warmup import compile_all; compile_all({modules})"
     command = [sys.executable, "-P", "-c", code]  # nothing from the folder where the user stands
     other = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

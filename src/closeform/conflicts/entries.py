@@ -150,6 +150,34 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, ne
 
 
 @kernel(
+    void(
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        FORM,
+        float64[:, ::1],
+    )
+)
+def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, form, out):
+    """Time and least norm of every pair over its common time."""
+    arcs, others = borrowed(arcs), borrowed(others)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    q = stack_matrix(8, 3)
+    for pair in range(len(first)):
+        i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
+        j, j_end = other_offsets[second[pair]], other_offsets[second[pair] + 1]
+        start = max(arcs[i, START], others[j, START])
+        end = min(arcs[i_end - 1, END], others[j_end - 1, END])
+        out[pair, 0], out[pair, 1] = nan, inf
+        if start <= end:
+            ratio, when = closest(arcs, i, i_end, others, j, j_end, start, end, form, q)
+            out[pair, 0], out[pair, 1] = when, ratio
+
+
+@kernel(
     int64(
         float64[:, ::1],
         int64[::1],
@@ -211,31 +239,3 @@ def conflicts_of_pairs(
         count = total
     done[0] = len(first)
     return count
-
-
-@kernel(
-    void(
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        FORM,
-        float64[:, ::1],
-    )
-)
-def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, form, out):
-    """Time and least norm of every pair over its common time."""
-    arcs, others = borrowed(arcs), borrowed(others)
-    form = form[0], borrowed(form[1]), borrowed(form[2])
-    q = stack_matrix(8, 3)
-    for pair in range(len(first)):
-        i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
-        j, j_end = other_offsets[second[pair]], other_offsets[second[pair] + 1]
-        start = max(arcs[i, START], others[j, START])
-        end = min(arcs[i_end - 1, END], others[j_end - 1, END])
-        out[pair, 0], out[pair, 1] = nan, inf
-        if start <= end:
-            ratio, when = closest(arcs, i, i_end, others, j, j_end, start, end, form, q)
-            out[pair, 0], out[pair, 1] = when, ratio
