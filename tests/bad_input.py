@@ -2323,7 +2323,7 @@ CALLS = (
     Call(
         "ballistic coefficients of fewer craft than fly",
         "cf.thrust(cf.stack([plan, plan, plan]), cf.Field(chief, drag=cf.Drag(5e-13, 5e5, 6e4, [0.02, 0.02], 0.02)))",
-        "ballistic: of 2 craft, where there are 3; give one for each",
+        "ballistic: expected one number, or one for each of 3 craft, got shape (2,)",
     ),
     Call(
         "zones of pairs of fewer craft than fly",

@@ -606,3 +606,31 @@ def test_all_arguments_are_given():
         given.setdefault(name.partition(",")[0], {"cls", "self", "execution"}).update(arguments)
     for name in given.keys() - {name for name in given if name.startswith("plots.")}:
         assert inspect.signature(CALLABLES[name]).parameters.keys() - given[name] == set(), name
+
+
+TRIO = LOW.orbit.transfer(np.eye(6)[[1, 1, 1]] * [[60.0], [120.0], [180.0]], np.zeros(6), 900.0)
+PAIR = [0.01, 0.01]  # where one, or three, are meant
+ENDS = TRIO.state(0.0), TRIO.state(0.0) + [0.0, 0.0, 90.0, 0.0, 0.0, 0.0]
+
+
+def wide(margin):
+    return cf.reconfigure(LOW.orbit, *ENDS, 900.0, BALL, margin=margin, assign=False)
+
+
+@pytest.mark.parametrize(
+    ("key", "call"),
+    [
+        ("max_acceleration", lambda: cf.reconfigure(LOW.orbit, *ENDS, 900.0, BALL, max_acceleration=PAIR)),
+        ("duration", lambda: cf.reconfigure(LOW.orbit, *ENDS, [900.0, 800.0], BALL)),
+        ("max_acceleration", lambda: cf.fly(TRIO, cf.Field(LOW), max_acceleration=PAIR)),
+        ("residual", lambda: cf.room(TRIO, cf.Field(LOW), residual=PAIR)),
+        ("max_acceleration", lambda: cf.fit_margin(wide, cf.Field(LOW), BALL, max_acceleration=PAIR)),
+        ("mass", lambda: cf.fire(TRIO, SIX, mass=PAIR, specific_impulse=60.0)),
+        ("ballistic", lambda: cf.thrust(TRIO, cf.Field(LOW, drag=cf.Drag(5e-13, 5e5, 6e4, PAIR, 0.02)))),
+    ],
+)
+def test_one_for_all_or_one_for_each_is_refused_in_the_same_words(key, call):
+    with pytest.raises(
+        ValueError, match=rf"^{key}: expected one number, or one for each of 3 craft, got shape \(2,\)$"
+    ):
+        call()

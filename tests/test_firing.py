@@ -300,7 +300,7 @@ REFUSED = {
     ),
     "masses of others": (
         {"mass": [1.0, 2.0], "specific_impulse": 60.0},
-        "mass: expected one number or 1, one for each, got shape (2,)",
+        "mass: expected one number, or one for each of 1 craft, got shape (2,)",
     ),
     "no plan": ({"plan": "plan"}, "plan: expected a Path, a Plan or an Avoidance, got 'plan'"),
     "blocked": ({"plan": BLOCKED}, f"plan: has no path to fly: {BLOCKED.reason}"),

@@ -91,7 +91,7 @@ def test_newtons_become_accelerations():
         ({"acceleration": -1.0}, "acceleration: must be positive and finite, got -1"),
         (
             {"acceleration": [1.0, 2.0]},
-            "acceleration: expected one number or 3, one for each, got shape (2,)",
+            "acceleration: expected one number, or one for each of 3 thrusters, got shape (2,)",
         ),
         ({"minimum_bit": -1e-3}, "minimum_bit: must be at least 0 and finite, got -0.001"),
         ({"period": 0.0}, "period: must be positive and finite, got 0 s"),

@@ -36,6 +36,15 @@ def number(name: str, value: ArrayLike) -> float:
     return float(array)
 
 
+def of_each(name: str, value: ArrayLike, count: int, what: str = "craft") -> Floats:
+    """An argument of one number for all, or of one for each, as one for each of so many (count,)."""
+    array = numbers(name, value)
+    if array.shape not in ((), (count,)):
+        wanted = f"one number, or one for each of {count} {what}"
+        raise ValueError(f"{name}: expected {wanted}, got shape {array.shape}")
+    return np.broadcast_to(array, count).copy()
+
+
 def size(name: str, value: ArrayLike, unit: str = "") -> float:
     """An argument as a finite float from 0 on; its `unit` as an error says it, like " m"."""
     found = number(name, value)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from closeform.arrays import Floats, number, numbers, shown
+from closeform.arrays import Floats, number, numbers, of_each, shown
 from closeform.motion.mean_motion import EARTH_RADIUS, checked
 
 EARTH_SPIN = 7.292115e-5  # rad/s: GRS 80
@@ -72,10 +72,7 @@ class Drag:
 
 def ballistics_of(drag: Drag | None, count: int) -> Floats:
     """The coefficients (N,) [m^2/kg] of `count` craft; 0 without drag."""
-    own = np.zeros(count) if drag is None else drag.ballistic
-    if own.ndim and len(own) != count:
-        raise ValueError(f"ballistic: of {len(own)} craft, where there are {count}; give one for each")
-    return np.broadcast_to(own, count).copy()
+    return of_each("ballistic", 0.0 if drag is None else drag.ballistic, count)
 
 
 def air_of(drag: Drag | None) -> list[float]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, shown
+from closeform.arrays import Floats, instance, of_each, shown
 from closeform.field.feedback import Feedback, Navigation, nonnegative
 from closeform.field.field import Field
 from closeform.field.flown_plan import following, paths_to_fly, spanning
@@ -200,13 +200,10 @@ def fit_margin(
         )
         if before is not None:
             found = found._since(float(paths.start[0]))
-        if np.shape(limit) not in ((), (len(paths),)):
-            raise ValueError(
-                f"max_acceleration: one, or one for each of {len(paths)} craft, got {shown(max_acceleration)}"
-            )
-        beyond = np.flatnonzero(found.thrust > limit)
+        limits = of_each("max_acceleration", limit, len(paths))
+        beyond = np.flatnonzero(found.thrust > limits)
         if len(beyond):
-            why = _too_weak(found, np.ravel(paths.peak_thrust), int(beyond[0]), limit)
+            why = _too_weak(found, np.ravel(paths.peak_thrust), int(beyond[0]), limits)
             return FittedMargin(plan, found, margin, False, made, why)
         bodies = paths
         if not held and others is not None:
@@ -250,9 +247,9 @@ def _least_radius(zones: OwnZone | PairZones) -> float:
     return min((zone.inner_radius for zone in given.zones), default=np.inf)
 
 
-def _too_weak(found: Room, peaks: Floats, craft: int, limit: Any) -> str:
+def _too_weak(found: Room, peaks: Floats, craft: int, limits: Floats) -> str:
     """Which craft is asked for more than it has, and within what to plan."""
-    has, asked = float(np.broadcast_to(limit, found.thrust.shape)[craft]), float(found.thrust[craft])
+    has, asked = float(limits[craft]), float(found.thrust[craft])
     within = has - asked + float(peaks[craft])
     remedy = f"plan within {within:.3g} m/s²" if within > 0.0 else "feedback alone needs more"
     return f"craft {craft} is asked for {asked:.3g} m/s² with feedback, its limit is {has:.3g} m/s²; {remedy}"

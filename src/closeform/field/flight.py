@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, numbers, shown
+from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.field.course import Flights, commands_of, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, drawable, seeds_of
@@ -238,11 +238,11 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Float
     """What thrust never exceeds (N,) [m/s^2], of plans that have impulses or none."""
     if max_acceleration is None:
         return np.full(count, np.inf)
-    limit = numbers("max_acceleration", max_acceleration)
-    if limit.shape not in ((), (count,)) or not (limit > 0.0).all():
+    limit = of_each("max_acceleration", max_acceleration, count)
+    if not (limit > 0.0).all():
         raise ValueError(f"max_acceleration: must be positive, got {shown(max_acceleration)}")
     if fires:
         raise ValueError(
             "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns"
         )
-    return np.broadcast_to(limit, count).copy()
+    return limit

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, shown
+from closeform.arrays import Floats, instance, number, of_each
 from closeform.field.drawn import drawable
 from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
 from closeform.field.field import Field
@@ -182,9 +182,7 @@ def room(
     sizes = thrust_errors(thrust_error, count)
     least = nonnegative("minimum_bit", number("minimum_bit", minimum_bit))
     many = float(nonnegative("sigmas", number("sigmas", sigmas)))
-    unknown = nonnegative("residual", residual)
-    if unknown.shape not in ((), (count,)):
-        raise ValueError(f"residual: one number, or one for each of {count} craft, got {shown(residual)}")
+    unknown = nonnegative("residual", of_each("residual", residual, count))
     if shooters.any():
         from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
 
@@ -195,7 +193,7 @@ def room(
         law = led_by_pulses(law, own)
     elif least > 0.0 and not law.impulses:
         raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
-    told: Any = sizes, np.broadcast_to(unknown, count), drawable(errors, count)
+    told: Any = sizes, unknown, drawable(errors, count)
     groups = [np.flatnonzero(who) for who in (~shooters, shooters) if who.any()]
     found = []
     for some in groups:

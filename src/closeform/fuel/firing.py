@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import sequence, shown
+from closeform.arrays import of_each, sequence, shown
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
@@ -204,12 +204,7 @@ def _tanks(
         raise ValueError(f"{missing.pop()}: give it with {next(iter(have))}, or neither")
     columns = []
     for name, value in have.items():
-        values = np.asarray(checked(name, value, positive=True))
-        if values.shape not in ((), (count,)):
-            raise ValueError(
-                f"{name}: expected one number or {count}, one for each, got shape {values.shape}"
-            )
-        columns.append(np.broadcast_to(values, count).tolist())
+        columns.append(of_each(name, checked(name, value, positive=True), count).tolist())
     return [(kilograms, STANDARD_GRAVITY * seconds) for kilograms, seconds in zip(*columns, strict=True)]
 
 

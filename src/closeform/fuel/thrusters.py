@@ -9,7 +9,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers, positive, sequence, shown
+from closeform.arrays import Floats, instance, of_each, positive, sequence, shown
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
@@ -87,17 +87,12 @@ class Thrusters:
 
     def _each(self, name: str, value: ArrayLike, least: float | None = None) -> Floats:
         """One number for each thruster: positive, or of at least `least`."""
-        values = numbers(name, value)
-        count = len(self.directions)
-        if values.shape not in ((), (count,)):
-            raise ValueError(
-                f"{name}: expected one number or {count}, one for each, got shape {values.shape}"
-            )
+        values = of_each(name, value, len(self.directions), "thrusters")
         fits = values > 0.0 if least is None else values >= least
         if not (fits & np.isfinite(values)).all():
             wanted = "positive" if least is None else f"at least {least:g}"
             raise ValueError(f"{name}: must be {wanted} and finite, got {values.min():g}")
-        return np.broadcast_to(values, count).copy()
+        return values
 
     @classmethod
     def rtn(

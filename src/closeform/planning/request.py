@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers, sequence
+from closeform.arrays import LARGEST, Floats, numbers, of_each, sequence
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.orbit import Orbit
@@ -206,9 +206,7 @@ def _states(name: str, value: ArrayLike) -> Floats:
 
 def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest: float = LARGEST) -> Floats:
     """One number for each craft, above `least` and below `greatest`."""
-    values = numbers(name, value)
-    if values.shape not in ((), (count,)):
-        raise ValueError(f"{name}: expected one number or {count}, one for each craft, got {values.shape}")
+    values = of_each(name, value, count)
     if not ((values > least) & (values <= greatest)).all():
         raise ValueError(f"{name}: must be finite{' and positive' * (least == 0.0)}, got {values.tolist()}")
-    return np.full(count, values) if values.shape == () else values
+    return values
