@@ -149,7 +149,7 @@ def show(console: "Console", shown: "Table") -> None:
     """Print a small table: words to the left, numbers to the right."""
     from rich.table import Table
 
-    say(console, "", shown.title)
+    say(console, "", *[shown.title] * bool(shown.title))
     table = Table(box=None, pad_edge=False)
     texts = [[column.heading or "" for column in shown.shown], *shown.texts]
     widths = [max(len(text) for text in column) for column in zip(*texts, strict=True)]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.fuel.arrivals import Arrivals
@@ -249,7 +250,11 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: flo
     dress(axes)
     axes.axhline(costs.min() / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
     axes.plot(durations / across.size, costs / up.size, "o-", color=AFTER, linewidth=1.6, markersize=4)
-    axes.set_yscale("log" if costs.min() > 0.0 and costs.max() > 30.0 * costs.min() else "linear")
+    if costs.min() > 0.0 and costs.max() > 30.0 * costs.min():
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
     changes = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
     told = len(changes) <= LETTERED and (len(changes) > 1 or plan is None)
     for k in changes if told else ():
@@ -288,5 +293,6 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: flo
     first, last = (speed(float(cost)) for cost in (costs[0], costs[-1]))
     ends = (f"{duration / across.size:.4g} {across.name}" for duration in (durations[0], durations[-1]))
     short, long = ends
-    headline(figure, f"{first} in {short}, {last} in {long}")
+    more = f", {last} in {long}" if len(durations) > 1 else ""
+    headline(figure, f"Least delta-v {first} in {short}{more}")
     return figure

@@ -72,8 +72,8 @@ class ByRule:
         where = f"at {self.altitude / 1e3:.0f} km"
         if self.eccentricity is not None:
             where += f", e = {self.eccentricity:.5f}"
-        likely = f"{self.expected:.2g} m off, 95 % below {self.unlikely:.2g} m"
-        return f"Left out by Hill's equations {where}: ends about {likely} (rule of thumb)"
+        likely = f"about {self.expected:.2g} m off, 95 % of them below {self.unlikely:.2g} m (rule of thumb)"
+        return f"Left out by Hill's equations {where}: missions end {likely}"
 
     @property
     def figures(self) -> dict[str, Any]:
