@@ -17,6 +17,12 @@ FAILS = re.sub(r"(covariance|execution|draws) = .*\n", "", TWICE).replace(
     "[study.vary]\n",
     '[study.vary]\n"craft.fails" = { chance = 0.5 }\n"craft.velocity" = { ball = "1 cm/s" }\n',
 )
+STATION = FAILS  # B coasts all along
+FAILS = FAILS.replace(
+    'do = "coast"\nfor = "1 min"\n',
+    'do = "transfer"\ncraft = "B"\nwithin = "0.1 orbits"\n'
+    'to = { position = "0 0 5 m", velocity = "0 0 0 m/s" }\n',
+)
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +62,17 @@ def test_who_fails_drifts_on_and_the_others_fly_as_planned(campaign):
     assert {(), ("A",), ("B",), ("A", "B")} <= seen
 
 
+def test_who_coasts_all_along_has_no_thrust_to_lose():
+    """The station never fails, and what drifts by it is who moves."""
+    campaign = flown(parse(STATION.replace("chance = 0.5", "chance = 1.0"), "fails.toml", "study"), 3)
+    assert np.isnan(campaign.column("B_fails_s")).all()
+    assert not np.isnan(campaign.column("A_fails_s")).any()
+    for case in range(3):
+        (lost,) = fly(case_of(campaign.scenario, case)).lost
+        assert lost.craft == "A"
+        assert campaign.column("drift_ratio")[case] == lost.ratio
+
+
 def test_failures_are_as_frequent_as_said_and_at_any_instant():
     """Of 4000 draws: the share, and that of each quarter of the mission, within 5 of their deviations."""
     scenario = parse(FAILS.replace("0.5 }", "0.2 }"), "fails.toml", "study")
@@ -86,7 +103,7 @@ def test_errors_and_failures_go_together():
     other = fly(case_of(parse(TWICE, "both.toml", "study"), 1))
     before = np.linspace(0.0, min(lost.time for lost in one.lost), 50)
     np.testing.assert_allclose(one.paths.state(before), other.paths.state(before), atol=1e-9)
-    assert len(one.lost) == 2
+    assert [lost.craft for lost in one.lost] == ["A"]  # B coasts all along
     assert "A loses its thrust" in str(one.verdict)
 
 

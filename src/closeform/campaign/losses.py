@@ -29,8 +29,12 @@ def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
 
 
 def with_losses(mission: Mission, fails: Sequence[float]) -> Mission:
-    """A mission in which each craft (N,) loses its thrust after a share of it, nan for who does not."""
-    scenario, times = mission.scenario, instants(mission, fails)
+    """A mission in which each craft (N,) loses its thrust after a share of it, nan for who does not.
+
+    Who coasts all along has none to lose.
+    """
+    scenario, burns = mission.scenario, mission.paths.delta_v > 0.0
+    times = {k: time for k, time in instants(mission, fails).items() if burns[k]}
     if not times:
         return mission
     needed = {k: thrust_after(mission.paths[k], time) for k, time in times.items()}
