@@ -14,7 +14,7 @@ from PIL import Image
 import closeform as cf
 from closeform.plots.png import png
 from closeform.report import drawing
-from closeform.report.picture import Picture
+from closeform.report.picture import Film, Picture
 from closeform.result_folder import Folder
 
 ORBIT = cf.Orbit(1.1e-3)
@@ -73,6 +73,35 @@ def test_a_single_other_is_helped(tmp_path, alone, others):
     pictures, here = draw(tmp_path)
     assert pictures == alone[0]
     assert 0 < len(here) < len(PICTURES)
+
+
+FILM = Film("film", "a flight", "flying.reel", ((PATH, OTHER),), {"zone": cf.Sphere(50.0), "frames": 7})
+
+
+def film(place):
+    """A film among pictures, frame by frame the same whoever draws it; and what is said meanwhile."""
+    said = []
+    _, shot, *_ = drawing.drawn([PICTURES[0], FILM, *PICTURES[1:]], Folder(place), said.append)
+    assert shot.caption == "a flight"
+    return shot.file.read_bytes(), [text for text in said if text.startswith("animation")]
+
+
+def test_a_film_is_drawn_by_all_and_is_that_of_one(tmp_path, others, monkeypatch):
+    alike, told = film(tmp_path)
+    drawers = [*others]
+    monkeypatch.setattr(drawing, "_drawers", [])
+    assert film(tmp_path) == (alike, [f"animation: picture {k} of 8" for k in range(1, 9)])
+    assert len(told) == -(-8 // len(drawers))  # the first share, in which all others have as many or one less
+    assert told[-1] == "animation: picture 8 of 8"
+
+
+def test_a_film_is_whole_where_the_others_are_gone(tmp_path, monkeypatch):
+    whole, _ = film(tmp_path)
+    gone = [socketpair() for _ in range(3)]
+    monkeypatch.setattr(drawing, "_drawers", [drawing.Drawer(ours) for ours, _ in gone])
+    for _, theirs in gone:
+        theirs.close()
+    assert film(tmp_path)[0] == whole
 
 
 @pytest.mark.parametrize("pictures", [PICTURES, []])

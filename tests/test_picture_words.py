@@ -1,6 +1,7 @@
 """What is written in pictures: names as they are, nothing on top of each other, nothing cut off."""
 
 import io
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -14,7 +15,9 @@ from closeform import plots
 from closeform.mission import fly
 from closeform.plots.letters import LONG, short_names
 from closeform.plots.look import banner
+from closeform.report.picture import Film
 from closeform.report.run import RunReport
+from closeform.result_folder import Folder
 from closeform.scenario.load import load, parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -201,9 +204,9 @@ def test_a_coast_has_its_pictures():
         (told,) = RunReport(fly(parse(FIFTEEN.replace("FOR", time)))).sections
         drawn[time] = {picture.plot: picture for picture in told.pictures}
     short, long = drawn["1 min"], drawn["20 min"]
-    assert list(short) == ["formation_animation", "formation_paths", "closest_pairs"]
+    assert list(short) == ["flying.reel", "formation_paths", "closest_pairs"]
     assert list(long) == [*list(short)[:2], "ratio_matrix", "closest_pairs", "distances"]
-    assert long["formation_animation"].moves
+    assert isinstance(long["flying.reel"], Film)
     assert all(len(long[plot].options["names"]) == 6 for plot in ("formation_paths", "closest_pairs"))
     assert len(long["distances"].options["names"]) == 2
     assert long["closest_pairs"].options["count"] == 8
@@ -270,7 +273,7 @@ for = "1 min"
 animation = true
 """
     (told,) = RunReport(fly(parse(file))).sections
-    assert any(picture.moves for picture in told.pictures) == filmed
+    assert any(isinstance(picture, Film) for picture in told.pictures) == filmed
     said = f"Animation left out: {count} craft, and more than 400 are not shown"
     assert (said in told.closing) != filmed
 
@@ -391,14 +394,13 @@ animation = true
 """
 
 
-def test_every_stage_that_moves_has_its_film():
+def test_every_stage_that_moves_has_its_film(tmp_path):
     mission = fly(parse(EVERY))
     assert mission.stopped is None
     for told in RunReport(mission).sections:
-        (film,) = [picture for picture in told.pictures if picture.moves]
-        file = io.BytesIO()
-        getattr(plots, film.plot)(*film.arguments, file, frames=2, **film.options)
-        assert file.getvalue().startswith(b"GIF89a")
+        (film,) = [picture for picture in told.pictures if isinstance(picture, Film)]
+        short = replace(film, options={**film.options, "frames": 2}).leave(Folder(tmp_path), print)
+        assert short.file.read_bytes().startswith(b"GIF89a")
 
 
 def test_of_equals_a_picture_names_whom_the_text_names():

@@ -12,7 +12,7 @@ from closeform.arrays import instance
 from closeform.palette import FAINT, INK, OTHER
 from closeform.plots.camera import GROUP_COLOURS, SUN_COLOUR
 from closeform.plots.formation import ThreeViews
-from closeform.plots.gif import write
+from closeform.plots.gif import Reel
 from closeform.plots.given import filmed
 from closeform.plots.panels import FEW, STYLES
 from closeform.search.gather_result import EventKind, Gathering
@@ -62,11 +62,19 @@ def animation(
     H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
     """
     filmed(file, frames, progress)
+    found = reel(gathering, craft, names, frames=frames)
+    found.save(file, found.frames(slice(None), progress))
+
+
+def reel(
+    gathering: Gathering, craft: int = 0, names: Sequence[str] | None = None, *, frames: int = 150
+) -> Reel:
+    """The film of `animation`, to be drawn."""
     instance("gathering", gathering, Gathering)
     views = ThreeViews(gathering, craft, names)
     pixels = WIDE if len(gathering.groups) <= FEW else NARROW
     moments = schedule(gathering, frames)
-    write(file, views.figure, lambda: views.artists, views.show, moments, FIRM, pixels, progress)
+    return Reel(views.figure, lambda: views.artists, views.show, moments, FIRM, pixels)
 
 
 def schedule(gathering: Gathering, frames: int) -> list[tuple[float, int]]:

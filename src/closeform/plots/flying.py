@@ -18,7 +18,7 @@ from closeform.palette import CONFLICT, FAINT, INK, OTHER, ZONE, colours
 from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import NAMED, PLANES, beside, owned, scaled
-from closeform.plots.gif import write
+from closeform.plots.gif import Reel
 from closeform.plots.given import crafts, filmed
 from closeform.plots.letters import plain, short_names
 from closeform.plots.look import SMALL, TEXT, WIDTH, area, clock, dress, instants, length_unit, sheet
@@ -305,6 +305,18 @@ def formation_animation(
         argument is of another kind.
     """
     filmed(file, frames, progress)
+    found = reel(paths, names, zone, frames=frames)
+    found.save(file, found.frames(slice(None), progress))
+
+
+def reel(
+    paths: Path | Sequence[Path],
+    names: Sequence[str] | None = None,
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    *,
+    frames: int = 100,
+) -> Reel:
+    """The film of `formation_animation`, to be drawn."""
     scene = Flying(paths, names, zone, frames)
     waits = np.where((scene.times == scene.closest) & (len(scene.pairs) > 0), HOLD, PLAY)
     waits[-1] = LAST
@@ -312,4 +324,4 @@ def formation_animation(
     pixels = WIDE if len(scene.called) <= NAMED else NARROW
     firm = ["#ffffff", INK, OTHER, FAINT, ZONE, CONFLICT, "#f9e7bf", "#f4d48c"]  # zones on white, too
     firm += [*(to_hex(tint) for tint in scene.tints[:12])]
-    write(file, scene.figure, lambda: scene.artists, scene.show, moments, firm, pixels, progress)
+    return Reel(scene.figure, lambda: scene.artists, scene.show, moments, firm, pixels)

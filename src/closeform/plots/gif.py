@@ -1,6 +1,7 @@
 """Figures in motion, written as an animated GIF."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from typing import IO
 
@@ -14,45 +15,52 @@ COLOURS = 64
 NEAR = 24  # of 765: a shade that is as near to a firm colour is drawn in that
 
 
-def write(
-    file: str | PathLike[str] | IO[bytes],
-    figure: Figure,
-    moving: Callable[[], Sequence[Artist]],
-    show: Callable[[float], None],
-    moments: Sequence[tuple[float, int]],
-    firm: Sequence[str],
-    pixels: int,
-    progress: Callable[[int, int], object] | None,
-) -> None:
-    """Write a figure as a GIF of some `pixels` across: what stands still is drawn once.
+@dataclass(frozen=True)
+class Reel:
+    """A figure that moves, some `pixels` across.
 
     `show` moves the `moving` artists, from back to front, to a time [s]; each of the `moments` has a
     time and how long it stays [ms].  The colours `firm` are kept as they are.
     """
-    figure.set_dpi(pixels / figure.get_figwidth())
-    canvas = FigureCanvasAgg(figure)
-    times = [time for time, _ in moments]
-    show(times[0])
-    for artist in moving():
-        artist.set_animated(True)  # leaves it out of what is drawn once
-    canvas.draw()
-    still = canvas.copy_from_bbox(figure.bbox)
 
-    def picture(time: float) -> Image.Image:
-        canvas.restore_region(still)
-        show(time)
-        for artist in moving():
-            (artist.axes or figure).draw_artist(artist)
-        return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+    figure: Figure
+    moving: Callable[[], Sequence[Artist]]
+    show: Callable[[float], None]
+    moments: Sequence[tuple[float, int]]
+    firm: Sequence[str]
+    pixels: int
 
-    palette = common_palette([picture(time) for time in times[:: max(1, len(times) // 5)]], firm)
-    coded = []
-    for done, time in enumerate(times, start=1):
-        coded.append(picture(time).quantize(palette=palette, dither=Image.Dither.NONE))
-        if progress is not None:
-            progress(done, len(times))
-    stays = [stay for _, stay in moments]
-    coded[0].save(file, "GIF", save_all=True, append_images=coded[1:], duration=stays, loop=0, optimize=True)
+    def frames(self, share: slice, progress: Callable[[int, int], object] | None = None) -> list[Image.Image]:
+        """The frames of a share of the moments, in the film's palette: what stands still is drawn once."""
+        self.figure.set_dpi(self.pixels / self.figure.get_figwidth())
+        canvas = FigureCanvasAgg(self.figure)
+        times = [time for time, _ in self.moments]
+        self.show(times[0])
+        for artist in self.moving():
+            artist.set_animated(True)  # leaves it out of what is drawn once
+        canvas.draw()
+        still = canvas.copy_from_bbox(self.figure.bbox)
+
+        def picture(time: float) -> Image.Image:
+            canvas.restore_region(still)
+            self.show(time)
+            for artist in self.moving():
+                (artist.axes or self.figure).draw_artist(artist)
+            return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+        palette = common_palette([picture(time) for time in times[:: max(1, len(times) // 5)]], self.firm)
+        coded = []
+        for done, time in enumerate(times[share], start=1):
+            coded.append(picture(time).quantize(palette=palette, dither=Image.Dither.NONE))
+            if progress is not None:
+                progress(done, len(times[share]))
+        return coded
+
+    def save(self, file: str | PathLike[str] | IO[bytes], frames: Sequence[Image.Image]) -> None:
+        """Write all frames as an animated GIF."""
+        first, *others = frames
+        stays = [stay for _, stay in self.moments]
+        first.save(file, "GIF", save_all=True, append_images=others, duration=stays, loop=0, optimize=True)
 
 
 def common_palette(pictures: list[Image.Image], firm: Sequence[str]) -> Image.Image:

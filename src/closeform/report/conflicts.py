@@ -209,7 +209,7 @@ def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
     if not result.stage.animation:
         return ()
     options = {"names": result.after.names, "zone": zones}
-    return (Film("flight", "The flight of all craft", "formation_animation", (result.after.paths,), options),)
+    return (Film("flight", "The flight of all craft", "flying.reel", (result.after.paths,), options),)
 
 
 def deepest(flight: WatchedFlight) -> tuple[Picture, ...]:

@@ -8,12 +8,14 @@ import sys
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from socket import socket, socketpair
 from threading import Lock, Thread
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from closeform import own_process
+from closeform.report.picture import Film, Share
 
 if TYPE_CHECKING:
     from closeform.report.picture import Progress, Shot
@@ -36,20 +38,15 @@ _drawers: list["Drawer"] = []
 
 
 class Drawable(Protocol):
-    """What leaves a file in a folder: a picture, or a page of a case."""
+    """What leaves a file in a folder: a picture, or a page of a case; or frames of one, for who asked."""
 
     @property
     def name(self) -> str:
         """Of the file."""
         ...
 
-    @property
-    def moves(self) -> bool:
-        """Whether it takes long."""
-        ...
-
-    def leave(self, folder: "Folder", progress: "Progress") -> "Shot":
-        """Make it."""
+    def leave(self, folder: "Folder", progress: "Progress") -> Any:
+        """Make it: a `Shot`, or frames."""
         ...
 
 
@@ -60,13 +57,12 @@ class Drawer:
         self.stream, self.free = end.makefile("rwb"), Lock()
         end.close()  # with the stream
 
-    def draw(self, picture: Drawable, folder: "Folder") -> "Shot":
+    def draw(self, picture: Drawable, folder: "Folder") -> Any:
         """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
         with self.free:
             pickle.dump((picture, folder), self.stream)
             self.stream.flush()
-            shot: Shot = pickle.load(self.stream)
-        return shot
+            return pickle.load(self.stream)
 
 
 def begin(ahead: tuple[str, ...] = AHEAD) -> None:
@@ -118,12 +114,16 @@ def serve(modules: tuple[str, ...], ends: list[int]) -> None:
 def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress], list[Shot]]":
     """Pictures that become files in a folder, by the processes that draw; who is called finishes them.
 
-    This process draws films, which can be long and say how far they are, and what nobody else could,
-    so that an error is heard; all that is left where few others draw.
+    This process draws of each film, which can be long and says how far it is, as much as each of the
+    others does; and what nobody else could, so that an error is heard; all that is left where few others
+    draw.
     """
-    films = [picture for picture in pictures if picture.moves]
-    waiting = deque(picture for picture in pictures if not picture.moves)
-    shots: dict[str, Shot] = {}
+    count = max(1, len(_drawers))
+    films = [picture for picture in pictures if isinstance(picture, Film)]
+    shares = {film.name: [Share(film, index, count) for index in range(1, count)] for film in films}
+    waiting = deque[Drawable](picture for picture in pictures if not isinstance(picture, Film))
+    waiting.extend(share for each in shares.values() for share in each)
+    made: dict[str, Any] = {}
 
     def following() -> Drawable | None:
         with suppress(IndexError):
@@ -133,7 +133,7 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
     def ask(drawer: Drawer) -> None:
         while picture := following():
             try:
-                shots[picture.name] = drawer.draw(picture, folder)
+                made[picture.name] = drawer.draw(picture, folder)
             except Exception:
                 waiting.append(picture)
                 return
@@ -144,23 +144,31 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
 
     def finish(progress: "Progress") -> "list[Shot]":
         def tell() -> None:
-            if (done := len(shots)) < len(pictures):
+            if (done := sum(picture.name in made for picture in pictures)) < len(pictures):
                 progress(f"picture {done + 1} of {len(pictures)}")
 
-        def draw(picture: Drawable) -> None:
-            tell()
-            shots[picture.name] = picture.leave(folder, progress)
+        def draw_what_waits() -> None:
+            while picture := following():
+                tell()
+                made[picture.name] = picture.leave(folder, progress)
+
+        def draw_rest() -> None:
+            if len(others) <= HELPED:
+                draw_what_waits()
+            for other in others:
+                tell()
+                other.join()
+            draw_what_waits()
+
+        def frames(film: Film) -> list[Any]:
+            draw_rest()
+            return [made.pop(share.name) for share in shares[film.name]]
 
         for film in films:
-            draw(film)
-        while len(others) <= HELPED and (picture := following()):
-            draw(picture)
-        for other in others:
             tell()
-            other.join()
-        while picture := following():
-            draw(picture)
-        return [shots[picture.name] for picture in pictures]
+            made[film.name] = film.leave(folder, progress, count, partial(frames, film))
+        draw_rest()
+        return [made[picture.name] for picture in pictures]
 
     return finish
 

@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    from closeform.plots.gif import Reel
     from closeform.result_folder import Folder
 
 Progress = Callable[[str], None]
@@ -35,7 +36,6 @@ class Picture:
     stage: str = ""  # written above it, in red where that has
     failed: bool = False
     shows: str = ""  # written there too, where it is not what is flown
-    moves: ClassVar[bool] = False
 
     def leave(self, folder: "Folder", progress: Progress) -> Shot:
         """Draw it into a folder."""
@@ -52,17 +52,51 @@ class Picture:
 
 @dataclass(frozen=True)
 class Film(Picture):
-    """A picture that moves; its function writes the file itself, of up to `most` craft."""
+    """A picture that moves, of up to `most` craft; its function makes the `Reel` that is drawn."""
 
     most: int = 400  # drawn in a quarter of a minute
-    moves: ClassVar[bool] = True
 
-    def leave(self, folder: "Folder", progress: Progress) -> Shot:
-        from closeform import plots
+    def leave(
+        self,
+        folder: "Folder",
+        progress: Progress,
+        count: int = 1,
+        others: Callable[[], list[Any]] = list,
+    ) -> Shot:
+        """Draw it into a folder; of a `count` of shares the first, while others draw what they then give."""
 
-        def told(done: int, frames: int) -> None:
-            progress(f"animation: picture {done} of {frames}")
+        reel = self.reel()
+        frames: list[Any] = [None] * len(reel.moments)
 
+        def told(done: int, share: int) -> None:
+            progress(f"animation: picture {done * len(frames) // share} of {len(frames)}")
+
+        for k, drawn in enumerate([reel.frames(slice(0, None, count), told), *others()]):
+            frames[k::count] = drawn
         file = folder.path / f"{self.name}.gif"
-        getattr(plots, self.plot)(*self.arguments, file, progress=told, **self.options)
+        reel.save(file, frames)
         return Shot(file, self.caption, "")
+
+    def reel(self) -> "Reel":
+        """What is drawn."""
+        home, _, name = self.plot.rpartition(".")
+        made: Reel = getattr(import_module(f"closeform.plots.{home}"), name)(*self.arguments, **self.options)
+        return made
+
+
+@dataclass(frozen=True)
+class Share:
+    """Each of `count` frames of a film, from the one of this index on, for who puts them together."""
+
+    film: Film
+    index: int
+    count: int
+
+    @property
+    def name(self) -> str:
+        """Of no file."""
+        return f"{self.film.name}, share {self.index}"
+
+    def leave(self, folder: "Folder", progress: Progress) -> list[Any]:
+        """Draw the frames."""
+        return self.film.reel().frames(slice(self.index, None, self.count))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.report.drawing import begun
@@ -35,7 +35,6 @@ class Page:
 
     name: str
     of: Mission | Scenario
-    moves: ClassVar[bool] = False
 
     def leave(self, folder: Folder, progress: Progress) -> Shot:
         """Write it into a folder."""
