@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.optimize import minimize
+from scipy.optimize import minimize, minimize_scalar
 
 import closeform as cf
 
@@ -276,6 +276,30 @@ def test_no_common_time():
     assert np.isnan(found.time)
     assert np.isinf(found.ratio)
     assert cf.passively_safe(path, late, ZONES[0], 1000.0)
+
+
+@pytest.mark.parametrize("seed", [58, 66, 88, 92, 102, 154])
+def test_thrust_is_stuck_no_longer_than_the_drift_lasts(seed):
+    """Where drift ends with the path, the worst failure that is named is attained within that time."""
+    rng = np.random.Generator(np.random.Philox(seed))
+    path = ORBIT.transfer(0.3 * some_states(rng), 0.3 * some_states(rng), rng.uniform(0.3, 0.8) * PERIOD)
+    client, longest = ORBIT.coast(np.zeros(6), path.end), 0.3 * PERIOD
+    found = cf.drift_approach(path, client, cf.Sphere(20.0), path.end, cf.StuckThrust(longest))
+    wide = np.zeros((9, 9))  # constant thrust as three more states
+    wide[:6, :6], wide[3:6, 6:] = hill(N), np.eye(3)
+    begin = np.r_[path.state(found.failed_at), path.thrust(found.failed_at)]
+
+    def norm_of(stuck):
+        after = (expm(wide * stuck) @ begin)[:6]
+        drift = expm(hill(N) * (found.time - found.failed_at - stuck)) @ after
+        return np.linalg.norm(drift[:3]) / 20.0
+
+    holds = np.linspace(0.0, min(longest, found.time - found.failed_at), 60)
+    k = int(np.argmin([norm_of(stuck) for stuck in holds]))
+    low, high = holds[max(k - 1, 0)], holds[min(k + 1, 59)]
+    fine = minimize_scalar(norm_of, bounds=(low, high), method="bounded", options={"xatol": 1e-6})
+    attained = min(fine.fun, norm_of(low), norm_of(high))  # which ends a search within bounds never reaches
+    assert found.lower - 1e-6 <= attained <= found.ratio + 1e-6
 
 
 def test_least_of_many_unknowns_says_how_certain_it_is():

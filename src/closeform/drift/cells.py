@@ -179,8 +179,8 @@ def span_cell(side, cell, o, n, rows):
 @kernel()
 def span_both(one, two, cell, width, n, rows):
     """`span_cell` of both sides, and how far the difference of two motions is off what spans it."""
-    place, speed, always, epoch = span_cell(one, cell, 1, n, rows[0])
-    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, 1 + width, n, rows[1])
+    place, speed, always, epoch = span_cell(one, cell, SIDE, n, rows[0])
+    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, SIDE + width, n, rows[1])
     return place + other_place, speed + other_speed, always + other_always, min(epoch, other_epoch)
 
 

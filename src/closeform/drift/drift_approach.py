@@ -8,25 +8,24 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from closeform.arrays import Floats, broadcast, instance, number, shown
+from closeform.arrays import Floats, broadcast, instance, shown
 from closeform.conflicts.two_paths import check_comparable, craft_of
-from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, Side
-from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
+from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, SIDE, Side
+from closeform.drift.ends import FAILURES, checked_end, drift_end, forgiven, last_times, soon_after
+from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
 from closeform.drift.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
 from closeform.motion.arc import IMPULSE, START, THRUST
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import FORGIVEN, Path
+from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.zones.shapes import BALL, FACES
 from closeform.zones.zone import Zone, enclosing
 
 Failing = Literal["path", "other", "either", "both"]
-SOON = 100.0  # orbits of a drift without end that are searched as they are
 SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
-FAILURES = (ThrustLost, MissedBurns, WeakThrust, StuckThrust)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -206,42 +205,11 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
         if fly and end == np.inf:
             if one.arcs[:, THRUST:].any() or one.arcs[:, IMPULSE : IMPULSE + 3].any():
                 raise ValueError(f"until: inf needs {name} to coast, which flies on while the other fails")
-        elif fly and np.min(one.end) < end and (one.end < end - forgiven(one)).any():
+        elif fly and last_times(one).min() < end and (one.end < end - forgiven(one)).any():
             raise ValueError(
-                f"{name}: ends at {np.min(one.end):g} s, and flies on while the other fails; "
+                f"{name}: ends at {last_times(one).min():g} s, and flies on while the other fails; "
                 f"carry it on to {end:g} s, such as by a coast"
             )
-    return end
-
-
-def drift_end(until: float, orbit: Orbit) -> float:
-    """The end of a drift in an orbit."""
-    end = number("until", until)
-    if np.isnan(end) or end == -np.inf:
-        raise ValueError(f"until: expected a time in s, or inf, got {end:g}")
-    if end == np.inf and orbit.mean_motion == 0.0:
-        raise ValueError("until: inf needs an orbit; in deep space give a time")
-    return end
-
-
-def forgiven(path: Path) -> Any:
-    """How far from its end a drift may begin or end, of the path's shape [s]."""
-    return FORGIVEN * np.asarray(path.end - path.start)
-
-
-def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
-    """The end of the drift of a path that can fail like that, and ends before it."""
-    end = drift_end(until, path.orbit)
-    if np.max(path.end) > end and (path.end > end + forgiven(path)).any():
-        raise ValueError(
-            f"until: {end:g} s is before the end of {name}, {np.max(path.end):g} s; give that or later"
-        )
-    known = (
-        not isinstance(instance("failure", failure, *FAILURES), StuckThrust)
-        or failure.acceleration is not None
-    )
-    if not known and path.arcs[:, IMPULSE : IMPULSE + 3].any():
-        raise ValueError(f"failure: {name} has impulses, whose thrust is unknown; give an acceleration")
     return end
 
 
@@ -277,14 +245,14 @@ def search_pairs(
 ) -> Floats:
     """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
     room = room_for(one, two)
-    rows = np.empty((len(first), FAILURE + room.cells.shape[1]))
+    rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
     tube = zone.form if zone.shape == FACES and not for_ever else tube_form(zone)
     rest = orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):
-        some = np.empty((len(left), rows.shape[1]))
+        some = np.zeros((len(left), rows.shape[1]))
         worst_failures(one, two, first[left], second[left], ends[left], *rest, some)
         rows[left] = some
         left = left[some[:, RATIO] == -np.inf]
@@ -292,11 +260,6 @@ def search_pairs(
             room = room_for(one, two, 4 * int(rows[left, TIME].max()))
             rest = *rest[:-1], room
     return rows
-
-
-def soon_after(path: Path, other: Path) -> float:
-    """Until when a drift without end is searched as one that has an end."""
-    return float(max(np.max(path.end), np.max(other.start)) + SOON * path.orbit.period)
 
 
 @lru_cache(maxsize=64)
@@ -311,19 +274,24 @@ def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
 
 def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
     """Columns of a `DriftApproach`."""
-    width = (rows.shape[1] - FAILURE - 1) // 2
+    first = FAILURE + SIDE
+    width = (rows.shape[1] - first) // 2
     instants = [
-        failed_at(sides[k], rows[:, FAILURE + 1 + k * width : FAILURE + 1 + (k + 1) * width], craft[k])
+        failed_at(sides[k], rows[:, first + k * width : first + (k + 1) * width], craft[k])
         for k in {"path": (0,), "other": (1,), "both": (0, 1)}[who]
     ]
     time, ratio = rows[:, TIME], rows[:, RATIO]
-    met = np.isfinite(time)  # not in a slow drift, of which only the ratio is known
-    place = np.where(met[:, None], rows[:, PLACE : PLACE + 3], np.inf)
-    distance = np.full(len(rows), np.inf)
-    distance[met] = np.linalg.norm(place[met] @ np.linalg.inv(zone.matrix).T, axis=1)
+    distance = np.linalg.norm(rows[:, PLACE : PLACE + 3] @ _to_metres(zone), axis=1)
+    distance[~np.isfinite(time)] = np.inf  # of a slow drift only the ratio is known
     at = np.stack(instants, axis=1) if who == "both" else instants[0]
-    at = np.where(np.isnan(time).reshape(-1, *[1] * (at.ndim - 1)), np.nan, at)
+    at[np.isnan(time)] = np.nan
     return [at, time, ratio, distance, np.full(len(rows), who), rows[:, LOWER]]
+
+
+@lru_cache(maxsize=64)
+def _to_metres(zone: Zone) -> Floats:
+    """What takes rows of zone coordinates to metres."""
+    return np.asarray(np.linalg.inv(zone.matrix).T)
 
 
 def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:

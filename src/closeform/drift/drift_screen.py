@@ -11,8 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.drift.cells import Side
-from closeform.drift.drift_approach import checked_end, failed_at, search_pairs
+from closeform.drift.cells import SIDE, Side
+from closeform.drift.drift_approach import failed_at, search_pairs
+from closeform.drift.ends import checked_end
 from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
 from closeform.drift.search import FAILURE, RATIO, TIME
@@ -133,7 +134,7 @@ def worst_drifts(
     rows[unsure] = search_pairs(
         fails, flies, first[unsure], second[unsure], end, orbit, zone, certain, np.inf
     )
-    at = failed_at(fails, rows[unsafe, FAILURE + 1 :], first[unsafe])
+    at = failed_at(fails, rows[unsafe, FAILURE + SIDE :], first[unsafe])
     return unsafe, np.stack([at, rows[unsafe, TIME], rows[unsafe, RATIO]], axis=1)
 
 

@@ -24,6 +24,7 @@ from closeform.drift.cells import (
     MISSED,
     NUMBERS,
     ROWS,
+    SIDE,
     STUCK,
     WEAK,
     vertex_count,
@@ -64,9 +65,11 @@ class Window(NamedTuple):
 
 
 @kernel()
-def is_seen(window, k):
-    """Whether the k-th motion is one of a window's."""
-    return k < window.ones or OTHER <= k < OTHER + window.twos or k >= GENERATORS
+def next_seen(window, k):
+    """The motion of a window after the k-th; `last` or more behind them all."""
+    if k + 1 == window.ones:
+        return OTHER
+    return GENERATORS if k + 1 == OTHER + window.twos else k + 1
 
 
 @kernel()
@@ -166,8 +169,8 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
         stop = min(stop, t + max(t - epoch, 0.25 * (end - t)))
     generators = GENERATORS + one.now[BURNS] - one.now[BURN]
     last = generators + two.now[BURNS] - two.now[BURN]
-    see_side(one, cell, 1, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
-    see_side(two, cell, 1 + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
+    see_side(one, cell, SIDE, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
+    see_side(two, cell, SIDE + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
     ones = vertex_count(one) if count > 1 else 1
     twos = vertex_count(two) if count > 1 else 1
     if twos == 1:  # the difference is one motion, and smaller than both
@@ -175,10 +178,11 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
             mix(motions[k], motions[k], 1.0, motions[OTHER], -1.0, order)
         mix(motions[OTHER], motions[OTHER], 0.0, motions[OTHER], 0.0, order)
     window = Window(ones, twos, generators, last, order, n)
-    for k in range(last):
-        if is_seen(window, k):
-            for m in range(order):
-                store(motions[k], m, matrix, motions[k, m, 0], motions[k, m, 1], motions[k, m, 2])
+    k = 0
+    while k < last:
+        for m in range(order):
+            store(motions[k], m, matrix, motions[k, m, 0], motions[k, m, 1], motions[k, m, 2])
+        k = next_seen(window, k)
     return window, stop
 
 
@@ -189,13 +193,14 @@ def place_all(room, window, t):
     p = inverse_transforms(n, t) if order == 8 else (0.0,) * 12
     c2, c3, c4 = oscillation(n, t) if order == 4 else (t, 0.5 * t * t, t * t * t / 6.0)
     b4, b5, d4 = p[8] + 2.0 * n * n * p[10], p[9] + 2.0 * n * n * p[11], p[7] + 2.0 * n * n * p[9]
-    for k in range(window.last):
-        if is_seen(window, k):
-            q, place = room.motions[k], room.places[k]
-            for axis in range(3):
-                x = q[0, axis] + q[1, axis] * t + q[2, axis] * c3 + q[3, axis] * c4
-                v = q[1, axis] + q[2, axis] * c2 + q[3, axis] * c3
-                if order == 8:
-                    x += q[4, axis] * b4 + q[5, axis] * b5 + q[6, axis] * p[10] + q[7, axis] * p[11]
-                    v += q[4, axis] * d4 + q[5, axis] * b4 + q[6, axis] * p[9] + q[7, axis] * p[10]
-                place[axis], place[3 + axis] = x, v
+    k = 0
+    while k < window.last:
+        q, place = room.motions[k], room.places[k]
+        for axis in range(3):
+            x = q[0, axis] + q[1, axis] * t + q[2, axis] * c3 + q[3, axis] * c4
+            v = q[1, axis] + q[2, axis] * c2 + q[3, axis] * c3
+            if order == 8:
+                x += q[4, axis] * b4 + q[5, axis] * b5 + q[6, axis] * p[10] + q[7, axis] * p[11]
+                v += q[4, axis] * d4 + q[5, axis] * b4 + q[6, axis] * p[9] + q[7, axis] * p[10]
+            place[axis], place[3 + axis] = x, v
+        k = next_seen(window, k)

@@ -1,6 +1,6 @@
 """Failures flown one by one, and cells that are cut where nothing else tells."""
 
-from math import nan
+from math import ceil, nan
 
 from closeform.compiled import kernel
 from closeform.drift.cells import (
@@ -11,21 +11,26 @@ from closeform.drift.cells import (
     LOW,
     MISSED,
     PIECE,
+    SIDE,
+    STUCK,
     earliest,
     parameter_count,
     single,
+    span_both,
 )
-from closeform.drift.fans import open_window
-from closeform.drift.planes import widest
+from closeform.drift.edges import make_edges, nearest, widest
+from closeform.drift.fans import OTHER, arc_end, arc_of, is_natural, open_window
 from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
-from closeform.motion.extrema import minimum_norm
-from closeform.zones.shapes import FACES
+from closeform.motion.extrema import minimum_norm, step_on
+from closeform.motion.hill import oscillation
+from closeform.zones.shapes import FACES, norm
 
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
 LEAST_SHARE = 0.2  # of a cell, that a cut leaves on either side
 FIRST_STEP, LAST_STEP = 0.1, 1e-3  # downhill: in n t, and of the first
 NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
+GLANCE, GLANCES = 0.5, 16  # in n t, and of a window in deep space: so far apart a motion is glanced at
 SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
 
 
@@ -42,8 +47,8 @@ def target_below(best, certain):
 def fly(one, two, cell, width, begin, end, n, form, room, best):
     """Least norm and its time of the failure at a cell's low ends, over [begin, end], if below `best`."""
     shape, _, faces = form
-    single(one, cell, 1, n, room.rows[0])
-    single(two, cell, 1 + width, n, room.rows[1])
+    single(one, cell, SIDE, n, room.rows[0])
+    single(two, cell, SIDE + width, n, room.rows[1])
     when, t, patience = nan, begin, PATIENCE
     while True:
         window, stop = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
@@ -70,8 +75,8 @@ def is_instant(side, cell, o):
 
 
 @kernel()
-def aim(one, two, cell, width, latest, at_middle, room):
-    """Make `room.point` the failure of a cell that is nearest where its planes end, or its middle.
+def aim(one, two, cell, width, latest, room):
+    """Make `room.point` the failure of a cell at `shares` of its edges.
 
     One that has happened at the time `latest`, as what spans the cell goes back beyond that.
     """
@@ -79,16 +84,18 @@ def aim(one, two, cell, width, latest, at_middle, room):
     for c in range(len(cell)):
         point[c] = cell[c]
     for second in range(2):
-        side, o = (two, 1 + width) if second else (one, 1)
+        side, o = (two, SIDE + width) if second else (one, SIDE)
         for j in range(parameter_count(side)):
-            share = 0.5 if at_middle else room.shares[k]
+            share = room.shares[k]
             low, high = cell[o + LOW + 2 * j], cell[o + HIGH + 2 * j]
             at = min(max(low + share * (high - low), low), high)
-            if j == 0 and is_instant(side, cell, o) and not at_middle:
-                at = max(low, min(at, latest))
+            if j == 0 and is_instant(side, cell, o):
+                at = max(low, min(at, latest - (cell[o + LOW + 2] if side.now[KIND] == STUCK else 0.0)))
+            elif j == 1 and side.now[KIND] == STUCK:
+                at = max(low, min(at, latest - earliest(side, point, o) + point[o + LOW + 2]))
             point[o + LOW + 2 * j], point[o + HIGH + 2 * j] = at, at
             k += 1
-    return max(earliest(one, point, 1), earliest(two, point, 1 + width))
+    return max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
 
 
 @kernel()
@@ -108,6 +115,54 @@ def note(room, cell):
 
 
 @kernel()
+def glance(one, two, cell, width, end, n, form, room, best):
+    """About the least norm of what a cell spans, at times GLANCE apart, and when, if it is below `best`.
+
+    The failure stands in `room.point[1]` then.
+    """
+    shape, _, faces = form
+    rest = span_both(one, two, cell, width, n, room.rows)
+    t, when, motions = cell[FROM], nan, room.motions
+    while True:
+        window, stop = open_window(one, two, cell, width, t, end, n, 4, rest[3], form, room)
+        i, j = arc_of(one, t), arc_of(two, t)
+        if is_natural(one, i, n) and is_natural(two, j, n):  # whose window is short for bounds alone
+            stop = min(arc_end(one, i, end), arc_end(two, j, end))
+        elif n > 0.0:
+            stop = min(stop, t + GLANCE / n)
+        steps = max(1, ceil((stop - t) * n / GLANCE)) if n > 0.0 else GLANCES
+        if window.order == 8:
+            steps = 1
+        h = (stop - t) / steps
+        transforms, count = oscillation(n, h), make_edges(one, two, room, window)
+        for k in range(steps):
+            for axis in range(3):
+                room.places[0, axis], room.places[OTHER, axis] = motions[0, 0, axis], 0.0
+                for m in range(count):
+                    room.edges[m, axis] = motions[1 + m, 0, axis]
+            x, y, z = nearest(room, count)
+            s = norm(shape, faces, x, y, z)
+            if s < best:
+                best, when = s, min(t + k * h, stop)
+                aim(one, two, cell, width, when, room)
+                note(room, room.point[0])
+            for m in range(count + 1 if k + 1 < steps else 0):
+                step_on(motions[m], n, h, transforms)
+        t = stop
+        if t >= end:
+            return best, when
+
+
+@kernel()
+def around(one, two, cell, width, when, end, n):
+    """From when and until when a failure is followed near a time."""
+    first = max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    reach = NEAR / n if n > 0.0 else 0.05 * (end - first)
+    begin = max(when - reach, first)
+    return begin, min(end, max(when, begin) + reach)
+
+
+@kernel()
 def descend(one, two, width, when, end, n, form, room, best):
     """Follow the worst failure that was met downhill, from instant to instant: the least norm and its time.
 
@@ -115,7 +170,7 @@ def descend(one, two, width, when, end, n, form, room, best):
     """
     cell, worst = room.point[0], room.point[1]
     for second in range(2):
-        side, o = (two, 1 + width) if second else (one, 1)
+        side, o = (two, SIDE + width) if second else (one, SIDE)
         if not is_instant(side, worst, o):
             continue
         arc = side.arcs[int(worst[o + PIECE]) // 2]
@@ -127,11 +182,9 @@ def descend(one, two, width, when, end, n, form, room, best):
                 cell[c] = worst[c]
             at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
             cell[o + LOW], cell[o + HIGH] = at, at
-            reach = NEAR / n if n > 0.0 else 0.05 * (end - at)
-            begin = max(when - reach, earliest(one, cell, 1), earliest(two, cell, 1 + width))
+            begin, until = around(one, two, cell, width, when, end, n)
             least, time = best, when
             if at != worst[o + LOW] and begin <= end:
-                until = min(end, max(when, begin) + reach)
                 least, time = fly(one, two, cell, width, begin, until, n, form, room, best)
             if least < best:
                 best, when = least, time
@@ -153,7 +206,7 @@ def cut(one, two, width, top, t, room, count):
     cells, mine = room.cells, parameter_count(one)
     which, _ = widest(room, count)
     for _ in range(count):
-        column = 1 + LOW + 2 * which if which < mine else 1 + width + LOW + 2 * (which - mine)
+        column = SIDE + LOW + 2 * which if which < mine else SIDE + width + LOW + 2 * (which - mine)
         low, high = cells[top, column], cells[top, column + 1]
         share = room.shares[which]
         if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:
@@ -171,5 +224,5 @@ def cut(one, two, width, top, t, room, count):
     cells[top + 1, column], cells[top + 1, column + 1] = (middle, high) if upper else (low, middle)
     for k in range(2):
         cell = cells[top + k]
-        cell[FROM] = max(t, earliest(one, cell, 1), earliest(two, cell, 1 + width))
+        cell[FROM] = max(t, earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
     return top + 2

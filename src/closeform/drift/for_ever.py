@@ -11,9 +11,10 @@ from math import inf, pi, sqrt
 
 from closeform.compiled import kernel
 from closeform.drift.cells import FROM, parameter_count, span_both
+from closeform.drift.edges import widest
 from closeform.drift.fans import open_window
 from closeform.drift.flown import SMALLEST, aim, cut, fly, note, target_below
-from closeform.drift.planes import march, widest
+from closeform.drift.planes import march
 from closeform.zones.shapes import FACES
 
 FEW = 60  # steps of the march, in which a drift is found to lead away for good
@@ -51,7 +52,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
         if clear:
             continue
         _, size = widest(room, count)
-        aim(one, two, cell, width, inf, False, room)
+        aim(one, two, cell, width, inf, room)
         if size <= SMALLEST and is_closed(one, two, room.point[0], width, t, far, n, form, room):
             continue
         least, time = fly(one, two, room.point[0], width, t, turn, n, tube, room, best)

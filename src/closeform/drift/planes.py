@@ -11,143 +11,55 @@ theory (10), and the whole is concave in time as far as its bounds hold.
 from math import inf, sqrt
 
 from closeform.compiled import kernel
-from closeform.drift.cells import BURN, BURNS, FLIES, FROM, KIND, LOST, MISSED, STUCK
-from closeform.drift.fans import GENERATORS, OTHER, PATH, is_seen, open_window, place_all
+from closeform.drift.cells import FROM
+from closeform.drift.edges import find_edges, nearest, norm_at, place_at, sink, widest
+from closeform.drift.fans import GENERATORS, OTHER, PATH, next_seen, open_window, place_all
 from closeform.drift.remainders import growth
 from closeform.motion.certified_march import bound
 from closeform.motion.hill import oscillation
-from closeform.zones.shapes import BALL, CYLINDER, norm, part, part_count, time_to_level
+from closeform.zones.shapes import BALL, CYLINDER, part, part_count, time_to_level
 
 STEPS = 200  # in a window, before a cell is cut though planes still pass
 LEAST_STEP = 2.3e-16
-GOLDEN = 0.6180339887498949
-
-
-@kernel()
-def find_edges(one, two, room, window):
-    """Fill the edges of the set, one for each parameter of one side, then of the other; how many."""
-    edges, places, count = room.edges, room.places, 0
-    for second in range(2):
-        kind = two.now[KIND] if second else one.now[KIND]
-        base = OTHER if second else 0
-        sign = -1.0 if second else 1.0
-        if kind == MISSED:
-            first = window.generators if second else GENERATORS
-            side = two if second else one
-            for j in range(side.now[BURNS] - side.now[BURN]):
-                for axis in range(3):
-                    edges[count, axis] = places[first + j, axis]
-                count += 1
-        elif kind != FLIES:
-            for k in range(1 if kind == LOST else 2):
-                corner = base + (k + 1 if kind == STUCK else (4 if k == 1 else 3))
-                for axis in range(3):
-                    edges[count, axis] = sign * (places[corner, axis] - places[base, axis])
-                count += 1
-    return count
-
-
-@kernel()
-def place_at(room, count, share):
-    """A point of the parallelotope: at this share of all its edges, or at `shares` if that is negative."""
-    x = room.places[0, 0] - room.places[OTHER, 0]
-    y = room.places[0, 1] - room.places[OTHER, 1]
-    z = room.places[0, 2] - room.places[OTHER, 2]
-    for k in range(count):
-        by = share if share >= 0.0 else room.shares[k]
-        x, y, z = x + by * room.edges[k, 0], y + by * room.edges[k, 1], z + by * room.edges[k, 2]
-    return x, y, z
-
-
-@kernel()
-def norm_at(room, count, form):
-    """The norm of the parallelotope's point at `shares`."""
-    shape, _, faces = form
-    x, y, z = place_at(room, count, -1.0)
-    return norm(shape, faces, x, y, z)
-
-
-@kernel()
-def sink(room, count, form, fine):
-    """Move `shares` to where the norm is least, by one edge after another: it is convex along each."""
-    for _ in range(3 if count > 1 else 1):
-        for k in range(count):
-            low, high = 0.0, 1.0
-            left, right = 1.0 - GOLDEN, GOLDEN
-            room.shares[k] = left
-            lower = norm_at(room, count, form)
-            room.shares[k] = right
-            upper = norm_at(room, count, form)
-            while high - low > fine:
-                if lower < upper:
-                    high, right, upper = right, left, lower
-                    left = high - GOLDEN * (high - low)
-                    room.shares[k] = left
-                    lower = norm_at(room, count, form)
-                else:
-                    low, left, lower = left, right, upper
-                    right = low + GOLDEN * (high - low)
-                    room.shares[k] = right
-                    upper = norm_at(room, count, form)
-            room.shares[k] = 0.5 * (low + high)
-
-
-@kernel()
-def nearest(room, count):
-    """The point of a parallelotope that is nearest to the origin; `shares` are where on its edges."""
-    edges, shares = room.edges, room.shares
-    x, y, z = place_at(room, count, -1.0)
-    for _ in range(1 if count == 1 else 12):  # by one coordinate after another
-        moved = 0.0
-        for k in range(count):
-            ex, ey, ez = edges[k, 0], edges[k, 1], edges[k, 2]
-            square = ex * ex + ey * ey + ez * ez
-            if square > 0.0:
-                share = min(1.0, max(0.0, shares[k] - (x * ex + y * ey + z * ez) / square))
-                by = share - shares[k]
-                x, y, z = x + by * ex, y + by * ey, z + by * ez
-                shares[k] = share
-                moved = max(moved, abs(by))
-        if moved < 1e-3:
-            break
-    return x, y, z
 
 
 @kernel()
 def project(room, window, ax, ay, az):
     """Fill the terms of every motion along a plane's normal; their least sum there."""
     least, most, rest = inf, -inf, 0.0
-    for k in range(window.last):
-        if is_seen(window, k):
-            place, bend, q, term = room.places[k], room.bends[k], room.motions[k], room.terms[k]
-            x = ax * place[0] + ay * place[1] + az * place[2]
-            term[0] = x
-            term[1] = ax * place[3] + ay * place[4] + az * place[5]
-            term[2] = abs(ax) * bend[0] + abs(ay) * bend[1] + abs(az) * bend[2]
-            term[3] = ax * q[2, 0] + ay * q[2, 1] + az * q[2, 2]
-            term[4] = ax * q[3, 0] + ay * q[3, 1] + az * q[3, 2]
-            if k < OTHER:
-                least = min(least, x)
-            elif k < PATH:
-                most = max(most, x)
-            else:
-                rest += min(0.0, x)
+    k = 0
+    while k < window.last:
+        place, bend, q, term = room.places[k], room.bends[k], room.motions[k], room.terms[k]
+        x = ax * place[0] + ay * place[1] + az * place[2]
+        term[0] = x
+        term[1] = ax * place[3] + ay * place[4] + az * place[5]
+        term[2] = abs(ax) * bend[0] + abs(ay) * bend[1] + abs(az) * bend[2]
+        term[3] = ax * q[2, 0] + ay * q[2, 1] + az * q[2, 2]
+        term[4] = ax * q[3, 0] + ay * q[3, 1] + az * q[3, 2]
+        if k < OTHER:
+            least = min(least, x)
+        elif k < PATH:
+            most = max(most, x)
+        else:
+            rest += min(0.0, x)
+        k = next_seen(window, k)
     return least - most + rest
 
 
 @kernel()
-def pair_step(gap, rate, bend, b, c, window, local, wanted):
-    """How long one motion certainly stays above a plane: as a parabola, or as a drifting oscillation."""
+def pair_step(gap, rate, bend, b, c, window, sine, cosine, wanted):
+    """How long one motion certainly stays above a plane: as a parabola, or as a drifting oscillation.
+
+    `sine` over n, and `cosine`, are those of the time since the window's start.
+    """
     h = time_to_level(gap, rate, bend)
     n = window.n
     if h >= wanted or window.order == 8 or n * wanted < 1.0:
         return h
     nn = n * n
-    p0, p1, _ = oscillation(n, local)
-    cosine = 1.0 - nn * p1
-    drift = rate + (c * cosine - nn * b * p0) / nn
+    drift = rate + (c * cosine - nn * b * sine) / nn
     swing = sqrt(b * b + c * c / nn) / nn
-    clear = gap + (b * cosine + c * p0) / nn - swing * (1.0 + 1e-12)
+    clear = gap + (b * cosine + c * sine) / nn - swing * (1.0 + 1e-12)
     if clear > 0.0:
         h = max(h, inf if drift >= 0.0 else clear / -drift)
     return h
@@ -172,6 +84,8 @@ def least_after(room, window, h):
 def plane_step(room, window, level, local, wanted):
     """How long the whole set certainly stays above a plane of which the terms were filled."""
     rest, slower, bends, h = 0.0, 0.0, 0.0, inf
+    sine, versed, _ = oscillation(window.n, local)
+    cosine = 1.0 - window.n * window.n * versed
     for j in range(GENERATORS, window.last):
         term = room.terms[j]
         rest, slower, bends = rest + min(0.0, term[0]), slower + min(0.0, term[1]), bends + term[2]
@@ -182,7 +96,7 @@ def plane_step(room, window, level, local, wanted):
             gap, rate, bend = one[0] - two[0] - level + rest, one[1] - two[1], one[2] + two[2]
             if window.last == GENERATORS:
                 b, c = one[3] - two[3], one[4] - two[4]
-                h = min(h, pair_step(gap, rate, bend, b, c, window, local, wanted))
+                h = min(h, pair_step(gap, rate, bend, b, c, window, sine, cosine, wanted))
             else:
                 h = min(h, time_to_level(gap, rate + slower, bend + bends))
     if window.last > GENERATORS:  # not all of them turn at once; the sum is concave
@@ -304,10 +218,11 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
     while True:
         window, stop = open_window(one, two, cell, width, t, end, n, 4, epoch, form, room)
         span = stop - t
-        for k in range(window.last):
-            if is_seen(window, k):
-                for axis in range(3):
-                    room.bends[k, axis] = bound(room.motions[k], window.order, n, span, axis)[0]
+        k = 0
+        while k < window.last:
+            for axis in range(3):
+                room.bends[k, axis] = bound(room.motions[k], window.order, n, span, axis)[0]
+            k = next_seen(window, k)
         for_place, for_speed = growth(n, stop - epoch)
         level = target + scale * (always + place * for_place + speed * for_speed)
         local, steps = 0.0, 0
@@ -335,15 +250,3 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
         t = stop
         if t >= end:
             return t, True, t
-
-
-@kernel()
-def widest(room, count):
-    """Which of a set's edges is the longest, and its length."""
-    which, longest = 0, 0.0
-    for k in range(count):
-        x, y, z = room.edges[k, 0], room.edges[k, 1], room.edges[k, 2]
-        length = sqrt(x * x + y * y + z * z)
-        if length > longest:
-            which, longest = k, length
-    return which, longest

@@ -14,6 +14,7 @@ from closeform.drift.cells import (
     KIND,
     LAST,
     LOST,
+    SIDE,
     SIDE_TYPE,
     STUCK,
     choose,
@@ -23,21 +24,23 @@ from closeform.drift.cells import (
     single,
     span_both,
 )
+from closeform.drift.edges import widest
 from closeform.drift.fans import ROOM_TYPE, is_natural, open_window
 from closeform.drift.flown import (
     MEETS,
-    NEAR,
     SMALLEST,
     aim,
+    around,
     cut,
     descend,
     fly,
+    glance,
     has_extent,
     note,
     target_below,
 )
 from closeform.drift.for_ever import search_tail
-from closeform.drift.planes import march, widest
+from closeform.drift.planes import march
 from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
@@ -54,53 +57,53 @@ TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
 @kernel()
 def fill_cells(one, two, begin, width, n, cells):
     """Fill all cells of a pair, each of one side with each of the other; how many, if there is room."""
-    ones = first_cells(one, 1, n, cells)
-    twos = first_cells(two, 1 + width, n, cells[:0])
+    ones = first_cells(one, SIDE, n, cells)
+    twos = first_cells(two, SIDE + width, n, cells[:0])
     if ones * twos > len(cells):
         return ones * twos
     for k in range(ones - 1, -1, -1):
         for m in range(twos):
-            for c in range(1, 1 + width):
+            for c in range(SIDE, SIDE + width):
                 cells[k * twos + m, c] = cells[k, c]
-    first_cells(two, 1 + width, n, cells)
+    first_cells(two, SIDE + width, n, cells)
     for k in range(ones * twos):
-        for c in range(1 + width, 1 + 2 * width):
+        for c in range(SIDE + width, SIDE + 2 * width):
             cells[k, c] = cells[k % twos, c]
         cell = cells[k]
-        cell[FROM] = max(begin, earliest(one, cell, 1), earliest(two, cell, 1 + width))
+        cell[FROM] = max(begin, earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
     return ones * twos
 
 
 @kernel()
 def sample(one, two, top, width, end, n, form, room):
-    """Fly the middle of each cell, and put the worst last: the least norm, its time."""
-    best, when, worst = inf, nan, 0
+    """Glance at each cell, put the worst last, and go downhill from there: the least norm, its time."""
+    about, near, worst = inf, nan, 0
     for k in range(top):
-        t = max(room.cells[k, FROM], aim(one, two, room.cells[k], width, inf, True, room))
-        if t <= end:
-            least, time = fly(one, two, room.point[0], width, t, end, n, form, room, best)
-            if least < best:
-                best, when, worst = least, time, k
-                note(room, room.point[0])
+        if room.cells[k, FROM] <= end:
+            least, time = glance(one, two, room.cells[k], width, end, n, form, room, about)
+            if least < about:
+                about, near, worst = least, time, k
     for c in range(room.cells.shape[1]):
         swap = room.cells[worst, c]
         room.cells[worst, c] = room.cells[top - 1, c]
         room.cells[top - 1, c] = swap
-    if best < inf:
-        best, when = descend(one, two, width, when, end, n, form, room, best)
-    return best, when
+        room.point[0, c] = room.point[1, c]
+    if near != near:
+        return inf, nan
+    begin, stop = around(one, two, room.point[0], width, near, end, n)
+    best, when = fly(one, two, room.point[0], width, begin, stop, n, form, room, inf)
+    return descend(one, two, width, when, end, n, form, room, best)
 
 
 @kernel()
 def near_by(one, two, cell, width, t, near, end, n, count, room):
     """Aim at the failure that is nearest where planes end; from when and until when it is to be flown."""
     size = widest(room, count)[1] if near < inf else inf
-    s = aim(one, two, cell, width, near if size > SMALLEST else t, False, room)
+    s = aim(one, two, cell, width, near if size > SMALLEST else t, room)
     if near == inf:
         return max(t, s), end
-    reach = NEAR / n if n > 0.0 else 0.05 * (end - s)
-    begin = max(cell[FROM], s, min(t, near - reach) if size <= SMALLEST else near - reach)
-    return begin, min(end, max(near, begin) + reach)
+    begin, stop = around(one, two, room.point[0], width, near, end, n)
+    return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
 
 
 @kernel()
@@ -157,15 +160,16 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         if cell[FROM] > end:
             continue
         rest = span_both(one, two, cell, width, n, room.rows)
-        t, near, extended = cell[FROM], 0.0, has_extent(one, cell, 1) or has_extent(two, cell, 1 + width)
+        t, near = cell[FROM], inf
+        extended = has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width)
         if extended:
             t, clear, near = march_drift(
                 one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room
             )
             if clear:
                 continue
-        begin, until = near_by(one, two, cell, width, t, near if extended else inf, end, n, count, room)
-        least, time = fly(one, two, room.point[0], width, begin, until, n, form, room, best)
+        begin, stop = near_by(one, two, cell, width, t, near, end, n, count, room)
+        least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
         if least < best:
             much = best - least > RETRIED * widest(room, count)[1]
             best, when = least, time
@@ -182,8 +186,8 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
             if top + 2 > len(room.cells):
                 return -inf, float(top), 0.0
             parts = cut(one, two, width, top, t, room, count)
-            if parts == top and until < end:  # all in it is one failure
-                cell[FROM] = until
+            if parts == top and stop < end:  # all in it is one failure
+                cell[FROM] = stop
                 parts += 1
             top = parts
     return best, when, certain
@@ -220,7 +224,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     tube = tube[0], borrowed(tube[1]), borrowed(tube[2])
-    width = (room.cells.shape[1] - 1) // 2
+    width = (room.cells.shape[1] - SIDE) // 2
     for p in range(len(first)):
         choose(one, first[p])
         choose(two, second[p])
@@ -248,8 +252,8 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
         if ratio == -inf or when != when:
             continue
         worst = room.point[1]
-        single(one, worst, 1, n, room.rows[0])
-        single(two, worst, 1 + width, n, room.rows[1])
+        single(one, worst, SIDE, n, room.rows[0])
+        single(two, worst, SIDE + width, n, room.rows[1])
         seen = min(when, end)
         open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
         out[p, TIME], out[p, RATIO], out[p, LOWER] = when, ratio, ratio - known * max(abs(ratio), 1.0)

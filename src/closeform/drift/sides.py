@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.drift.cells import ACCELERATION, FLIES, HELD, LOST, MEASURE, MISSED, STUCK, WEAK, Side
+from closeform.drift.cells import ACCELERATION, FLIES, HELD, LOST, MEASURE, MISSED, SIDE, STUCK, WEAK, Side
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
 from closeform.drift.fans import GENERATORS, PairRoom
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.path import Path, path_of
 
 KINDS = {ThrustLost: LOST, MissedBurns: MISSED, WeakThrust: WEAK, StuckThrust: STUCK}
-CELLS = 2048  # of which a pair is given room at first; as many parts of a path that thrusts are rare
+CELLS = 512  # of which a pair is given room at first; as many parts of a path that thrusts are rare
 NO_BURNS = np.empty((0, 2, WIDTH))
 
 
@@ -109,8 +109,8 @@ def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
     motions = GENERATORS + sum(burns)
     parameters = 2 * max(2, *burns)
     return PairRoom(
-        np.zeros((cells, 1 + 2 * width)),
-        np.zeros((2, 1 + 2 * width)),
+        np.zeros((cells, SIDE + 2 * width)),
+        np.zeros((2, SIDE + 2 * width)),
         np.zeros((2, 4, WIDTH)),
         np.zeros((motions, 8, 3)),
         np.zeros((motions, 3)),

@@ -223,15 +223,20 @@ def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
 @kernel()
 def advance(q, n, t):
     """Derivatives (order 4) seen from time t on."""
-    p0, p1, _ = oscillation(n, t)
+    step_on(q, n, t, oscillation(n, t))
+
+
+@kernel()
+def step_on(q, n, t, transforms):
+    """`advance`, by the `oscillation` of t."""
+    p0, p1, p2 = transforms
     c = 1.0 - n * n * p1
-    x, y, z, vx, vy, vz = relative_state(q, 4, n, t)
     for i in range(3):
-        a, b = q[2, i], q[3, i]
+        v, a, b = q[1, i], q[2, i], q[3, i]
+        q[0, i] += v * t + a * p1 + b * p2
+        q[1, i] += a * p0 + b * p1
         q[2, i] = a * c + b * p0
         q[3, i] = b * c - n * n * a * p0
-    q[0, 0], q[0, 1], q[0, 2] = x, y, z
-    q[1, 0], q[1, 1], q[1, 2] = vx, vy, vz
 
 
 @kernel()
