@@ -14,7 +14,10 @@ from closeform.report.table import PAIR, Column, Table
 
 WORST = 10  # flights that are told one by one
 # Of a single flight, which has neither a median nor a most: other headings, none of columns that say no more.
-ALONE = {"end_95_m": None, "end_most_m": None, "feedback_most_m_s": None, "delta_v_m_s": "all [m/s]"}
+ALONE = {
+    **dict.fromkeys(("end_95_m", "end_most_m", "feedback_most_m_s", "seed", "violated")),
+    "delta_v_m_s": "all [m/s]",
+}
 STAGES = (
     Column("stage", "number"),
     Column("does", "do", words=True),
@@ -67,6 +70,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
         some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)
         for some in (STAGES, (*SPENT[:-1], fuel, SPENT[-1]))
     )
+    flights = FLIGHTS if many else (replace(FLIGHTS[0], heading=None), *FLIGHTS[1:])
     return (
         Table(
             f"Stages, each from where the one before was flown to{ends}",
@@ -74,7 +78,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
             [stage(flown, one) for one in flown.stages],
         ),
         Table(f"What each craft spends{spends}", costs, [*spent(flown)]),
-        Table("The worst flights" if many else "The flight", FLIGHTS, worst),
+        Table("The worst flights" if many else "The flight", flights, worst),
     )
 
 
