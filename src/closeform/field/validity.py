@@ -177,17 +177,15 @@ def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, 
     worst = int(np.argmax(found.ends))
     who = f"craft {worst}" if names is None else names[worst]
     ends = f"In {found.field}, thrust as planned ends {found.ends[worst]:.3g} m off ({who})"
-    left_out = f"Hill's equations leave out {found.residual.max():.2g} m/s^2"
+    left_out = f"Hill's equations leave out {found.residual.max():.2g} m/s²"
     if not len(found.pairs):
         return (ends, left_out)
     near = int(np.argmin(found.flown))
     i, j = found.pairs[near]
     pair = f"craft {i} and {j}" if names is None else f"{names[i]} and {names[j]}"
     entered = " (entered)" if found.flown[near] < 1.0 else ""
-    least = (
-        f"Predicted there: {found.flown[near]:.4f} x zone{entered}, {pair}, planned {found.planned[near]:.4f}"
-    )
-    return (ends, f"{least}. {left_out}")
+    least = f"{found.flown[near]:.4f} x zone{entered}, {pair}; as planned {found.planned[near]:.4f}"
+    return (ends, f"Least predicted there: {least}. {left_out}")
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
