@@ -1187,10 +1187,11 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "craft.execution: no flight can have white noise; remove noise",
     ),
     Bad(
-        "thrust that is lost in flight",
+        "thrust that is lost in flights that plan anew",
         f"{ALTITUDE}\n\n[craft]",
-        f'{IN_FIELD}\n\n[flight]\n{STUDY}vary = {{ "craft.fails" = {{ chance = 0.1 }} }}\n\n[craft]',
-        'study.vary."craft.fails": a flight cannot have it yet; remove it, or [flight]',
+        f'{IN_FIELD}\n\n[flight]\ncontrol = "replan"\n{STUDY}vary = {{ "craft.fails" = {{ chance = 0.1 }} }}\n\n[craft]',
+        'flight.control: replan is for one stage, and there are 2; write control = "track", or leave one stage\n'
+        'study.vary."craft.fails": new plans would need the thrust that is lost; write control = "track", or remove it',
     ),
     Bad(
         "measurements that some case uses too late",
@@ -2374,6 +2375,16 @@ CALLS = (
         "a margin that no function makes a plan of",
         "cf.fit_margin(0.3, cf.Field(chief), cf.Sphere(9.0))",
         "planned: a function of a margin that makes a plan, got 0.3",
+    ),
+    Call(
+        "thrust that is lost at no time",
+        "cf.fly(plan, cf.Field(chief), lost=float('nan'))",
+        "lost: a time, or inf of who loses nothing, got nan",
+    ),
+    Call(
+        "thrust that is lost where plans are made anew",
+        'cf.fly(plan, cf.Field(chief), "replan", zones=cf.Sphere(9.0), lost=60.0)',
+        'lost: new plans would need the thrust that is lost; give control="track"',
     ),
     Call(
         "white noise that a flight would draw",

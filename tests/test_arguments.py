@@ -379,7 +379,7 @@ CALLS = {
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),
         thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, thrusters=None, seeds=2,
-        errors=[None] * len(START),
+        errors=[None] * len(START), lost=np.full(len(START), 600.0),
     ),
     "Flight.path": turned(self=cf.fly(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0),
     "thrust": turned(

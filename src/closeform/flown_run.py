@@ -22,7 +22,7 @@ from closeform.field.tube import Tube, tube
 from closeform.flown_verdict import Entered
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
-from closeform.motion.path import fires_impulses
+from closeform.motion.path import Path, fires_impulses
 from closeform.named_craft import as_listed
 from closeform.stage_start import followed
 from closeform.verdict import Use
@@ -86,8 +86,11 @@ class FlownRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own, plan = [craft.fired(1.0) for craft in run.scenario.craft], run.paths
+        own, plan = [craft.fired(1.0) for craft in run.scenario.craft], planned(run)
         told = told | {"feedback": told["feedback"] or usually_led(run, control)}
+        if run.lost:
+            times = {one.craft: one.time for one in run.lost}
+            told["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
         pulsed = fires_pulses(run, control)
         if pulsed or fires_impulses(plan):
             told["max_acceleration"] = None
@@ -214,12 +217,12 @@ class FlownRun:
     def tube(self) -> Tube | None:
         """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
 
-        None, too, where nothing is uncertain.
+        None, too, where nothing is uncertain, or someone drifts.
         Those lead back to what they fly when changed for the field, which is off the plan between them.  How
         far planned ones are off depends on the plan, and so it does where each burn errs by itself.
         """
         told, impulses = self.told, fires_impulses(self.run.paths)
-        if not self.uncertain or self.control != "track":
+        if not self.uncertain or self.control != "track" or self.run.lost:
             return None
         if told["feedback"].impulses or impulses or told["errors"] is not None:
             return None
@@ -240,4 +243,9 @@ def fires_pulses(run: Stages, control: Control) -> bool:
 
 def usually_led(run: Stages, control: Control) -> Feedback:
     """What leads a run back of which nobody said that."""
-    return usual_feedback(control, fires_pulses(run, control) or fires_impulses(run.paths))
+    return usual_feedback(control, fires_pulses(run, control) or fires_impulses(planned(run)))
+
+
+def planned(run: Stages) -> Path:
+    """What guidance knows of (N,), from the first stage to the last: not of lost thrust."""
+    return followed(run.flown) if run.lost else run.paths

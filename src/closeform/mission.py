@@ -95,12 +95,12 @@ def staged(
 def as_happened(
     mission: Mission, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
 ) -> Mission:
-    """A mission with what its case drew that no plan knows, or flown in its field if that is asked."""
+    """A mission with what its case drew that no plan knows, flown in its field if that is asked."""
     scenario, history = mission.scenario, mission.scenario.history
     if history is not None:
         if (failing := history.failing_in(mission)) is not None:
             history, mission = failing, staged(replace(scenario, history=failing), progress, predicted)
-        return history.whole(mission)
+        mission = history.whole(mission)
     if scenario.flights is None or not mission.flown:
         return mission
     from closeform.field.grounded import Grounded

@@ -178,6 +178,7 @@ class Stages(Result, ABC):
 
     scenario: Scenario
     results: tuple[Any, ...]
+    lost: tuple[LostThrust, ...] = ()
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         yield "title", self.scenario.title
@@ -312,9 +313,8 @@ class Mission(Stages):
     def thrusts(self, result: StageResult[Any, Any]) -> Iterator[Use]:
         """The greatest thrust of each craft that has a limit, as planned in one stage."""
         on = () if result.pulsed is None else result.pulsed.names  # all or nothing
-        for k, (craft, peak) in enumerate(
-            zip(self.scenario.craft, result.planned.paths.peak_thrust.tolist(), strict=True)
-        ):
+        peaks = result.planned.paths.peak_thrust.tolist()
+        for k, (craft, peak) in enumerate(zip(self.scenario.craft, peaks, strict=True)):
             if craft.limited:  # an engine's force, told by what it gives the mass at the start
                 peak *= self.mass_left(result.number, k)
                 yield thrust_use(craft, craft.max_acceleration if craft.name in on else peak)

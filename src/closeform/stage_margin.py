@@ -1,17 +1,13 @@
 """The margin that a stage keeps beyond zones: a length, or what feedback leaves of its own plan."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from closeform.motion.path import Path
 from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint, Scenario
 from closeform.stage_start import StageStart, followed
 from closeform.zones.pair_zones import PairZones
-
-if TYPE_CHECKING:
-    from closeform.field.field import Field
 
 
 def with_margin(
@@ -32,11 +28,12 @@ def with_margin(
     from closeform.field.fitted import fit_margin
     from closeform.field.grounded import Grounded
 
-    told = start.scenario.flight
+    told, known = start.scenario.flight, start.scenario.field
+    assert known is not None
     try:
         found = fit_margin(
             make,
-            field_of(start.scenario, who),
+            known._of(who),
             PairZones.of([start.keep_out[k] for k in who]),
             told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
             told["navigation"],
@@ -52,15 +49,6 @@ def with_margin(
     if found.plan.ok and not found.fits:
         raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
     return found.plan
-
-
-def field_of(scenario: Scenario, who: list[int]) -> "Field":
-    """The field, with craft in another order."""
-    field = scenario.field
-    assert field is not None
-    if field.drag is None:
-        return field
-    return replace(field, drag=replace(field.drag, ballistic=field.drag.ballistic[who]))
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:

@@ -12,8 +12,8 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.campaign.draws import WORDS, uniform
-from closeform.campaign.losses import drifting, flown, instants, missed, told, with_losses
-from closeform.motion.joining import join
+from closeform.campaign.losses import flown, instants, missed, told, with_losses
+from closeform.motion.joining import drifting, join
 from closeform.motion.path import Path
 from closeform.scenario import Craft, Gather, Scenario
 from closeform.search.burn_flaws import BurnFlaws

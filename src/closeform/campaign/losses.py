@@ -7,16 +7,12 @@ from dataclasses import replace
 from math import isnan, nan
 from typing import Any
 
-import numpy as np
-
 from closeform.arrays import Floats
 from closeform.conflicts.flight import watch
 from closeform.conflicts.two_paths import closest_approach
 from closeform.mission_result import Mission, StageResult
-from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH
-from closeform.motion.joining import stack
-from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path, path_of
+from closeform.motion.joining import drift, drifting, stack
+from closeform.motion.path import Path
 from closeform.scenario import Scenario
 from closeform.search.gather_result import Gathering
 from closeform.verdict import LostThrust
@@ -81,37 +77,15 @@ def flown(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) 
 
 def thrust_after(path: Path, time: float) -> bool:
     """Whether a craft burns after some time of its path."""
-    burnt = path.delta_v - drifting(path, time, None).delta_v
+    burnt = path.delta_v - drifting(path, time).delta_v
     return bool(burnt > 0.0)
-
-
-def drifting(path: Path, time: float, state: Floats | None) -> Path:
-    """A craft's path up to a time, and natural motion after; from a state where it began to drift before."""
-    if state is not None:
-        return of_arcs(path.orbit, drift(path.orbit, path.start, path.end, state))
-    arcs = path.arcs[path.arcs[:, START] < time].copy()
-    arcs[-1, END] = min(arcs[-1, END], time)
-    return of_arcs(path.orbit, np.vstack([arcs, drift(path.orbit, time, path.end, path.state(time))]))
-
-
-def drift(orbit: Orbit, start: float, end: float, state: Floats) -> Floats:
-    """The arc (1, WIDTH) of natural motion from a state."""
-    arc = np.zeros((1, WIDTH))
-    arc[0, [START, END, MEAN_MOTION]] = start, end, orbit.mean_motion
-    arc[0, STATE : STATE + 6] = state
-    return arc
-
-
-def of_arcs(orbit: Orbit, arcs: Floats) -> Path:
-    """One craft's path."""
-    return path_of(orbit, arcs, np.array([0, len(arcs)]), ())
 
 
 def nearest(mission: Mission, k: int, time: float) -> tuple[float, str | None]:
     """Least ratio of a craft that drifts since a time to another, and to whom; nan, None without zones."""
     names, orbit, paths = mission.scenario.names, mission.orbit, mission.paths
     own = paths[k]
-    alone = of_arcs(orbit, drift(orbit, time, own.end, own.state(time)))
+    alone = drift(orbit, time, own.end, own.state(time))
     zones = {j: mission.scenario.zones.between(k, j) for j in range(len(names)) if j != k}
     ratios = [
         (float(closest_approach(alone, paths[j], zone).ratio), names[j])

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,37 +19,27 @@ from closeform.field.field import Field
 from closeform.field.flying import Course, fly_all
 from closeform.field.orders import FACET, THRUSTER
 from closeform.field.residual import beyond, residuals
-from closeform.field.timetable import BESIDE, COAST, PULSED, STEP, Timetable, bends_of, edges_of, impulses_of
+from closeform.field.timetable import (
+    BESIDE,
+    COAST,
+    PULSED,
+    SAME,
+    STEP,
+    Timetable,
+    bends_of,
+    edges_of,
+    impulses_of,
+)
 from closeform.motion.arc import IMPULSE, STATE
 from closeform.motion.path import Path
+
+if TYPE_CHECKING:
+    from closeform.field.nozzles import Nozzles
 
 ROUNDS = 2  # of flights in a function's field: the first is off by a share of the field's gradient
 FEW = 8  # flights that are not worth a thread of their own
 STRETCH = 20_000  # steps that are in memory together, about
-
-
-class Nozzles(NamedTuple):
-    """One craft's thrusters as kernels know them, see `field/orders.py`, and when they are on by plan.
-
-    `turns` where they are fixed inertially; from `begins` to `ends` (P,) [s] a pulse of each `whose` (P,) is.
-    """
-
-    thrusters: Floats  # (J, 5)
-    facets: Floats  # (F, 12)
-    turns: bool
-    whose: Any
-    begins: Floats
-    ends: Floats
-
-    def free(self, times: Floats) -> Floats:
-        """For how long (J, T) [s] each was not on between the first of some times and each of them."""
-        found = np.tile(times - times[0], (len(self.thrusters), 1))
-        for j in np.unique(self.whose):
-            edges = np.stack([self.begins[self.whose == j], self.ends[self.whose == j]], axis=1)
-            on = np.concatenate([[0.0], np.cumsum(np.diff(edges, axis=1))])
-            since = np.interp(times, edges.ravel(), np.repeat(on, 2)[1:-1])
-            found[j] -= since - since[0]
-        return found
+NEVER = np.array([np.inf])  # s
 
 
 class Known(NamedTuple):
@@ -66,7 +56,7 @@ class Commands:
     `known` is the field against which they thrust, or None, and `cancelled` (N,) who does; `jumps` (N, Q, 3)
     are planned impulses, one for each of the table's.  `reference` (N, T, 6) are the states that feedback
     leads back to, at those that are shown, if these are not the path's; `limits` and `bits` (N,) bound
-    thrust and impulses.  `nozzles` fire what leads back, of one craft.
+    thrust and impulses.  `nozzles` fire what leads back, of one craft.  From `lost` [s] on nobody thrusts.
     """
 
     path: Path
@@ -80,6 +70,19 @@ class Commands:
     bits: Floats
     ballistics: Floats
     nozzles: Nozzles | None
+    lost: float = np.inf
+
+    def of(self, which: Any) -> Commands:
+        """What some of the craft (M,) are told."""
+        each = {
+            name: getattr(self, name)[which]
+            for name in ("path", "cancelled", "jumps", "limits", "bits", "ballistics")
+        }
+        if self.known is not None:
+            each["known"] = self.known._replace(field=self.known.field._of(which))
+        if self.reference is not None:
+            each["reference"] = self.reference[which]
+        return replace(self, **each)
 
     @property
     def events(self) -> Events:
@@ -145,7 +148,8 @@ def flown(
     fired = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
     each = drawn.seen, drawn.thrust, drawn.events, now, states, fired, spent
-    for course in courses(commands, field, frame, around, drawn):
+    for begin_s, told in courses(commands, field, frame, around, drawn):
+        course = told if begin_s < commands.lost - SAME else _silent(told)
         _side_by_side(field, course, each)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
         asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
@@ -155,6 +159,13 @@ def flown(
         arrivals = states.copy()
         arrivals[:, :, table.shown[table.fires >= 0], 3:] -= fired
     return Flights(states, arrivals, fired, spent[..., 0], asked, spent[..., 1])
+
+
+def _silent(course: Course) -> Course:
+    """A course on which nobody thrusts, whatever is seen."""
+    never = np.full(len(course.fires), -1)
+    nothing = {name: np.zeros_like(getattr(course, name)) for name in ("commanded", "jumps", "law")}
+    return course._replace(looks=never, answers=never, kicks=never, **nothing)
 
 
 def _side_by_side(field: Field, course: Course, each: tuple[Floats, ...]) -> None:
@@ -186,10 +197,11 @@ def commands_of(
     nozzles: Nozzles | None = None,
     span: tuple[float, float] | None = None,
     beside: Floats | None = None,
+    lost: Floats = NEVER,
 ) -> Commands:
     """What planned paths (N,) ask for, their impulses as planned; or in a span that has none.
 
-    `beside` others that fire pulses states are shown at these times, too.
+    `beside` others that fire pulses states are shown at these times, too.  Steps end where thrust is `lost`.
     """
     craft, when, sizes = impulses_of(path)
     offsets = np.zeros(0) if law is None or not law.impulses else slots_of(law)[0]
@@ -202,7 +214,9 @@ def commands_of(
     bends = bends_of(path) if span is None and not pulses else edges[:0]
     bends = bends if beside is None else beside
     span = span or (float(path.start[0]), float(path.end[0]))
-    table = Timetable.of(span, law, offsets, np.union1d(edges, bends), when, longest, bends)
+    bends = np.concatenate([bends, lost[np.isfinite(lost)]])
+    edges = np.concatenate([edges, bends])
+    table = Timetable.of(span, law, offsets, edges, when, longest, bends)
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
     np.add.at(jumps, (craft, np.searchsorted(table.fired_times, when)), sizes)  # some at one instant
@@ -220,10 +234,17 @@ def together(parts: Sequence[Flights], axis: int) -> Flights:
     return replace(parts[0], **joined)
 
 
+def in_order(parts: Sequence[Flights], craft: Any) -> Flights:
+    """Flights of the same times of other craft (N,), by their numbers, in order of these."""
+    found, back = together(parts, 1), np.argsort(craft)
+    asked = np.concatenate([one.asked for one in parts])[back]
+    return replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in OF_FLIGHTS})
+
+
 def courses(
     commands: Commands, field: Field, frame: ChiefFrame, around: Path | None, drawn: Drawn
-) -> Iterator[Course]:
-    """The course of each stretch, which ends where a measurement is made anew."""
+) -> Iterator[tuple[float, Course]]:
+    """When each stretch begins [s], and its course; it ends at a measurement, or where thrust is lost."""
     table, law, orbit = commands.table, commands.law, commands.path.orbit
     rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
     late = np.stack([np.eye(6), np.zeros((6, 6))])
@@ -236,13 +257,17 @@ def courses(
     events = commands.events if drawn.events.size else nothing_of(len(commands.path), table)
     ends = np.flatnonzero((table.shown if law is None else table.looks)[:-1] >= 0)[1:]
     last = 0
-    stops = [*ends.tolist(), len(table.rows)]
+    lost = int(np.searchsorted(table.nodes, commands.lost - SAME))
+    stops = np.unique([*ends, len(table.rows), *[lost] * (0 < lost < len(table.rows))]).tolist()
     for here, after in zip(stops, [*stops[1:], np.inf], strict=True):
-        if after - last > STRETCH:
-            stretch = slice(last, int(here))
-            own = events.during(stretch)
-            yield _course(commands, field, frame, around, (rules, gains, late), stretch, (*own, drawn.gates))
-            last = int(here)
+        if after - last > STRETCH or here == lost:
+            stretch = slice(last, here)
+            own = *events.during(stretch), drawn.gates
+            yield (
+                float(table.nodes[last]),
+                _course(commands, field, frame, around, (rules, gains, late), stretch, own),
+            )
+            last = here
 
 
 def _course(
@@ -292,13 +317,14 @@ def _course(
     ]
     bounds = commands.ballistics, commands.limits, commands.bits
     fire = commands.nozzles
-    sides = np.zeros((0, THRUSTER)), np.zeros((0, FACET)), np.zeros(len(fires)), np.zeros((0, len(fires)))
+    begun, coming = np.flatnonzero(kicks >= 0), np.flatnonzero(table.kicks[steps.stop :] >= 0)
+    over = steps.stop + coming[0] if len(coming) else len(table.nodes) - 1
+    now = np.append(table.nodes[nodes], table.nodes[over])  # to where the last order goes, too
+    sides = np.zeros((0, THRUSTER)), np.zeros((0, FACET)), np.zeros(len(now)), np.zeros((0, len(now)))
     if fire is not None:
-        now = table.nodes[nodes]
         sides = fire.thrusters, fire.facets, path.orbit.mean_motion * now * fire.turns, fire.free(now)
-    begun = np.flatnonzero(kicks >= 0)
     slots = np.zeros(len(fires), dtype=np.int64)
-    slots[begun] = [*begun[1:], len(fires) - 1][: len(begun)]
+    slots[begun] = [*begun[1:], len(fires)][: len(begun)]
     of_each = (np.broadcast_to(one, (count, *one.shape)).copy() for one in sides)
     rules, gains, late = answers_by
     rules_of = looks, answers, late, table.rows[steps], rules, kicks, gains, shown, fires

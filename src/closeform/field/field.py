@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -91,6 +91,12 @@ class Field:
                 f"chief: comes to {low - self.radius:.0f} m above a body of {self.radius:.0f} m; "
                 "give another orbit"
             )
+
+    def _of(self, which: Any) -> Field:
+        """As some of its craft feel it."""
+        if self.drag is None or not np.ndim(self.drag.ballistic):
+            return self
+        return replace(self, drag=replace(self.drag, ballistic=np.asarray(self.drag.ballistic)[which]))
 
     @cached_property
     def _constants(self) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each, shown
-from closeform.field.course import Flights, commands_of, flown
+from closeform.field.course import Flights, commands_of
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, drawable, seeds_of
 from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
@@ -17,6 +17,7 @@ from closeform.field.field import Field
 from closeform.field.flight_result import Flight
 from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.least_ratios import least_ratios
+from closeform.field.lost_thrust import flown_by_each, losses, until_lost
 from closeform.field.retargeted import retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
@@ -42,6 +43,7 @@ def fly(
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     seeds: int | Sequence[int] = 1,
     errors: Any = None,
+    lost: ArrayLike | None = None,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
 
@@ -83,6 +85,9 @@ def fly(
         Of each craft, beside `thrust_error`, drawn anew for its state at the start, for each burn and each
         impulse, whether planned or to lead back.  What leads back by thrust that lasts is a burn from one
         measurement to the next, and so is what thrusters fire from one order to the next.
+    lost : array_like of shape (N,) or () [s], optional
+        When each craft loses its thrust, as nobody knows, inf of one that does not: it drifts from then on.
+        Of thrusters what they are told last to lead back counts as spent.
 
     Returns
     -------
@@ -130,8 +135,11 @@ def fly(
     limit = _limit(max_acceleration, fires, len(paths))
     least = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     draws = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths)))
-    asked = _Asked(paths, field, known or field, law, zones, cancel, limit, least, draws)
+    drifts = losses(lost, len(paths))
+    asked = _Asked(paths, field, known or field, law, zones, cancel, limit, least, draws, drifts)
     if control == "replan":
+        if np.isfinite(drifts).any():
+            raise ValueError('lost: new plans would need the thrust that is lost; give control="track"')
         if zones is None or not cancel or law.impulses or law.delay or fires or pulsed:
             raise ValueError(
                 "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
@@ -175,6 +183,7 @@ class _Asked(NamedTuple):
     limit: Floats
     least: float
     draws: Draws
+    lost: Floats
 
     def replanned(self, zones: Zone | PairZones) -> _Flown:
         """By plans that are made anew."""
@@ -193,21 +202,23 @@ class _Asked(NamedTuple):
         from closeform.field.pulsed_flight import fly_pulses  # whose kernels only thrusters need
 
         fields = self.field, self.believed
-        found = fly_pulses(self.paths, thrusters, fields, self.law, self.draws)
+        found = fly_pulses(self.paths, thrusters, fields, self.law, self.draws, self.lost)
         firing, planned, times, ordered, done = found
-        paths = spanning(self.paths, times)
+        paths = until_lost(spanning(self.paths, times), self.lost)
         return _Flown(times, done, paths, planned, firing=firing, ordered=ordered)
 
     def followed(self) -> _Flown:
         """By thrust that lasts, and by impulses."""
         own, paths = ballistics_of(self.field.drag, len(self.paths)), self.paths
         against = self.believed if self.cancel else None
-        commands = commands_of(paths, self.law, against, own, self.limit, self.least)
+        told = paths, self.law, against, own, self.limit, self.least
+        commands = commands_of(*told, lost=self.lost)
         frame = commands.frame_in(self.field)
         if self.cancel and fires_impulses(paths):
             commands, _ = retargeted(commands, self.believed)
-        done = flown(commands, self.field, frame, self.draws.of(commands, range(len(paths))))
-        return _Flown(commands.table.shown_times, done, paths, paths.delta_v)
+        done = flown_by_each(commands, self.field, frame, self.draws, range(len(paths)), self.lost)
+        led = until_lost(paths, self.lost)
+        return _Flown(commands.table.shown_times, done, led, led.delta_v)
 
     def flight(self, told: _Flown) -> Flight:
         """What is answered of it."""

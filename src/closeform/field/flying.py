@@ -63,9 +63,9 @@ class Course(NamedTuple):
     bits: Floats  # (N,) [m/s], the least impulse that is fired
     thrusters: Floats  # (N, J, 5), see above; J = 0 where impulses go anywhere
     facets: Floats  # (N, F, 12)
-    angles: Floats  # (N, K + 1) [rad] from the frame of the thrusters to the chief's axes
-    free: Floats  # (N, J, K + 1) [s], for how long a thruster was not on by plan until then
-    slots: Any  # (K + 1,) the node at which an order to thrusters ends that is given at one
+    angles: Floats  # (N, K + 2) [rad] from the frame of the thrusters to the chief's axes
+    free: Floats  # (N, J, K + 2) [s], for how long a thruster was not on by plan until then
+    slots: Any  # (K + 1,) the node at which an order to thrusters ends; K + 1 is that of the last one
     burns: Any  # (N, K) which event what is planned in each step is, of those whose errors are drawn
     led: Any  # (K,) which event what leads back in each step is, or -1
     struck: Any  # (K + 1,) which event an impulse is, or -1

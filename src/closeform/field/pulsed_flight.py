@@ -10,18 +10,18 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import OF_FLIGHTS, Flights, Nozzles, commands_of, flown, together
+from closeform.field.course import Flights, commands_of, flown, in_order
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, exactly, nothing_drawn
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
 from closeform.field.grounded import Grounded
-from closeform.field.orders import BIT, STRENGTH, THRUSTER
+from closeform.field.lost_thrust import flown_by_each, losses, until_lost
+from closeform.field.nozzles import nozzles_of
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses, retargeted
 from closeform.field.timetable import BESIDE, edges_of, impulses_of, joined
-from closeform.fuel.allocation import Allocation
 from closeform.fuel.firing import Firing, fire
 from closeform.fuel.pulses import Pulses, linked
 from closeform.fuel.thrusters import Thrusters
@@ -30,7 +30,6 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of
 from closeform.named_craft import named
 
-NEGLIGIBLE = 1e-9  # m/s: not missed where no thruster pushes
 PIECE = 30.0  # s: in so long what is commanded is one arc's thrust, met at four instants
 INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
 
@@ -110,37 +109,32 @@ def led_by_pulses(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedb
     return law
 
 
-def nozzles_of(thrusters: Thrusters, pulses: Pulses) -> Nozzles:
-    """One craft's thrusters, beside the pulses that it fires by plan; after them pushes that none makes."""
-    allocation = Allocation.of(thrusters.directions)
-    rows = np.zeros((allocation.count + 6, THRUSTER))
-    rows[: allocation.count, :BIT] = thrusters.directions
-    rows[: allocation.count, BIT] = thrusters.minimum_bit
-    rows[: allocation.count, STRENGTH] = thrusters.acceleration
-    rows[allocation.count :, BIT] = NEGLIGIBLE
-    facets = np.hstack([allocation.corners.astype(float), allocation.inverses.reshape(-1, 9)])
-    ends = pulses.start + pulses.duration
-    return Nozzles(rows, facets, thrusters.frame == "inertial", pulses.thruster, pulses.start, ends)
-
-
 def fly_pulses(
     paths: Path,
     thrusters: Sequence[Thrusters | None],
     fields: tuple[Field, Field],
     law: Feedback | None,
     draws: Draws,
+    lost: Floats,
 ) -> tuple[Firing, Floats, Floats, Floats, Flights]:
     """What thrusters fire for planned paths (N,), what these cost (N,) [m/s], and what `flown_pulses` gives.
 
-    They cost what thrusters fire for it in Hill's equations, each counted.
+    They cost what thrusters fire for it in Hill's equations, each counted, until they are `lost` (N,) [s].
     """
     law = law and led_by_pulses(law, thrusters)
     jumps, _, _ = changed_impulses(paths, fields[1])
     firing = fired_in(paths, jumps, fields[1], thrusters)
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
-    planned = np.array(paths.delta_v)
-    planned[shooters] = _fired(paths[shooters], shooters, thrusters).delta_v
-    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws)
+    planned = np.array(until_lost(paths, lost).delta_v)
+    by_plan = _fired(paths[shooters], shooters, thrusters).pulses
+    for j, k in enumerate(shooters):
+        planned[k] = _until(by_plan[by_plan.craft == j], lost[k])
+    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws, lost)
+
+
+def _until(pulses: Pulses, time: float) -> float:
+    """What some pulses give up to a time [m/s]."""
+    return float(pulses.impulse @ np.clip((time - pulses.start) / pulses.duration, 0.0, 1.0))
 
 
 def flown_exactly(
@@ -148,7 +142,9 @@ def flown_exactly(
 ) -> tuple[Floats, Floats]:
     """Times (T,), and states (N, T, 6) to which what is fired leads planned paths, without errors."""
     nothing = nothing_drawn(len(paths))
-    times, _, done = flown_pulses(paths, firing, thrusters, (field, field), None, nothing)
+    times, _, done = flown_pulses(
+        paths, firing, thrusters, (field, field), None, nothing, losses(None, len(paths))
+    )
     return times, done.states[0]
 
 
@@ -159,18 +155,20 @@ def flown_pulses(
     fields: tuple[Field, Field],
     law: Feedback | None,
     draws: Draws,
+    lost: Floats,
 ) -> tuple[Floats, Floats, Flights]:
     """Times (T,), when thrusters get orders (Q,), and flights of planned paths (N,) by what is fired.
 
     In the first of two `fields`, the second of which is believed.  Craft with thrusters have steps of their
     own, and are led back to where their pulses lead, those that only coast to the plan; the others
-    as without thrusters.  `draws` are their errors.
+    as without thrusters.  `draws` are their errors, and thrust is `lost` (N,) [s].
     """
     field, believed = fields
     span = np.array([firing.path.start.min(), firing.path.end.max()])
     rest = [k for k, one in enumerate(thrusters) if one is None]
     shooters = [k for k, one in enumerate(thrusters) if one is not None]
     beside = impulses_of(paths[rest])[1] if rest else span[:0]
+    beside = np.concatenate([beside, lost[np.isfinite(lost)]])
     felt, expected = (ballistics_of(one.drag, len(paths)) for one in fields)
     each, measured = [], None
     for j, k in enumerate(shooters):
@@ -184,21 +182,18 @@ def flown_pulses(
             known = frame if believed is field else ChiefFrame.of(believed, plain.table.times)
             alone = flown(replace(plain, law=None), believed, known, exactly(1, 1))
             led = replace(plain, reference=alone.states[0])
-        done = flown(replace(led, ballistics=felt[some]), field, frame, draws.of(led, some, measured))
-        fired = np.array([pulses.impulse.sum()])  # each thruster counts, not their sum
+        told = replace(led, ballistics=felt[some], lost=lost[k])
+        done = flown(told, field, frame, draws.of(led, some, measured))
+        fired = np.array([_until(pulses, lost[k])])  # each thruster counts, not their sum
         each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
     if rest:
         own = spanning(paths, span)[rest]
-        commands = commands_of(own, law, believed, expected[rest], beside=beside)
+        commands = commands_of(own, law, believed._of(rest), expected[rest], beside=beside)
         frame = commands.frame_in(field)
         if len(beside):
             commands, _ = retargeted(commands, believed)
-        done = flown(
-            replace(commands, ballistics=felt[rest]), field, frame, draws.of(commands, rest, measured)
-        )
+        told = replace(commands, ballistics=felt[rest])
+        done = flown_by_each(told, field, frame, draws, rest, lost, measured)
         orders = np.zeros((len(done.spent), len(rest), *each[0].fired.shape[2:]))
         each.append(replace(done, fired=orders))
-    found, back = together(each, 1), np.argsort(shooters + rest)
-    asked = np.concatenate([one.asked for one in each])[back]
-    found = replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in OF_FLIGHTS})
-    return plain.table.shown_times, plain.table.fired_times, found
+    return plain.table.shown_times, plain.table.fired_times, in_order(each, shooters + rest)

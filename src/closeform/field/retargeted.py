@@ -152,8 +152,5 @@ def _nudged(
         which = np.full(3 * len(own), k)
         jumps = commands.jumps[which]
         jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
-        some = {
-            name: getattr(commands, name)[which] for name in ("cancelled", "limits", "bits", "ballistics")
-        }
-        beside = replace(commands, path=commands.path[which], jumps=jumps, **some)
+        beside = replace(commands.of(which), jumps=jumps)
         yield k, flown(beside, field, frame, exactly(len(which), 1)).states[0]

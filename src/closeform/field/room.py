@@ -198,7 +198,7 @@ def room(
     found = []
     for some in groups:
         sets = [own[k] for k in some] if shooters[some[0]] else None
-        flight = Followed.of(paths[some], field, law, cancel, sets)
+        flight = Followed.of(paths[some], field._of(some), law, cancel, sets)
         found.append(
             _of_alike(
                 flight, sight, [None if one is None else [one[k] for k in some] for one in told], least, many

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from closeform.arrays import Floats, sequence
-from closeform.motion.arc import END, IMPULSE, START, STATE
-from closeform.motion.path import FORGIVEN, Path, path_of
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH
+from closeform.motion.path import FORGIVEN, Path, ends_of, path_of
+
+if TYPE_CHECKING:
+    from closeform.motion.orbit import Orbit
 
 
 def _single(paths: Any, verb: str) -> list[Path]:
@@ -112,3 +115,23 @@ def stack(paths: Sequence[Path]) -> Path:
     offsets = np.concatenate([[0], np.cumsum([len(path.arcs) for path in chosen])])
     arcs = np.concatenate([path.arcs for path in chosen])
     return path_of(chosen[0].orbit, arcs, offsets, (len(chosen),))
+
+
+def drifting(path: Path, time: float, state: Floats | None = None) -> Path:
+    """One craft's path up to a time, and natural motion after; from a state if it began to drift before."""
+    if state is not None:
+        return drift(path.orbit, path.start, path.end, state)
+    arcs = path.arcs[path.arcs[:, START] < time].copy()
+    if not len(arcs):
+        return drift(path.orbit, path.start, path.end, ends_of(path)[0])
+    arcs[-1, END] = min(arcs[-1, END], time)
+    after = drift(path.orbit, time, path.end, path.state(time))
+    return path_of(path.orbit, np.vstack([arcs, after.arcs]), np.array([0, len(arcs) + 1]), ())
+
+
+def drift(orbit: Orbit, start: float, end: float, state: Floats) -> Path:
+    """Natural motion from a state."""
+    arc = np.zeros((1, WIDTH))
+    arc[0, [START, END, MEAN_MOTION]] = start, end, orbit.mean_motion
+    arc[0, STATE : STATE + 6] = state
+    return path_of(orbit, arc, np.array([0, 1]), ())

@@ -60,8 +60,9 @@ class FlightTold:
         alike = "" if one.uncertain else "; nothing is uncertain, all others would be the same"
         what = self.title, f"{count} of {len(one.names)} craft, {stages}{alike}"
         where = f"Field: {described(one.field)}, known{self.unknown}; thrust corrected for it"
+        drawn = *self.drawn, *self.lost
         if one.control == "open":
-            return *what, f"{where}; nobody measures", *self.thrust_errors, *self.drawn
+            return *what, f"{where}; nobody measures", *self.thrust_errors, *drawn
         if one.control == "replan":
             where += "; the rest is planned anew, around the zones, at each measurement"
         law, sight = told["feedback"], told["navigation"]
@@ -75,7 +76,13 @@ class FlightTold:
             seen += f", fading in {sight.correlation:g} s"
         if sight.position_bias or sight.velocity_bias:
             seen += f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
-        return *what, where, f"Feedback: {how}", seen, *self.thrust_errors, *self.drawn
+        return *what, where, f"Feedback: {how}", seen, *self.thrust_errors, *drawn
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Who drifts, since when."""
+        told = ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost)
+        return (f"Thrust lost: {told}; from then on craft drift",) * bool(told)
 
     @property
     def unknown(self) -> str:

@@ -62,8 +62,10 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield f"flight.control: replan is for one stage, and there are {len(scenario.stages)}; {remedy}"
     if scenario.study is not None and scenario.study.draws != "vary":
         yield "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]"
-    if scenario.study is not None and FAILS in scenario.study.vary:
-        yield f"study.vary.{shown(FAILS)}: a flight cannot have it yet; remove it, or [flight]"
+    fails = scenario.study is not None and FAILS in scenario.study.vary
+    if scenario.flights.control == "replan" and fails:
+        remedy = 'write control = "track", or remove it'
+        yield f"study.vary.{shown(FAILS)}: new plans would need the thrust that is lost; {remedy}"
 
 
 def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:

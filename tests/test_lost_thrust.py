@@ -1,0 +1,171 @@
+"""Thrust that is lost in flight: the same flight until then, and a drift by another integrator after it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import closeform as cf
+from closeform.campaign import case_of, flown
+from closeform.mission import fly
+from closeform.scenario import parse
+from field_scenario import swap
+from test_field import axes_of, chief, textbook
+
+FIELD = cf.Field(chief())
+ORBIT = FIELD.chief.orbit
+START = np.array([[0, 400, 0, 0, 0, 0], [0, 0, 300, 0, 0, 0], [0, -200, 50, 0, 0, 0.0]])
+ENDS = np.array([[0, -300, 200, 0, 0, 0], [0, 50, 0, 0, 0, 0], [100, 0, 0, 0, 0, 0.0]])
+SPAN = 3000.0
+OWN = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-4, period=30.0)
+SIGHT, OFF = cf.Navigation(0.1, 3e-4), (0.01, 0.01)
+LOST = 1234.567  # s: between two measurements, in a burn
+KINDS = {
+    "thrust that lasts": ("transfer", {}),
+    "thrust as commanded": ("transfer", {"control": "open"}),
+    "impulses": ("two_impulse", {}),
+    "pulses": ("transfer", {"thrusters": OWN}),
+    "pulses of one": ("transfer", {"thrusters": [None, OWN, None]}),
+    "pulses of others": ("transfer", {"thrusters": [OWN, None, OWN]}),
+}
+
+
+def drifted(start: float, state: np.ndarray, end: float) -> np.ndarray:
+    """Where a state at a time leads to by DOP853, in the chief's axes."""
+    origin = FIELD.chief_states([start])[0]
+    felt = textbook(origin[:3])
+    both = np.vstack([origin, cf.inertial_from_relative(origin, state, acceleration=felt)])
+
+    def rates(t, y):
+        states = y.reshape(2, 6)
+        return np.hstack([states[:, 3:], textbook(states[:, :3])]).ravel()
+
+    both = solve_ivp(rates, (start, end), both.ravel(), "DOP853", rtol=1e-11, atol=1e-6).y[:, -1]
+    return axes_of(both[:6]) @ (both[6:9] - both[:3])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_who_loses_thrust_drifts_in_the_field(kind):
+    """The others fly as without, to a micrometre, and so does it until then, with all errors."""
+    make, told = KINDS[kind]
+    path = getattr(ORBIT, make)(START, ENDS, SPAN)
+    told = told | {"navigation": SIGHT, "thrust_error": OFF, "seeds": 3}
+    sound, failing = cf.fly(path, FIELD, **told), cf.fly(path, FIELD, lost=[np.inf, LOST, np.inf], **told)
+    assert LOST in failing.times
+    assert LOST not in sound.times
+    here, there = np.isin(failing.times, sound.times), np.isin(sound.times, failing.times)
+    apart = np.linalg.norm(failing.states[:, :, here] - sound.states[:, :, there], axis=-1)
+    assert apart[:, [0, 2]].max() < 1e-6  # m: steps differ by one
+    before = failing.times[here] < LOST
+    assert apart[:, 1, before].max() < 1e-6
+    assert apart[:, 1].max() > 3.0  # it is missed
+    last = failing.times == LOST
+    for flight in failing.states[:, 1]:
+        assert flight[-1, :3] == pytest.approx(drifted(LOST, flight[last][0], SPAN), abs=1e-3)
+    assert failing.delta_v[:, [0, 2]] == pytest.approx(sound.delta_v[:, [0, 2]], rel=1e-6)
+    assert (failing.delta_v[:, 1] < 0.9 * sound.delta_v[:, 1]).all()
+    assert (failing.limited == 0.0).all()
+
+
+def test_what_is_spent_ends_with_the_thrust():
+    """Without errors: what is commanded until then, from the tables of `thrust`."""
+    lost = [LOST, np.inf, 400.0]
+    lasting, kicks = (getattr(ORBIT, make)(START, ENDS, SPAN) for make in ("transfer", "two_impulse"))
+    table = cf.thrust(lasting, FIELD)
+    sizes = np.linalg.norm(table.commanded, axis=-1)
+    spent = [
+        np.trapezoid(np.interp(some, table.times, own), some)
+        for own, until in zip(sizes, lost, strict=True)
+        for some in [np.linspace(0.0, min(until, SPAN), 5001)]
+    ]
+    told = {"control": "open", "lost": lost}
+    assert cf.fly(lasting, FIELD, **told).delta_v[0] == pytest.approx(spent, rel=1e-4)
+    changed = cf.thrust(kicks, FIELD).impulses
+    sums = [
+        np.linalg.norm(changed.impulse[(changed.craft == k) & (changed.time < lost[k])], axis=1).sum()
+        for k in range(3)
+    ]
+    assert cf.fly(kicks, FIELD, **told).delta_v[0] == pytest.approx(sums, rel=1e-9)
+    fired = cf.thrust(lasting, FIELD, thrusters=OWN).firing.pulses
+    until = np.array(lost)[fired.craft]
+    share = np.clip((until - fired.start) / fired.duration, 0.0, 1.0)
+    pulsed = np.bincount(fired.craft, fired.impulse * share)
+    assert cf.fly(lasting, FIELD, thrusters=OWN, **told).delta_v[0] == pytest.approx(pulsed, rel=1e-9)
+
+
+def test_thrust_that_is_lost_before_or_after_all():
+    """Never missed after the end; from the start on all drifts, and Hill's drift is what it is off."""
+    path = ORBIT.transfer(START, ENDS, SPAN)
+    sound, late, early = (
+        cf.fly(path, FIELD, navigation=SIGHT, seeds=2, lost=lost) for lost in (None, SPAN + 1.0, 0.0)
+    )
+    assert late.states == pytest.approx(sound.states, abs=1e-9)  # rounded in other lanes
+    assert not early.delta_v.any()
+    for k in range(3):
+        assert early.states[1, k, -1, :3] == pytest.approx(drifted(0.0, START[k], SPAN), abs=1e-3)
+    coasted = ORBIT.coast(START, SPAN).position(SPAN)
+    assert early.ends[0] == pytest.approx(np.linalg.norm(early.states[0, :, -1, :3] - coasted, axis=1))
+
+
+def test_craft_of_which_some_have_thrusters_fly_in_air_of_their_own():
+    """Each by its own coefficient, in flights and rooms: as if it flew alone."""
+    path = ORBIT.transfer(START, ENDS, SPAN)
+
+    def air(*own: float) -> cf.Field:
+        return cf.Field(chief(), drag=cf.Drag(5e-12, 500e3, 60e3, ballistic=list(own), chief=0.02))
+
+    sets = [OWN, None, OWN]
+    flight = cf.fly(path, air(0.02, 0.08, 0.03), "open", thrusters=sets)
+    room = cf.room(path, air(0.02, 0.08, 0.03), thrusters=sets, thrust_error=OFF)
+    alone = cf.fly(path[[1]], air(0.08), "open")
+    assert flight.states[0, 1, -1] == pytest.approx(alone.states[0, 0, -1], abs=1e-6)
+    assert flight.delta_v[0, 1] == pytest.approx(alone.delta_v[0, 0], rel=1e-6)
+    only = cf.room(path[[1]], air(0.08), cf.Feedback(300.0, 1800.0, 6), thrust_error=OFF)
+    assert room.greatest[1] == pytest.approx(only.greatest[0], rel=1e-9)
+
+
+STUDY = """
+[navigation]
+position = "10 cm"
+velocity = "0.3 mm/s"
+
+[flight]
+
+[study]
+cases = 12
+seed = 5
+
+[study.vary]
+"craft.fails" = { chance = 0.5 }
+"""
+
+
+def test_cases_whose_craft_fail_are_flown_so():
+    """A row is `cf.fly` of the plan with the instants that it says, and the case says who drifts."""
+    scenario = parse(swap(more='margin = "auto"\n' + STUDY), "fails.toml")
+    campaign, seen = flown(scenario), set()
+    sound = parse(swap(more='margin = "auto"\n' + STUDY.split("[study]")[0]), "sound.toml")
+    plan = fly(sound).paths
+    for case in range(12):
+        times = [campaign.column(f"{name}_fails_s")[case] for name in "AB"]
+        lost = np.where(np.isnan(times), np.inf, times)
+        own = cf.fly(
+            plan,
+            scenario.field,
+            navigation=cf.Navigation(0.1, 3e-4),
+            zones=cf.Sphere(30.0),
+            lost=lost,
+            seeds=[int(campaign.column("flight_seed")[case])],
+        )
+        assert campaign.column("flown_ratio")[case] == pytest.approx(own.least_ratio, abs=1e-9)
+        assert campaign.column("flown_delta_v_m_s")[case] == pytest.approx(own.delta_v.sum(), rel=1e-9)
+        assert campaign.column("flown_end_m")[case] == pytest.approx(own.greatest_end, abs=1e-6)
+        failing = np.isfinite(lost)
+        seen.add(tuple(failing.tolist()))
+        assert (campaign.statuses[case] == "met") == (not failing.any())
+    assert len(seen) == 4  # nobody, either, both
+    first = int(np.flatnonzero(~np.isnan(campaign.column("A_fails_s")))[0])
+    mission = fly(case_of(scenario, first))
+    assert mission.flights.tube is None  # which holds no drift
+    assert mission.flights.flight.least_ratio == campaign.column("flown_ratio")[first]
+    near = campaign.column("drift_ratio")[first]
+    assert campaign.column("flown_ratio")[first] == pytest.approx(min(near, 1.01), abs=0.1)
