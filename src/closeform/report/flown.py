@@ -60,11 +60,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     many = len(worst) > 1
     burnt = "most [kg]" if many else "propellant [kg]"
     fuel = effort.in_grams(flown, replace(effort.FUEL, heading=burnt if weighed else None))
-    ends = (
-        "; how far off it ends in the median flight, in 95 % of them and at most"
-        if many
-        else ", and how far off it ends"
-    )
+    ends = "; ends off in the median, in 95 % and at most" if many else ", and how far off it ends"
     spends = "; on feedback in the median flight and at most" if many else ""
     stages, costs = (
         some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)

@@ -72,8 +72,8 @@ class ByRule:
         where = f"at {self.altitude / 1e3:.0f} km"
         if self.eccentricity is not None:
             where += f", e = {self.eccentricity:.5f}"
-        likely = f"about {self.expected:.2g} m off, 95 % of them below {self.unlikely:.2g} m (rule of thumb)"
-        return f"Left out by Hill's equations {where}: missions end {likely}"
+        likely = f"about {self.expected:.2g} m at the end, 95 % within {self.unlikely:.2g} m (rule of thumb)"
+        return f"Left out by Hill's equations {where}: {likely}"
 
     @property
     def figures(self) -> dict[str, Any]:
