@@ -2,8 +2,9 @@
 
 A round prices the planes of the contacts (`joint_dual`), flies the impulses, and looks for conflicts.
 Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
-clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
-maxima of their primers, and when they last did; in the end only when they must.           # theory 6
+clear stays clear when planes turn, and becomes cheaper.  A start that comes to sides from which an earlier
+one went on is left.  Craft may fire at the times of a grid, at the maxima of their primers, and when they
+last did; in the end only when they must.                                                   # theory 6
 Thrusters have moments of their own each: a time, and the direction of one of them.
 """
 
@@ -25,9 +26,10 @@ from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Checked, Failures, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
-from closeform.planning.impulse_moments import Moments, Pushes, some_of_each
+from closeform.planning.impulse_moments import Moments, Pushes, some_of_each, table_of
 from closeform.planning.impulse_peaks import find_peaks
-from closeform.planning.impulse_scene import BRIEF, Dual, Fleet, Planes, Priced
+from closeform.planning.impulse_planes import fill_planes, is_among, sides_of
+from closeform.planning.impulse_scene import Dual, Fleet, Planes, Priced
 from closeform.planning.joint_dual import price
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
@@ -47,6 +49,7 @@ TURNING = 1e-3  # above it planes still turn, by which paths become cheaper than
 WORTH = 1e-4  # of the cost: by less no other start is looked at to its end, most lead to where one has been
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
 SETTLED = 1e-5  # of the cost: clear rounds that differ by less are the last
+BEEN = 0.03  # of the time in which a pair can give way: planes no further apart may be alike
 PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come and go
 ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 6, 1e-7  # of planes that stay, and how far primers may be above 1 then
@@ -110,10 +113,10 @@ class ImpulseSolver:
         drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
         self.drift = drift, offsets  # who coasts on until its time is over
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
-        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs].swapaxes(1, 2)
-        own = np.concatenate([np.ptp(base[:, [START, END]], axis=1), np.zeros(len(never))])
-        self.brief = BRIEF * own[problem.pairs]
-        self.matrices = problem.bare.matrices[problem.kinds]
+        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # when who can give way
+        self.span = np.array([problem.first, problem.arrival])
+        self.been: list[Floats] = []  # sides, from which rounds of earlier starts went on
+        self.near = BEEN * np.ptp(problem.windows[0], axis=1)
 
     def unconstrained(self) -> Spent:
         """The least delta-v of each craft by itself, whatever is in the way.
@@ -142,8 +145,13 @@ class ImpulseSolver:
     def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
         """The cheapest clear paths that a start leads to; None where there are none well below `bar`."""
         best, self.aim, tolerance, last, idle = None, AIM, WIDEST, inf, 0
-        moments = self.grid
+        moments, been = self.grid, tuple(self.been)
         for _ in range(ROUNDS):
+            if self.failures is None:  # whose planes come and go
+                sides = sides_of(contacts.in_order(), self.near)
+                if is_among(sides, been):
+                    break
+                self.been.append(sides)
             turning = tolerance > TURNING or self.failures is not None
             allowed = 1.0 + tolerance if turning else 1.0 - WORTH
             found = self.priced(moments, contacts, tolerance, allowed * bar)
@@ -173,9 +181,11 @@ class ImpulseSolver:
 
             few, dearer = None, DEARER if self.failures is None else SAFER
             for found in self.refired(best, near_peaks, dearer, steady=False):
-                gained = inf if few is None else few.delta_v - found.delta_v
-                few = found if gained > 0.0 else few
-                if gained < SETTLED * found.delta_v:
+                gained = (few or best).delta_v - found.delta_v
+                still = abs(gained) if found.margin == AIM else inf  # planes that are far out come nearer
+                level = (gained if few else still) < SETTLED * found.delta_v
+                few = found if few is None or gained > 0.0 else few
+                if level:
                     break
             if few is not None:
                 return few
@@ -279,46 +289,37 @@ class ImpulseSolver:
         instants, which = np.empty((count, ROOM)), np.empty((count, ROOM), dtype=np.int64)
         counts = np.zeros(count, dtype=np.int64)
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
-        peaks = [
-            Moments.instants(row[:number], own[:number])
-            for row, own, number in zip(instants, which, counts, strict=True)
-        ]
+        found = zip(instants, which, counts, strict=True)
+        peaks = [Moments.instants(times[:number], own[:number]) for times, own, number in found]
         return Priced(cost, dual.multipliers, impulses, longest, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
         """All craft, with moments at which they may fire."""
-        counts = np.array([len(own.times) for own in moments])
-        times, widths = np.zeros((2, len(counts), counts.max()))
-        which = np.zeros((len(counts), counts.max()), dtype=int)
-        for i, own in enumerate(moments):
-            times[i, : counts[i]], which[i, : counts[i]], widths[i, : counts[i]] = own
-        most = np.where(widths > 0.0, INSIDE * self.limits[:, None] * widths, inf)
-        along, span = self.pushes.along(which, times), np.array([self.problem.first, self.problem.arrival])
-        given = self.problem.bare.base, self.finals, times, along, widths, most, counts, span
+        (times, which, widths), counts = table_of(moments)
+        most = np.full(times.shape, inf)
+        if self.limits.any():
+            most = np.where(widths > 0.0, INSIDE * self.limits[:, None] * widths, inf)
+        along = self.pushes.along(which, times)
+        given = self.problem.bare.base, self.finals, times, along, widths, most, counts, self.span
         return Fleet(*given, *self.pushes)
 
     def planes(self, contacts: Contacts) -> Planes:
         """The planes of contacts, and by how much craft that coast on miss them."""
-        times, which, unforced = contacts.times, contacts.which, contacts.drifts
-        rows = (contacts.normals[:, None] @ self.matrices[which])[:, 0]
-        cuts, (begin, end) = times[:, None] - unforced, self.free[which].swapaxes(0, 1)
-        if unforced.any():
-            brief = self.brief[which] * (unforced > 0.0)
-            since = np.minimum(cuts, 0.5 * (begin + end))  # who coasts is where it would be, whenever
-            unforced = np.where(unforced > 0.0, times[:, None] - since, 0.0)
-            begin, end = begin - brief, end + brief
-        first, second = np.where((begin < cuts) & (cuts < end), self.problem.pairs[which], -1).T.copy()
-        places = self.problem.motions(self.drift, contacts._replace(drifts=unforced))[:, 0]
-        gaps = self.aim - (contacts.normals * places).sum(axis=1)
-        return Planes(times, rows, gaps, first, second, np.ascontiguousarray(cuts))
+        planes = Planes.room(contacts.number)
+        arcs, offsets = self.drift
+        given = self.problem.bare, arcs, offsets[: self.problem.count + 1], contacts, self.free, self.aim
+        fill_planes(*given, planes)
+        return planes
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
         """The contacts that push or are nearer, turned to where their pairs are, and those of conflicts."""
-        problem, undrifting = self.problem, ~drifting(found.contacts)
-        contacts = found.contacts.some(undrifting)
+        problem, contacts, kept = self.problem, found.contacts, found.pushing
+        if self.failures is not None:
+            undrifting = ~drifting(contacts)
+            contacts, kept = contacts.some(undrifting), kept[undrifting]
         contacts = contacts._replace(normals=problem.normals(found.flown, contacts, TURNED))
-        near = (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
-        contacts = contacts.some(near | found.pushing[undrifting])
+        kept |= (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
+        contacts = contacts if kept.all() else contacts.some(kept)
         for pair, row in found.checked.missed:
             one = problem.at(pair, row[2])
             start, end = problem.windows[0][one.which[0]]

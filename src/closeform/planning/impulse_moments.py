@@ -64,6 +64,17 @@ class Moments(NamedTuple):
         return found[0].joined(*found[1:], *([self] if fixed else []))
 
 
+def table_of(moments: Sequence[Moments]) -> tuple[Moments, Any]:
+    """Those of N craft as one table (N, J), and how many (N,) of each row are valid."""
+    counts = np.array([len(own.times) for own in moments])
+    shape = len(counts), int(counts.max())
+    table = Moments(np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros(shape))
+    for i, own in enumerate(moments):
+        for column, values in zip(table, own, strict=True):
+            column[i, : counts[i]] = values
+    return table, counts
+
+
 def some_of_each(moments: Sequence[Moments], chosen: Any) -> list[Moments]:
     """Those of each craft in a mask (N, J), whose rows may be longer than its moments are many."""
     return [own.some(row[: len(own.times)]) for own, row in zip(moments, chosen, strict=True)]
@@ -105,6 +116,8 @@ class Pushes(NamedTuple):
 
     def along(self, which: Any, times: Floats) -> Floats:
         """Directions (N, J, 3) in the orbit's axes, of one for each craft (N, J) at finite times (N, J)."""
+        if not self.directions.any():
+            return np.zeros((*which.shape, 3))
         found: Floats = self.directions[np.arange(len(which))[:, None], which]
         if self.spins.any():
             angles = self.spins[:, None] * times

@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba import types
 
 from closeform.arrays import Floats
@@ -55,6 +56,12 @@ class Planes(NamedTuple):
     first: Any
     second: Any
     cuts: Floats
+
+    @classmethod
+    def room(cls, count: int) -> "Planes":
+        """Room for `count` planes."""
+        (times, misses), (first, second) = np.empty((2, count)), np.empty((2, count), dtype=np.int64)
+        return cls(times, np.empty((count, 3)), misses, first, second, np.empty((count, 2)))
 
     def some(self, chosen: Any) -> "Planes":
         """Those of a mask."""

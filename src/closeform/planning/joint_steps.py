@@ -6,8 +6,6 @@ A plane's multiplier m and by how much the plane is kept are a cone of one numbe
 from math import inf
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import stack_vector
@@ -32,6 +30,7 @@ from closeform.planning.primer_cones import (
 )
 
 ROOT = 1e-14  # of the diagonal, added
+BEYOND = 2.0  # of a step: farther nobody looks whether it stays in its cones
 
 
 class Program(NamedTuple):
@@ -53,30 +52,29 @@ class Program(NamedTuple):
 
 @kernel()
 def weigh(rows, along, cones, count, size, hessian):
-    """Scale a craft's cones; fill the upper half of how what its impulses do grows with its unknowns."""
-    e = np.empty(size)
+    """Scale a craft's cones; fill how what its impulses do grows with its unknowns."""
     for a in range(size):
-        for b in range(a, size):
-            hessian[a, b] = 0.0
+        row = hessian[a]
+        for b in range(size):
+            row[b] = 0.0
     for j in range(count):
         cone, free = cones[j], is_free(along[j])
         scale(cone)
         straight, bend = weights(cone, free)
+        r0, r1, r2 = rows[j, 0], rows[j, 1], rows[j, 2]
         if not free:
             for a in range(size):
-                x0 = straight * rows[j, 0, a]
-                for b in range(a, size):
-                    hessian[a, b] += x0 * rows[j, 0, b]
+                row, x0 = hessian[a], straight * r0[a]
+                for b in range(size):
+                    row[b] += x0 * r0[b]
             continue
         w0, w1, w2 = cone[SCALING + 1], cone[SCALING + 2], cone[SCALING + 3]
         for a in range(size):
-            e[a] = rows[j, 0, a] * w0 + rows[j, 1, a] * w1 + rows[j, 2, a] * w2
-        for a in range(size):
-            x0, x1, x2 = straight * rows[j, 0, a], straight * rows[j, 1, a], straight * rows[j, 2, a]
-            leaning = bend * e[a]
-            for b in range(a, size):
-                across = x0 * rows[j, 0, b] + x1 * rows[j, 1, b] + x2 * rows[j, 2, b]
-                hessian[a, b] += across + leaning * e[b]
+            x0, x1, x2, row = r0[a], r1[a], r2[a], hessian[a]
+            lean = bend * (w0 * x0 + w1 * x1 + w2 * x2)
+            y0, y1, y2 = straight * x0 + lean * w0, straight * x1 + lean * w1, straight * x2 + lean * w2
+            for b in range(size):  # all, not the upper half: vector instructions
+                row[b] += y0 * r0[b] + y1 * r1[b] + y2 * r2[b]
 
 
 @kernel()
@@ -157,7 +155,7 @@ def step_towards(program, cones, planes, hessians, schur, tau, correction, chang
     By a `correction` of so much of the product of the changes before.  Returns how far the primers can go
     there, and the impulses, and the square of the way.
     """
-    p, first, second, left = stack_vector(3), inf, inf, 0.0
+    p, first, second, left = stack_vector(3), BEYOND, BEYOND, 0.0
     for k in range(len(planes)):
         aim(planes[k], False, inf, tau, correction, p)
         ahead[k] = program.misses[k] + p[0]
@@ -175,7 +173,7 @@ def step_towards(program, cones, planes, hessians, schur, tau, correction, chang
         p[0] = -ahead[k]
         turn(planes[k], False, inf, p)
         left += decrement(planes[k])
-        first, second = min(first, reach(planes[k], PRIMER)), min(second, reach(planes[k], IMPULSE))
+        first, second = reach(planes[k], PRIMER, first), reach(planes[k], IMPULSE, second)
     for i in range(len(program.counts)):
         for j in range(program.counts[i]):
             cone, row, most = cones[i, j], program.rows[i, j], program.most[i, j]
@@ -185,7 +183,7 @@ def step_towards(program, cones, planes, hessians, schur, tau, correction, chang
                     p[axis] += row[axis, a] * changes[i, a]
             turn(cone, is_free(program.along[i, j]), most, p)
             left += decrement(cone)
-            first, second = min(first, reach(cone, PRIMER)), min(second, reach(cone, IMPULSE))
+            first, second = reach(cone, PRIMER, first), reach(cone, IMPULSE, second)
             if most < inf:
                 first, second = min(first, room(cone, SLACK)), min(second, room(cone, SPARED))
     return first, second, left

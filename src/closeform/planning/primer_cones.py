@@ -13,15 +13,16 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import stack_vector
 
 # One moment's numbers: four of the primer's side and four of the impulse's, slack and what is spared; the
-# scaling, w (4) and the square of its size; how the first ten change; and where u and what is spared tend to.
-PRIMER, IMPULSE, SLACK, SPARED, SCALING, SIZE, CHANGE, AIM, ROW = 0, 4, 8, 9, 10, 14, 15, 25, 30
+# scaling, w (4), and one over the square of its size, by which an impulse grows with its primer; how the
+# first ten change; and where u and what is spared tend to.
+PRIMER, IMPULSE, SLACK, SPARED, SCALING, GROWTH, CHANGE, AIM, ROW = 0, 4, 8, 9, 10, 14, 15, 25, 30
 
 
 @kernel()
-def length(cone, at):
-    """sqrt(a^2 - |b|^2) of a point (a, b) inside a cone, whose four numbers begin `at` some place."""
-    rest = sqrt(cone[at + 1] ** 2 + cone[at + 2] ** 2 + cone[at + 3] ** 2)
-    return sqrt((cone[at] - rest) * (cone[at] + rest))
+def square(cone, at):
+    """a^2 - |b|^2 of a point (a, b), above 0 inside a cone, whose four numbers begin `at` some place."""
+    a, x, y, z = cone[at], cone[at + 1], cone[at + 2], cone[at + 3]
+    return a * a - (x * x + y * y + z * z)
 
 
 @kernel()
@@ -35,22 +36,29 @@ def place(cone, free, most):
         cone[SLACK] = 1.0 / cone[SPARED]
         cone[PRIMER] += cone[SLACK]
     else:
-        cone[IMPULSE] = order * cone[PRIMER] / length(cone, PRIMER) ** 2
+        cone[IMPULSE] = order * cone[PRIMER] / square(cone, PRIMER)
     for axis in range(1, 4):
         cone[IMPULSE + axis] = -cone[IMPULSE] * cone[PRIMER + axis] / cone[PRIMER]
 
 
 @kernel()
+def product(cone):
+    """The scalar product of a point and its dual."""
+    total = 0.0
+    for k in range(4):
+        total += cone[PRIMER + k] * cone[IMPULSE + k]
+    return total
+
+
+@kernel()
 def scale(cone):
     """Fill the scaling of a point and its dual."""
-    s, u, both = length(cone, PRIMER), length(cone, IMPULSE), 1.0
-    for k in range(4):
-        both += cone[PRIMER + k] / s * cone[IMPULSE + k] / u
-    both = sqrt(2.0 * both)
+    s, u = 1.0 / sqrt(square(cone, PRIMER)), 1.0 / sqrt(square(cone, IMPULSE))
+    both = 1.0 / sqrt(2.0 * (1.0 + s * u * product(cone)))
     for k in range(4):
         sign = 1.0 if k == 0 else -1.0
-        cone[SCALING + k] = (cone[PRIMER + k] / s + sign * cone[IMPULSE + k] / u) / both
-    cone[SIZE] = s / u
+        cone[SCALING + k] = both * (s * cone[PRIMER + k] + sign * u * cone[IMPULSE + k])
+    cone[GROWTH] = s / u
 
 
 @kernel()
@@ -58,16 +66,16 @@ def stiffness(cone):
     """By how much the impulse's first number and what is spared fall with a slack; inf without a limit."""
     if cone[SLACK] == 0.0:
         return inf
-    return (2.0 * cone[SCALING] ** 2 - 1.0) / cone[SIZE] + cone[SPARED] / cone[SLACK]
+    return (2.0 * cone[SCALING] ** 2 - 1.0) * cone[GROWTH] + cone[SPARED] / cone[SLACK]
 
 
 @kernel()
 def weights(cone, free):
     """How an impulse grows with its primer: by the first of these, and by the second along w."""
-    stiff = stiffness(cone)
+    share = cone[GROWTH] / stiffness(cone)
     if not free:
-        return (1.0 - 1.0 / (cone[SIZE] * stiff)) / cone[SIZE], 0.0
-    return 1.0 / cone[SIZE], (2.0 - 4.0 * cone[SCALING] ** 2 / (cone[SIZE] * stiff)) / cone[SIZE]
+        return (1.0 - share) * cone[GROWTH], 0.0
+    return cone[GROWTH], (2.0 - 4.0 * cone[SCALING] ** 2 * share) * cone[GROWTH]
 
 
 @kernel()
@@ -76,7 +84,7 @@ def aim(cone, free, most, tau, share, v):
 
     Corrected by a `share` of the product of the changes before.
     """
-    inverse = (2.0 if free else 1.0) * tau / length(cone, PRIMER) ** 2
+    inverse = (2.0 if free else 1.0) * tau / square(cone, PRIMER)
     for k in range(4):
         sign = 1.0 if k == 0 else -1.0
         cone[AIM + k] = sign * inverse * cone[PRIMER + k]
@@ -89,21 +97,23 @@ def aim(cone, free, most, tau, share, v):
         lower = (cone[AIM] + cone[AIM + 4] - most) / stiffness(cone)
     if free:
         for axis in range(3):
-            pull = -2.0 * cone[SCALING] * cone[SCALING + 1 + axis] / cone[SIZE]
+            pull = -2.0 * cone[SCALING] * cone[SCALING + 1 + axis] * cone[GROWTH]
             v[axis] = lower * pull - cone[AIM + 1 + axis]
     else:
-        v[0], v[1], v[2] = cone[AIM] - lower / cone[SIZE], 0.0, 0.0
+        v[0], v[1], v[2] = cone[AIM] - lower * cone[GROWTH], 0.0, 0.0
 
 
 @kernel()
-def scaled(cone, values, at, sign, out):
-    """Fill `out` (4,): W times four values that begin `at` some place, or its inverse where `sign` is -1."""
-    size = sqrt(cone[SIZE]) ** sign
+def scaled(cone, values, at, sign, size, bend, out):
+    """Fill `out` (4,): W times four values that begin `at` some place, or its inverse where `sign` is -1.
+
+    Its `size`, or one over that, and its `bend` are given.
+    """
     along = 0.0
     for k in range(1, 4):
         along += cone[SCALING + k] * values[at + k]
     out[0] = size * (cone[SCALING] * values[at] + sign * along)
-    lean = along / (1.0 + cone[SCALING]) + sign * values[at]
+    lean = along * bend + sign * values[at]
     for k in range(1, 4):
         out[k] = size * (values[at + k] + cone[SCALING + k] * lean)
 
@@ -112,17 +122,18 @@ def scaled(cone, values, at, sign, out):
 def correct(cone, share):
     """Take from the aim of u what lines miss of the product of the changes of s and u, scaled."""
     s, u, x, y = stack_vector(4), stack_vector(4), stack_vector(4), stack_vector(4)
-    scaled(cone, cone, CHANGE + PRIMER, -1.0, s)
-    scaled(cone, cone, CHANGE + IMPULSE, 1.0, u)
-    scaled(cone, cone, IMPULSE, 1.0, x)
-    y[0], square = x[0] * s[0] * u[0], x[0] * x[0]
+    small = sqrt(cone[GROWTH])
+    large, bend = 1.0 / small, 1.0 / (1.0 + cone[SCALING])
+    scaled(cone, cone, CHANGE + PRIMER, -1.0, small, bend, s)
+    scaled(cone, cone, CHANGE + IMPULSE, 1.0, large, bend, u)
+    scaled(cone, cone, IMPULSE, 1.0, large, bend, x)
+    one, both = 1.0 / x[0], x[0] * s[0] * u[0]
     for k in range(1, 4):
-        y[0] += x[0] * s[k] * u[k] - x[k] * (s[0] * u[k] + u[0] * s[k])
-        square -= x[k] * x[k]
-    y[0] /= square
+        both += x[0] * s[k] * u[k] - x[k] * (s[0] * u[k] + u[0] * s[k])
+    y[0] = both / square(x, 0)
     for k in range(1, 4):
-        y[k] = (s[0] * u[k] + u[0] * s[k] - y[0] * x[k]) / x[0]
-    scaled(cone, y, 0, -1.0, x)
+        y[k] = (s[0] * u[k] + u[0] * s[k] - y[0] * x[k]) * one
+    scaled(cone, y, 0, -1.0, small, bend, x)
     for k in range(4):
         cone[AIM + k] -= share * x[k]
 
@@ -135,9 +146,9 @@ def turn(cone, free, most, primer):
         slack = cone[AIM] + cone[AIM + 4] - most
         if free:
             for axis in range(3):
-                slack += 2.0 * cone[SCALING] * cone[SCALING + 1 + axis] * primer[axis] / cone[SIZE]
+                slack += 2.0 * cone[SCALING] * cone[SCALING + 1 + axis] * primer[axis] * cone[GROWTH]
         else:
-            slack += primer[0] / cone[SIZE]
+            slack += primer[0] * cone[GROWTH]
         slack /= stiffness(cone)
         cone[CHANGE + SPARED] = cone[AIM + 4] - cone[SPARED] * (1.0 + slack / cone[SLACK])
     cone[CHANGE + SLACK] = slack
@@ -148,21 +159,23 @@ def turn(cone, free, most, primer):
         along -= cone[SCALING + 1 + axis] * cone[CHANGE + 1 + axis]
     for k in range(4):
         sign = 1.0 if k == 0 else -1.0
-        pushed = sign * (2.0 * cone[SCALING + k] * along - cone[CHANGE + k]) / cone[SIZE]
+        pushed = sign * (2.0 * cone[SCALING + k] * along - cone[CHANGE + k]) * cone[GROWTH]
         cone[CHANGE + IMPULSE + k] = cone[AIM + k] - pushed - cone[IMPULSE + k]
 
 
 @kernel()
-def reach(cone, at):
-    """How far the point `at` some place can change inside its cone."""
-    a, b, c = cone[CHANGE + at] ** 2, cone[at] * cone[CHANGE + at], length(cone, at) ** 2
+def reach(cone, at, most):
+    """How far the point `at` some place can change inside its cone, up to `most`."""
+    ahead = cone[CHANGE + at]
+    a, b, c = square(cone, CHANGE + at), cone[at] * ahead, square(cone, at)
     for k in range(at + 1, at + 4):
-        a -= cone[CHANGE + k] ** 2
         b -= cone[k] * cone[CHANGE + k]
+    if cone[at] + most * ahead > 0.0 and (a * most + 2.0 * b) * most + c > 0.0:
+        return most
     root = sqrt(max(b * b - a * c, 0.0))
     if b < 0.0:
-        return c / (root - b)
-    return -(b + root) / a if a < 0.0 else inf
+        return min(most, c / (root - b))
+    return min(most, -(b + root) / a) if a < 0.0 else most
 
 
 @kernel()
@@ -204,7 +217,4 @@ def advance(cone, limited, first, second):
 @kernel()
 def complement(cone):
     """What a cone adds to the gap."""
-    total = cone[SLACK] * cone[SPARED]
-    for k in range(4):
-        total += cone[PRIMER + k] * cone[IMPULSE + k]
-    return total
+    return cone[SLACK] * cone[SPARED] + product(cone)
