@@ -14,7 +14,7 @@ from bodies import Body
 from closeform import plots
 from closeform.plots.camera import GROUP_COLOURS, Camera, hull, ring
 from closeform.plots.cones import half_rim
-from closeform.plots.film import schedule
+from closeform.plots.film import reel, schedule
 from closeform.plots.formation import ThreeViews
 from closeform.plots.hyperbola import CAMERA, Meeting
 from closeform.plots.moment import Knots, Moment, clock_text
@@ -453,6 +453,19 @@ def test_animation(tmp_path):
     assert anew.shape == last.shape
     assert np.abs(anew - last).mean() < 1.5  # of 255: the palette has 64 colours
     assert tuple(last[1, 1]) == (255, 255, 255)
+
+
+def test_a_film_keeps_every_frame_as_it_was_drawn():
+    """Also where a file holds only what differs from the frame before."""
+    film = reel(FIVE, frames=6)
+    drawn = [np.asarray(frame.convert("RGB")) for frame in film.frames(slice(None))]
+    file = io.BytesIO()
+    film.save(file, film.frames(slice(None)))
+    with Image.open(file) as shown:
+        assert shown.n_frames == len(drawn)
+        for k, frame in enumerate(drawn):
+            shown.seek(k)
+            assert np.array_equal(np.asarray(shown.convert("RGB")), frame)
 
 
 def test_animation_to_a_buffer():

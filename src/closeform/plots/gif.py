@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from os import PathLike
 from typing import IO
 
@@ -11,7 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-COLOURS = 64
+COLOURS = 63
+AS_BEFORE = COLOURS  # the index of pixels that a frame leaves as they are
 NEAR = 24  # of 765: a shade that is as near to a firm colour is drawn in that
 
 
@@ -57,10 +59,26 @@ class Reel:
         return coded
 
     def save(self, file: str | PathLike[str] | IO[bytes], frames: Sequence[Image.Image]) -> None:
-        """Write all frames as an animated GIF."""
-        first, *others = frames
-        stays = [stay for _, stay in self.moments]
-        first.save(file, "GIF", save_all=True, append_images=others, duration=stays, loop=0, optimize=True)
+        """Write all frames as an animated GIF: of each what differs from the one before."""
+        frames[0].save(
+            file,
+            "GIF",
+            save_all=True,
+            append_images=[changed(*two) for two in pairwise(frames)],
+            duration=[stay for _, stay in self.moments],
+            loop=0,
+            optimize=False,  # Pillow would look for the differences again, in some versions for seconds
+            transparency=AS_BEFORE,
+            disposal=1,
+        )
+
+
+def changed(before: Image.Image, frame: Image.Image) -> Image.Image:
+    """A frame with only those pixels that are not as in the one before."""
+    old, new = np.asarray(before), np.asarray(frame)
+    only = frame.copy()
+    only.frombytes(np.where(new == old, np.uint8(AS_BEFORE), new).tobytes())
+    return only
 
 
 def common_palette(pictures: list[Image.Image], firm: Sequence[str]) -> Image.Image:

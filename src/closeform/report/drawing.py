@@ -121,8 +121,8 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
     count = max(1, len(_drawers))
     films = [picture for picture in pictures if isinstance(picture, Film)]
     shares = {film.name: [Share(film, index, count) for index in range(1, count)] for film in films}
-    waiting = deque[Drawable](picture for picture in pictures if not isinstance(picture, Film))
-    waiting.extend(share for each in shares.values() for share in each)
+    waiting = deque[Drawable](share for each in shares.values() for share in each)  # the longest first
+    waiting.extend(picture for picture in pictures if not isinstance(picture, Film))
     made: dict[str, Any] = {}
 
     def following() -> Drawable | None:
