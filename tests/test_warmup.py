@@ -5,9 +5,12 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from numba import float64
+
 from closeform import compiled
 from closeform.given import read
-from closeform.warmup import NEEDS, compile_for
+from closeform.lock_file import lock
+from closeform.warmup import NEEDS, compile_all, compile_for
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -15,6 +18,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 def needed(name: str, monkeypatch) -> list[str]:
     """The modules that are compiled ahead for an example."""
     monkeypatch.setattr("closeform.warmup.before_first_compilation", begun := [])
+    monkeypatch.setattr("closeform.warmup.meanwhile", [])
     found: list[str] = []
     monkeypatch.setattr("closeform.warmup.compile_beside", found.extend)
     compile_for((EXAMPLES / f"{name}.toml").read_text(encoding="utf-8"))
@@ -59,3 +63,30 @@ def test_impulses_and_searches_are_compiled_where_they_are_asked_for(monkeypatch
     assert "closeform.conflicts.entries" not in needed("s04", monkeypatch)  # nor are there conflicts
     assert "closeform.planning.joint_dual" in needed("swap_impulses", monkeypatch)
     assert "closeform.search.lock_march" in needed("s04_counterexample", monkeypatch)
+
+
+def test_who_waits_for_a_kernel_compiles_others_meanwhile(monkeypatch, tmp_path) -> None:
+    """Another process compiles one and is done as the first other is; the second is left to later."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(compiled, "ENTRIES", entries := [])
+    monkeypatch.setattr("closeform.warmup.ENTRIES", entries)
+
+    def made(factor: float):
+        return compiled.kernel(float64(float64))(lambda x: factor * x)
+
+    waited, first, second = made(2.0), made(3.0), made(4.0)
+    path = waited._cache.path
+    path.parent.mkdir(parents=True)
+    held = lock(path.with_name(f"{path.name}.lock"), False)
+
+    def ended() -> bool:
+        if first.overloads:
+            held.close()
+        return bool(first.overloads)
+
+    entries[:] = [first, second]
+    monkeypatch.setattr(compiled, "_announced", [True])
+    monkeypatch.setattr(compiled, "meanwhile", [lambda _: compile_all([__name__], ended)])
+    assert waited(21.0) == 42.0
+    assert first.overloads
+    assert not second.overloads

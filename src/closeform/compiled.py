@@ -4,19 +4,22 @@ import gc
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Lock
 from typing import Any
 
 import numba
 from numba.core import config
 from numba.core.types import Array, BaseTuple, unliteral
 
-from closeform.kernel_cache import KernelCache, alone, parts
+from closeform.kernel_cache import KernelCache, alone, is_under_way, parts
 from closeform.kernel_parts import PartCompiler
 from closeform.own_process import is_ours
 
 _announced: list[bool] = []
 ENTRIES: list[Any] = []  # the entry points of all modules that were imported
 before_first_compilation: list[Callable[[], None]] = []  # called when a kernel is found missing
+meanwhile: list[Callable[[Callable[[], bool]], None]] = []  # called to wait for one, until it is there
+_waiting = Lock()
 
 
 def announce(damaged: str = "") -> None:
@@ -49,6 +52,16 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
+def use_the_wait(ended: Callable[[], bool]) -> None:
+    """Do what there is to do meanwhile, if this is not done in such a wait itself."""
+    if _waiting.acquire(blocking=False):
+        try:
+            for work in meanwhile:
+                work(ended)
+        finally:
+            _waiting.release()
+
+
 def prepare(entry: Any, wait: bool = True) -> None:
     """Load an entry point from the cache or compile it; nobody else does meanwhile.
 
@@ -59,6 +72,9 @@ def prepare(entry: Any, wait: bool = True) -> None:
         return
     for part in parts(entry)[1:]:  # an entry point can be part of another
         prepare(part)
+    here = cached.lock.locked()  # another thread has it
+    if wait and _announced and not here and is_under_way(cached.path):
+        use_the_wait(cached.path.exists)
     with cached.lock:
         if entry.overloads:
             return

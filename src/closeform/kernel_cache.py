@@ -187,6 +187,12 @@ def alone(path: Path, wait: bool = True) -> Iterator[bool]:
         held.close()
 
 
+def is_under_way(path: Path) -> bool:
+    """Whether somebody else compiles a kernel."""
+    with alone(path, wait=False) as mine:
+        return not mine
+
+
 def parts(entry: Any) -> list[Any]:
     """An entry point and all that is compiled into it, in an order that its code fixes."""
     found: dict[Any, None] = {}

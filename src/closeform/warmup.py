@@ -4,9 +4,10 @@ import atexit
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib import import_module
 
-from closeform.compiled import ENTRIES, before_first_compilation, prepare
+from closeform.compiled import ENTRIES, before_first_compilation, meanwhile, prepare
 
 # What a line of a scenario file begins with, and the modules whose kernels that needs; the longest first, for
 # the process that flies begins with others.
@@ -33,6 +34,7 @@ def compile_for(text: str) -> None:
     modules = [f"closeform.{module}" for module in needed.split()]
     if modules:
         before_first_compilation.append(lambda: compile_beside(modules))
+        meanwhile.append(lambda ended: compile_all(modules[::-1], ended))
 
 
 def compile_beside(modules: list[str]) -> None:
@@ -47,10 +49,12 @@ def compile_beside(modules: list[str]) -> None:
     atexit.register(other.kill)
 
 
-def compile_all(modules: list[str]) -> None:
-    """Compile the entry points of `modules`, but for those that another process has under way."""
+def compile_all(modules: list[str], ended: Callable[[], bool] = lambda: False) -> None:
+    """Compile the entry points of `modules` until `ended`, but for those that others have under way."""
     for module in modules:
         import_module(module)
-        for entry in ENTRIES:
+        for entry in [*ENTRIES]:
+            if ended():
+                return
             if entry.__module__ == module:
                 prepare(entry, wait=False)
