@@ -34,12 +34,14 @@ from closeform.report.cases import by_detection
 from closeform.report.run import RunReport
 from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gather import gather
+from closeform.search.gather_result import Gathering
 from closeform.search.locks import lock_times
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
 from test_cli import numbers
+from test_flawed_gathering import LOST
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -395,6 +397,44 @@ def test_gatherings_are_those_of_gather() -> None:
         if one.ok:
             assert campaign.time[case] == one.duration
     assert 0 < len(campaign.failed) < 40
+
+
+def test_what_gatherings_cost_by_cause_and_phase() -> None:
+    """By the events of each case's run, which an independent model tells, too."""
+    text = LOST.replace("[sensor]", 'keep_out = { sphere = "40 m" }\n\n[sensor]')
+    campaign = flown(parse(text.replace("180 m", "300 m")), 60)
+    assert isinstance(campaign, GatherCampaign)
+    words = {
+        "burn": "to join the formation set",
+        "correction": "on corrections against collisions",
+        "near field": "in the near-field search",
+    }
+    spent: dict[str, list[float]] = {name: [] for name in words.values()}
+    for case in range(60):
+        one = fly(case_of(campaign.scenario, case)).results[0].result
+        assert isinstance(one, Gathering)
+        if not one.ok:
+            continue
+        each = {
+            kind: sum(np.linalg.norm(event.delta_v) for event in one.events if event.kind == kind)
+            for kind in words
+        }
+        last = one.events[-1]
+        until = "gathered at once" if one.duration == 0.0 else f"gathered in {last.phase} {last.round}"
+        for name, size in [
+            *((words[kind], size) for kind, size in each.items()),
+            (until, sum(each.values())),
+        ]:
+            spent.setdefault(name, []).append(float(size))
+    assert campaign.costs.keys() == spent.keys()
+    assert len(spent) > 5
+    for name, sizes in spent.items():
+        found = campaign.costs[name]
+        assert found.count == len(sizes)
+        assert max(sizes) > 0.0
+        told = [found.mean, found.quantiles[0.5].value, found.quantiles[0.95].value, found.worst[0][0]]
+        truth = [np.mean(sizes), *np.quantile(sizes, [0.5, 0.95]), np.max(sizes)]
+        np.testing.assert_allclose(told, truth, rtol=1e-12, atol=1e-15)
 
 
 def test_h03() -> None:

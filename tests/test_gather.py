@@ -590,13 +590,18 @@ def test_many_cases_are_what_gather_does_case_by_case(burns, speed):
     options = {"burns": burns, "rounds": 2, "max_speed": speed, "keep_out": keep_out}
     many = cf.gather_cases(search, positions, velocities, "balanced", **options)
     assert len(many) == 40
-    ended = set()
+    ended, burnt = set(), Counter()
+    causes = {"correction": lambda one: one.corrections, "near field": lambda one: one.near_field}
     for c in range(40):
         g = cf.gather(search, positions[c], velocities[c], "balanced", **options)
         assert many.duration[c] == g.duration
         assert many.rounds[c] == g.rounds
         assert many.left[c] == (n - len(g.sets[0]) if g.sets else n)
         assert many.delta_v[c] == pytest.approx(g.delta_v.sum(), rel=1e-12)
+        spent = {kind: [np.linalg.norm(e.delta_v) for e in g.events if e.kind == kind] for kind in causes}
+        for kind, found in causes.items():
+            assert found(many)[c] == pytest.approx(sum(spent[kind]), rel=1e-12, abs=0.0)
+            burnt[kind] += len(spent[kind])
         assert (many.leg[c] >= 0) == g.ok
         if g.ok:
             leg = many.search.legs[many.leg[c]]
@@ -605,6 +610,7 @@ def test_many_cases_are_what_gather_does_case_by_case(burns, speed):
         ended.add(g.ok)
     assert many.search.duration == g.search.duration
     assert ended == {True, False}
+    assert (burnt["near field"] > 0) == (speed is not None)
 
 
 # ---- near-field search

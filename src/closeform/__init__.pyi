@@ -138,8 +138,8 @@ from closeform.search.gather_result import (
     EventKind as EventKind,
     GatherStatus as GatherStatus,
     Gathering as Gathering,
-    Gatherings as Gatherings,
 )
+from closeform.search.gatherings import Gatherings as Gatherings
 from closeform.search.locks import Locks as Locks, lock_times as lock_times
 from closeform.search.lock_proof import LockProof as LockProof, prove_locks as prove_locks
 from closeform.search.longest_lock import LongestLock as LongestLock, longest_lock as longest_lock

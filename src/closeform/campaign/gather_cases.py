@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import compress
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -16,6 +17,7 @@ from closeform.campaign.draws import drawn, failures, lost_by, searching, varied
 from closeform.campaign.ends import ended
 from closeform.campaign.lock_cases import apart
 from closeform.campaign.search_campaign import Campaign
+from closeform.campaign.spread import Spread
 from closeform.campaign.tally import Settled
 from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Scenario
@@ -23,12 +25,17 @@ from closeform.scenario.stages import Gather
 from closeform.scenario.study import FAILS
 from closeform.search.flawed_gather import gather_failing
 from closeform.search.gather import gather_cases
-from closeform.search.gather_result import Gatherings
+from closeform.search.gatherings import Gatherings
+from closeform.search.phases import ended_in
 from closeform.search.rounds import all_rounds
 from closeform.search.schedule import Search
 
 AT_ONCE = 8192  # gatherings in a chunk
 ALSO = "delta_v_m_s", "met_unknown", "met_known"  # columns that the tally takes too
+CAUSES = {  # columns of what is spent beside joining, by what a study says of it
+    "corrections_m_s": "on corrections against collisions",
+    "near_field_m_s": "in the near-field search",
+}
 KEPT = {  # columns, by what is kept
     "clear": "clear",
     "delta-v": "delta_v_kept",
@@ -41,6 +48,7 @@ KEPT = {  # columns, by what is kept
 class GatherCases(Cases):
     """Cases with a row each: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, who met, what is kept.
 
+    Of the delta-v what goes into corrections and the near-field search, where there may be such.
     Where craft may lose their thrust, when each does, and how many are `adrift` for it.  `search`: over all
     rounds.
     """
@@ -62,6 +70,12 @@ class GatherCases(Cases):
         """Cases in a chunk."""
         return AT_ONCE
 
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Which of CAUSES there may be."""
+        near = any(leg.phase == "NFS" for leg in self.search.legs)
+        return tuple(compress(CAUSES, (bool(self.scenario.zones.pairs), near)))
+
     def fly(self, first: int, last: int) -> Columns:
         """Gatherings of all craft."""
         scenario = self.scenario
@@ -82,6 +96,7 @@ class GatherCases(Cases):
             "rounds": found.rounds,
             "left": found.left,
             "delta_v_m_s": found.delta_v,
+            **{name: found.columns()[name] for name in self.causes},
             "met_unknown": found.met_unknown,
             "met_known": found.met_known,
             **lost,
@@ -117,12 +132,12 @@ class GatherCampaign(Campaign):
     @property
     def wanted(self) -> tuple[str, ...]:
         """The columns that say what became of a case."""
-        return ("duration_s", "leg", *ALSO, *KEPT.values())
+        return ("duration_s", "leg", *ALSO, *self.kind.causes, *KEPT.values())
 
     def settled(self, columns: Columns) -> Settled:
         """What became of the cases of a chunk."""
         kept = {what: columns[name] for what, name in KEPT.items() if name in columns}
-        also = {name: columns[name] for name in ALSO}
+        also = {name: columns[name] for name in (*ALSO, *self.kind.causes)}
         time = columns["duration_s"]
         return Settled(time, columns["leg"], kept, {}, time, also)
 
@@ -131,6 +146,20 @@ class GatherCampaign(Campaign):
         """What `spreads` are about."""
         spent = {"delta-v of all craft [m/s]": lambda one: (one.also["delta_v_m_s"], one.leg >= 0)}
         return super().measured | spent
+
+    @cached_property
+    def costs(self) -> dict[str, Spread]:
+        """Of what craft spend until they are gathered [m/s]: by cause, and by the phase in which that is."""
+        causes, of = self.kind.causes, dict[str, Callable[[Settled], tuple[Floats, Any]]]()
+        if causes:
+            of["to join the formation set"] = partial(joining, causes)
+        of |= {CAUSES[name]: partial(caused, name) for name in causes}
+        for number, share in enumerate(self.shares[:-1]):
+            if share.cases:
+                name = f"gathered {'in ' * (number > 0)}{share.label}"
+                of[name] = partial(spent_until, self.search, number)
+        found = {name: self.spread(values) for name, values in of.items()}
+        return {name: spread for name, spread in found.items() if spread is not None}
 
     def column(self, name: str) -> Any:
         """One column of all cases."""
@@ -161,6 +190,22 @@ class GatherCampaign(Campaign):
     def met_known(self) -> Any:
         """Pairs that did so only after."""
         return self._settled.also["met_known"]
+
+
+def caused(name: str, one: Settled) -> tuple[Floats, Any]:
+    """What is spent for one of CAUSES (C,) [m/s], and which cases are gathered."""
+    return one.also[name], one.leg >= 0
+
+
+def joining(causes: tuple[str, ...], one: Settled) -> tuple[Floats, Any]:
+    """What is spent for none of them, to join the formation set."""
+    rest = one.also["delta_v_m_s"] - sum(one.also[name] for name in causes)
+    return np.maximum(rest, 0.0), one.leg >= 0  # of nothing but rounding nothing is left
+
+
+def spent_until(search: Search, number: int, one: Settled) -> tuple[Floats, Any]:
+    """What is spent (C,) [m/s], and which cases are gathered in a phase, by its number among all labels."""
+    return one.also["delta_v_m_s"], ended_in(search, one.time, one.leg) == number
 
 
 def within_limits(scenario: Scenario, flown: Gatherings) -> dict[str, Any]:

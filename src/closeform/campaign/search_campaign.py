@@ -105,6 +105,11 @@ class Campaign(FlownCases):
             LATER: lambda one: (one.time, one.time > 0.0),
         }
 
+    @property
+    def costs(self) -> dict[str, Spread]:
+        """Of what craft spend [m/s], by cause and phase; nothing where nobody burns."""
+        return {}
+
     @cached_property
     def _settled(self) -> Settled:
         """What became of all cases."""

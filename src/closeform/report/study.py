@@ -78,7 +78,8 @@ class StudyReport(CasesReport):
         """Shares by phase, times, and what this kind of search has of its own."""
         campaign = self.campaign
         spreads = spread_table(campaign)
-        return (share_table(campaign), *met_table(campaign), *spreads, *self.subject.tables)
+        costs = cost_table(campaign)
+        return (share_table(campaign), *met_table(campaign), *spreads, *costs, *self.subject.tables)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -104,6 +105,7 @@ class StudyReport(CasesReport):
             ],
             "published": published(campaign).get("source"),
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
+            "costs": {name: spread(one) for name, one in campaign.costs.items()},
             **self.subject.figures,
         }
 
@@ -187,6 +189,13 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     rows = [spread_row(name, found, 2 if name.startswith("time") else 4) for name, found in spreads]
     columns = Column(campaign.done, words=True), *SPREAD
     return (Table("How long", columns, rows),) if rows else ()
+
+
+def cost_table(campaign: Campaign) -> tuple[Table, ...]:
+    """The same of what is spent, by cause and by the phase in which cases were done."""
+    rows = [spread_row(name, found, 4) for name, found in campaign.costs.items()]
+    columns = Column("delta-v of all craft [m/s]", words=True), *SPREAD
+    return (Table("By cause and phase", columns, rows),) if rows else ()
 
 
 def spread_row(name: str, found: Spread, digits: int) -> tuple[Any, ...]:

@@ -11,7 +11,14 @@ from typing import Any, NamedTuple
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 
-VELOCITY, SINCE, SPENT, CRAFT = 3, 6, 7, 8  # columns of a craft's row, after its position
+VELOCITY, SINCE, SPENT, CORRECTED, PUSHED, CRAFT = (
+    3,
+    6,
+    7,
+    8,
+    9,
+    10,
+)  # columns of a craft's row, after its position
 SPOKES = 48  # generators of the cone that are tried before the best is refined
 REFINED = 40  # halvings
 ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of the zone itself
@@ -22,9 +29,10 @@ STOP, NOT_NEARER, AROUND, EDGES, WAYS = 0, 1, 2, 5, 17
 class GatheringCraft(NamedTuple):
     """The craft of a gathering in the hands of the kernel.
 
-    `rows` (N, 8): where each was, its velocity, when that was, and the delta-v spent so far; `labels`
-    (N,): its set; `moved` (N,): whether it has burned since locks were last foreseen; `fresh` (N,):
-    whether it is new to the set of the last lock; `shared` (3,): the velocity of the formation set.
+    `rows` (N, 10): where each was, its velocity, when that was, and the delta-v spent so far, of this on
+    corrections and in the near-field search; `labels` (N,): its set; `moved` (N,): whether it has burned
+    since locks were last foreseen; `fresh` (N,): whether it is new to the set of the last lock; `shared`
+    (3,): the velocity of the formation set.
     `flaws` of its burns in the `case` (1,); `off` (N, 3): how far those of this instant are; `burnt` (N,):
     how often it burned; `adrift` (N,): whether it had no thrust to join the formation set with.
     """

@@ -11,7 +11,8 @@ from closeform.arrays import Floats
 from closeform.search.burn_flaws import BurnFlaws
 from closeform.search.gather import EACH_CALL, WAYS, flown_least, gathering, gatherings
 from closeform.search.gather_events import END_TIME
-from closeform.search.gather_result import Gathering, Gatherings
+from closeform.search.gather_result import Gathering
+from closeform.search.gatherings import Gatherings
 from closeform.search.lock_march import in_parts
 from closeform.search.lost_fleet import lost_fleet
 from closeform.search.request import states

@@ -16,18 +16,21 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.search.gather_burns import LOCK
 from closeform.search.gather_events import (
+    CORRECTIONS,
     END_LEG,
     END_TIME,
     FIRST,
     HALF,
     KNOWN,
     LEFT,
+    PUSHES,
     RESULT,
     SECOND,
     TOTAL,
     UNKNOWN,
 )
-from closeform.search.gather_result import Event, EventKind, Gathering, Gatherings, GatherStatus, who_is_left
+from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
+from closeform.search.gatherings import Gatherings
 from closeform.search.lock_march import in_parts
 from closeform.search.lost_fleet import LostFleet, lost_fleet
 from closeform.search.request import Burns, Groups, states
@@ -196,6 +199,8 @@ def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
         fleet.begun(duration),
         results[:, LEFT].astype(np.int64),
         results[:, TOTAL],
+        results[:, CORRECTIONS],
+        results[:, PUSHES],
         results[:, RESULT : RESULT + count],
         results[:, UNKNOWN].astype(np.int64),
         results[:, KNOWN].astype(np.int64),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.search.clearance import SINCE, SPENT, VELOCITY
+from closeform.search.clearance import CORRECTED, PUSHED, SINCE, SPENT, VELOCITY
 from closeform.search.violations import look_around
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
@@ -107,7 +107,10 @@ def burn(monitor, craft, log, t, kind, i, leg, velocity):
     off = craft.off[i]
     off[0], off[1], off[2] = off[0] + ex, off[1] + ey, off[2] + ez
     dx, dy, dz = dx + ex, dy + ey, dz + ez
-    row[SPENT] += sqrt(dx * dx + dy * dy + dz * dz)
+    size = sqrt(dx * dx + dy * dy + dz * dz)
+    row[SPENT] += size
+    if kind != BURN:
+        row[CORRECTED if kind == CORRECTION else PUSHED] += size
     craft.burnt[i] += 1
     craft.moved[i] = True
     record(log, t, kind, i, -1, leg, 0, craft.labels[i], (dx, dy, dz))

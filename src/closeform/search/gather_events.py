@@ -9,7 +9,17 @@ from numba import bool_, float64, int64, void
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, lent
-from closeform.search.clearance import CRAFT, SINCE, SPENT, VELOCITY, GatheringCraft, KeptZones, correction
+from closeform.search.clearance import (
+    CORRECTED,
+    CRAFT,
+    PUSHED,
+    SINCE,
+    SPENT,
+    VELOCITY,
+    GatheringCraft,
+    KeptZones,
+    correction,
+)
 from closeform.search.gather_burns import (
     BURN,
     CORRECTION,
@@ -40,7 +50,7 @@ from closeform.search.violations import APART, KeepOutMonitor, count_violations,
 WHEN, WHO, LEG, PUSH = 0, 1, 2, 3  # columns of pushes
 ATTEMPTS = 4  # of each craft of a set to keep clear
 FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
-END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, RESULT = 0, 1, 2, 3, 4, 5, 6, 7, 8
+END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, PUSHES, RESULT = range(11)
 
 
 @kernel()
@@ -136,7 +146,7 @@ def place(craft, position, velocity):
     for i in range(len(rows)):
         for k in range(3):
             rows[i, k], rows[i, VELOCITY + k], craft.off[i, k] = position[i, k], velocity[i, k], 0.0
-        rows[i, SINCE] = rows[i, SPENT] = 0.0
+        rows[i, SINCE] = rows[i, SPENT] = rows[i, CORRECTED] = rows[i, PUSHED] = 0.0
         craft.labels[i], craft.moved[i], craft.adrift[i], craft.burnt[i] = LOST, False, False, 0
 
 
@@ -203,9 +213,11 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
         len(labels) - formed,
     )
     result[UNKNOWN], result[KNOWN] = count_violations(monitor, craft, t)
-    result[TOTAL] = result[MOST] = 0.0
+    result[TOTAL] = result[MOST] = result[CORRECTIONS] = result[PUSHES] = 0.0
     for i in range(len(labels)):
         result[TOTAL] += craft.rows[i, SPENT]
+        result[CORRECTIONS] += craft.rows[i, CORRECTED]
+        result[PUSHES] += craft.rows[i, PUSHED]
         result[MOST] = max(result[MOST], craft.burnt[i])
         result[RESULT + i] = craft.rows[i, SPENT]
         result[RESULT + len(labels) + i] = craft.adrift[i]

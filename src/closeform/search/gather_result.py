@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from math import inf
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from closeform.arrays import Floats, instance, number
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
-from closeform.result import Result, Rows
+from closeform.result import Result
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
@@ -265,60 +265,6 @@ class Gathering(Result):
         H03 (Hadaegh, Scharf and Ploen 2003) section IV.
         """
         return self.acquainted(first, second) < number("time", time)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Gatherings(Rows):
-    """What became of C gatherings of N craft.
-
-    Attributes
-    ----------
-    search : Search
-        Over all rounds, with the near-field search.
-    duration : array of shape (C,) [s]
-        Until gathered, or of all rounds.
-    leg : array of int of shape (C,)
-        Of `search`, in which they ended; -1 if incomplete.
-    rounds : array of int of shape (C,)
-        Searches begun.
-    left : array of int of shape (C,)
-        How many craft are not in the formation set.
-    delta_v : array of shape (C,) [m/s]
-        Of all craft together.
-    each_delta_v : array of shape (C, N) [m/s]
-        Of each craft.
-    met_unknown : array of int of shape (C,)
-        How many pairs came within the keep-out zone before they knew each other.
-    met_known : array of int of shape (C,)
-        How many did so only after.
-    adrift : array of int of shape (C,)
-        How many craft of the formation set have lost the thrust to fly along, in a study.
-    """
-
-    _columns: ClassVar = {
-        "duration": "duration_s",
-        "leg": "leg",
-        "rounds": "rounds",
-        "left": "left",
-        "delta_v": "delta_v_m_s",
-        "met_unknown": "met_unknown",
-        "met_known": "met_known",
-        "adrift": "adrift",
-    }
-
-    search: Search
-    duration: Floats
-    leg: Any
-    rounds: Any
-    left: Any
-    delta_v: Floats
-    each_delta_v: Floats
-    met_unknown: Any
-    met_known: Any
-    adrift: Any
-
-    def __len__(self) -> int:
-        return len(self.duration)
 
 
 def who_is_left(

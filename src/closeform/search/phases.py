@@ -16,7 +16,13 @@ def labels(search: Search) -> tuple[str, ...]:
 
 def tally(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
     """How many ended at once, in each phase and never, from their times (C,) [s] and legs (C,)."""
+    ended = ended_in(search, time, leg)
+    return tuple(np.bincount(ended, minlength=len(labels(search))).tolist())
+
+
+def ended_in(search: Search, time: Any, leg: Any) -> Any:
+    """By the number of its label what each ended in (C,)."""
     phases = {f"{phase} {number}": k for k, (phase, number, *_) in enumerate(search.phases, 1)}
     never = len(phases) + 1
     row = np.array([phases[f"{one.phase} {one.round}"] for one in search.legs] + [never])[leg]
-    return tuple(np.bincount(np.where(time == 0.0, 0, row), minlength=never + 1).tolist())
+    return np.where(time == 0.0, 0, row)
