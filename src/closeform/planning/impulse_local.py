@@ -26,7 +26,7 @@ from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Checked, Failures, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
-from closeform.planning.impulse_moments import Moments, Pushes, some_of_each, table_of
+from closeform.planning.impulse_moments import Moments, Pushes, sizes_of, some_of_each, table_of
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_planes import fill_planes, is_among, sides_of
 from closeform.planning.impulse_scene import Dual, Fleet, Planes, Priced
@@ -83,7 +83,7 @@ class Spent:
 
     def fired(self, share: float) -> list[Moments]:
         """When each craft fires more than a share of all."""
-        return some_of_each(self.moments, np.linalg.norm(self.impulses, axis=2) > share * self.delta_v)
+        return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
 
 
 class ImpulseSolver:
@@ -111,7 +111,7 @@ class ImpulseSolver:
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
         drift = arcs.copy()
         drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
-        self.drift = drift, offsets  # who coasts on until its time is over
+        self.drift = drift, offsets[: problem.count + 1]  # who coasts on until its time is over
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
         self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # when who can give way
         self.span = np.array([problem.first, problem.arrival])
@@ -267,7 +267,7 @@ class ImpulseSolver:
         checked = self.checked(flown, contacts)
         if checked.worst > NEARLY and tolerance == LAST:
             self.aim = 0.5 * (aim + AIM) if checked.clear else aim + 1.0 - checked.worst
-        spent = float(np.linalg.norm(impulses, axis=2).sum())
+        spent = float(sizes_of(impulses).sum())
         least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
         return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)
 
@@ -306,9 +306,7 @@ class ImpulseSolver:
     def planes(self, contacts: Contacts) -> Planes:
         """The planes of contacts, and by how much craft that coast on miss them."""
         planes = Planes.room(contacts.number)
-        arcs, offsets = self.drift
-        given = self.problem.bare, arcs, offsets[: self.problem.count + 1], contacts, self.free, self.aim
-        fill_planes(*given, planes)
+        fill_planes(self.problem.bare, *self.drift, contacts, self.free, self.aim, planes)
         return planes
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
@@ -318,8 +316,9 @@ class ImpulseSolver:
             undrifting = ~drifting(contacts)
             contacts, kept = contacts.some(undrifting), kept[undrifting]
         contacts = contacts._replace(normals=problem.normals(found.flown, contacts, TURNED))
-        kept |= (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
-        contacts = contacts if kept.all() else contacts.some(kept)
+        if not kept.all():
+            kept |= (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
+            contacts = contacts.some(kept)
         for pair, row in found.checked.missed:
             one = problem.at(pair, row[2])
             start, end = problem.windows[0][one.which[0]]

@@ -75,6 +75,12 @@ def table_of(moments: Sequence[Moments]) -> tuple[Moments, Any]:
     return table, counts
 
 
+def sizes_of(impulses: Floats) -> Floats:
+    """Those (N, J) of impulses (N, J, 3)."""
+    sizes: Floats = np.sqrt((impulses * impulses).sum(axis=2))
+    return sizes
+
+
 def some_of_each(moments: Sequence[Moments], chosen: Any) -> list[Moments]:
     """Those of each craft in a mask (N, J), whose rows may be longer than its moments are many."""
     return [own.some(row[: len(own.times)]) for own, row in zip(moments, chosen, strict=True)]
