@@ -33,14 +33,6 @@ class PartLibrary(JITCodeLibrary):
     def set_env(self, env_name: str, env: Any) -> None:
         """A part that is in nobody's memory has no place for an environment."""
 
-    def _optimize_functions(self, module: Any) -> None:
-        """With one sequence of passes; numba sets one up for each function, and for each only named."""
-        module.data_layout = self._codegen._data_layout
-        passes, settings = self._codegen._function_pass_manager()
-        for function in module.functions:
-            if not function.is_declaration:
-                passes.run(function, settings)
-
     def _optimize_final_module(self) -> None:
         """Left to the callers."""
 
