@@ -113,6 +113,7 @@ def lost(what: str, old: str, new: str, message: str) -> Bad:
 
 KEEP_OUT = 'keep_out = { sphere = "20 m" }'
 ALTITUDE = 'altitude = "500 km"'
+FROM_ORBIT = GOOD[GOOD.index(ALTITUDE) :]
 FOR = 'for = "5 min"'
 TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
 KNOWN = 'covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }'
@@ -1185,6 +1186,15 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         f"{ALTITUDE}\n\n[craft]",
         f'{IN_FIELD}\n\n[flight]\n\n[craft]\nexecution = {{ noise = "1e-9 m^2/s^3" }}',
         "craft.execution: no flight can have white noise; remove noise",
+    ),
+    Bad(
+        "flights that plan anew what is planned by impulses",
+        FROM_ORBIT,
+        FROM_ORBIT.replace(ALTITUDE, f'{IN_FIELD}\n\n[flight]\ncontrol = "replan"')
+        .replace('[[stage]]\ndo = "coast"\nfor = "5 min"\n\n', "")
+        .replace('mass = "150 kg"\nmax_thrust = "1.5 N"\n', "")
+        + 'cost = "delta-v"\n',
+        'flight.control: replan is for thrust that lasts, and impulses are planned; write control = "track", or cost = "energy" in the stage',
     ),
     Bad(
         "thrust that is lost in flights that plan anew",
@@ -2439,7 +2449,7 @@ CALLS = (
     Call(
         "new plans in flight around no zones",
         'cf.fly(plan, cf.Field(chief), "replan")',
-        "control: new plans are around zones, of thrust that lasts, less the residual, at once; give zones, and leave out impulses, thrusters, cancel and delay",
+        "control: new plans are around zones, of thrust that lasts, less the residual, at once; give zones, and leave out impulses, cancel and delay",
     ),
     Call(
         "a limit beside thrusters in flight",

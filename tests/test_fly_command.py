@@ -346,6 +346,14 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     status, found, _ = flown(tmp_path / "run", tmp_path / "out", "--seeds", "3", "--control", "replan")
     assert (status, found["control"], found["feedback"]["every_s"]) == (0, "replan", 300.0)
     assert "the rest is planned anew" in capsys.readouterr().out
+    (tmp_path / "pulsed").mkdir()
+    swapped(tmp_path / "pulsed", swap(craft=SETS, more='margin = "3 m"\n' + NAVIGATION))
+    _, pulsed, _ = flown(tmp_path / "pulsed" / "run", tmp_path / "out", "--seeds", "3", "--control", "replan")
+    assert "Thrusters: all fire the plan" in capsys.readouterr().out
+    assert pulsed["feedback"] == found["feedback"]
+    assert (
+        1.2 < pulsed["spent"][2]["delta_v_m_s"] / found["spent"][2]["delta_v_m_s"] < 2.0
+    )  # each thruster counts
     assert main(["fly", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     said = (
         f"--control: replan is for one stage, and {run} has 2; fly it by track, or a run of that stage alone"

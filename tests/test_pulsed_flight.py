@@ -132,3 +132,56 @@ def test_thrust_that_lasts_is_fired_once_in_a_period():
         ValueError, match=r"^feedback: pulses 50 s apart, of thrusters that fire once in 60 s; give"
     ):
         cf.fly(path, FIELD, thrusters=thrusters, feedback=cf.Feedback(60.0, 600.0, impulses=12))
+
+
+def test_new_plans_by_brief_pulses_are_flown_as_thrust_that_lasts():
+    """Measured within a metre: the briefer pulses are, the nearer to that, by the square of their period."""
+    start, final, duration = task(ORBIT, 7, count=2, turns=0.6)
+    path = ORBIT.transfer(start, final, duration)
+    told = {"control": "replan", "zones": cf.Sphere(1.0), "navigation": cf.Navigation(1.0, 1e-3), "seeds": 2}
+    lasting, off = cf.fly(path, FIELD, **told), []
+    legs = lasting.times[0] + np.linspace(0.0, duration, 13)[1:7]  # later ones lead back, by other means
+    for period in (60.0, 15.0):
+        thrusters = cf.Thrusters.rtn(acceleration=STRONG, period=period)
+        pulsed = cf.fly(path, FIELD, thrusters=thrusters, **told)
+        assert (pulsed.replans == lasting.replans).all()
+        assert pulsed.replans.min() > 3
+        off.append(max(np.abs(at(pulsed, t) - at(lasting, t)).max() for t in legs))
+    assert off[1] < 0.06  # m
+    assert off[1] < 0.15 * off[0]
+
+
+def at(flights: cf.Flight, time: float) -> np.ndarray:
+    """Where craft are (S, N, 3) at some time."""
+    return np.array([flights.path(seed).position(time) for seed in range(len(flights.states))])
+
+
+def test_new_plans_by_pulses_keep_clear_and_cost_what_they_fire():
+    """Craft pass each other, one of them by pulses; what leads back is fired in the last quarter."""
+    start = np.array([[0, 0, 120, 0, 0, 0], [0, 0, -120, 0, 0, 0.0]])
+    zone, thrusters = cf.Sphere(30.0), cf.Thrusters.rtn(acceleration=STRONG, minimum_bit=1e-4, period=30.0)
+    plan = cf.reconfigure(ORBIT, start, start[::-1], 0.6 * ORBIT.period, zone, margin=14.0)
+    told = {"control": "replan", "zones": zone, "navigation": cf.Navigation(1.0, 1e-3), "seeds": 3}
+    lasting = cf.fly(plan, FIELD, **told)
+    found = cf.fly(plan, FIELD, thrusters=[thrusters, None], **told)
+    assert found.violated == 0.0
+    assert found.greatest_end < 4.0  # m, of measurements of 1 m
+    assert (found.replans == 8).all()
+    legs = np.abs(found.orders[:, 0]).sum(axis=-1).reshape(3, 12, -1).sum(axis=-1)
+    assert not legs[:, 1:9].any()  # a new plan begins where craft are measured to be
+    assert legs[:, 9:].all()
+    ways = np.array(cf.thrust(plan, FIELD).commanded[0])
+    sides = np.abs(ways).sum() / np.linalg.norm(ways, axis=1).sum()  # each thruster counts
+    assert found.delta_v[:, 0].mean() == pytest.approx(sides * lasting.delta_v[:, 0].mean(), rel=0.25)
+    assert found.delta_v[:, 1].mean() == pytest.approx(lasting.delta_v[:, 1].mean(), rel=0.25)
+
+
+def test_new_plans_that_thrusters_cannot_fire_are_refused():
+    """Behind, craft hurry: beyond what thrusters give no plan is flown, and the last one is tracked."""
+    path = ORBIT.transfer([[0, 0, 120, 0, 0, 0]], [[0, 0, -120, 0, 0, 0]], 0.6 * ORBIT.period)
+    weak = cf.Thrusters.rtn(acceleration=1.04 * float(path.peak_thrust[0]), period=30.0)
+    told = {"control": "replan", "zones": cf.Sphere(1.0), "thrusters": weak, "seeds": 1}
+    found = cf.fly(path, FIELD, navigation=cf.Navigation(3.0, 1e-2), **told)
+    assert len(found.refused) > 0
+    assert "acceleration: craft 0: at about " in found.refused[0][2]
+    assert found.replans[0] + len(found.refused) / 3 == 8

@@ -91,13 +91,15 @@ class FlownRun:
         if run.lost:
             times = {one.craft: one.time for one in run.lost}
             told["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
-        pulsed = fires_pulses(run, control)
+        pulsed = fires_pulses(run)
         if pulsed or fires_impulses(plan):
             told["max_acceleration"] = None
         if pulsed:
             from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
 
-            told |= {"thrusters": own, "feedback": led_by_pulses(told["feedback"], own)}
+            told["thrusters"] = own
+            if control != "replan":  # which knows by itself what holds craft on a plan
+                told["feedback"] = led_by_pulses(told["feedback"], own)
             plan = followed(run.flown)
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
         flight = fly(plan, field, control, zones=zones, known=known, seeds=some, **told)
@@ -236,14 +238,14 @@ def differs(control: Control, told: dict[str, Any]) -> bool:
     return uncertain(control != "open", told["navigation"], told["thrust_error"], told["errors"])
 
 
-def fires_pulses(run: Stages, control: Control) -> bool:
-    """Whether anybody flies a run by pulses; plans that are made anew are flown by thrust that lasts."""
-    return control != "replan" and any(craft.thrusters is not None for craft in run.scenario.craft)
+def fires_pulses(run: Stages) -> bool:
+    """Whether anybody flies a run by pulses."""
+    return any(craft.thrusters is not None for craft in run.scenario.craft)
 
 
 def usually_led(run: Stages, control: Control) -> Feedback:
     """What leads a run back of which nobody said that."""
-    return usual_feedback(control, fires_pulses(run, control) or fires_impulses(planned(run)))
+    return usual_feedback(control, fires_pulses(run) or fires_impulses(planned(run)))
 
 
 def planned(run: Stages) -> Path:

@@ -19,6 +19,7 @@ from closeform.field.flown_plan import paths_to_fly, spanning
 from closeform.field.least_ratios import least_ratios
 from closeform.field.lost_thrust import flown_by_each, losses, until_lost
 from closeform.field.retargeted import retargeted
+from closeform.field.timetable import intervals_in
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
 from closeform.zones.pair_zones import PairZones
@@ -55,7 +56,7 @@ def fly(
         In which they fly.
     control : {"track", "replan", "open"}, default "track"
         Measure and come back to the planned path; or make a new plan around the `zones` from where craft are
-        measured to be, by `reconfigure`; or play the thrust as commanded.
+        measured to be, by `reconfigure`, in pulses with `thrusters`; or play the thrust as commanded.
     feedback : Feedback, optional
         How often, within which horizon, and by what; each minute and within ten of them by thrust that lasts
         unless given, for impulses or thrusters by one each five minutes, of six in half an hour.
@@ -140,12 +141,14 @@ def fly(
     if control == "replan":
         if np.isfinite(drifts).any():
             raise ValueError('lost: new plans would need the thrust that is lost; give control="track"')
-        if zones is None or not cancel or law.impulses or law.delay or fires or pulsed:
+        if zones is None or not cancel or law.impulses or law.delay or fires:
             raise ValueError(
                 "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
-                "zones, and leave out impulses, thrusters, cancel and delay"
+                "zones, and leave out impulses, cancel and delay"
             )
-        return asked.flight(asked.replanned(zones))
+        if pulsed and limit.min() < np.inf:
+            raise ValueError("thrusters: have limits of their own; leave out max_acceleration")
+        return asked.flight(asked.replanned(zones, own_sets))
     if control == "open":
         asked = asked._replace(law=None)
     if not pulsed:
@@ -185,17 +188,28 @@ class _Asked(NamedTuple):
     draws: Draws
     lost: Floats
 
-    def replanned(self, zones: Zone | PairZones) -> _Flown:
-        """By plans that are made anew."""
+    def replanned(self, zones: Zone | PairZones, thrusters: Sequence[Thrusters | None]) -> _Flown:
+        """By plans that are made anew, and by pulses of those that have thrusters."""
         from closeform.field.replanned import Replanning  # which loads all of planning
 
         assert self.law is not None
-        fields = self.field, self.believed
-        anew = Replanning.of(self.paths, zones, fields, self.law, self.limit, self.draws)
-        times, done, made, why = anew.flights(self.draws)
+        fields, law, first, planned = (self.field, self.believed), self.law, None, self.paths.delta_v
+        if any(own is not None for own in thrusters):
+            from closeform.field.pulsed_flight import led_by_pulses, planned_by_pulses
+            from closeform.field.pulsed_legs import PulsedPlan, in_step  # whose kernels only thrusters need
+
+            lasts = float(self.paths.end[0] - self.paths.start[0])
+            law = led_by_pulses(law, thrusters)
+            steady = in_step(thrusters, lasts / intervals_in(lasts, law.every))
+            first = PulsedPlan.of(self.paths, steady, self.believed)
+            planned = planned_by_pulses(self.paths, thrusters, self.lost)
+        anew = Replanning.of(self.paths, zones, fields, law, self.limit, self.draws, first)
+        (times, ordered), done, made, why = anew.flights(self.draws)
         each = zip(self.draws.seeds, why, strict=True)
         refused = tuple((seed, *one) for seed, some in each for one in some)
-        return _Flown(times, done, self.paths, self.paths.delta_v, made, refused)
+        orders = None if first is None else ordered
+        firing = None if first is None else first.firing
+        return _Flown(times, done, self.paths, planned, made, refused, firing, orders)
 
     def pulsed(self, thrusters: Sequence[Thrusters | None]) -> _Flown:
         """By pulses."""

@@ -124,12 +124,18 @@ def fly_pulses(
     law = law and led_by_pulses(law, thrusters)
     jumps, _, _ = changed_impulses(paths, fields[1])
     firing = fired_in(paths, jumps, fields[1], thrusters)
+    planned = planned_by_pulses(paths, thrusters, lost)
+    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws, lost)
+
+
+def planned_by_pulses(paths: Path, thrusters: Sequence[Thrusters | None], lost: Floats) -> Floats:
+    """What planned paths (N,) cost in Hill's equations [m/s], each thruster counted, until thrust is lost."""
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     planned = np.array(until_lost(paths, lost).delta_v)
     by_plan = _fired(paths[shooters], shooters, thrusters).pulses
     for j, k in enumerate(shooters):
         planned[k] = _until(by_plan[by_plan.craft == j], lost[k])
-    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws, lost)
+    return planned
 
 
 def _until(pulses: Pulses, time: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -13,11 +13,15 @@ from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, exactly
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
+from closeform.field.grounded import Grounded
 from closeform.field.timetable import intervals_in
 from closeform.motion.path import Path
 from closeform.planning.reconfigure import reconfigure
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
+
+if TYPE_CHECKING:
+    from closeform.field.pulsed_legs import PulsedPlan
 
 SIGMAS = 4.0
 PADDED = (2.0, 1.0, 0.5)  # times the room, in this order: where craft are measured inside there is no plan
@@ -28,7 +32,7 @@ class Replanning:
     """What S flights that plan anew share: planned `paths` (N,), `zones`, and the `room` [m] around these.
 
     Thrust is less the residual of the field that is `believed`, and no more than `limits` (N,); `law` holds
-    craft on the last plan that there was.
+    craft on the last plan that there was.  The `first` is what pulses fly, if thrusters fire plans.
     """
 
     paths: Path
@@ -38,6 +42,7 @@ class Replanning:
     believed: Field
     law: Feedback
     limits: Floats
+    first: PulsedPlan | None
 
     @classmethod
     def of(
@@ -48,13 +53,16 @@ class Replanning:
         law: Feedback,
         limits: Floats,
         draws: Draws,
+        first: PulsedPlan | None,
     ) -> Self:
         """With the room that errors need, in the first of two `fields`, the second of which is believed."""
         off = np.hypot(*draws.sizes.T)
         if draws.errors is not None:
             off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in draws.errors])
         room = room_of(draws.sight, law.every, off * paths.peak_thrust)
-        return cls(paths, zones, room, *fields, law, limits)
+        if first is not None:
+            room += float(np.sort(first.aside)[-2:].sum())
+        return cls(paths, zones, room, *fields, law, limits, first)
 
     @property
     def instants(self) -> Floats:
@@ -62,8 +70,10 @@ class Replanning:
         start, end = float(self.paths.start[0]), float(self.paths.end[0])
         return np.linspace(start, end, intervals_in(end - start, self.law.every) + 1)
 
-    def flights(self, draws: Draws) -> tuple[Floats, Flights, list[int], list[list[tuple[float, str]]]]:
-        """All, with times that are shown, how many plans each flew, and when and why others were refused."""
+    def flights(
+        self, draws: Draws
+    ) -> tuple[tuple[Floats, Floats], Flights, list[int], list[list[tuple[float, str]]]]:
+        """All, with times that are shown and of orders, how many plans each flew, why others were refused."""
         own = ballistics_of(self.field.drag, len(self.paths))
         asked = commands_of(self.paths, self.law, self.believed, own, self.limits)
         measured = draws.measured(asked.table)
@@ -73,47 +83,56 @@ class Replanning:
         ]
         frame = asked.frame_in(self.field)
         alone = flown(replace(asked, law=None), self.field, frame, exactly(len(self.paths), 1))
-        done = replace(together([one[1] for one in each], 0), asked=alone.asked)
+        asked_of = alone.asked if self.first is None else self.first.fired(alone.asked)
+        done = replace(together([one[1] for one in each], 0), asked=asked_of)
         return each[0][0], done, [one[2] for one in each], [one[3] for one in each]
 
     def flight(
         self, draws: Draws, measured: tuple[Floats, Floats]
-    ) -> tuple[Floats, Flights, int, list[tuple[float, str]]]:
+    ) -> tuple[tuple[Floats, Floats], Flights, int, list[tuple[float, str]]]:
         """One, with errors of measurements (1, N, M, 6) and of thrust (1, N, 4); each leg with its own burns.
 
-        With the times that are shown, how many plans it flew, and when and why others were refused.
+        With the times that are shown, those at which thrusters get orders, how many plans it flew, and when
+        and why others were refused.
         """
-        instants, last = self.instants, self.paths
+        instants, last, pulsed = self.instants, self.paths, self.first
         now, parts, times, made = last.state(instants[0]), [], [], 0
         refused: list[tuple[float, str]] = []
+        ordered = [np.zeros(0)]
         wrong, errors = measured
         law = replace(self.law, every=float(instants[1] - instants[0]))
         ballistics = ballistics_of(self.field.drag, len(last))
         for k, (begin, over) in enumerate(zip(instants[:-1], instants[1:], strict=True)):
             if k > 0 and instants[-1] - begin >= law.horizon:
-                path, why = self.plan(now + wrong[0, :, k], float(begin))
+                path, anew, why = self.plan(now + wrong[0, :, k], float(begin))
                 refused += [(float(begin), one) for one in why]
                 if path is not None:
-                    last, made = path, made + 1
-            span = float(begin), float(over)
-            commands = commands_of(last, law, self.believed, ballistics, self.limits, span=span)
-            frame = commands.frame_in(self.field)
-            drawn = draws.of(commands, range(len(now)), (wrong[:, :, k : k + 1], errors), k)
-            now = now + drawn.start[0] if k == 0 else now
-            done = flown(commands, self.field, frame, drawn, now)
+                    last, pulsed, made = path, anew, made + 1
+            span, seen = (float(begin), float(over)), (wrong[:, :, k : k + 1], errors)
+            if pulsed is not None:
+                fields = self.field, self.believed
+                shown, orders, done = pulsed.leg(span, now, fields, law, draws, seen, k)
+                ordered.append(orders)
+            else:
+                commands = commands_of(last, law, self.believed, ballistics, self.limits, span=span)
+                frame = commands.frame_in(self.field)
+                drawn = draws.of(commands, range(len(now)), seen, k)
+                now = now + drawn.start[0] if k == 0 else now
+                shown, done = commands.table.shown_times, flown(commands, self.field, frame, drawn, now)
             now = done.states[0, :, -1].copy()
             rest = slice(None) if over == instants[-1] else slice(-1)
             parts.append(replace(done, states=done.states[:, :, rest]))
-            times.append(commands.table.shown_times[rest])
+            times.append(shown[rest])
         states = np.concatenate([one.states for one in parts], axis=2)
         spent, limited = (
             np.sum([getattr(one, name) for one in parts], axis=0) for name in ("spent", "limited")
         )
-        done = Flights(states, states, parts[0].fired, spent, parts[0].asked, limited)
-        return np.concatenate(times), done, made, refused
+        fired = np.concatenate([one.fired for one in parts], axis=2)
+        done = Flights(states, states, fired, spent, parts[0].asked, limited)
+        return (np.concatenate(times), np.concatenate(ordered)), done, made, refused
 
-    def plan(self, states: Floats, begin: float) -> tuple[Path | None, list[str]]:
-        """Paths (N,) from measured states (N, 6), and why others were refused."""
+    def plan(self, states: Floats, begin: float) -> tuple[Path | None, PulsedPlan | None, list[str]]:
+        """Paths (N,) from measured states (N, 6), their pulses if there are any, why others were refused."""
         end = float(self.paths.end[0])
         limits = self.limits if np.isfinite(self.limits).all() else None
         why: list[str] = []
@@ -129,10 +148,14 @@ class Replanning:
                 if_blocked=("more sides",),
                 margin=share * self.room,
             )
-            if plan.ok:
-                return plan.paths, why
-            why.append(f"{share:g} of the room: {plan.reason}")
-        return None, why
+            try:
+                if plan.ok and plan.paths is not None:
+                    pulsed = self.first and self.first.again(plan.paths, self.believed)
+                    return plan.paths, pulsed, why
+                why.append(f"{share:g} of the room: {plan.reason}")
+            except Grounded as error:
+                why.append(f"{share:g} of the room: {error}")
+        return None, None, why
 
 
 def room_of(sight: Navigation, every: float, pushes: Floats) -> float:

@@ -122,8 +122,7 @@ class FlightTold:
         """Who fires pulses, and by what."""
         shot = self.flown.thrusters
         if not shot:
-            has = any(craft.thrusters is not None for craft in self.flown.run.scenario.craft)
-            return ("Thrusters: new plans are of thrust that lasts, in any direction",) * has
+            return ()
         who = "all" if len(shot) == len(self.flown.names) else ", ".join(shot)
         back = "" if self.flown.control == "open" else ", and what leads back, a bit or more at a time"
         return (f"Thrusters: {who} fire the plan, less what the field does, as pulses{back}",)

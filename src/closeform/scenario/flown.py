@@ -62,6 +62,11 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield f"flight.control: replan is for one stage, and there are {len(scenario.stages)}; {remedy}"
     if scenario.study is not None and scenario.study.draws != "vary":
         yield "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]"
+    impulses = any(not one.limited or one.thrusters is not None for one in scenario.craft)
+    cheapest = impulses and any(getattr(one, "cost", None) == "delta-v" for one in scenario.stages)
+    if scenario.flights.control == "replan" and cheapest:
+        remedy = 'write control = "track", or cost = "energy" in the stage'
+        yield f"flight.control: replan is for thrust that lasts, and impulses are planned; {remedy}"
     fails = scenario.study is not None and FAILS in scenario.study.vary
     if scenario.flights.control == "replan" and fails:
         remedy = 'write control = "track", or remove it'
