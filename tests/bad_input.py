@@ -1639,8 +1639,8 @@ MISUSES = (
     ),
     Misuse(
         "a case beyond the last",
-        "run lost.toml --case 100",
-        "--case: lost.toml has cases 0 to 99, got 100; give one of them, or more cases in [study]",
+        "run lost.toml --case 100000000",
+        "--case: 100000000 is above 99999999, the last case that a study can have; give a lower one",
     ),
     Misuse(
         "a search that only its cases tell apart",

@@ -81,11 +81,12 @@ def one_case(scenario: "Scenario", case: int | None, point: int | None = None) -
         scenario = scenario.points[point]
     if case is not None:
         from closeform.campaign import case_of
+        from closeform.campaign.campaign import MOST_CASES
         from closeform.scenario import ScenarioError
 
-        if scenario.study is not None and case >= (cases := scenario.study.cases):
-            remedy = "give one of them, or more cases in [study]"
-            raise UsageError(f"--case: {scenario.file} has cases 0 to {cases - 1}, got {case}; {remedy}")
+        if case >= MOST_CASES:
+            last = f"{MOST_CASES - 1}, the last case that a study can have"
+            raise UsageError(f"--case: {case} is above {last}; give a lower one")
         try:
             return case_of(scenario, case)
         except ScenarioError as error:

@@ -47,8 +47,3 @@ class FlownCases(Result, ABC):
         """Whether the file's own seed draws the same cases."""
         study = self.scenario.study
         return study is not None and study.seed == self.seed
-
-    def has_run(self, case: int) -> bool:
-        """Whether the file as it is flies a case as a run: of its own seed, and one of as many as it has."""
-        study = self.scenario.study
-        return study is not None and self.as_in_file and case < study.cases

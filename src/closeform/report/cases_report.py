@@ -54,9 +54,9 @@ class CasesReport(ABC):
         """What the page tells, but for how to repeat it."""
 
     def run_of(self, case: int, which: str) -> tuple[str, ...]:
-        """The command that shows `which` case this is; none where the file as it is has no run of it."""
+        """The command that shows `which` case this is; none where the file as it is draws others."""
         told = f"closeform run {repeat.quoted(self.campaign.scenario.file)} --case {case} shows {which}"
-        return (told,) if self.campaign.has_run(case) else ()
+        return (told,) if self.campaign.as_in_file else ()
 
     @property
     def studied(self) -> dict[str, Any]:

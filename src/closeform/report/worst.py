@@ -61,9 +61,9 @@ def section(campaign: FlownCases, replays: Replays, *tables: Table) -> Iterator[
 
 
 def command(campaign: FlownCases, what: str) -> str | None:
-    """What flies a case as a run; none where the file has no such case, or it is none."""
+    """What flies a case as a run; none where its own seed draws others, or it is no case."""
     kind, _, number = what.partition(" ")
-    if kind != "case" or not campaign.has_run(int(number)):
+    if kind != "case" or not campaign.as_in_file:
         return None
     return f"closeform run {quoted(Path(campaign.scenario.file).name)} --case {number}"
 
