@@ -198,3 +198,20 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
     least = cf.least_delta_v(ORBIT, low, ellipse, PERIOD)
     assert plan.lower_bound == pytest.approx(least.lower, rel=1e-9)
     assert "the start of its plan path comes to" in plan.reason
+
+
+@pytest.mark.parametrize("radius", [24.0, 25.0, 28.0])
+def test_a_hold_beside_the_zone_is_reached_safely(radius):
+    """The last impulse is fired where the craft is nearest: failures amid it are no drifts to anywhere else."""
+    sphere, drift = 20.0, 2.0 * PERIOD
+    begin = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
+    final = np.array([radius, 0.0, 0.0, 0.0, -50.0 * ORBIT.mean_motion, 0.0])
+    path, client = ORBIT.transfer(begin, final, PERIOD), ORBIT.coast(np.zeros(6), 3.0 * PERIOD)
+    plan = cf.avoid(path, client, cf.Sphere(sphere), drift=drift, cost="delta-v")
+    assert plan.ok
+    times, _ = fired(plan.path)
+    rng = np.random.default_rng(1)
+    lost = np.concatenate([rng.uniform(0.0, PERIOD, 300), rng.choice(times, 300)])
+    states = failed_states(begin, plan.path, lost, rng.uniform(size=600))
+    assert least_ratio(states, lost, PERIOD + drift) * RADIUS / sphere > 1.0 - 1e-5
+    assert np.abs(failed_states(begin, plan.path, np.array([PERIOD]), np.ones(1))[0] - final).max() < 1e-6

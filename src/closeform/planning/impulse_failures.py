@@ -127,8 +127,9 @@ class ImpulseFailures:
     def planes(self, wide: Flown, found: Contacts, norms: Floats) -> tuple[Contacts, float]:
         """Planes of failures that were found, for the coasts and impulses in which they are."""
         arcs, rows, side, lost = wide[0], self.rows_of(wide, found), side_of(found), lost_at(found)
-        start, end, amid = arcs[rows, START], arcs[rows, END], arcs[rows, PUSH : PUSH + 3].any(axis=1)
-        later = ~amid & (found.times > end)  # before it flies as planned
+        start, end, burning = arcs[rows, START], arcs[rows, END], arcs[rows, PUSH : PUSH + 3].any(axis=1)
+        over = found.times > end  # before it flies as planned
+        later, amid = over & ~burning, over & burning
         middle = later & (np.abs(lost - 0.5 * (start + end)) < 1e-9 * (end - start))
         first, last, chords = found.some(middle), found.some(middle), found.some(amid)
         first.drifts[np.arange(first.number), side[middle]] = first.times - start[middle]
@@ -144,7 +145,7 @@ class ImpulseFailures:
         cells = np.rint(self.instants(planes) / CELLS)
         key = np.column_stack([planes.which, side_of(planes), kinds, cells])[order]
         _, once = np.unique(key, axis=0, return_index=True)
-        nearest = norms[later | amid].min(initial=np.inf)
+        nearest = norms[over].min(initial=np.inf)
         return planes.some(order[once]), float(nearest)
 
     def unlike(self, known: Contacts, planes: Contacts) -> Any:
@@ -202,7 +203,7 @@ class ImpulseFailures:
                 low = np.max(times[(total > 0.0) & (share >= 1.0 - OPEN)] + brief, initial=-np.inf)
                 high = np.min(times[(total > 0.0) & (share <= OPEN)] - brief, initial=np.inf)
                 lost = min(max(lost, low), high)
-            drifts[k, side] = contacts.times[k] - lost
+            drifts[k, side] = max(contacts.times[k] - lost, 0.0)
         return contacts._replace(drifts=drifts)
 
     def failed(self, contacts: Contacts) -> Any:
