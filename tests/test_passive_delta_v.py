@@ -202,10 +202,10 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
 
 @pytest.mark.parametrize("radius", [24.0, 25.0, 28.0])
 def test_a_hold_beside_the_zone_is_reached_safely(radius):
-    """The last impulse is fired where the craft is nearest: failures amid it are no drifts to anywhere else."""
+    """The last impulse is fired where the craft is nearest: failures amid it are no drifts."""
     sphere, drift = 20.0, 2.0 * PERIOD
     begin = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
-    final = np.array([radius, 0.0, 0.0, 0.0, -50.0 * ORBIT.mean_motion, 0.0])
+    final = np.array([radius, 0.0, 0.0, 0.0, -2.0 * radius * ORBIT.mean_motion, 0.0])
     path, client = ORBIT.transfer(begin, final, PERIOD), ORBIT.coast(np.zeros(6), 3.0 * PERIOD)
     plan = cf.avoid(path, client, cf.Sphere(sphere), drift=drift, cost="delta-v")
     assert plan.ok

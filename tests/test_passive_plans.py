@@ -201,6 +201,26 @@ def test_more_drift_and_larger_zones_cost_no_less():
     assert (np.diff(larger) >= -1e-3 * larger[0]).all()
 
 
+def test_energy_grows_with_the_zone_and_its_slope_is_the_price():
+    """Failures of a whole stretch of time touch: rounds of planes ended anywhere up to two thirds above.
+
+    Steps end where they gain a hundred-thousandth of all energy, three of them less than 1e-4.
+    """
+    radii = np.array([19.9, 19.98, 19.99, 19.999, 20.0, 20.001, 20.01, 20.02, 20.1])
+    begin = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
+    path = ORBIT.transfer(begin, [25.0, 0.0, 0.0, 0.0, -50.0 * ORBIT.mean_motion, 0.0], PERIOD)
+    client = ORBIT.coast(CLIENT, 3.0 * PERIOD)
+    plans = [cf.avoid(path, client, cf.Sphere(r), drift=2.0 * PERIOD) for r in radii]
+    energy = np.array([plan.energy for plan in plans])
+    assert (np.diff(energy) >= -1e-4 * energy[0]).all()
+    slope = np.polyfit(radii, energy, 1)[0]
+    assert np.array([plan.price for plan in plans]) == pytest.approx(slope, rel=0.08)
+    for radius, plan in zip(radii[::4], plans[::4], strict=True):
+        _, places, lost = flown_with_failures(plan.path, 3.0 * PERIOD, 400, seed=1)
+        nearest = np.where(lost, np.linalg.norm(places, axis=2), np.inf).min() / radius
+        assert 1.0 - 1e-5 < nearest < 1.001
+
+
 def test_what_is_safe_already_is_flown_as_it_is():
     state = cf.targets.safety_ellipse(ORBIT, 2, 100.0, 100.0)
     path = ORBIT.coast(state[0], PERIOD)

@@ -160,15 +160,38 @@ class Rounds:
         At sampled failures, where the near ones and `known` contacts slide to, and where these were.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
-        slid = known.joined(fresh.some(norms < NEAR))
-        stayed, ratios = slid.some(np.arange(slid.number)), np.empty(slid.number)
-        slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        slid, stayed, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
         order = np.argsort(ratios, kind="stable")
-        slid = slid.some(order).joined(stayed.first(known.number))
-        cells = np.rint(np.column_stack([slid.times, slid.drifts]) / self.same)
-        _, once = np.unique(np.column_stack([slid.which, cells]), axis=0, return_index=True)
+        both = slid.some(order).joined(stayed.first(known.number))
         nearest = min(norms.min(initial=inf), ratios.min(initial=inf))
-        return slid.some(once).joined(fresh), max(1.0 - float(nearest), 0.0)
+        return both.some(self.once(both)).joined(fresh), max(1.0 - float(nearest), 0.0)
+
+    def inside(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
+        """Where failed craft of some paths are inside, once each, and what the nearest misses of the aim.
+
+        At sampled failures, and where the near ones and `known` contacts slide to.
+        """
+        fresh, norms = self.sampled(arcs, offsets, self.unshifted)
+        slid, _, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        found = slid.some(np.argsort(ratios, kind="stable")[: np.count_nonzero(ratios < 1.0)])
+        return found.some(self.once(found)), max(1.0 - float(ratios.min(initial=inf)), 0.0)
+
+    def turned(self, arcs: Floats, offsets: Any, contacts: Contacts) -> Contacts:
+        """Contacts with the normals of some paths, and without force."""
+        _, turned, _ = self.slid(arcs, offsets, contacts)
+        return turned._replace(multipliers=np.zeros(turned.number))
+
+    def slid(self, arcs: Floats, offsets: Any, contacts: Contacts) -> tuple[Contacts, Contacts, Floats]:
+        """Contacts where their pairs now come closest, and where they were, with norms (K,) of the first."""
+        slid, stayed = contacts.some(np.arange(contacts.number)), contacts.first(contacts.number)
+        ratios = np.empty(contacts.number)
+        slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        return slid, stayed, ratios
+
+    def once(self, contacts: Contacts) -> Any:
+        """Indices of contacts of which none is the same as another, the first ones."""
+        cells = np.rint(np.column_stack([contacts.times, contacts.drifts]) / self.same)
+        return np.unique(np.column_stack([contacts.which, cells]), axis=0, return_index=True)[1]
 
     def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
         """The minima within REACH after sampled failures, and their norms, as though bodies were shifted."""

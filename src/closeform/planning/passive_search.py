@@ -13,7 +13,8 @@ from closeform.drift.sides import side_of
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
 from closeform.planning.certify import Solution
-from closeform.planning.passive_rounds import Rounds
+from closeform.planning.passive_descent import held, settled
+from closeform.planning.passive_rounds import Relaxed, Rounds
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import Found
@@ -21,6 +22,9 @@ from closeform.planning.side_search import Found
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan: the search ends
 FORMATION, STARTS_OF_MANY = 4, 2  # from so many craft on so few starts: in short steps, then in long ones
+FARTHER = (
+    1e-5  # zones, by which the least energy is raised where samples missed some, each time ten times as far
+)
 FINER = 4  # times that the certified search may find what samples missed
 SIZE = 1.2  # of the zone: the swings of natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
@@ -97,7 +101,7 @@ class PassiveSearch:
             elif self.best.clear and self.tried - improved >= self.patience:
                 break
         assert self.best is not None  # a budget is at least one start
-        return Found(self.best, self.margin, False, self.tried)
+        return Found(self.settled(self.best), self.margin, False, self.tried)
 
     def starts(self) -> Iterator[tuple[int, bool]]:
         """Seeds, and whether paths are walked from there: a formation's, and where nothing else led on."""
@@ -126,6 +130,24 @@ class PassiveSearch:
             again = self.rounds.relaxed(planes, bar, soft=0.0)
             relaxed = again if again.energy < inf else self.rounds.stepped(relaxed.contacts, planes)[0]
         return Solution(self.problem, relaxed.contacts, inf, False, False)
+
+    def settled(self, best: Solution) -> Solution:
+        """What the best paths come to, certified; what samples missed becomes a contact."""
+        if not (best.clear and best.contacts.number and self.few):
+            return best
+        relaxed = settled(self.rounds, Relaxed(best.contacts, best.energy))
+        for turn in range(FINER):
+            solution = Solution(self.problem, relaxed.contacts, relaxed.energy, True, False)
+            if not relaxed.energy < best.energy:
+                break
+            missed = self.missed(solution)
+            if not missed.number:
+                return solution
+            own = self.problem.path(solution.flown)
+            relaxed = held(
+                self.rounds, own.arcs, own.offsets, missed.joined(relaxed.contacts), FARTHER * 10.0**turn
+            )
+        return best
 
     def missed(self, solution: Solution) -> Contacts:
         """Where, for all that samples say, craft meet after a failure or without one."""
