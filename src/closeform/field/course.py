@@ -17,6 +17,7 @@ from closeform.field.executed import Events, nothing_of
 from closeform.field.feedback import Feedback, delayed, kicks_back, slots_of, way_back
 from closeform.field.field import Field
 from closeform.field.flying import Course, fly_all
+from closeform.field.holding import Holding
 from closeform.field.orders import FACET, THRUSTER
 from closeform.field.residual import beyond, residuals
 from closeform.field.timetable import (
@@ -53,16 +54,17 @@ class Known(NamedTuple):
 class Commands:
     """What craft are told to do along `path` (N,) at the times of a `table`.
 
-    `known` is the field against which they thrust, or None, and `cancelled` (N,) who does; `jumps` (N, Q, 3)
-    are planned impulses, one for each of the table's.  `reference` (N, T, 6) are the states that feedback
-    leads back to, at those that are shown, if these are not the path's; `limits` and `bits` (N,) bound
-    thrust and impulses.  `nozzles` fire what leads back, of one craft.  From `lost` [s] on nobody thrusts.
+    `known` is the field against which they thrust, or None, and `holding` says who does when; `jumps`
+    (N, Q, 3) are planned impulses, one for each of the table's.  `reference` (N, T, 6) are the states that
+    feedback leads back to, at those that are shown, if these are not the path's; `limits` and `bits` (N,)
+    bound thrust and impulses.  `nozzles` fire what leads back, of one craft.  From `lost` [s] on nobody
+    thrusts.
     """
 
     path: Path
     table: Timetable
     known: Known | None
-    cancelled: Any
+    holding: Holding
     jumps: Floats
     reference: Floats | None
     law: Feedback | None
@@ -75,9 +77,9 @@ class Commands:
     def of(self, which: Any) -> Commands:
         """What some of the craft (M,) are told."""
         each = {
-            name: getattr(self, name)[which]
-            for name in ("path", "cancelled", "jumps", "limits", "bits", "ballistics")
+            name: getattr(self, name)[which] for name in ("path", "jumps", "limits", "bits", "ballistics")
         }
+        each["holding"] = self.holding.among(which)
         if self.known is not None:
             each["known"] = self.known._replace(field=self.known.field._of(which))
         if self.reference is not None:
@@ -209,9 +211,9 @@ def commands_of(
     longest = PULSED if pulses else STEP
     if not pulses and not path.peak_thrust.any() and (law is None or law.impulses):
         longest = COAST
-    edges = edges_of(path)
+    edges, holding = edges_of(path), Holding.of(path, law)
     # where others fly beside, or on after it, all are shown at the same times
-    bends = bends_of(path) if span is None and not pulses else edges[:0]
+    bends = np.union1d(bends_of(path), holding.bounds) if span is None and not pulses else edges[:0]
     bends = bends if beside is None else beside
     span = span or (float(path.start[0]), float(path.end[0]))
     bends = np.concatenate([bends, lost[np.isfinite(lost)]])
@@ -220,12 +222,9 @@ def commands_of(
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
     np.add.at(jumps, (craft, np.searchsorted(table.fired_times, when)), sizes)  # some at one instant
-    lasting = jumps.any(axis=(1, 2)) == 0
-    if law is not None and law.impulses:
-        lasting &= path.peak_thrust > 0.0
     limits, bits = np.full(count, limit), np.full(count, bit)
     against = None if known is None else Known(known, ChiefFrame.of(known, table.times))
-    return Commands(path, table, against, lasting, jumps, None, law, limits, bits, ballistics, nozzles)
+    return Commands(path, table, against, holding, jumps, None, law, limits, bits, ballistics, nozzles)
 
 
 def together(parts: Sequence[Flights], axis: int) -> Flights:
@@ -289,10 +288,11 @@ def _course(
     lengths = times[2::2] - times[:-2:2]
     within = times[:-2:2, None] + lengths[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
     commanded = path.thrust(within.ravel()).reshape(count, -1, 3, 3)
-    if (known := commands.known) is not None and commands.cancelled.any():
+    opposed = commands.holding.opposed(times[1::2])
+    if (known := commands.known) is not None and opposed.any():
         there = known.frame.during(halves)
         left_out = residuals(known.field, there, path.state(times), path.orbit.mean_motion)
-        commanded -= _stepwise(left_out * commands.cancelled[:, None, None])
+        commanded -= _stepwise(left_out) * opposed[..., None, None]
     here, pulled = frame.during(halves), np.zeros((count, 0, 3, 3))
     if around is not None:
         pulled = _stepwise(beyond(field, here, around.state(times)))

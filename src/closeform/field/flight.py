@@ -66,7 +66,7 @@ def fly(
         Of all pairs, or of each; without it no ratios are told.
     cancel : bool, default True
         Whether the plan's thrust is corrected by what Hill's equations leave out, and its impulses are
-        changed for that, as `thrust` does.  Craft that coast all along and are corrected by impulses do not.
+        changed for that, as `thrust` does.  Coasts on which feedback holds craft by impulses are not.
     known : Field, optional
         The field that this is taken from; the one that is flown in unless given.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
@@ -104,9 +104,10 @@ def fly(
     Notes
     -----
     Steps are of 10 s, of 20 s where only impulses thrust and of 5 s where pulses do; one ends wherever thrust
-    jumps.  Feedback leads craft with impulses or thrusters back to what these fly without errors in the field
-    that is known, others to the plan.  A field that is a function is taken along a flight without errors, and
-    beside it by its zonals' gradient.
+    jumps.  Feedback leads craft back to the plan, those with thrusters, and others where impulses move them,
+    to what these fly without errors in the field that is known.  Coasts that begin without an impulse, and
+    last for a horizon or an orbit, are held, in a path of several stages, too.  A field that is a function is
+    taken along a flight without errors, and beside it by its zonals' gradient.
 
     References
     ----------
@@ -229,7 +230,7 @@ class _Asked(NamedTuple):
         commands = commands_of(*told, lost=self.lost)
         frame = commands.frame_in(self.field)
         if self.cancel and fires_impulses(paths):
-            commands, _ = retargeted(commands, self.believed)
+            commands = retargeted(commands, self.believed)
         done = flown_by_each(commands, self.field, frame, self.draws, range(len(paths)), self.lost)
         led = until_lost(paths, self.lost)
         return _Flown(commands.table.shown_times, done, led, led.delta_v)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice, product
@@ -15,6 +15,7 @@ from closeform.field.chief_frame import ChiefFrame
 from closeform.field.closed_loop import KINDS, ClosedLoop
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
+from closeform.field.holding import Holding
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses
 from closeform.field.timetable import SAME, impulses_of, intervals_in
@@ -38,6 +39,7 @@ class Followed:
 
     `jumps` are impulses as they are fired, which lead `aside` of the plan (N, T, 3) [m], to where feedback
     leads; so do pulses of `thrusters`, on paths that are `pulsed`, by a `ripple` (N,) [m] more between times.
+    Impulses `missed` some ends, whose, when and by which state, and what follows is flown from there.
     Thrust that lasts is that of the plan and `against` (N, T, 3) [m/s^2] what Hill's equations leave out;
     nobody thrusts against what is `felt` (N, T, 3).
     """
@@ -47,6 +49,7 @@ class Followed:
     times: Floats
     jumps: Retargeted
     aside: Floats
+    missed: tuple[tuple[int, float, Floats], ...]
     against: Floats
     felt: Floats
     pulsed: Path | None
@@ -73,13 +76,13 @@ class Followed:
         left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
         craft, when, planned = impulses_of(paths)
         jumps, aside = Retargeted(craft, when, planned, planned), np.zeros(left_out.shape)
-        fires = np.isin(np.arange(len(paths)), craft)
-        opposed = cancel & ~fires
-        if law.impulses:
-            opposed &= paths.peak_thrust > 0.0
+        missed: tuple[tuple[int, float, Floats], ...] = ()
+        holding = Holding.of(paths, law)
+        moved, opposed = holding.moved(times), cancel & holding.opposed(times)
         if cancel and len(craft):
-            jumps, path, _ = changed_impulses(paths, field)
-            aside[fires] = (path.position(times) - paths.position(times))[fires]
+            jumps, path, _ = changed_impulses(paths, field, law)
+            aside[moved] = (path.position(times) - paths.position(times))[moved]
+            missed = tuple(_missed(holding, paths, path))
         pulsed, ripple = None, np.zeros(len(paths))
         if thrusters is not None:
             pulsed, shooting, path = _pulses(paths, jumps, field, thrusters)
@@ -89,9 +92,9 @@ class Followed:
             straight = np.linspace(off[:, :-1:FINER], off[:, FINER::FINER], FINER, endpoint=False, axis=2)
             more = off[:, :-1] - straight.reshape(off[:, :-1].shape)
             ripple[shooting] = np.linalg.norm(more, axis=-1).max(axis=1)
-        felt = left_out * ~(opposed | fires & cancel)[:, None, None]
-        against = -left_out * opposed[:, None, None]
-        return cls(paths, loop, times, jumps, aside, against, felt, pulsed, ripple, thrusters)
+        felt = left_out * ~(opposed | moved & cancel)[..., None]
+        against = -left_out * opposed[..., None]
+        return cls(paths, loop, times, jumps, aside, missed, against, felt, pulsed, ripple, thrusters)
 
     @property
     def bits(self) -> Floats:
@@ -117,6 +120,9 @@ class Followed:
             after = times > when + SAME  # who is measured just then is so before it
             moved = orbit.transition(times[after] - when)[:, :, 3:]
             pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
+        for k, when, state in self.missed:
+            after = times > when + SAME
+            pushed[0, k, after] += orbit.transition(times[after] - when) @ state
         off, believed = self.loop.follow(pushed.reshape(-1, len(times), 6))
         return off.reshape(5, *flown.shape), believed.reshape(5, len(flown), *believed.shape[1:])
 
@@ -163,6 +169,13 @@ def _pulses(
     firing = fired_in(paths, jumps, field, thrusters)
     led = paths.orbit._through(*flown_exactly(paths, firing, thrusters, field))
     return firing.path, np.unique(firing.pulses.craft), led
+
+
+def _missed(holding: Holding, paths: Path, flown: Path) -> Iterator[tuple[int, float, Floats]]:
+    """Ends that impulses do not lead paths to, before those of the paths."""
+    for k, moves in enumerate(holding.moves):
+        for end in moves[moves[:, 1] < paths.end[k] - SAME, 1]:
+            yield k, float(end), flown[k].state(end) - paths[k].state(end)
 
 
 def _least_push(thrusters: Thrusters) -> float:

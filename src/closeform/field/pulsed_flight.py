@@ -17,6 +17,7 @@ from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
 from closeform.field.grounded import Grounded
+from closeform.field.holding import Holding
 from closeform.field.lost_thrust import flown_by_each, losses, until_lost
 from closeform.field.nozzles import nozzles_of
 from closeform.field.residual import residuals
@@ -173,8 +174,10 @@ def flown_pulses(
     span = np.array([firing.path.start.min(), firing.path.end.max()])
     rest = [k for k, one in enumerate(thrusters) if one is None]
     shooters = [k for k, one in enumerate(thrusters) if one is not None]
-    beside = impulses_of(paths[rest])[1] if rest else span[:0]
-    beside = np.concatenate([beside, lost[np.isfinite(lost)]])
+    beside = lost[np.isfinite(lost)]
+    if rest:
+        held = Holding.of(paths[rest], law).bounds
+        beside = np.concatenate([beside, impulses_of(paths[rest])[1], held])
     felt, expected = (ballistics_of(one.drag, len(paths)) for one in fields)
     each, measured = [], None
     for j, k in enumerate(shooters):
@@ -197,7 +200,7 @@ def flown_pulses(
         commands = commands_of(own, law, believed._of(rest), expected[rest], beside=beside)
         frame = commands.frame_in(field)
         if len(beside):
-            commands, _ = retargeted(commands, believed)
+            commands = retargeted(commands, believed)
         told = replace(commands, ballistics=felt[rest])
         done = flown_by_each(told, field, frame, draws, rest, lost, measured)
         orders = np.zeros((len(done.spent), len(rest), *each[0].fired.shape[2:]))

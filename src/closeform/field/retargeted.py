@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -10,12 +9,13 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.course import Commands, Flights, commands_of, flown
+from closeform.field.course import Commands, commands_of, flown
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import exactly
+from closeform.field.feedback import Feedback
 from closeform.field.field import Field
 from closeform.field.grounded import Grounded
-from closeform.field.timetable import impulses_of
+from closeform.field.timetable import SAME, impulses_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.result import Rows
@@ -60,40 +60,76 @@ class Retargeted(Rows):
         return len(self.time)
 
 
-def changed_impulses(paths: Path, field: Field) -> tuple[Retargeted, Path, Floats]:
+def changed_impulses(
+    paths: Path, field: Field, law: Feedback | None = None
+) -> tuple[Retargeted, Path, Floats]:
     """Impulses in the field, what is flown, and how far that is from the plan (N,) [m].
 
-    Those of one craft at one instant, as two plans have where they meet, are changed by equal parts.
+    Those of one craft at one instant, as two plans have where they meet, are changed by equal parts.  Under
+    feedback what is flown is what that leads back to.
     """
     craft, times, planned = impulses_of(paths)
     deviation = np.zeros(len(paths))
     if not len(craft):
         return Retargeted(craft, times, planned, planned), paths, deviation
-    plain = commands_of(paths, None, field, ballistics_of(field.drag, len(paths)))
-    commands, done = retargeted(plain, field)
-    when = plain.table.shown_times
-    slots = np.searchsorted(plain.table.fired_times, times)
+    plain = commands_of(paths, law, field, ballistics_of(field.drag, len(paths)))
+    commands = retargeted(plain, field)
+    assert commands.reference is not None
+    table = plain.table
+    when, before = table.shown_times, commands.reference.copy()
+    before[:, table.shown[table.fires >= 0], 3:] -= commands.jumps
+    slots = np.searchsorted(table.fired_times, times)
     at_once = ((craft == craft[:, None]) & (slots == slots[:, None])).sum(axis=1)
     changed = planned + (commands.jumps - plain.jumps)[craft, slots] / at_once[:, None]
     fires = np.unique(craft)
-    off = done.states[0, ..., :3] - paths.position(when)
+    off = commands.reference[..., :3] - paths.position(when)
     deviation[fires] = np.linalg.norm(off, axis=2).max(axis=1)[fires]
-    own = paths.orbit._through(when, done.states[0], done.arrivals[0])
+    own = paths.orbit._through(when, commands.reference, before)
     path = stack([own[k] if k in fires else paths[k] for k in range(len(paths))])
     return Retargeted(craft, times, changed, planned), path, deviation
 
 
-def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
-    """The same with impulses changed for a field, and what they fly in it as reference; that flight.
+def retargeted(commands: Commands, field: Field) -> Commands:
+    """The same with impulses changed for a field, and as reference what they fly in it.
 
-    In which those without impulses coast, or thrust as planned.
+    Each span in which impulses move a craft by itself, from the planned state at its begin; in the others the
+    reference is the plan.
+    """
+    table = commands.table
+    alone, frame = replace(commands, known=None, law=None), commands.frame_in(field)
+    jumps, reference = commands.jumps.copy(), commands.path.state(table.shown_times)
+    for (first, last), who in _spans(commands).items():
+        nodes = slice(first, last + 1)
+        fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (table.fires, table.shown))
+        some = alone.of(who)
+        part = replace(some, table=table.during(first, last), jumps=some.jumps[:, fired])
+        changed, states = _retargeted(part, field, frame.during(slice(2 * first, 2 * last + 1)))
+        jumps[np.ix_(who, fired)], reference[np.ix_(who, shown)] = changed, states
+    return replace(commands, jumps=jumps, reference=reference)
+
+
+def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
+    """The first and the last node of each span in which impulses move craft, and which craft these are."""
+    nodes, found = commands.table.nodes, dict[tuple[int, int], list[int]]()
+    for k, moves in enumerate(commands.holding.moves):
+        for begin, end in moves:
+            first = int(np.searchsorted(nodes, begin - SAME))
+            last = int(np.searchsorted(nodes, end + SAME, side="right")) - 1
+            found.setdefault((first, last), []).append(k)
+    return found
+
+
+def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats, Floats]:
+    """Impulses of a span (N, Q, 3) as changed for a field, and states (N, T, 6) that they lead to.
 
     The state at the end is met as far as impulses lead there, and places along the path as nearly as that
     leaves free.  By Newton's method, theory (89): what impulses do is flown, by craft whose impulses differ.
     """
     times, n = commands.table.shown_times, commands.path.orbit.mean_motion
-    frame, alone = commands.frame_in(field), replace(commands, known=None, law=None)
     wanted = commands.path.state(times)
+    begin = commands.path.state(commands.table.nodes[0])
+    if commands.table.fires[0] >= 0:
+        begin[:, 3:] -= commands.jumps[:, 0]
     along = np.unique(np.linspace(0, len(times) - 1, ALONG + 1).astype(int)[1:])
     crafts = [np.flatnonzero(own.any(axis=1)) for own in commands.jumps]
 
@@ -102,30 +138,30 @@ def retargeted(commands: Commands, field: Field) -> tuple[Commands, Flights]:
         end = states[..., -1, :] / np.repeat([1.0, n], 3)
         return np.concatenate([end, states[..., along, :3].reshape(*states.shape[:-2], -1)], axis=-1)
 
-    done = flown(alone, field, frame, exactly(len(crafts), 1))
-    states = done.states[0]
-    did = {k: n * off(some - states[k]).T / NUDGE for k, some in _nudged(alone, crafts, field, frame)}
+    def led(some: Commands, begin: Floats) -> Floats:
+        """States (N, T, 6) to which impulses lead."""
+        return np.asarray(flown(some, field, frame, exactly(len(begin), 1), begin).states[0])
+
+    states = led(commands, begin)
+    did = []
+    for k, own in enumerate(crafts):
+        nudged = _nudged(commands, k, own)
+        did.append(n * off(led(nudged, np.tile(begin[k], (len(nudged.path), 1))) - states[k]).T / NUDGE)
     jumps = commands.jumps.copy()
     for _ in range(ROUNDS):
         moved = 0.0
-        for k, lengths in did.items():
-            own = crafts[k]
+        for k, (own, lengths) in enumerate(zip(crafts, did, strict=True)):
             changed = (jumps[k] - commands.jumps[k])[own].ravel() / n
             step = _step(lengths, off(states[k] - wanted[k]), changed)
             jumps[k, own] += n * step.reshape(-1, 3)
             moved = max(moved, float(np.abs(step).max()))
-        done = flown(replace(alone, jumps=jumps), field, frame, exactly(len(crafts), 1))
-        states = done.states[0]
+        states = led(replace(commands, jumps=jumps), begin)
         if moved < MET:
-            break
-    else:
-        raise Grounded(
-            f"plan: changes of its impulses for this field do not settle in {ROUNDS} rounds; plan in shorter "
-            "stages, or thrust that lasts: cost 'energy'"
-        )
-    fires = np.isin(np.arange(len(crafts)), list(did))
-    reference = np.where(fires[:, None, None], states, wanted)
-    return replace(commands, jumps=jumps, reference=reference), done
+            return jumps, states
+    raise Grounded(
+        f"plan: changes of its impulses for this field do not settle in {ROUNDS} rounds; plan in shorter "
+        "stages, or thrust that lasts: cost 'energy'"
+    )
 
 
 def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
@@ -142,15 +178,9 @@ def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
     return np.asarray(met - free @ np.linalg.lstsq(pushed, rest)[0])
 
 
-def _nudged(
-    commands: Commands, crafts: list[Any], field: Field, frame: ChiefFrame
-) -> Iterator[tuple[int, Floats]]:
-    """Each craft that fires, and states (3 M, T, 6) with each of its M impulses larger along each axis."""
-    for k, own in enumerate(crafts):
-        if not len(own):
-            continue
-        which = np.full(3 * len(own), k)
-        jumps = commands.jumps[which]
-        jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
-        beside = replace(commands.of(which), jumps=jumps)
-        yield k, flown(beside, field, frame, exactly(len(which), 1)).states[0]
+def _nudged(commands: Commands, craft: int, own: Any) -> Commands:
+    """A craft 3 M times, with each of its `own` impulses (M,) larger along each axis."""
+    which = np.full(3 * len(own), craft)
+    some = commands.of(which)
+    some.jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
+    return some

@@ -55,6 +55,13 @@ class Timetable(NamedTuple):
         """From one measurement to the next [s]."""
         return float(self.times[-1] - self.times[0]) / max(self.measurements, 1)
 
+    def during(self, first: int, last: int) -> Timetable:
+        """From one node to another, both included."""
+        nodes, steps = slice(first, last + 1), slice(first, last)
+        each = ("looks", "answers", "kicks", "fires", "shown")
+        numbers = {name: _from_first(getattr(self, name)[nodes]) for name in each}
+        return self._replace(times=self.times[2 * first : 2 * last + 1], rows=self.rows[steps], **numbers)
+
     @classmethod
     def of(
         cls,
@@ -110,6 +117,11 @@ class Timetable(NamedTuple):
         _, first, which = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
         since = begin[first][:, None] + np.diff(nodes)[first][:, None] * np.array([0.0, 0.5, 1.0])
         return self._replace(rows=3 * which.ravel(), since=since.ravel())
+
+
+def _from_first(rows: Any) -> Any:
+    """Numbers at nodes, counted from the first of them; -1 at the others."""
+    return np.where(rows >= 0, rows - rows[rows >= 0].min(initial=rows.max()), -1)
 
 
 def intervals_in(duration: float, every: float) -> int:

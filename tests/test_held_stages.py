@@ -1,0 +1,146 @@
+"""Flights of several stages: coasts are held whatever the others are, and each is flown as it is alone."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.cli import main
+from test_field import chief, fired
+from test_room import at, deviations
+
+FIELD = cf.Field(chief())
+ORBIT = FIELD.orbit
+DAY = 86_400.0
+HELD = cf.Feedback(ORBIT.period, 2.0 * ORBIT.period, 8)
+OFTEN = cf.Feedback(300.0, 1800.0, 6)
+
+
+def circle(radius: float, turned: float = 0.0) -> np.ndarray:
+    """States (2, 6) on opposite sides of a projected circle."""
+    angle, rate = turned + np.array([0.3, 0.3 + np.pi]), ORBIT.mean_motion
+    places = radius * np.array([np.sin(angle) / 2.0, np.cos(angle), np.sin(angle)])
+    speeds = rate * radius * np.array([np.cos(angle) / 2.0, -np.sin(angle), np.cos(angle)])
+    return np.vstack([places, speeds]).T
+
+
+def stages(coast: float, verb: str = "impulsive") -> tuple[cf.Path, cf.Path, cf.Path]:
+    """A coast [s], a move of an orbit from a circle of 300 m to one of 200 m, and a coast as long."""
+    before = ORBIT.coast(circle(300.0), coast)
+    end = coast + ORBIT.period
+    final = circle(200.0, ORBIT.mean_motion * end)
+    move = getattr(ORBIT, verb)(before.state(coast), final, ORBIT.period, start=coast)
+    return before, move, ORBIT.coast(final, coast, start=end)
+
+
+def test_coasts_between_impulses_are_held():
+    """Two days on either side: as near as a coast alone, clear, and there by another integrator, too."""
+    before, move, after = stages(2.0 * DAY)
+    flight = cf.fly(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
+    alone = cf.fly(before, FIELD, feedback=HELD)
+    assert flight.violated == 0.0
+    assert flight.greatest_deviation < 1.5 * alone.greatest_deviation < 60.0  # m; 253 m when nobody held them
+    states = flight.states[0, 0]
+    jumps = (flight.states - flight.arrivals)[0, 0, :, 3:]
+    own = jumps.any(axis=1)
+    whole = fired(before.state(0.0)[0], flight.times[own], jumps[own], float(flight.times[-1]))
+    assert states[-1] == pytest.approx(whole, abs=0.05)  # after sixty orbits: steps are off by micrometres
+
+
+def test_impulses_of_a_stage_are_those_of_the_stage_alone():
+    """Changed within it, from where the coast is led to, up to where the next begins."""
+    before, move, after = stages(DAY)
+    flight = cf.fly(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
+    alone = cf.thrust(move, FIELD).impulses
+    jumps = (flight.states - flight.arrivals)[0, ..., 3:]
+    for k in range(2):
+        when, sizes = alone.time[alone.craft == k], alone.impulse[alone.craft == k]
+        fires = [int(np.argmin(np.abs(flight.times - time))) for time in when]
+        told = [j for j, size in enumerate(sizes) if np.linalg.norm(size) > 1e-3]
+        assert len(told) >= 2
+        for j in told:
+            # m/s, of what leads back just then; their changes are as large, and those of the whole 100 times
+            assert jumps[k, fires[j]] == pytest.approx(sizes[j], abs=3e-3)
+
+
+def test_a_stage_that_lasts_is_corrected_beside_one_of_impulses():
+    """Thrust of the first stage is less the residual, as alone, and ends where it should."""
+    first = ORBIT.transfer(circle(300.0), circle(200.0, 2.0), ORBIT.period)
+    final = circle(300.0, 2.0 + 2.0 * np.pi)
+    second = ORBIT.impulsive(first.state(first.end[0]), final, ORBIT.period, start=first.end[0])
+    both = cf.fly(cf.join([first, second]), FIELD, feedback=OFTEN)
+    alone = cf.fly(first, FIELD)
+    upon = np.searchsorted(both.times, ORBIT.period)
+    assert np.abs(deviations(both.planned, both)[0, :, :upon]).max() < 1e-3  # m
+    assert alone.greatest_deviation < 1e-3
+    kicks = cf.thrust(second, FIELD)
+    shares = alone.field_delta_v + (kicks.delta_v - kicks.planned_delta_v)
+    assert both.field_delta_v == pytest.approx(shares, abs=1e-4)  # m/s
+
+
+def test_coasts_between_thrust_that_lasts_are_held_by_impulses():
+    """Where feedback fires impulses nobody thrusts against the field through a day's coast."""
+    each = stages(DAY, "transfer")
+    flight = cf.fly(cf.join(each), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
+    move = cf.fly(each[1], FIELD)
+    assert flight.violated == 0.0
+    assert flight.greatest_deviation < 60.0
+    assert flight.field_delta_v == pytest.approx(move.field_delta_v, abs=1e-4)
+
+
+@pytest.mark.parametrize("law", [HELD, OFTEN, cf.Feedback()], ids=["orbits", "minutes", "thrust"])
+def test_rooms_know_what_is_held_and_what_is_moved(law):
+    """Along the whole flight, without errors: where it is expected, to what is known between instants."""
+    path = cf.join(stages(3.0 * ORBIT.period))
+    room = cf.room(path, FIELD, law)
+    flight = cf.fly(path, FIELD, feedback=law)
+    aside = at(room, room.shift, flight.times) - deviations(path, flight)[0]
+    assert np.abs(deviations(path, flight)).max() > (0.5 if law.impulses else 1e-6)
+    assert np.abs(aside).max() < 0.05 * np.abs(deviations(path, flight)).max() + 0.05
+
+
+def test_a_run_holds_its_coasts(tmp_path: Path):
+    """Of the command line: two days, a move of least delta-v in an orbit, two days; with air and errors."""
+    file = tmp_path / "long.toml"
+    file.write_text(LONG)
+    assert main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"]) == 0
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())["flights"]
+    assert told["violated"] == 0
+
+
+LONG = """\
+closeform = 1
+title = "Hold two days, move, and hold two more"
+[orbit]
+epoch = "2026-11-22T12:00:00Z"
+chief.elements = { altitude = "500 km", inclination = "51.6 deg", latitude = "0 deg" }
+chief.ballistic = "0.02 m^2/kg"
+field = { density = "5.2e-13 kg/m^3", at_altitude = "500 km", scale_height = "60 km" }
+[feedback]
+every = "95 min"
+horizon = "190 min"
+impulses = 8
+[navigation]
+position = "10 cm"
+velocity = "0.3 mm/s"
+[flight]
+seeds = 3
+[craft]
+name = ["A", "B", "C", "D"]
+start = { projected_circular = { radius = "300 m" } }
+keep_out = { sphere = "50 m" }
+ballistic = ["0.02 m^2/kg", "0.022 m^2/kg", "0.02 m^2/kg", "0.022 m^2/kg"]
+[[stage]]
+do = "coast"
+for = "2 d"
+[[stage]]
+do = "reconfigure"
+to = { projected_circular = { radius = "200 m" } }
+within = "1 orbits"
+cost = "delta-v"
+[[stage]]
+do = "coast"
+for = "2 d"
+"""
