@@ -167,7 +167,9 @@ def test_what_keeps_sigmas_from_being_more():
     hold, client = ORBIT.coast([0, 200, 0, 0, 0, 0], 3000.0), ORBIT.coast(np.zeros(6), 3000.0)
     free = cf.most_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
     assert free.status == cf.ClearanceStatus.NEVER_NEAR
-    assert free.reason == "10 000 sigmas bring nobody together"
+    assert (free.reason, free.sigmas) == ("10 000 sigmas bring nobody together", 10_000.0)
+    exact = cf.most_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Errors())
+    assert (exact.status, exact.sigmas) == (cf.ClearanceStatus.NEVER_NEAR, 10_000.0)
     with pytest.raises(ValueError, match=r"^other_errors: of a formation; give them in errors"):
         cf.most_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
 

@@ -250,6 +250,30 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that
     assert cf.closest_approach(named, ORBIT.coast(CLIENT, PERIOD), cf.Sphere(30.0)).ratio >= 1.3 - 1e-9
 
 
+def test_who_arrives_where_another_stays_if_it_fails_is_refused_at_once():
+    """At rest on the track nobody moves without thrust: who fails at the start stays there for good."""
+    places = np.array([[0.0, 100.0, 0.0], [0.0, -100.0, 0.0], [0.0, 300.0, 0.0]])
+    begins = np.hstack([places, np.zeros((3, 3))])
+    plan = cf.reconfigure(ORBIT, begins, begins[[1, 0, 2]], 0.7 * PERIOD, cf.Sphere(15.0), drift=0.2 * PERIOD)
+    assert (plan.status, plan.blocked, plan.paths) == (cf.Status.END_UNSAFE, (0, 1), None)
+    assert "start of its plan craft 0 comes to 0.00 x zone from craft 1, which has arrived" in plan.reason
+    assert len(plan.measures) == 8  # who waits longer stays there as long
+    beside = begins[[1, 0, 2]]
+    beside[:2, 1] += 40.0
+    given = ORBIT, begins, beside, 0.7 * PERIOD, cf.Sphere(15.0)
+    other = cf.reconfigure(*given, drift=0.2 * PERIOD, if_blocked=())
+    assert other.status != cf.Status.END_UNSAFE
+
+
+def test_one_craft_of_a_formation_that_meets_nobody_is_safe_already():
+    begins = cf.targets.safety_ellipse(ORBIT, 1, 100.0, 100.0)
+    ends = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 120.0)
+    for zone in (cf.Sphere(20.0), [None]):
+        plan = cf.reconfigure(ORBIT, begins, ends, PERIOD, zone, drift=PERIOD)
+        assert (plan.status, plan.drift, plan.contacts) == (cf.Status.CLEAR, PERIOD, ())
+        assert plan.energy == plan.lower_bound
+
+
 def test_longer_plans_end_and_drift_while_obstacles_are_known():
     """Known for 1.7 durations and the drift: two of four stretches are tried, and all but the last wait."""
     obstacle = ORBIT.coast(CLIENT, 1.7 * 3000.0 + PERIOD)

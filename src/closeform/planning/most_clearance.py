@@ -152,20 +152,21 @@ def most_clearance(
     low, high, factor, tried = 0.0, inf, sizes.first, 0
     best: Avoidance | Plan | None = None
     beyond: Avoidance | Plan | None = None
-    while tried < PLANS and sizes.least < factor < sizes.most:
+    while tried < PLANS and sizes.least < factor:
         plan = sizes.plan(factor)
         tried += 1
         if plan.ok and plan.spent <= limit * (1.0 + ROUNDING):
             low, best = factor, plan
         else:
             high, beyond = factor, plan
-        if is_spent(plan, limit) or high - low <= NARROW * low:
+        if is_spent(plan, limit) or high - low <= NARROW * low or low >= sizes.most:
             break
         halved = tried > TRUSTED and tried % 2 == 0
         rise = sizes.slope(plan, factor)
         factor = (
             0.5 * (low + high) if halved and high < inf else next_factor(factor, plan, rise, limit, low, high)
         )
+        factor = min(factor, sizes.most)
     status, reason = in_words(sizes, best, beyond, limit)
     if best is None:
         return MostClearance(nan, nan, None, status, reason, limit, tried)

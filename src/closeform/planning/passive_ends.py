@@ -19,16 +19,27 @@ ROOMY = 1.3  # zones that are left around an end that is named as one that would
 
 @dataclass(frozen=True, eq=False)
 class UnsafeEnd:
-    """Two bodies (i < j) that come to `ratio` of their zone, a time `after` one end, without any thrust."""
+    """Two bodies (i < j) that come to `ratio` of their zone, a time `after` one end, without any thrust.
+
+    Or one `stayed` where it began, without thrust, while the other, of which it fails, has arrived.
+    """
 
     pair: tuple[int, int]
     end: str
     ratio: float
     after: float
+    stayed: int | None = None
 
     def reason(self, problem: Problem, names: Sequence[str]) -> str:
         """What is wrong with it, and an end that would do."""
         i, j = self.pair
+        if self.stayed is not None:
+            i, j = (i, j) if self.stayed == i else (j, i)
+            return (
+                f"without thrust from the start of its plan {names[i]} comes to {self.ratio:.2f} x zone from "
+                f"{names[j]}, which has arrived, {self.after:.6g} s later: no plan with that start, that "
+                "arrival and these times is passively safe; move one of them"
+            )
         told = (
             f"without thrust from the {self.end} of its plan {names[i]} comes to {self.ratio:.2f} x zone "
             f"from {names[j]} {self.after:.6g} s later: no plan with that {self.end} is passively safe"
@@ -39,25 +50,28 @@ class UnsafeEnd:
 def unsafe_end(problem: Problem) -> UnsafeEnd | None:
     """The end of a plan at which two bodies come nearest without thrust, where that is inside their zone.
 
-    At the start a craft alone may fail to thrust, and who is planned beside it is under way; at the end
-    nobody thrusts.
+    At the start a craft alone may fail to thrust, and who is planned beside it is under way until it arrives;
+    at the end nobody thrusts.
     """
     direct, others = problem.path(problem.direct), problem.obstacles
     start, end = problem.base[:, START], problem.base[:, END]
     worst = None
     for (i, j), kind in zip(problem.pairs.tolist(), problem.kinds, strict=True):
-        both = j < problem.count
-        ends = [("end", float(max(end[i], end[j]) if both else end[i]))]
-        if not both:
-            ends.insert(0, ("start", float(start[i])))
-        for word, since in ends:
-            if not since < problem.last:
+        if j < problem.count:
+            both = float(max(end[i], end[j]))
+            ends = [("end", both, both, None), ("start", start[i], end[j], i), ("start", end[i], start[j], j)]
+        else:
+            ends = [("start", start[i], start[i], None), ("end", end[i], end[i], None)]
+        for word, own, others_own, stayed in ends:
+            if not max(own, others_own) < problem.last:
                 continue
-            one = adrift(direct[i], since, problem.last)
-            other = adrift(direct[j], since, problem.last) if both else others[j - problem.count]
+            one = adrift(direct[i], own, problem.last)
+            other = others[j - problem.count] if j >= problem.count else None
+            other = adrift(direct[j], others_own, problem.last) if other is None else other
             met = closest_approach(one, other, problem.zones[kind])
             if met.ratio <= ON and (worst is None or met.ratio < worst.ratio):
-                worst = UnsafeEnd((i, j), word, float(met.ratio), float(met.time - since))
+                since = own if stayed is None else start[stayed]
+                worst = UnsafeEnd((i, j), word, float(met.ratio), float(met.time - since), stayed)
     return worst
 
 

@@ -53,7 +53,7 @@ def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
 def shifts(problem: Problem, seed: int) -> Floats:
     """Natural motions (N + M, 6) of about one zone's size, for the craft; obstacles stay."""
     draws = np.random.default_rng(seed).uniform(size=(problem.count, 6))
-    size = max(float(zone.radius) for zone in problem.zones)
+    size = max((float(zone.radius) for zone in problem.zones), default=0.0)
     moved = np.zeros((problem.count + len(problem.other_offsets) - 1, 6))
     n = problem.orbit.mean_motion
     if not n:
@@ -98,6 +98,8 @@ class PassiveSearch:
             self.tried += 1
             if self.best is None or found.energy < self.best.energy:
                 self.best, improved = found, self.tried
+                if found.clear and not found.contacts.number:  # nothing costs less than what craft fly alone
+                    break
             elif self.best.clear and self.tried - improved >= self.patience:
                 break
         assert self.best is not None  # a budget is at least one start

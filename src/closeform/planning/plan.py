@@ -24,8 +24,9 @@ class Status(StrEnum):
     - `AVOIDED`: paths around the zones, certified clear; fly them.
     - `END_INSIDE`: two craft are in conflict where or when neither can give way, at the start or the end;
       move that state or its time.
-    - `END_UNSAFE`: without any thrust from a plan's start, or after its end, a craft drifts into a zone: no
-      plan between these states is passively safe; move that state, or ask for less `drift`.
+    - `END_UNSAFE`: without any thrust from a plan's start, or after its end, a craft drifts into a zone, or
+      to where another has arrived: no plan between these states is passively safe; move that state, or ask
+      for less `drift`.
     - `NOT_FOUND`: none of the candidates was clear, which proves nothing; raise `budget`, or give more time.
     - `TOO_WEAK`: beyond `max_acceleration` for every duration that was allowed; give more thrust or time.
       `weak` says by how much.

@@ -200,7 +200,7 @@ def _followed(
     request: Request, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
 ) -> tuple[Request, Plan]:
     """A plan after what is to be done where it is blocked or beyond a limit, and what it answers."""
-    if plan.status == Status.NOT_FOUND:
+    if plan.status in (Status.NOT_FOUND, Status.END_UNSAFE):
         request, plan = tried_openly(request, plan, attempt, if_blocked)
     if (plan.ok or plan.weak is not None) and request.limits is not None:
         request, plan = within_limits(request, plan, attempt, "longer" in if_blocked)
