@@ -38,7 +38,7 @@ class Validity(Result):
     field : str
         In which, in words.
     expected : array of shape (N,) [m]
-        How far off each craft ends, by rule of thumb: as half of the plans that it was made from.
+        How far off each craft ends, by rule of thumb: half of plans of a few orbits end nearer.
     unlikely : array of shape (N,) [m]
         What 95 % of these did not exceed.
     residual : array of shape (N,) [m/s^2]
