@@ -56,7 +56,8 @@ class CommandedThrust(Rows):
         How far that is from the plan at most, at these samples.
     firing : Firing or None
         The pulses of thrusters; then `path` is what these fly, and its `deviation_bound` holds in Hill's
-        equations: in a field it grows by as small a share as the path's other acceleration is of thrust.
+        equations: in a field it grows by as small a share as the path's other acceleration is of thrust,
+        and of impulses by what the field does between them.
     """
 
     _columns: ClassVar = {
