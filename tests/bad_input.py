@@ -1173,7 +1173,7 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "two stages that are planned anew in flight",
         f"{ALTITUDE}\n\n[craft]",
         f'{IN_FIELD}\n\n[flight]\ncontrol = "replan"\n\n[craft]',
-        'flight.control: replan is for one stage, and there are 2; write control = "track", or leave one stage',
+        'flight.control: replan is for one stage, and there are 2; write control = "track", or have one stage',
     ),
     Bad(
         "errors of burns where flights have those of thrust",
@@ -1194,13 +1194,29 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         .replace('[[stage]]\ndo = "coast"\nfor = "5 min"\n\n', "")
         .replace('mass = "150 kg"\nmax_thrust = "1.5 N"\n', "")
         + 'cost = "delta-v"\n',
-        'flight.control: replan is for thrust that lasts, and impulses are planned; write control = "track", or cost = "energy" in the stage',
+        'flight.control: replan is for thrust that lasts, and impulses are planned; write control = "track", or have cost = "energy" in the stage',
+    ),
+    Bad(
+        "flights that plan anew, with feedback by impulses",
+        FROM_ORBIT,
+        FROM_ORBIT.replace(
+            ALTITUDE, f'{IN_FIELD}\n\n[flight]\ncontrol = "replan"\n\n[feedback]\nimpulses = 6'
+        ).replace('[[stage]]\ndo = "coast"\nfor = "5 min"\n\n', ""),
+        'flight.control: replan is for thrust that lasts, and feedback has impulses; write control = "track", or have none in [feedback]',
+    ),
+    Bad(
+        "flights that plan anew, with feedback that comes late",
+        FROM_ORBIT,
+        FROM_ORBIT.replace(
+            ALTITUDE, f'{IN_FIELD}\n\n[flight]\ncontrol = "replan"\n\n[feedback]\ndelay = "5 s"'
+        ).replace('[[stage]]\ndo = "coast"\nfor = "5 min"\n\n', ""),
+        'flight.control: replan has new plans at once, and feedback has a delay; write control = "track", or have none in [feedback]',
     ),
     Bad(
         "thrust that is lost in flights that plan anew",
         f"{ALTITUDE}\n\n[craft]",
         f'{IN_FIELD}\n\n[flight]\ncontrol = "replan"\n{STUDY}vary = {{ "craft.fails" = {{ chance = 0.1 }} }}\n\n[craft]',
-        'flight.control: replan is for one stage, and there are 2; write control = "track", or leave one stage\n'
+        'flight.control: replan is for one stage, and there are 2; write control = "track", or have one stage\n'
         'study.vary."craft.fails": new plans would need the thrust that is lost; write control = "track", or remove it',
     ),
     Bad(
@@ -1388,6 +1404,12 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'do = "avoid"\ncraft = "F3"',
         'do = "transfer"',
         'stage[2].craft: missing; name who moves, for example "F1"',
+    ),
+    Bad(
+        "least delta-v over more than a hundred orbits",
+        'within = "0.1 orbits"',
+        'within = "101 orbits"\ncost = "delta-v"',
+        "stage[2].within: the least delta-v is found over at most 100 orbits, got 101; coast for the rest",
     ),
     Bad(
         "a minimum bit above all that a plan asks for",

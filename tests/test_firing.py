@@ -15,6 +15,7 @@ N = ORBIT.mean_motion
 A = np.array([0.0, 200, 0, 0, 0, 0])
 B = np.array([40.0, -150, 60, 0, -2 * N * 40, 0.02])
 MOVE = ORBIT.transfer(A, B, 3000.0)
+BURNS = ORBIT.impulsive(A, B, 3000.0)
 SIX = cf.Thrusters.rtn(acceleration=2e-3, period=30.0)
 
 
@@ -272,6 +273,11 @@ REFUSED = {
         {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=30.0, minimum_bit=5.0)},
         "minimum_bit: 5 m/s is above the 0.192 m/s that the plan asks of a thruster at a time, so nothing "
         "would be fired; plan with impulses, or take finer thrusters",
+    ),
+    "bit above each impulse": (
+        {"plan": BURNS, "thrusters": cf.Thrusters.rtn(acceleration=1.0, minimum_bit=5.0)},
+        "minimum_bit: 5 m/s is above the 0.064 m/s that the plan asks of a thruster at a time, so nothing "
+        "would be fired; take finer thrusters",
     ),
     "stronger than times can tell": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e9, period=30.0)},

@@ -355,8 +355,17 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
         1.2 < pulsed["spent"][2]["delta_v_m_s"] / found["spent"][2]["delta_v_m_s"] < 2.0
     )  # each thruster counts
     assert main(["fly", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
+    why = "replan is for one stage, and there are 2"
+    said = f"--control: {why} in {run}; fly it by track, or a run with one stage"
+    assert capsys.readouterr().err == f"{said}\n"
+    (tmp_path / "pushed").mkdir()
+    swapped(tmp_path / "pushed", swap(more='cost = "delta-v"\n'))
+    capsys.readouterr()
+    pushed = tmp_path / "pushed" / "run"
+    assert main(["fly", str(pushed), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     said = (
-        f"--control: replan is for one stage, and {run} has 2; fly it by track, or a run of that stage alone"
+        f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; fly it by track, "
+        'or a run with cost = "energy" in the stage'
     )
     assert capsys.readouterr().err == f"{said}\n"
 

@@ -58,6 +58,7 @@ def fly(
     """
     from closeform.reopened import LoadedRun, load
     from closeform.result_folder import SUMMARY, check_free
+    from closeform.scenario.flown import not_anew
 
     given = {"every": every, "horizon": horizon, "navigation": navigation}
     given |= {"thrust-error": thrust_error, "execution": execution}
@@ -76,11 +77,8 @@ def fly(
         raise UsageError(
             f"{directory}: nothing was flown, {run.stopped}; change the scenario, and run it again"
         )
-    if control == "replan" and len(run.flown) > 1:
-        remedy = "fly it by track, or a run of that stage alone"
-        raise UsageError(
-            f"--control: replan is for one stage, and {directory} has {len(run.flown)}; {remedy}"
-        )
+    for why, without in not_anew(run.scenario) if control == "replan" else ():
+        raise UsageError(f"--control: {why} in {directory}; fly it by track, or a run with {without}")
     from closeform.field.grounded import Grounded
     from closeform.flown_run import FlownRun, usually_led
     from closeform.report.repeat import Command

@@ -150,8 +150,8 @@ def _within(
 def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Any:
     """A lower bound of delta-v in closed form [m/s], within a microsecond for each transfer.
 
-    Exact for a third of transfers of an orbit and more, where a primer of constant length is the best; the
-    arguments broadcast, so that `delta_v_bound(orbit, a[:, None], b, T)` bounds the matrix of costs.
+    Exact for nearly half of transfers of one to three orbits, where a primer of constant length is the
+    best.  Arguments broadcast: `delta_v_bound(orbit, a[:, None], b, T)` bounds the matrix of costs.
 
     Parameters
     ----------

@@ -115,9 +115,10 @@ def _fired(chunks: Chunks, path: Path, thrusters: Thrusters, bits: Floats) -> An
     """Which chunks (K,) are a bit, and last long enough for times to tell."""
     enough = chunks.impulse >= bits[chunks.thruster]
     if len(chunks) and not enough.any():
+        remedy = "take finer thrusters" if path.impulses else "plan with impulses, or take finer thrusters"
         raise ValueError(
             f"minimum_bit: {bits.min():g} m/s is above the {chunks.impulse.max():.3g} m/s that the plan asks "
-            "of a thruster at a time, so nothing would be fired; plan with impulses, or take finer thrusters"
+            f"of a thruster at a time, so nothing would be fired; {remedy}"
         )
     briefest = CLOCK * (np.abs([path.start, path.end]).max() + path.end - path.start)
     fired = enough & (chunks.impulse >= briefest * thrusters.acceleration[chunks.thruster])

@@ -1,4 +1,6 @@
-"""Primers of constant length: a lower bound of delta-v in closed form, exact for a third of transfers.
+"""Primers of constant length: a lower bound of delta-v in closed form.
+
+It is exact for a third of transfers of up to three orbits.
 
 |p| is 1 throughout for thrust along the track, and where p moves on a circle in space:
 

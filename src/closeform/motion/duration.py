@@ -10,6 +10,7 @@ SHORTEST = 1e-12  # [s]
 # Ten times as many: work turn by turn (delta-v, conflicts) takes minutes in which no key stops
 # it.  Far more, and the phase of an orbit has no digits left.
 MOST_ORBITS = 1e6
+MOST_TURNS = 100.0  # orbits of least delta-v: maxima of |p| grow with them, and so does the work
 LONGER = 1e6  # times a move, for which those that coast are looked at: sixteen doublings end before
 
 

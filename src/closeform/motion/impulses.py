@@ -27,6 +27,7 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
 from closeform.motion.arc import WIDTH as ARC
 from closeform.motion.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
 from closeform.motion.constant_primers import constant_primer
+from closeform.motion.duration import MOST_TURNS
 from closeform.motion.hill import coast
 from closeform.motion.linear import dot
 from closeform.motion.nonnegative import MOST
@@ -55,7 +56,6 @@ ROUNDS = 12
 ENOUGH = 1e-10  # gap at which nothing else is tried
 SPARING = 0.1  # what a weight costs where |p| is below 1
 EXACT = 1e-15  # of the states: less than that is no gain but rounding, for each radian
-LONGEST = 100.0  # orbits: maxima of |p| grow with them, and so does the work
 CHUNK = 64  # transfers that one thread takes at a time
 
 
@@ -261,9 +261,9 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
 def longest_turn(mean_motion: float, arcs: Floats) -> float:
     """The angle [rad] by which the orbit turns in the longest transfer; ValueError where that is too long."""
     angle = float((arcs[:, END] - arcs[:, START]).max(initial=0.0)) * mean_motion
-    if angle > LONGEST * 2 * np.pi:
+    if angle > MOST_TURNS * 2 * np.pi:
         raise ValueError(
-            f"duration: the least delta-v is found over at most {LONGEST:g} orbits, got "
+            f"duration: the least delta-v is found over at most {MOST_TURNS:g} orbits, got "
             f"{angle / (2 * np.pi):g}; coast for the rest"
         )
     return angle

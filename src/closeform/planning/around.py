@@ -252,7 +252,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         lower_bound=bound,
         contacts=contacts,
         status=Status.AVOIDED if number else Status.CLEAR,
-        reason=f"{best}, {closeness(spent, bound, 'delta-v')}",
+        reason=f"{best}, {closeness(spent, bound, 'delta-v', limits is not None)}",
         margin=found.margin if number else 1.0,
         proven=is_proven(spent, bound),
         tried=found.tried,

@@ -106,13 +106,14 @@ def is_proven(energy: float, bound: float) -> bool:
     return energy - bound <= PROVEN * energy
 
 
-def closeness(spent: float, bound: float, cost: Cost = "energy") -> str:
-    """How near what is spent is to its lower bound, in words."""
+def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool = False) -> str:
+    """How near what is spent is to its lower bound, which may hold within a thrust limit only, in words."""
+    of = f"{cost} within the limit, for" if limited else f"{cost} for"
     if is_proven(spent, bound):
-        return f"proven the least {cost} for these ends and times"
+        return f"proven the least {of} these ends and times"
     if not bound > 0.0:
         return f"beside a {cost} of 0 where nothing is in the way"
-    return f"at most {100.0 * gap(spent, bound):.2g} % above the least {cost} for these ends and times"
+    return f"at most {100.0 * gap(spent, bound):.2g} % above the least {of} these ends and times"
 
 
 class _Search:

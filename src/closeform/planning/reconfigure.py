@@ -287,6 +287,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
     paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
     bound, number = min(free.least, spent), len(contacts)
     best = f"{number} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
+    near = closeness(spent, bound, "delta-v", limits is not None)
     return replace(
         plan,
         paths=paths,
@@ -297,7 +298,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         margin=found.margin,
         proven=is_proven(spent, bound),
         status=Status.AVOIDED if number else Status.CLEAR,
-        reason=f"{best if number else 'no conflict'}, {closeness(spent, bound, 'delta-v')}",
+        reason=f"{best if number else 'no conflict'}, {near}",
         priced=found.priced,
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
+from closeform.motion.duration import MOST_TURNS
 from closeform.motion.path import Path, ends_of
 from closeform.report import burns, effort
 from closeform.report.picture import Picture
@@ -17,7 +18,6 @@ from closeform.report.table import Column, Table
 
 MOST = 24  # craft, up to which choices are looked at
 DURATIONS = np.geomspace(0.1, 3.0, 40)  # of the plan's, at which the trade is looked at
-LONGEST = 100.0  # orbits
 NOTHING = 1e-9  # m/s: what a plan costs at least, of which nobody tells shares
 CHOICE = (
     Column("choice", "choice", words=True),
@@ -53,7 +53,7 @@ class Choices:
         from closeform.fuel.bound import least_delta_v
 
         initial, final, duration, _ = self.ends
-        if len(self.movers) > MOST or duration > LONGEST * self.mission.orbit.period:
+        if len(self.movers) > MOST or duration > MOST_TURNS * self.mission.orbit.period:
             return None
         return least_delta_v(self.mission.orbit, initial, final, duration)
 
@@ -69,10 +69,9 @@ class Choices:
         task = initial, final, duration, start
         craft = [self.mission.scenario.craft[k] for k in self.places]
         limits = [one.max_acceleration for one in craft]
-        told: list[tuple[str, Callable[[], Any]]] = [
-            ("impulses at both ends", lambda: orbit.two_impulse(*task).delta_v),
-            ("least energy", lambda: orbit.transfer(*task).delta_v),
-        ]
+        told: list[tuple[str, Callable[[], Any]]] = [("least energy", lambda: orbit.transfer(*task).delta_v)]
+        if orbit.mean_motion:
+            told.append(("impulses at both ends", lambda: orbit.two_impulse(*task).delta_v))
         if np.isfinite(limits).all():
             told += [
                 ("least energy, within the limit", lambda: orbit.transfer(*task, limits).delta_v),
@@ -83,7 +82,8 @@ class Choices:
             ]
         if all(one.thrusters is not None for one in craft):
             told.append(("impulses of these thrusters", self.by_thrusters))
-        told.append(("least delta-v, impulses", lambda: self.least.upper))
+        least = "impulses" if orbit.mean_motion else "two impulses"  # of deep space, at both ends
+        told.append((f"least delta-v, {least}", lambda: self.least.upper))
         found = [self.row(name, tried(spent)) for name, spent in told]
         found = sorted(found, key=lambda row: -float(f"{row[1] or np.inf:.6g}"))  # as printed
         if self.result.flown:
@@ -173,7 +173,7 @@ class Choices:
 
         orbit, (initial, final, duration, _) = self.mission.orbit, self.ends
         times = duration * DURATIONS
-        times = times[times <= LONGEST * orbit.period]
+        times = times[times <= MOST_TURNS * orbit.period]
         slots = final @ orbit.transition(-duration).T
         each = [arrivals(orbit, one, slot[None], times) for one, slot in zip(initial, slots, strict=True)]
         spent, least = (np.sum([getattr(one, what) for one in each], axis=0) for what in ("delta_v", "lower"))

@@ -112,11 +112,12 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     ]
     padded = optimum.padded(avoidance)
     many = f"{padded}zones {len(where)} times, from that of {where[0]} to {where[-1]}"
-    fired = result.pulsed is not None
+    limited = mission.scenario.limits(moved.craft)
+    best = optimum.best(avoidance, result.pulsed is not None, limited)
     touched = many if len(where) > MOST_CONTACTS else f"the {padded}zone of {', '.join(where)}"
     return (
         f"Method {method}: touches {touched}",
-        f"Extra {extra(mission, result)} beyond the free optimum{over}; {optimum.best(avoidance, fired)}",
+        f"Extra {extra(mission, result)} beyond the free optimum{over}; {best}",
         *optimum.bounds(avoidance),
         *optimum.clearance(avoidance, moved.names, result.after.names),
     )

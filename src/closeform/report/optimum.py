@@ -16,11 +16,13 @@ NOTHING = 1e-9  # m/s: what is left by rounding where nobody has to burn
 TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
 
 
-def best(found: Avoidance | Plan, fired: bool) -> str:
-    """Whether it is the best there is; `fired` by thrusters, by which impulses cost more."""
+def best(found: Avoidance | Plan, fired: bool, limited: bool) -> str:
+    """Whether it is the best there is; `fired` by thrusters, or `limited` in thrust, which costs more."""
     if not found.proven:
         return f"best of {counted(found.tried, 'candidate')}"
-    whose = "of these thrusters" if fired and found.cost == "delta-v" else "for these ends and times"
+    whose = "for these ends and times"
+    if found.cost == "delta-v" and (fired or limited):
+        whose = "of these thrusters" if fired else f"within the limit, {whose}"
     told = f"proven the least {found.cost} {whose}"
     return f"{told}: without thrust all arrive" if float(found.delta_v) < NOTHING else told
 

@@ -42,7 +42,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
         (*tables, *costs(mission, result), *tables_of_fuel(choices, fired), *contacts(result), *near),
         (
-            *worth(result),
+            *worth(mission, result),
             *burns.lines(mission, result),
             *closing,
             *([reached] if reached and moved.plan.ok else []),
@@ -153,11 +153,12 @@ def contacts(result: Moved) -> Iterator[Table]:
         yield optimum.prices(moved.plan, moved.names, result.after.names)
 
 
-def worth(result: Moved) -> Iterator[str]:
+def worth(mission: Mission, result: Moved) -> Iterator[str]:
     """How good the plan is, where craft touch each other's zones, and what the stage has come to."""
     moved, plan = result.result, result.result.plan
     how = "jointly" if result.stage.plan == "joint" else "one craft after another"
-    best = optimum.best(plan, result.pulsed is not None)
+    limited = mission.scenario.limits(*moved.movers)
+    best = optimum.best(plan, result.pulsed is not None, limited)
     if not plan.ok:
         yield f"Planned {how}, without success: these are the direct paths"
         return

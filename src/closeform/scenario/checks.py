@@ -3,11 +3,11 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from math import inf
+from math import inf, pi
 
 import numpy as np
 
-from closeform.motion.duration import flaw
+from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.scenario.asked import doubted, drifting
 from closeform.scenario.clear_ends import ends, zones
@@ -16,7 +16,7 @@ from closeform.scenario.errors import did_you_mean, key_of, meant_by
 from closeform.scenario.flown import in_air, in_field, in_flight, too_blind
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stage_table import Drifting
+from closeform.scenario.stage_table import Drifting, Thrusting
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
 from closeform.scenario.studied import study
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
@@ -297,3 +297,10 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
                 name = "for" if key == "length" else key
                 yield f"stage[{number}].{name}: {wrong}; give another time"
+        if isinstance(stage, Thrusting) and stage.cost == "delta-v" and "within" in stage.durations:
+            turns = stage.durations["within"].on(orbit.mean_motion) * orbit.mean_motion / (2.0 * pi)
+            if turns > MOST_TURNS:
+                yield (
+                    f"stage[{number}].within: the least delta-v is found over at most {MOST_TURNS:g} "
+                    f"orbits, got {turns:g}; coast for the rest"
+                )

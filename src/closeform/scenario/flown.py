@@ -57,20 +57,29 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield "craft.execution: no flight can have white noise; remove noise"
     if scenario.flights is None:
         return
-    if scenario.flights.control == "replan" and len(scenario.stages) > 1:
-        remedy = 'write control = "track", or leave one stage'
-        yield f"flight.control: replan is for one stage, and there are {len(scenario.stages)}; {remedy}"
+    if scenario.flights.control == "replan":
+        for why, without in not_anew(scenario):
+            yield f'flight.control: {why}; write control = "track", or have {without}'
     if scenario.study is not None and scenario.study.draws != "vary":
         yield "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]"
-    impulses = any(not one.limited or one.thrusters is not None for one in scenario.craft)
-    cheapest = impulses and any(getattr(one, "cost", None) == "delta-v" for one in scenario.stages)
-    if scenario.flights.control == "replan" and cheapest:
-        remedy = 'write control = "track", or cost = "energy" in the stage'
-        yield f"flight.control: replan is for thrust that lasts, and impulses are planned; {remedy}"
     fails = scenario.study is not None and FAILS in scenario.study.vary
     if scenario.flights.control == "replan" and fails:
         remedy = 'write control = "track", or remove it'
         yield f"study.vary.{shown(FAILS)}: new plans would need the thrust that is lost; {remedy}"
+
+
+def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Why flights could not plan the rest of a scenario anew, and with what they could."""
+    if len(scenario.stages) > 1:
+        yield f"replan is for one stage, and there are {len(scenario.stages)}", "one stage"
+    impulses = any(not one.limited or one.thrusters is not None for one in scenario.craft)
+    if impulses and any(getattr(one, "cost", None) == "delta-v" for one in scenario.stages):
+        yield "replan is for thrust that lasts, and impulses are planned", 'cost = "energy" in the stage'
+    law = scenario.feedback
+    if law is not None and law.impulses:
+        yield "replan is for thrust that lasts, and feedback has impulses", "none in [feedback]"
+    if law is not None and law.delay:
+        yield "replan has new plans at once, and feedback has a delay", "none in [feedback]"
 
 
 def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:

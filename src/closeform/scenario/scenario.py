@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, isnan
+from math import inf, isfinite, isnan
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -135,6 +135,10 @@ class Scenario:
     def limited(self) -> bool:
         """Whether any craft has a limit of thrust, delta-v or propellant."""
         return any(getattr(craft, key) is not None for craft in self.craft for key in LIMITS)
+
+    def limits(self, *names: str) -> bool:
+        """Whether the thrust of any of these craft has a limit."""
+        return any(isfinite(craft.max_acceleration) for craft in self.craft if craft.name in names)
 
     @property
     def newtons(self) -> bool:
