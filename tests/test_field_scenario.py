@@ -188,7 +188,7 @@ MISTAKES = {  # in a file that studies flights, none of which another one depend
     "[flight]\nseeds = 100": '[flight]\nsedes = 100\ncontrol = "replan"',
     "seeds = 100": "seeds = 0",
     "cases = 100": 'cases = 100\ndraws = "errors"',
-    '"craft.position" = {': '"craft.fails" = { chance = 0.1 }\n"craft.position" = {',
+    '"craft.position" = {': '"craft.fail" = { chance = 0.1 }\n"craft.position" = {',
     '"craft.velocity" = { normal = "2 mm/s" }': '"craft.speed" = { normal = "2 mm/s" }',
     '{ uniform = "4e-13 kg/m^3" }': '{ uniform = "4e-13 kg" }',
     '"look"': '"change sides"',
