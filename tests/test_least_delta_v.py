@@ -81,3 +81,19 @@ def test_energy_is_not_delta_v() -> None:
     for share, said in zip((50, 5, 95), map(float, claim.groups()), strict=True):
         low, high = np.quantile(np.percentile(draws, share, axis=1), [0.0005, 0.9995])
         assert low - 0.5 <= said <= high + 0.5  # it is rounded to one per cent
+
+
+def test_where_the_best_primer_is_nearly_of_constant_length():
+    """Maxima of |p| move far with it there, and Newton's full steps left 4.9e-7 between plan and bound."""
+    begin = [81.11389721334135, -39.347089133280065, -164.55152794368283]
+    begin += [-0.025041513676992325, -0.17845057386935098, 0.08579216631971859]
+    end = [135.89608538263528, -141.79030383019548, -170.70148863047976]
+    end += [0.1263454111471267, -0.2989713878417976, -0.010577684866489578]
+    orbit, duration = cf.Orbit(1.1e-3), 14219.887613385805
+    bound = cf.least_delta_v(orbit, begin, end, duration)
+    longest = np.linalg.norm(bound.primer.position(np.linspace(0.0, duration, 100_001)), axis=-1).max()
+    assert longest < 1.0 + 1e-10
+    path = orbit.impulsive(begin, end, duration)
+    assert np.abs(path.state(duration) - end).max() < 1e-6  # m, m/s
+    assert path.delta_v <= bound.lower * (1.0 + 1e-9)
+    assert bound.proven

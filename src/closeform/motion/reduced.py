@@ -29,6 +29,7 @@ TOUCHING = 0.8  # |p| from which a maximum can matter
 ENDS_THERE = 1e-11  # of what is to be gained, that a plan may leave
 REACH = 0.5  # of |y|, for one step of Newton's method
 RIDGE = 1e-10  # of the mean curvature, added to it
+FALLS = 1e-14  # of what is proven: less is rounding
 
 
 @kernel()
@@ -166,10 +167,13 @@ def independent(columns, squares, size, highest, active):
 
 @kernel()
 def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, active, answer):
-    """Newton's method on the local maxima of |p|; `answer` takes the best bound and plan on the way."""
-    c, ahead, step = stack_vector(6), stack_vector(6), stack_vector(6)
+    """Newton's method on the local maxima of |p|; `answer` takes the best bound and plan on the way.
+
+    A step after which less is proven is halved: where |p| is nearly constant maxima move far and vanish.
+    """
+    c, ahead, step, last = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     curvature = stack_matrix(6, 6)
-    size = 0
+    size, share, proved = 0, 0.0, 0.0
     for _ in range(NEWTON):
         natural(metric, y, c)
         size, highest = peaks(n, 1.0, c, TOUCHING, times, squares)
@@ -180,6 +184,12 @@ def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, activ
             c[i] *= scale
             y[i] *= scale
         settle(answer, c, dot(g, y))
+        if dot(g, y) < (1.0 - FALLS) * proved:
+            share *= 0.5
+            for i in range(6):
+                y[i] = last[i] + share * step[i]
+            continue
+        proved = dot(g, y)
         for k in range(size):
             costs[k] = 0.0
         count = weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer)
@@ -207,6 +217,7 @@ def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, activ
         long = dot(step, step)
         share = min(1.0, REACH * sqrt(dot(y, y) / long)) if long > 0.0 else 0.0
         for i in range(6):
+            last[i] = y[i]
             y[i] += share * step[i]
     return size
 
