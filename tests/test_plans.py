@@ -1,5 +1,7 @@
 """Plans that cases of a study have in common: made once, and every row is that of its own run."""
 
+import copy
+import pickle
 import re
 import threading
 
@@ -88,3 +90,15 @@ def test_plans_that_are_held_are_few():
     for key in [*range(MOST + 1), MOST, 0]:
         plans.of((bytes([key]),), lambda key=key: made.append(key))
     assert made == [*range(MOST + 1), 0]
+
+
+def test_who_copies_a_study_copies_no_plan():
+    """A result that holds its plans is pickled and copied like others, and flies the same rows."""
+    campaign = flown(parse(FAILURES, "plans.toml", "study"), 4)
+    for twin in (pickle.loads(pickle.dumps(campaign)), copy.deepcopy(campaign)):
+        assert campaign.kind.plans.held
+        assert not twin.kind.plans.held
+        rows, own = twin.kind.fly(2, 4), campaign.kind.fly(2, 4)
+        for name in campaign.kind.names:
+            np.testing.assert_array_equal(rows[name], own[name])
+            np.testing.assert_array_equal(twin.column(name), campaign.column(name))

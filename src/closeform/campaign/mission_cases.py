@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, nan
 from typing import Any, ClassVar, Self
@@ -49,7 +49,10 @@ class MissionCases(Cases):
     `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
     numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most;
     where craft fail, when each does, and `drift_ratio`, the least from then on between them and any other.
+    `plans` are those that cases have in common.
     """
+
+    plans: Plans = field(default_factory=Plans)
 
     @property
     def at_once(self) -> int:
@@ -99,20 +102,10 @@ class MissionCases(Cases):
         row |= {"status": ended(mission), "reason": "" if mission.verdict.ok else str(mission.verdict)}
         return row | figures(mission)
 
-    @cached_property
-    def plans(self) -> Plans | None:
-        """The plans that cases have in common; None where each has its own."""
-        return Plans() if recurring(self.scenario) else None
-
-    def prepared(self) -> Self:
-        """The same with room for plans in common."""
-        _ = self.plans
-        return self
-
     def planned(self, scenario: Scenario, case: int) -> Mission:
         """A case as planned: as other cases that draw the same of what plans know."""
         # what a field makes of plans no column shows, and takes a quarter of the time
-        if self.plans is None:
+        if not recurring(self.scenario):
             return staged(scenario, predicted=False)
         drawn = known(self.scenario, self.seed, case)
         return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=False)), scenario=scenario)

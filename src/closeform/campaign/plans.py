@@ -24,6 +24,9 @@ class Plans:
         self.lock = Lock()
         self.held: dict[Known, Future[Mission]] = {}
 
+    def __reduce__(self) -> Any:
+        return Plans, ()  # a copy, here or in another process, holds none
+
     def of(self, known: Known, make: Callable[[], Mission]) -> Mission:
         """The plan that is known so, made where it is not held; what it raises, it raises for each."""
         with self.lock:
