@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import compress
@@ -16,8 +15,7 @@ from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import drawn, failures, lost_by, searching, varied
 from closeform.campaign.ends import ended
 from closeform.campaign.lock_cases import apart
-from closeform.campaign.search_campaign import Campaign
-from closeform.campaign.spread import Spread
+from closeform.campaign.search_campaign import Campaign, Measured
 from closeform.campaign.tally import Settled
 from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Scenario
@@ -142,15 +140,14 @@ class GatherCampaign(Campaign):
         return Settled(time, columns["leg"], kept, {}, time, also)
 
     @property
-    def measured(self) -> dict[str, Callable[[Settled], tuple[Floats, Any]]]:
+    def measured(self) -> dict[str, Measured]:
         """What `spreads` are about."""
-        spent = {"delta-v of all craft [m/s]": lambda one: (one.also["delta_v_m_s"], one.leg >= 0)}
-        return super().measured | spent
+        return super().measured | {"delta-v of all craft [m/s]": partial(caused, "delta_v_m_s")}
 
-    @cached_property
-    def costs(self) -> dict[str, Spread]:
-        """Of what craft spend until they are gathered [m/s]: by cause, and by the phase in which that is."""
-        causes, of = self.kind.causes, dict[str, Callable[[Settled], tuple[Floats, Any]]]()
+    @property
+    def spent(self) -> dict[str, Measured]:
+        """What `costs` are about, until craft are gathered: by cause, and by the phase in which that is."""
+        causes, of = self.kind.causes, dict[str, Measured]()
         if causes:
             of["to join the formation set"] = partial(joining, causes)
         of |= {CAUSES[name]: partial(caused, name) for name in causes}
@@ -158,8 +155,7 @@ class GatherCampaign(Campaign):
             if share.cases:
                 name = f"gathered {'in ' * (number > 0)}{share.label}"
                 of[name] = partial(spent_until, self.search, number)
-        found = {name: self.spread(values) for name, values in of.items()}
-        return {name: spread for name, spread in found.items() if spread is not None}
+        return of
 
     def column(self, name: str) -> Any:
         """One column of all cases."""
@@ -193,7 +189,7 @@ class GatherCampaign(Campaign):
 
 
 def caused(name: str, one: Settled) -> tuple[Floats, Any]:
-    """What is spent for one of CAUSES (C,) [m/s], and which cases are gathered."""
+    """What a column says is spent (C,) [m/s], and which cases are gathered."""
     return one.also[name], one.leg >= 0
 
 

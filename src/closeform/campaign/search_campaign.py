@@ -21,6 +21,7 @@ from closeform.campaign.tally import Settled, Tally
 from closeform.search.phases import labels
 from closeform.search.schedule import Search
 
+Measured = Callable[[Settled], tuple[Floats, Any]]  # what each case has (C,), and in which it counts
 LATER = "time, not at once [s]"
 WORDS = {
     "clear": "clear",
@@ -71,7 +72,7 @@ class Campaign(FlownCases):
         """What is counted in all cases; memory does not grow with them."""
         return Tally.of(self.search, (self.settled(part) for _, part in self.chunks.read(*self.wanted)))
 
-    def spread(self, of: Callable[[Settled], tuple[Floats, Any]]) -> Spread | None:
+    def spread(self, of: Measured) -> Spread | None:
         """The spread of what each case has `of` it, in which cases (C,) it counts."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
@@ -94,11 +95,20 @@ class Campaign(FlownCases):
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """Of the times [s], of the cases that were done and of those not at once, and what else there is."""
-        found = {name: self.spread(of) for name, of in self.measured.items()}
+        return self.each_spread(self.measured)
+
+    @cached_property
+    def costs(self) -> dict[str, Spread]:
+        """Of what craft spend [m/s], by cause and phase."""
+        return self.each_spread(self.spent)
+
+    def each_spread(self, measured: dict[str, Measured]) -> dict[str, Spread]:
+        """The spreads of several by name, of those that some case has."""
+        found = {name: self.spread(of) for name, of in measured.items()}
         return {name: spread for name, spread in found.items() if spread is not None}
 
     @property
-    def measured(self) -> dict[str, Callable[[Settled], tuple[Floats, Any]]]:
+    def measured(self) -> dict[str, Measured]:
         """What `spreads` are about."""
         return {
             "time [s]": lambda one: (one.time, one.leg >= 0),
@@ -106,8 +116,8 @@ class Campaign(FlownCases):
         }
 
     @property
-    def costs(self) -> dict[str, Spread]:
-        """Of what craft spend [m/s], by cause and phase; nothing where nobody burns."""
+    def spent(self) -> dict[str, Measured]:
+        """What `costs` are about; nothing where nobody burns."""
         return {}
 
     @cached_property
