@@ -644,6 +644,12 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'stage[1].sigmas: no craft has errors; add for example covariance = { position = "3 6 3 m", velocity = "2 2 2 mm/s" } to [craft]',
     ),
     Bad(
+        "sigmas and a drift of one plan",
+        f"{KEEP_OUT}{GAP}\n\n[[stage]]\n{MOVE}",
+        f'{KEEP_OUT}\n{KNOWN}{GAP}\n\n[[stage]]\n{MOVE}\nsigmas = 2\ndrift = "24 h"',
+        "stage[2]: a plan keeps sigmas or a drift, not both; remove one of them",
+    ),
+    Bad(
         "no sigmas at all",
         COAST,
         f"{COAST}\nsigmas = 0",
@@ -1939,9 +1945,14 @@ MISUSES = (
         '--window: "15 m" is a length, not a time; use s, min, h, d, ms',
     ),
     Misuse(
+        "a limit that nothing keeps",
+        "encounter slow.cdm --limit 0",
+        "--limit: a probability above 0, up to 1, got 0; give for example 1e-4",
+    ),
+    Misuse(
         "a limit that is no probability",
         "encounter slow.cdm --limit 2",
-        "--limit: a probability is from 0 to 1, got 2; give for example 1e-4",
+        "--limit: a probability above 0, up to 1, got 2; give for example 1e-4",
     ),
 )
 
@@ -2572,5 +2583,14 @@ CALLS = (
         "an animation that is no GIF",
         'cf.animate(plan, "flight.mp4")',
         "file: animations are GIF, give NAME.gif, got flight.mp4",
+    ),
+)
+
+# What is taken, with a warning.
+WARNED = (
+    Call(
+        "positions in km beside velocities in m/s",
+        "cf.clearance_in_sigmas(plan, other, cf.Sphere(9.0), cf.Errors([[(i == j) * (1e-6 if i > 2 else 4e-6) for j in range(6)] for i in range(6)]))",
+        "errors: velocities to 0.00173205 m/s beside positions to 0.0034641 m; are units mixed, km with m/s?",
     ),
 )

@@ -12,7 +12,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, STUDY, Bad, Call, Misuse
+from bad_input import (
+    CALLS,
+    GOOD,
+    LOST,
+    MISUSES,
+    PYTHON,
+    SCENARIOS,
+    SEARCHES,
+    STUDY,
+    WARNED,
+    Bad,
+    Call,
+    Misuse,
+)
 from closeform import manifest
 from closeform.cli import main
 from closeform.result_folder import PRIVATE, Folder
@@ -178,6 +191,12 @@ def test_bad_call(call: Call, names: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r": ") as error:
         eval(call.code, names)
     assert str(error.value) == call.message
+
+
+@pytest.mark.parametrize("call", WARNED, ids=lambda call: call.what)
+def test_call_with_a_warning(call: Call, names: dict[str, Any]) -> None:
+    with pytest.warns(UserWarning, match=re.escape(call.message)):
+        eval(call.code, names)
 
 
 def test_messages_name_a_remedy() -> None:

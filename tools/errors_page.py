@@ -6,7 +6,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, Bad  # noqa: E402
+from bad_input import CALLS, GOOD, LOST, MISUSES, PYTHON, SCENARIOS, SEARCHES, WARNED, Bad  # noqa: E402
 
 HEAD = """\
 # Errors
@@ -37,6 +37,12 @@ stands after these lines:
 
 """
 
+WARNED_HEAD = """\
+## Warnings
+
+What may be meant, and mostly is not, is taken with a warning. After the same lines:
+"""
+
 
 def page() -> str:
     """The whole page."""
@@ -51,6 +57,11 @@ def page() -> str:
     parts.append(PYTHON_HEAD + "```python\n" + PYTHON + "```\n")
     for call in CALLS:
         parts.append(f"### {title(call.what)}\n\n```text\n>>> {call.code}\nValueError: {call.message}\n```\n")
+    parts.append(WARNED_HEAD)
+    for call in WARNED:
+        parts.append(
+            f"### {title(call.what)}\n\n```text\n>>> {call.code}\nUserWarning: {call.message}\n```\n"
+        )
     return "\n".join(parts)
 
 

@@ -200,8 +200,8 @@ def encounter(
     from closeform.scenario.quantity import LENGTH, TIME
 
     half = quantity("window", TIME, window)
-    if limit is not None and not 0.0 <= limit <= 1.0:
-        raise UsageError(f"--limit: a probability is from 0 to 1, got {limit:g}; give for example 1e-4")
+    if limit is not None and not 0.0 < limit <= 1.0:
+        raise UsageError(f"--limit: a probability above 0, up to 1, got {limit:g}; give for example 1e-4")
     bodies = quantity("radius", LENGTH, radius)
     check_present(message)
     place = free(out, message, "encounter", overwrite)

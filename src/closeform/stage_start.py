@@ -84,9 +84,9 @@ class StageStart:
     def planned_errors(self, stage: Avoid | Joint, who: list[int]) -> list[Any] | None:
         """The errors of craft with which a stage plans; None where it has no sigmas to plan for.
 
-        A plan of another method, or one that is to be safe without thrust, does not know them: it is judged.
+        A plan of another method does not know them: it is judged.
         """
-        if stage.sigmas is None or not self.errors or not is_exact(stage) or stage.drift is not None:
+        if stage.sigmas is None or not self.errors or not stage.is_exact:
             return None
         return [self.errors[k] for k in who]
 
@@ -105,7 +105,7 @@ class StageStart:
 
         None where no plan can be made for it, or not by its method: it is judged.
         """
-        if stage.drift is None or not stage.plans_drift or not is_exact(stage):
+        if stage.drift is None or not stage.plans_drift or not stage.is_exact:
             return None
         return stage.drift.on(self.orbit.mean_motion) + self.room.after
 
@@ -224,11 +224,6 @@ def followed(stages: "Sequence[StageResult[Any, Any]]") -> Path:
 
     plans = (spanning(one.planned.paths, np.array([one.start, one.end])) for one in stages)
     return reduce(following, plans)
-
-
-def is_exact(stage: Avoid | Joint) -> bool:
-    """Whether a stage's plan is of the method that knows errors and drift."""
-    return stage.method == "exact" if isinstance(stage, Avoid) else stage.plan == "joint"
 
 
 def too_late(

@@ -70,7 +70,9 @@ def collision(
     if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
         raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
     if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
-        raise ValueError(f'found: by "{found.method}" without a rate of entries; use method="entries"')
+        raise ValueError(
+            f'found: by "{found.method}" without a rate of entries; nobody enters, or use method="entries"'
+        )
     order = np.argsort(found.rate_times)
     start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
     ticks = clock(path, start, end) if path is not None else Clock(plain_unit(end - start), None)

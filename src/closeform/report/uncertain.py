@@ -32,6 +32,10 @@ SIGMAS = (
 STORED = (Column(None, "of"), *SIGMAS)
 CURVES = 4  # pairs whose sigmas are drawn against time
 TUBE_SIGMAS = 3.0  # that a tube is wide where none are asked for
+SURE = {  # what an interval is, of other methods than "entries"
+    "bound": "certainly",
+    "monte-carlo": "95 % interval, by Monte Carlo: errors so thin have no rate of entries that can be told,",
+}
 DRAWN = 1e-15  # expected entries from which on they are drawn
 
 
@@ -85,7 +89,7 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
         return tuple(told)
     about = radius(pair)
     within = "within their hard bodies" if about is None else f"within the hard bodies' {about:g} m"
-    sure = "certainly" if odds.method == "bound" else "95 % interval"
+    sure = SURE.get(odds.method, "95 % interval")
     most = f"at most {odds.high:.4g} ({sure} {odds.low:.4g} to {odds.high:.4g})"
     counts = f"; inside at its start {odds.at_start:.3g}, entries expected {odds.mean_entries:.4g}"
     if odds.high == 0.0:

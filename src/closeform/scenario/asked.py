@@ -22,6 +22,8 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
     sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
     if stage.max_probability is not None and any(body is None for _, body in sizes):
         yield 'craft.hard_body: missing; add for example hard_body = "5 m"'
+    if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
+        yield f"stage[{number}]: a plan keeps sigmas or a drift, not both; remove one of them"
     if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
         yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
 

@@ -48,6 +48,11 @@ class Avoid(Thrusting):
     longer: bool = Field(True, examples=["false"])
     margin: Margin | None = Field(None, examples=['"0.5 m"'])
 
+    @property
+    def is_exact(self) -> bool:
+        """Whether its plan is of the method that knows errors and drift."""
+        return self.method == "exact"
+
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
@@ -96,6 +101,11 @@ class Joint(Thrusting):
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
     margin: Margin | None = Field(None, examples=['"0.5 m"'])
     animation: bool = Field(False, examples=["true"])
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether its plan is of the method that knows errors and drift."""
+        return self.plan == "joint"
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()

@@ -20,9 +20,9 @@ from closeform.uncertainty.search import one_for_each, search_of, stays_of_two
 from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
-MIXED = (
-    1e3  # sigma_v / (n sigma_r): velocities that move a craft so many of its position's sigmas in a radian
-)
+# sigma_v / (n sigma_r): so many of its position's sigmas velocities move a craft in a radian.  Mostly about
+# one; mixed units make it a thousand times more.
+MIXED = 200.0
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -25,6 +25,16 @@ SURE = 6.0  # deviations: who comes nearer than that to a zone enters it at some
 CHECKED = 12  # times at which a rate is compared with one of more nodes
 
 
+class Unresolved(ValueError):
+    """Errors of which the rate of entries over the zone's surface has no value that can be told."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "errors: so small beside the zone, or so nearly known, that its surface is not resolved; "
+            'use method="monte-carlo"'
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Flux:
     """Entries that are expected from the start on: how many, how far off that may be, and when.
@@ -102,6 +112,8 @@ def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
         grid.append(np.linspace(begin, end, max(9, int(np.ceil(SAMPLES * (turns if n else 1.0))) + 1)))
     times = np.unique(np.concatenate(grid))
     distances = rates(histories, times, 0.0)[:, 2]
+    if not np.isfinite(distances).all():
+        raise Unresolved
     around = np.concatenate([[np.inf], distances, [np.inf]])
     least = (distances <= around[:-2]) & (distances <= around[2:])
     (low,) = np.nonzero(least & ((distances > 0.0) | (around[:-2] > 0.0) | (around[2:] > 0.0)))
@@ -136,7 +148,10 @@ def passages(histories: Histories, nearest: Floats) -> Floats:
 
 
 def expected_entries(histories: Histories) -> Flux:
-    """Integrate the rate over time, with as many nodes on the surface as its largest values need."""
+    """Integrate the rate over time, with as many nodes on the surface as its largest values need.
+
+    Raises Unresolved where it has no value.
+    """
     nearest, distances = nearest_times(histories)
     order = np.argsort(distances, kind="stable")
     edges = passages(histories, nearest)
@@ -146,6 +161,8 @@ def expected_entries(histories: Histories) -> Flux:
     while True:
         fineness = FINENESS[level]
         flux = integral(partial(_entries, histories, fineness), edges, TOLERANCE)
+        if not np.isfinite(flux.value):
+            raise Unresolved
         if flux.value == 0.0:
             return Flux(0.0, float(distances.min() < SURE), flux, fineness, nearest[order])
         reached = np.cumsum(flux.parts) / flux.value

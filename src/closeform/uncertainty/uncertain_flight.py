@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from math import inf
 from typing import Self
 
+import numpy as np
 from scipy.special import gammaincc
 
 from closeform.conflicts.flight import PairApproach, WatchedFlight
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.columns import burning, errs
 from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.mean_entries import Unresolved
 from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
@@ -18,6 +20,9 @@ from closeform.zones.zone import Zone
 MOST_PROBABLE = 10  # pairs, the fewest sigmas first, whose probability is told
 MOST_BURNS = 60  # of two craft, of which histories are drawn: each has up to four errors of its own
 HISTORIES = 200_000  # that are drawn where the surface of a zone is not resolved
+
+NONE = np.empty(0)
+NEVER = Probability(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, NONE, NONE, "bound", 0)  # of who no error brings together
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +78,7 @@ class UncertainFlight:
             looked = place < probable or limit < inf
             if looked and near.zone.shape == BALL and few_burns(flight, near, known):
                 sure = place >= probable and most <= limit
-                probability = None if sure else probability_of(flight, near, known)
+                probability = None if sure else NEVER if most == 0.0 else probability_of(flight, near, known)
             told.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
             total += most if probability is None else min(most, probability.high)
         return cls(tuple(told), exact, sigmas, total if total < 1.0 else None)
@@ -107,7 +112,7 @@ def probability_of(flight: WatchedFlight, near: PairApproach, known: Mapping[str
         return collision_probability(*asked, method="bound")
     try:
         return collision_probability(*asked)
-    except ValueError:  # the surface is not resolved
+    except Unresolved:
         return collision_probability(*asked, method="monte-carlo", samples=HISTORIES)
 
 
