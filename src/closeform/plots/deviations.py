@@ -41,5 +41,7 @@ class Deviations:
         """How many just touch a zone at each time (T,); inf where none do."""
         still = self.path.orbit.coast(self.states, BRIEF)
         there = self.path.orbit.coast(np.zeros(6), BRIEF)
-        errors = [Errors(one) for one in self.covariances]
+        places = np.zeros_like(self.covariances)  # by velocities nobody moves in so brief a time
+        places[:, :3, :3] = self.covariances[:, :3, :3]
+        errors = [Errors(one) for one in places]
         return np.asarray(clearance_in_sigmas(still, there, zone, errors).sigmas)
