@@ -17,6 +17,7 @@ from numba.core import types
 
 import closeform
 from closeform.kernel_cache import described, type_text
+from closeform.kernel_loans import Lent
 from closeform.motion.hill import coast
 
 
@@ -266,34 +267,70 @@ def test_parts_that_moved_are_others(monkeypatch: pytest.MonkeyPatch) -> None:
     assert described(coast) != before
 
 
-def test_what_the_compiler_remembers_changes_no_instruction(tmp_path):
-    """Of a kernel with arithmetic, arrays, loops and parts: numba counts what it compiles, in names alone."""
-    program = """
-        from closeform.compiled import prepare
-        from closeform.motion.effort import totals
-        prepare(totals)
-        print(*(made.library.get_asm_str() for made in totals.overloads.values()))
+OURS = """
+from closeform import own_process
+own_process.begin()
+own_process.import_numba()
+from closeform import kernel_memory
+kernel_memory.remember()
+"""
+TOTALS = """
+from closeform.compiled import prepare
+from closeform.motion.effort import arc_energy, totals
+prepare(totals)
+print(sum(arc_energy.stats.cache_hits.values()))
+print(*(made.library.get_asm_str() for made in totals.overloads.values()))
+"""
+
+
+def compiled_totals(cache, begin=""):
+    """Whether a part of a kernel of arithmetic, arrays and loops was on disk, and the kernel's instructions.
+
+    In a fresh process. numba and LLVM count what they compile, or tell it by its address, in names alone.
     """
-    ours = """
-        from closeform import own_process
-        own_process.begin()
-        own_process.import_numba()
-        from closeform import kernel_memory
-        kernel_memory.remember()
-    """
-    whole, remembered = (
-        subprocess.run(
-            [sys.executable, "-W", "error", "-c", textwrap.dedent(begin) + textwrap.dedent(program)],
-            env={**os.environ, "HOME": str(tmp_path / name), "XDG_CACHE_HOME": str(tmp_path / name)},
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=120,
-        ).stdout
-        for name, begin in (("whole", ""), ("ours", ours))
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", begin + TOTALS],
+        env={**os.environ, "HOME": str(cache), "XDG_CACHE_HOME": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
     )
-    instructions = [
-        re.findall(r"^\t[a-z].*", re.sub(r"B\d+v\d+", "", text), re.MULTILINE) for text in (whole, remembered)
-    ]
-    assert instructions[0] == instructions[1]
-    assert len(instructions[0]) > 1000
+    hits, _, text = done.stdout.partition("\n")
+    instructions = re.findall(r"^\t[a-z].*", re.sub(r"B\d+v\d+|\.\d+(?=, %)", "", text), re.MULTILINE)
+    assert len(instructions) > 1000
+    return int(hits), instructions
+
+
+def test_what_the_compiler_remembers_changes_no_instruction(tmp_path):
+    assert compiled_totals(tmp_path / "ours", OURS) == compiled_totals(tmp_path / "whole")
+
+
+def test_parts_that_another_process_has_compiled_are_linked(tmp_path):
+    """The same instructions as without; what is damaged is compiled anew, and libraries keep no parts."""
+    hits, instructions = compiled_totals(tmp_path, OURS)
+    assert hits == 0
+    kernels = tmp_path / "closeform" / "kernels"
+
+    def forget():
+        for file in kernels.glob("motion.effort.totals-*"):
+            file.unlink()
+
+    forget()
+    assert compiled_totals(tmp_path, OURS) == (1, instructions)
+    forget()
+    (part,) = kernels.glob("motion.effort.arc_energy-*")
+    part.write_bytes(part.read_bytes()[:-1])
+    assert compiled_totals(tmp_path, OURS) == (0, instructions)
+    forget()
+    assert compiled_totals(tmp_path) == (0, instructions)
+
+
+def test_a_lent_tuple_with_other_fields_is_another() -> None:
+    """A part's file is named by the types of its arguments: numba's text of one that is lent has its name."""
+
+    def text(*fields: str) -> str:
+        group = NamedTuple("Pair", [(field, float) for field in fields])  # type: ignore[misc]
+        return type_text(Lent(types.NamedTuple((types.float64,) * len(fields), group)))
+
+    assert len({text("first"), text("second"), text("first", "second")}) == 3

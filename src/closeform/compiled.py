@@ -14,6 +14,7 @@ from numba.core.types import Array, BaseTuple, unliteral
 from closeform.kernel_cache import KernelCache, alone, is_under_way, parts
 from closeform.kernel_parts import PartCompiler
 from closeform.own_process import is_ours
+from closeform.part_cache import PartCache
 
 _announced: list[bool] = []
 ENTRIES: list[Any] = []  # the entry points of all modules that were imported
@@ -121,8 +122,13 @@ def _match(entry: Any) -> Callable[..., Any]:
     return match
 
 
-def _by_type(part: Any) -> Any:
-    """Keep numba from compiling a part anew for every literal that it is called with."""
+def _part(part: Any) -> Any:
+    """Keep numba from compiling a part anew for every literal that it is called with.
+
+    Nor what another process of ours has compiled: libraries leave parts to who imports them.
+    """
+    if is_ours():
+        part._cache = PartCache(part)
     template = part.get_call_template
 
     def by_type(args: Any, kws: Any) -> Any:
@@ -150,7 +156,7 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return numba.njit(inline="always", **options)
     if signature is None:
         options |= {"no_cpython_wrapper": True, "pipeline_class": PartCompiler}
-        return lambda function: _by_type(numba.njit(**options)(function))
+        return lambda function: _part(numba.njit(**options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
         entry = numba.njit(**options)(function)

@@ -57,14 +57,7 @@ class KernelCache(NullCache):
     @cached_property
     def path(self) -> Path:
         """The file of the compiled kernel, by a hash of all that it is made from."""
-        made = hashlib.sha256(repr(self.entry.targetctx.codegen().magic_tuple()).encode())
-        versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag
-        made.update(repr((versions, self.signature, makers())).encode())
-        made.update("".join(map(type_text, self.signature.args)).encode())
-        for part in parts(self.entry):
-            made.update(described(part).encode())
-        name = f"{self.entry.py_func.__module__}.{self.entry.py_func.__name__}"
-        return folder() / f"{name.removeprefix('closeform.')}-{made.hexdigest()[:20]}"
+        return file_of(self.entry, self.signature, "".join(map(described, parts(self.entry))))
 
     def is_whole(self) -> bool:
         """Whether the compiled kernel can be loaded; what is damaged goes, and is compiled anew."""
@@ -83,30 +76,16 @@ class KernelCache(NullCache):
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled kernel, None if there is none, or none that is whole."""
-        path = self.path
-        try:
-            content = path.read_bytes()
-        except OSError:
+        content = content_of(self.path)
+        if content is None:
             return None
-        if not intact(content):
-            return None
-        with suppress(OSError):
-            if time.time() - path.stat().st_mtime > UNUSED / 10:
-                os.utime(path)
         rtsys.initialize(target)  # numba's cache registers all that a compiler needs: 0.3 s
-        return loaded(target, pickle.loads(content[CHECKSUM:]))
+        return loaded(target, pickle.loads(content))
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep a compiled kernel, if the folder can be written."""
-        data = dumps(result._reduce())
-        path = self.path
-        written = path.with_name(f"{path.name}.{os.getpid()}")
+        keep(self.path, dumps(result._reduce()))
         with suppress(OSError):
-            try:
-                written.write_bytes(hashlib.sha256(data).digest() + data)
-                written.replace(path)
-            finally:
-                written.unlink(missing_ok=True)
             drop_unused()
 
 
@@ -155,6 +134,48 @@ def loaded(target: Any, made: tuple[Any, ...]) -> Any:
         reload_init=reload_init,
         referenced_envs=environments,
     )
+
+
+def file_of(function: Any, signature: Any, made_from: str) -> Path:
+    """Where a function lies that is compiled for a signature, or for types of arguments."""
+    made = hashlib.sha256(processor(function.targetctx.codegen()).encode())
+    versions = numba.__version__, llvmlite.__version__, sys.implementation.cache_tag
+    made.update(repr((versions, signature, makers())).encode())
+    made.update("".join(map(type_text, getattr(signature, "args", signature))).encode())
+    made.update(made_from.encode())
+    name = f"{function.py_func.__module__}.{function.py_func.__name__}"
+    return folder() / f"{name.removeprefix('closeform.')}-{made.hexdigest()[:20]}"
+
+
+@cache
+def processor(codegen: Any) -> str:
+    """What machine code is written for."""
+    return repr(codegen.magic_tuple())
+
+
+def content_of(path: Path) -> bytes | None:
+    """What is kept in a file, None if it is not there or not whole; it is used, and stays another month."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    if not intact(content):
+        return None
+    with suppress(OSError):
+        if time.time() - path.stat().st_mtime > UNUSED / 10:
+            os.utime(path)
+    return content[CHECKSUM:]
+
+
+def keep(path: Path, data: bytes) -> None:
+    """Write a file that is whole, or none."""
+    written = path.with_name(f"{path.name}.{os.getpid()}")
+    with suppress(OSError):
+        try:
+            written.write_bytes(hashlib.sha256(data).digest() + data)
+            written.replace(path)
+        finally:
+            written.unlink(missing_ok=True)
 
 
 def intact(content: bytes) -> bool:
@@ -241,8 +262,9 @@ def makers() -> tuple[str, ...]:
 def type_text(kind: types.Type) -> str:
     """A type with the names of its fields, and the module where a file that is read looks for it.
 
-    Of a named tuple numba's own text has the values' types only.
+    Of a named tuple numba's own text has the values' types only, of one that is lent its name.
     """
+    kind = getattr(kind, "of", kind)
     inner = "".join(map(type_text, getattr(kind, "types", ())))
     place = getattr(getattr(kind, "instance_class", None), "__module__", "")
     return f"{kind!r} {place} {getattr(kind, 'fields', '')} {inner}"
