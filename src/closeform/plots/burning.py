@@ -84,15 +84,14 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     axes.tick_params(axis="y", labelsize=SMALL if count <= 20 else SMALL - 3)
     time_axes([axes], ticks, start - MARGIN * (end - start), end + MARGIN * (end - start))
     if greatest:
-        _sizes(figure, axes, [one.size for one in every], bars)
+        _sizes(figure, axes, [one.size for one in every], greatest, bars)
     planned = float(np.sum(paths.planned.delta_v)) if isinstance(paths, Firing) else None
     headline(figure, _said(called, every, greatest, planned))
     return figure
 
 
-def _sizes(figure: Figure, axes: Axes, sizes: list[Floats], bars: list[Floats]) -> None:
+def _sizes(figure: Figure, axes: Axes, sizes: list[Floats], greatest: float, bars: list[Floats]) -> None:
     """The sizes (K,) of the larger burns of each row beside its bars (K, 4, 2), where they find room."""
-    greatest = max(float(one.max(initial=0.0)) for one in sizes)
     unit, gap = speed_unit(greatest), BESIDE * figure.dpi / 72.0
     for row, corners in zip(sizes, bars, strict=True):
         large = np.flatnonzero(row >= SMALLEST * greatest)

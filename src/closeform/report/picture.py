@@ -64,7 +64,6 @@ class Film(Picture):
         others: Callable[[], list[Any]] = list,
     ) -> Shot:
         """Draw it into a folder; of a `count` of shares the first, while others draw what they then give."""
-
         reel = self.reel()
         frames: list[Any] = [None] * len(reel.moments)
 

@@ -135,16 +135,11 @@ def keys_inside(table: type[Table]) -> Iterator[str]:
             yield from (f"{table.key_of(name)}.{key}" for key in inner.examples())
 
 
-def inner(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
-    """The keys of a table that hold a table of one kind, and that."""
+def tables_inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
+    """The keys of a table that hold a table of one kind as it stands, and that kind."""
     for name, field in table.model_fields.items():
         kinds = [one for one in get_args(field.annotation) or (field.annotation,) if one is not NoneType]
-        if (
-            len(kinds) == 1
-            and isinstance(kinds[0], type)
-            and issubclass(kinds[0], Table)
-            and not field.metadata
-        ):
+        if len(kinds) == 1 and kinds == [*tables_in(kinds[0])] and not field.metadata:
             yield table.key_of(name), kinds[0]
 
 

@@ -13,7 +13,15 @@ from pydantic import ValidationError
 
 from closeform.scenario.checks import check
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.errors import Place, ScenarioError, complaints, did_you_mean, dotted, inner, meant_by
+from closeform.scenario.errors import (
+    Place,
+    ScenarioError,
+    complaints,
+    did_you_mean,
+    dotted,
+    meant_by,
+    tables_inside,
+)
 from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
@@ -188,9 +196,10 @@ class Reading:
 
         The tables in it are validated each by itself, too.
         """
-        tables = ((key, one) for key, one in inner(model) if isinstance(value.get(key), dict))
         value = value | {
-            key: self.validated(one, value[key], (*place, key)) or model.example(key) for key, one in tables
+            key: self.validated(table, value[key], (*place, key)) or model.example(key)
+            for key, table in tables_inside(model)
+            if isinstance(value.get(key), dict)
         }
         try:
             return model.model_validate(value)

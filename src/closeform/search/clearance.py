@@ -11,14 +11,7 @@ from typing import Any, NamedTuple
 from closeform.arrays import Floats
 from closeform.compiled import kernel
 
-VELOCITY, SINCE, SPENT, CORRECTED, PUSHED, CRAFT = (
-    3,
-    6,
-    7,
-    8,
-    9,
-    10,
-)  # columns of a craft's row, after its position
+VELOCITY, SINCE, SPENT, CORRECTED, PUSHED, CRAFT = 3, 6, 7, 8, 9, 10  # columns of a row, after its position
 SPOKES = 48  # generators of the cone that are tried before the best is refined
 REFINED = 40  # halvings
 ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of the zone itself
