@@ -60,6 +60,28 @@ def test_one_number_is_integrated(mean, axis):
         assert figure.samples == 0
 
 
+@pytest.mark.parametrize("turned", [0.125, 0.5, 0.625, 1.0])
+@pytest.mark.parametrize("sigma", [5e3, 20e3])
+def test_intervals_that_move_fast(sigma, turned):
+    """Across the track, 5 km sin nt + xi sigma cos nt: at nt xi about -5 km / sigma tan nt is inside.
+
+    They move by several widths between two samples, and turn over from -infinity to infinity at pi/2.
+    """
+    duration, ratio, half = turned * PERIOD, 5e3 / sigma, 15.0 / sigma
+    path, other = ORBIT.coast([0, 0, 0, 0, 0, 5e3 * N], duration), ORBIT.coast(np.zeros(6), duration)
+    line = np.array([0, 0, sigma, 0, 0, 0])
+    figure = cf.collision_probability(path, other, ZONE, cf.Errors(np.outer(line, line)), method="bound")
+    angle = 2 * np.pi * turned
+    low = -ratio * np.tan(angle) - half / abs(np.cos(angle))  # where the interval begins at the end
+    if turned < 0.25:
+        ever, entries = norm.cdf(half) - norm.cdf(low), norm.cdf(-half) - norm.cdf(low)
+    else:  # once from the start to -infinity, then from infinity on, and once more beyond 3/4
+        ever, entries = 1.0, norm.cdf(-half) + norm.sf(low) + (turned > 0.75)
+    assert figure.at_start == pytest.approx(2 * norm.cdf(half) - 1, rel=1e-6)
+    assert figure.value == pytest.approx(ever, rel=1e-6)
+    assert figure.mean_entries == pytest.approx(entries, rel=1e-6)
+
+
 def test_far_tails_keep_their_digits():
     """Along the track alone nothing moves: inside from the start, or never, by 45 m to 75 m of 5 m."""
     figure = asked([0, 60, 0, 0, 0, 0], [0, 5.0, 0, 0, 0, 0])

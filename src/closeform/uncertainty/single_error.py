@@ -43,12 +43,14 @@ class SingleError:
         """Of errors along a direction (M,) of length 1, or nil of no errors."""
         times = _grid(histories)
         for _ in range(ROUNDS):
-            near, low, high = _intervals(histories, along, times)
+            near, low, high, _ = _intervals(histories, along, times)
             times = _finer(times, near, low, high)
-        _, low, high = _intervals(histories, along, times)
-        met = low <= high
+        _, low, high, columns = _intervals(histories, along, times)
+        met, goes = low <= high, _goes_on(low, high, columns)
         at_start = float(_between(low[0], high[0])) if met[0] else 0.0
-        return cls(at_start, _union(low, high, met), _entries(low, high, met))
+        lowest, highest = np.minimum(low[1:], low[:-1])[goes], np.maximum(high[1:], high[:-1])[goes]
+        swept = np.concatenate([low[met], lowest]), np.concatenate([high[met], highest])
+        return cls(at_start, _union(*swept), _entries(low, high, goes))
 
 
 def single_direction(histories: Histories) -> Floats | None:
@@ -73,8 +75,11 @@ def _grid(histories: Histories) -> Floats:
     return np.unique(np.concatenate(grid))
 
 
-def _intervals(histories: Histories, along: Floats, times: Floats) -> tuple[Floats, Floats, Floats]:
-    """How near each line (T,) comes, above 0 inside; between which xi it is inside, or inf and -inf."""
+def _intervals(histories: Histories, along: Floats, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """How near each line (T,) comes, above 0 inside; between which xi it is inside, or inf and -inf.
+
+    And where each leads with xi (T, 3).
+    """
     mean, factor = histories.states(times)
     matrix = histories.zone.matrix
     middle, column = mean[:, :3] @ matrix.T, (factor[:, :3] @ along) @ matrix.T
@@ -90,7 +95,18 @@ def _intervals(histories: Histories, along: Floats, times: Floats) -> tuple[Floa
     a, b, near_met = a[met], b[met], near[met]
     half = np.sqrt(near_met / a)
     low[met], high[met] = -b / a - half, -b / a + half
-    return near, low, high
+    return near, low, high, column
+
+
+def _goes_on(low: Floats, high: Floats, columns: Floats) -> Any:
+    """From which times to the next (T - 1,) an interval moves: fast ones over all that is in between.
+
+    Not where what leads along the line turns round: there one leaves by infinity, and another comes by it.
+    """
+    met = low <= high
+    turns = (columns[1:] * columns[:-1]).sum(axis=1) < 0.0
+    apart = np.maximum(low[1:], low[:-1]) > np.minimum(high[1:], high[:-1])
+    return met[1:] & met[:-1] & ~(turns & apart)
 
 
 def _finer(times: Floats, near: Floats, low: Floats, high: Floats) -> Floats:
@@ -126,20 +142,19 @@ def _between(low: Any, high: Any) -> Any:
     return np.abs(ndtr(side * high) - ndtr(side * low))
 
 
-def _union(low: Floats, high: Floats, met: Any) -> float:
-    """Probability of the union of intervals, of which neighbours in time overlap."""
-    order = np.argsort(low[met])
-    low, high = low[met][order], high[met][order]
+def _union(low: Floats, high: Floats) -> float:
+    """Probability of the union of intervals."""
+    order = np.argsort(low)
+    low, high = low[order], high[order]
     reached = np.maximum.accumulate(high)
     first = np.concatenate([[True], low[1:] > reached[:-1]])[: len(low)]
     last = np.concatenate([first[1:], [True]])[: len(low)]
     return float(_between(low[first], reached[last]).sum())
 
 
-def _entries(low: Floats, high: Floats, met: Any) -> float:
+def _entries(low: Floats, high: Floats, goes: Any) -> float:
     """Entries after the start: what intervals begin with, and what their ends move outward over."""
-    begins = met[1:] & ~met[:-1]
-    goes = met[1:] & met[:-1]
+    begins = (low <= high)[1:] & ~goes
     out = _between(low[1:][begins], high[1:][begins]).sum()
     lower, before = low[1:][goes], low[:-1][goes]
     out += _between(lower, before)[lower < before].sum()
