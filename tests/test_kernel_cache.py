@@ -334,3 +334,22 @@ def test_a_lent_tuple_with_other_fields_is_another() -> None:
         return type_text(Lent(types.NamedTuple((types.float64,) * len(fields), group)))
 
     assert len({text("first"), text("second"), text("first", "second")}) == 3
+
+
+def test_no_two_processes_number_functions_alike():
+    """Nor forks, such as those that draw: what one has compiled of a part, others link to their own."""
+    program = """
+        import os
+        from closeform import own_process
+        own_process.begin()
+        import closeform.compiled
+        from numba.core.bytecode import FunctionIdentity
+        child = os.fork()
+        if child:
+            os.waitpid(child, 0)
+        print(*(next(FunctionIdentity._unique_ids) for _ in range(3)), flush=True)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(program)]
+    told = [subprocess.run(command, capture_output=True, text=True, check=True).stdout for _ in range(2)]
+    numbers = " ".join(told).split()
+    assert len({*numbers}) == len(numbers) == 12

@@ -1,13 +1,10 @@
 """What numba's compiler need not find out again: which operation fits which types, what a statement names."""
 
 import sys
-from itertools import count
-from secrets import randbits
 from typing import Any
 
 from numba.core import ir
 from numba.core.base import BaseContext
-from numba.core.bytecode import FunctionIdentity
 from numba.core.types.functions import BaseFunction
 
 from closeform.own_process import without_blas
@@ -19,11 +16,7 @@ def remember() -> None:
     For the sum of two numbers it tries a dozen templates at each place where it stands, and words why
     each does not fit; for the size of a variable, which only debuggers are told, it has LLVM parse a text;
     and for whatever it does not know at once it imports again all that could teach it.
-
-    Numbers of functions, which numba counts, begin anywhere: to LLVM those of one name and number are the
-    same, and code that another process has compiled is linked to ours.
     """
-    FunctionIdentity._unique_ids = count(randbits(60))
     BaseFunction.get_call_type = typed_once(BaseFunction.get_call_type)
     BaseContext.get_abi_sizeof = measured_once(BaseContext.get_abi_sizeof)
     BaseContext.refresh = taught_once(BaseContext.refresh)

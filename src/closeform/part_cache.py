@@ -4,9 +4,11 @@ import hashlib
 import pickle
 from functools import cache
 from pathlib import Path
+from secrets import randbits
 from typing import Any
 
 from llvmlite.binding import parse_bitcode
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import NullCache
 from numba.core.compiler import compile_result
 from numba.core.dispatcher import Dispatcher
@@ -14,6 +16,12 @@ from numba.core.serialize import dumps
 
 from closeform.kernel_cache import content_of, described, file_of, keep, used
 from closeform.kernel_parts import PartLibrary
+from closeform.own_process import is_ours
+
+if is_ours():
+    # Numba counts functions, in each process and fork alike, and to LLVM those of one name and number are the
+    # same: code that is linked from another process has numbers that nobody else has.
+    FunctionIdentity._unique_ids = iter(lambda: randbits(60), None)
 
 
 class LoadedPart(PartLibrary):
