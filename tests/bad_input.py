@@ -2020,6 +2020,11 @@ CALLS = (
         "thrusters: at 7.45443 s the plan pushes where they cannot, along -z of their frame; plan with these thrusters, or add one",
     ),
     Call(
+        "thrusters that cannot push where the field asks for it beside the plan",
+        "cf.thrust(chief.orbit.transfer([0, 200, 0, 0, 0, 0], [40, -150, 0, 0, -0.09, 0], 3000.0), cf.Field(chief), thrusters=cf.Thrusters(thrusters.directions[:4], acceleration=2e-3, period=30.0))",
+        "thrusters: craft 0: at 1747.5 s what corrects the plan for this field pushes where they cannot, along +z of their frame; add one there, or fly without thrusters",
+    ),
+    Call(
         "thrusters that say only where they push",
         "cf.fire(plan, cf.Thrusters.rtn())",
         "thrusters: have no acceleration to fire with; give it, or use with_force",
@@ -2353,6 +2358,11 @@ CALLS = (
         "drag beside a function",
         "cf.Field(chief, drag=cf.Drag(5e-13, 5e5, 6e4, 0.02, 0.02), acceleration=lambda times, states: states)",
         "acceleration: a function of times and states, in place of zonals and drag",
+    ),
+    Call(
+        "a function of times and states that raises",
+        "cf.thrust(plan, cf.Field(chief, acceleration=lambda times, states: 1 / 0))",
+        "acceleration: the function raises ZeroDivisionError: division by zero; it is given times (M,) and states (M, 6)",
     ),
     Call(
         "a plan of another orbit than the chief's",

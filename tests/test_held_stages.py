@@ -110,6 +110,28 @@ def test_a_run_holds_its_coasts(tmp_path: Path):
     assert told["violated"] == 0
 
 
+def test_one_craft_alone_coasts_without_a_zone(tmp_path: Path):
+    """Nobody else may be there whom a keep_out would keep away."""
+    file = tmp_path / "alone.toml"
+    file.write_text(ALONE)
+    assert main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"]) == 0
+
+
+ALONE = """\
+closeform = 1
+title = "One craft coasts"
+[orbit]
+altitude = "500 km"
+[craft]
+name = ["A"]
+position = "0 -1000 0 m"
+velocity = "0 0 0 m/s"
+[[stage]]
+do = "coast"
+for = "1 orbit"
+"""
+
+
 LONG = """\
 closeform = 1
 title = "Hold two days, move, and hold two more"

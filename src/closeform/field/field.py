@@ -147,8 +147,8 @@ class Field:
         Raises
         ------
         ValueError
-            If shapes do not fit, a number is not finite, or `acceleration` gives another shape, or numbers
-            that are not finite.
+            If shapes do not fit, a number is not finite, or `acceleration` raises, or gives another shape, or
+            numbers that are not finite.
 
         References
         ----------
@@ -163,7 +163,13 @@ class Field:
             accelerate(self._constants, np.broadcast_to(own, shape).ravel(), rows, felt)
             return felt.reshape((*shape, 3))
         when = np.broadcast_to(when, shape).ravel()
-        felt = np.asarray(self.acceleration(when, rows), dtype=float)
+        try:
+            felt = np.asarray(self.acceleration(when, rows), dtype=float)
+        except Exception as error:  # the user's, of any kind
+            raise ValueError(
+                f"acceleration: the function raises {type(error).__name__}: {error}; it is given times (M,) "
+                "and states (M, 6)"
+            ) from error
         if felt.shape != (len(rows), 3) or not np.isfinite(felt).all():
             raise ValueError(
                 f"acceleration: expected finite numbers of shape ({len(rows)}, 3), got {shown(felt)}"

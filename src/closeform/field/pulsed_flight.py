@@ -23,6 +23,7 @@ from closeform.field.nozzles import nozzles_of
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses, retargeted
 from closeform.field.timetable import BESIDE, edges_of, impulses_of, joined
+from closeform.fuel.chunks import PUSHES
 from closeform.fuel.firing import Firing, fire
 from closeform.fuel.pulses import Pulses, linked
 from closeform.fuel.thrusters import Thrusters
@@ -56,7 +57,22 @@ def fired_in(
         kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
         arcs[kicked, IMPULSE : IMPULSE + 3] = sizes
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
-    return _fired(stack(asked), shooters, thrusters, mass, specific_impulse)
+    try:
+        return _fired(stack(asked), shooters, thrusters, mass, specific_impulse)
+    except Grounded as error:
+        if PUSHES not in str(error) or not _can_fire(paths[shooters], thrusters):
+            raise
+        told = str(error).replace(PUSHES, "what corrects the plan for this field pushes")
+        raise Grounded(f"{told.partition(';')[0]}; add one there, or fly without thrusters") from None
+
+
+def _can_fire(paths: Path, thrusters: Sequence[Thrusters | None]) -> bool:
+    """Whether thrusters fire planned paths as these are in Hill's equations."""
+    try:
+        fire(paths, [one for one in thrusters if one is not None])
+    except ValueError:
+        return False
+    return True
 
 
 def _fired(

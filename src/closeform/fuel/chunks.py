@@ -21,6 +21,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 ANGLE, SHARE = 0.02, 1.0 / 64.0
 NOTHING = 1e-9  # of the greatest thrust: no thruster fires for that
 UNREACHED = 1e-6  # of all delta-v: rounding of a plan
+PUSHES = "the plan pushes"  # in a field that may be what corrects it
 MOST = 1_000_000  # cycles and pieces of a path
 
 
@@ -82,7 +83,7 @@ def cells_of(path: Path, thrusters: Thrusters) -> Chunks:
         k = np.flatnonzero(~real)[every.impulse[~real].argmax()]
         sign, axis = divmod(int(every.thruster[k]) - allocation.count, 3)
         raise ValueError(
-            f"thrusters: at {every.centroid[k]:.6g} s the plan pushes where they cannot, along "
+            f"thrusters: at {every.centroid[k]:.6g} s {PUSHES} where they cannot, along "
             f"{'+-'[sign]}{'xyz'[axis]} of their frame; plan with these thrusters, or add one"
         )
     return every[real][np.lexsort((every.centroid[real], every.thruster[real]))]

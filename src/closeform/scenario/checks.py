@@ -134,7 +134,8 @@ def stages(scenario: Scenario) -> Iterator[str]:
                 yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
         if isinstance(stage, Drifting) and stage.drift is not None:
             yield from drifting(scenario, number, stage)
-        if (stage.keeps_out or getattr(stage, "drift", None) is not None) and None in scenario.keep_out:
+        beside = stage.keeps_out and len(scenario.craft) > 1
+        if (beside or getattr(stage, "drift", None) is not None) and None in scenario.keep_out:
             yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
         yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
