@@ -202,7 +202,7 @@ def test_slow_drift_without_an_end_tends_to_the_separation_of_both_vectors():
     slow = [
         cf.drift_approach(ORBIT.coast(ellipse(d, 500.0), 9.0), other, zone, np.inf) for d in (0.03, 0.003)
     ]
-    assert all(np.isinf(one.time) for one in slow)
+    assert all(one.time > 100 * PERIOD for one in slow)  # they pass after about 900 and 9000 orbits
     assert abs(slow[0].ratio - limit) < 1e-3  # 2 d / R
     assert abs(slow[1].ratio - limit) < 1e-4
     away = cf.drift_approach(ORBIT.coast(ellipse(-0.03, 500.0), 9.0), other, zone, np.inf)

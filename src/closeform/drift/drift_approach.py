@@ -38,8 +38,8 @@ class DriftApproach(Rows):
         When thrust fails for the worst; of missed burns the first of which something is missing.  Where
         both craft fail (..., 2), that of `path` first; nan without a common time.
     time : float or array of shape (...) [s]
-        When the norm is least then; nan without a common time, and inf where drift is so slow that
-        nobody knows when.
+        When the norm is least then; nan without a common time, and inf where slower and slower drifts
+        tend to it.
     ratio : float or array of shape (...), no unit
         The least norm over all instants of failure and all of the drift; inf without a common time.
     distance : float or array of shape (...) [m]
@@ -48,7 +48,8 @@ class DriftApproach(Rows):
         Who fails for the worst: "path", "other" or "both".
     lower : float or array of shape (...), no unit
         No failure leads to a norm below: 1e-9 under the ratio, or that share of it; less close where the
-        search had to end after many cells.
+        search had to end after many cells, and -inf where drift without an end may lead ever deeper into
+        half-spaces.
     """
 
     _columns: ClassVar = {
@@ -205,7 +206,7 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
         if fly and end == np.inf:
             if one.arcs[:, THRUST:].any() or one.arcs[:, IMPULSE : IMPULSE + 3].any():
                 raise ValueError(f"until: inf needs {name} to coast, which flies on while the other fails")
-        elif fly and last_times(one).min() < end and (one.end < end - forgiven(one)).any():
+        elif fly and last_times(one).min(initial=np.inf) < end and (one.end < end - forgiven(one)).any():
             raise ValueError(
                 f"{name}: ends at {last_times(one).min():g} s, and flies on while the other fails; "
                 f"carry it on to {end:g} s, such as by a coast"
@@ -247,7 +248,7 @@ def search_pairs(
     room = room_for(one, two)
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
-    tube = zone.form if zone.shape == FACES and not for_ever else tube_form(zone)
+    tube = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else tube_form(zone)
     rest = orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))

@@ -38,7 +38,7 @@ def forgiven(path: Path) -> Any:
 def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
     """The end of the drift of a path that can fail like that, and ends before it."""
     end = drift_end(until, path.orbit)
-    if last_times(path).max() > end and (path.end > end + forgiven(path)).any():
+    if last_times(path).max(initial=-np.inf) > end and (path.end > end + forgiven(path)).any():
         raise ValueError(
             f"until: {end:g} s is before the end of {name}, {last_times(path).max():g} s; give that or later"
         )
@@ -53,4 +53,5 @@ def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
 
 def soon_after(path: Path, other: Path) -> float:
     """Until when a drift without end is searched as one that has an end."""
-    return float(max(last_times(path).max(), np.max(other.start)) + SOON * path.orbit.period)
+    last = max(last_times(path).max(initial=0.0), np.max(other.start, initial=0.0))
+    return float(last + SOON * path.orbit.period)

@@ -1,6 +1,6 @@
 """Failures flown one by one, and cells that are cut where nothing else tells."""
 
-from math import ceil, nan
+from math import ceil, inf, nan
 
 from closeform.compiled import kernel
 from closeform.drift.cells import (
@@ -160,6 +160,17 @@ def around(one, two, cell, width, when, end, n):
     reach = NEAR / n if n > 0.0 else 0.05 * (end - first)
     begin = max(when - reach, first)
     return begin, min(end, max(when, begin) + reach)
+
+
+@kernel()
+def near_by(one, two, cell, width, t, near, end, n, count, room):
+    """Aim at the failure that is nearest where planes end; from when and until when it is to be flown."""
+    size = widest(room, count)[1] if near < inf else inf
+    s = aim(one, two, cell, width, near if size > SMALLEST else t, room)
+    if near == inf:
+        return max(t, s), end
+    begin, stop = around(one, two, room.point[0], width, near, end, n)
+    return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
 
 
 @kernel()

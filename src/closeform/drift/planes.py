@@ -21,6 +21,7 @@ from closeform.zones.shapes import BALL, CYLINDER, part, part_count, time_to_lev
 
 STEPS = 200  # in a window, before a cell is cut though planes still pass
 LEAST_STEP = 2.3e-16
+EITHER_WAY = (0.0, 0.0, 0.0)  # no direction that planes are to lead away in
 
 
 @kernel()
@@ -139,8 +140,11 @@ def mixed_plane(room, count, form, x, y, z):
 
 
 @kernel()
-def best_plane(room, window, count, form, level, x, y, z, local, wanted):
-    """The plane that lasts longest, of a norm's parts and of these mixed: for how long, and the gap there."""
+def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
+    """The plane that lasts longest, of a norm's parts and of these mixed: for how long, and the gap there.
+
+    Of planes from which the direction `away` does not lead back.
+    """
     shape, _, faces = form
     longest, gap, parts = 0.0, -inf, part_count(shape, faces)
     for k in range(parts + 1):
@@ -150,6 +154,8 @@ def best_plane(room, window, count, form, level, x, y, z, local, wanted):
             ax, ay, az = mixed_plane(room, count, form, x, y, z)
         else:
             break
+        if ax * away[0] + ay * away[1] + az * away[2] < 0.0:
+            continue
         above = project(room, window, ax, ay, az) - level
         gap = max(gap, above)
         if above > 0.0:
@@ -206,12 +212,13 @@ def valley(one, two, room, window, local, span, form):
 
 
 @kernel()
-def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, room):
+def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, away, room):
     """How far a cell is certainly clear of the zone enlarged by `target`: the time reached, and whether all.
 
     `rest`: how far motions are off those that span them (see `span_both`).  Where it ends, the edges of the
     set and its nearest point stand in `room`; where that is nearer than `best` they do so for the time,
     the third answer, at which it is nearest.  At most `most` steps, if that is not negative.
+    What is clear stays so if all is moved on in the direction `away` of zone coordinates.
     """
     t, taken = cell[FROM], 0
     place, speed, always, epoch = rest
@@ -231,11 +238,11 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
             count = find_edges(one, two, room, window)
             x, y, z = nearest(room, count)
             wanted = span - local
-            h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)
+            h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted, away)
             if h == 0.0 and form[0] == CYLINDER:  # whose gradient depends on where
                 sink(room, count, form, 1e-5)
                 x, y, z = place_at(room, count, -1.0)
-                h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted)
+                h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted, away)
             steps, taken = steps + 1, taken + 1
             if taken == most:
                 return t + local, False, t + local

@@ -28,19 +28,18 @@ from closeform.drift.edges import widest
 from closeform.drift.fans import ROOM_TYPE, is_natural, open_window
 from closeform.drift.flown import (
     MEETS,
-    SMALLEST,
-    aim,
     around,
     cut,
     descend,
     fly,
     glance,
     has_extent,
+    near_by,
     note,
     target_below,
 )
 from closeform.drift.for_ever import search_tail
-from closeform.drift.planes import march
+from closeform.drift.planes import EITHER_WAY, march
 from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
@@ -96,17 +95,6 @@ def sample(one, two, top, width, end, n, form, room):
 
 
 @kernel()
-def near_by(one, two, cell, width, t, near, end, n, count, room):
-    """Aim at the failure that is nearest where planes end; from when and until when it is to be flown."""
-    size = widest(room, count)[1] if near < inf else inf
-    s = aim(one, two, cell, width, near if size > SMALLEST else t, room)
-    if near == inf:
-        return max(t, s), end
-    begin, stop = around(one, two, room.point[0], width, near, end, n)
-    return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
-
-
-@kernel()
 def calm_from(side, n):
     """From when on a side moves without thrust, whatever fails."""
     kind, last = side.now[KIND], side.now[LAST] - 1
@@ -123,14 +111,16 @@ def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, 
     """
     if form[0] != FACES and n * (end - max(calm, cell[FROM])) > LONG:
         if cell[FROM] < calm:
-            t, clear, near = march(one, two, cell, width, calm, n, form, scale, target, best, rest, -1, room)
+            t, clear, near = march(
+                one, two, cell, width, calm, n, form, scale, target, best, rest, -1, EITHER_WAY, room
+            )
             if not clear:
                 return t, clear, near
             cell[FROM] = calm
         turn = cell[FROM] + 2.0 * pi / n
-        if march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, room)[1]:
+        if march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]:
             return end, True, end
-    return march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, room)
+    return march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, EITHER_WAY, room)
 
 
 @kernel()
@@ -241,12 +231,14 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
         ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
             top = fill_cells(one, two, end, width, n, room.cells)
-            ratio, found, full = search_tail(
+            ratio, later, late = search_tail(
                 one, two, top, width, far, n, form, scale, tube, certain, room, ratio
             )
-            when = inf if found else when
-            if full:
+            known = max(known, late)
+            if later == -inf:
                 ratio, when = -inf, float(2 * len(room.cells))
+            elif later == later:
+                when = later
         if ratio == -inf or (ratio == 1.0 and when != when):  # too little room, or nothing is certain
             out[p, TIME], out[p, RATIO] = when, ratio
         if ratio == -inf or when != when:
@@ -254,7 +246,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
         worst = room.point[1]
         single(one, worst, SIDE, n, room.rows[0])
         single(two, worst, SIDE + width, n, room.rows[1])
-        seen = min(when, end)
+        seen = when if when < inf else end
         open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
         out[p, TIME], out[p, RATIO], out[p, LOWER] = when, ratio, ratio - known * max(abs(ratio), 1.0)
         for axis in range(3):
