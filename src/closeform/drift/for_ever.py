@@ -19,7 +19,7 @@ from closeform.zones.shapes import BALL, FACES
 
 FEW = 60  # steps of the march, after which a cell is cut, or gone on with
 STILL = 1e-3  # of a zone: an ellipse that drifts by less in all of the time is closed
-ENOUGH, LESS = 1_000, 100.0  # cells after which a least norm is looked for less closely
+ENOUGH, LESS = (5_000, 1_000), (10.0, 100.0)  # cells of balls, and of other zones, after which less is asked
 OPEN = (
     1_000  # cells after which the least norm of half-spaces is without a bound: the track may lead into them
 )
@@ -227,16 +227,17 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
     failure stands in `room.point[1]`; a time of -inf asks for more room.
     """
     when, spent = nan, 0
+    kind = 0 if form[0] == BALL else 1
     count = parameter_count(one) + parameter_count(two)
     _, square = along_track(form[1])
     while top > 0:
         spent += 1
-        if spent > (OPEN if tube[0] == FACES else ENOUGH):
+        if spent > (OPEN if tube[0] == FACES else ENOUGH[kind]):
             if tube[0] == FACES:
                 return best, when, inf
             if certain == 0.0:
                 return 1.0, inf, 0.0
-            certain, spent = LESS * certain, 0
+            certain, spent = LESS[kind] * certain, 0
         target = target_below(best, certain)
         if certain > 1.0 or (target <= 0.0 and form[0] != FACES):
             break
