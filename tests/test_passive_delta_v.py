@@ -132,13 +132,13 @@ def test_a_hold_on_the_track_is_not_left_absurdly_dear():
 
 
 def test_more_drift_costs_no_less():
-    case = ring_transfers("thirty")[22]
+    case = ring_transfers("thirty")[18]
     client = ORBIT.coast(np.zeros(6), case.duration + 3.0 * PERIOD)
     spent = [
         cf.avoid(case.path, client, case.zone, drift=share * PERIOD, cost="delta-v").delta_v
         for share in (0.0, 0.5, 1.0, 2.0)
     ]
-    assert spent[-1] > 1.001 * spent[0]
+    assert spent[-1] > 1.02 * spent[0]
     assert (np.diff(spent) >= -5e-3 * spent[0]).all()  # what few impulses may cost more
 
 

@@ -1,10 +1,11 @@
 """What paths of impulses are asked: whether they are clear, and stay so where thrust may be lost."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from closeform.arrays import Floats
-from closeform.planning.impulse_moments import Moments
+from closeform.planning.impulse_moments import Moments, sizes_of, some_of_each
 from closeform.planning.problem import Flown, PairRow
 from closeform.planning.scene import Contacts
 
@@ -27,6 +28,33 @@ class Checked(NamedTuple):
     def worst(self) -> float:
         """The least norm of all conflicts, at most 1."""
         return min([1.0, self.nearest, *(float(row[3]) for _, row in self.missed)])
+
+
+@dataclass(frozen=True, eq=False)
+class Spent:
+    """What one round came to: paths, their delta-v [m/s], conflicts left, and what it was found with.
+
+    Delta-v is the sum of the sizes of all `impulses`: of two thrusters that fire at once, of both.
+    """
+
+    flown: Flown
+    delta_v: float
+    least: float  # [m/s]: nothing that keeps these planes costs less, fired at any time; certified
+    checked: Checked
+    contacts: Contacts
+    margin: float  # of the zones, to which planes were moved out
+    moments: list[Moments]  # of each craft
+    impulses: Floats  # (N, J, 3)
+    peaks: list[Moments]  # when each craft's primer is longest, or most along one of its thrusters
+
+    @property
+    def pushing(self) -> Any:
+        """Which contacts (K,) push their pairs apart."""
+        return pushing(self.contacts)
+
+    def fired(self, share: float) -> list[Moments]:
+        """When each craft fires more than a share of all."""
+        return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
 
 
 class Failures(Protocol):

@@ -9,9 +9,8 @@ Thrusters have moments of their own each: a time, and the direction of one of th
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from math import ceil, inf, pi
-from typing import Any
 
 import numpy as np
 
@@ -23,10 +22,10 @@ from closeform.motion.reduced import COUNT, LOWER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.impulse_alone import answers_alone
-from closeform.planning.impulse_checks import Checked, Failures, drifting, pushing
+from closeform.planning.impulse_checks import Checked, Failures, Spent, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
-from closeform.planning.impulse_moments import Moments, Pushes, sizes_of, some_of_each, table_of
+from closeform.planning.impulse_moments import Moments, Pushes, blended, sizes_of, table_of
 from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_planes import fill_planes, is_among, sides_of
 from closeform.planning.impulse_scene import Dual, Fleet, Planes, Priced
@@ -48,6 +47,7 @@ FINER = 0.2  # and how much smaller it is from one to the next
 TURNING = 1e-3  # above it planes still turn, by which paths become cheaper than the bar that they are above
 WORTH = 1e-4  # of the cost: by less no other start is looked at to its end, most lead to where one has been
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
+STEPS, SHARE = 60, 0.5  # rounds in short steps to a first plan, and how much of the way one is at most
 SETTLED = 1e-5  # of the cost: clear rounds that differ by less are the last
 BEEN = 0.03  # of the time in which a pair can give way: planes no further apart may be alike
 PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come and go
@@ -57,33 +57,6 @@ INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps
 DEARER, SAFER = 1.0002, 1.005  # times the cost, that few impulses may cost, and where thrust may be lost
 FEWER = 1e-4  # of the cost, that even fewer may cost beyond that
 COARSE = 8  # of all steps to fewer, within one part in so many of which the fewest are found
-
-
-@dataclass(frozen=True, eq=False)
-class Spent:
-    """What one round came to: paths, their delta-v [m/s], conflicts left, and what it was found with.
-
-    Delta-v is the sum of the sizes of all `impulses`: of two thrusters that fire at once, of both.
-    """
-
-    flown: Flown
-    delta_v: float
-    least: float  # [m/s]: nothing that keeps these planes costs less, fired at any time; certified
-    checked: Checked
-    contacts: Contacts
-    margin: float  # of the zones, to which planes were moved out
-    moments: list[Moments]  # of each craft
-    impulses: Floats  # (N, J, 3)
-    peaks: list[Moments]  # when each craft's primer is longest, or most along one of its thrusters
-
-    @property
-    def pushing(self) -> Any:
-        """Which contacts (K,) push their pairs apart."""
-        return pushing(self.contacts)
-
-    def fired(self, share: float) -> list[Moments]:
-        """When each craft fires more than a share of all."""
-        return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
 
 
 class ImpulseSolver:
@@ -142,11 +115,16 @@ class ImpulseSolver:
         spent, none = float(np.linalg.norm(impulses, axis=2).sum()), Contacts.none()  # as they are flown
         return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
-    def solve(self, contacts: Contacts, bar: float = inf) -> Spent | None:
-        """The cheapest clear paths that a start leads to; None where there are none well below `bar`."""
-        best, self.aim, tolerance, last, idle = None, AIM, WIDEST, inf, 0
+    def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
+        """The cheapest clear paths that a start leads to; None where there are none well below `bar`.
+
+        Of rounds that are not clear only a step is taken, by which no pair moves farther than `stride` zones.
+        """
+        best, before, self.aim, tolerance, last, idle = None, None, AIM, WIDEST, inf, 0
         moments, been = self.grid, tuple(self.been)
-        for _ in range(ROUNDS):
+        for turn in range(ROUNDS if stride == inf else STEPS):
+            if turn >= ROUNDS and (best is not None or bar < inf):
+                break
             if self.failures is None:  # whose planes come and go
                 sides = sides_of(contacts.in_order(), self.near)
                 if is_among(sides, been):
@@ -157,15 +135,31 @@ class ImpulseSolver:
             found = self.priced(moments, contacts, tolerance, allowed * bar)
             if found is None:
                 break
+            if stride < inf and before is not None and not found.checked.clear:
+                found = self.stepped(before, found, stride)
             if found.checked.clear:
                 gained = inf if best is None else best.delta_v - found.delta_v
                 best = found if gained > 0.0 else best
                 idle = 0 if gained > SETTLED * found.delta_v else idle + 1
                 if last == LAST and (abs(gained) < SETTLED * found.delta_v or idle == PATIENCE):
                     break
-            contacts, moments = self.turned(found), self.following(found)
+            before, contacts, moments = found, self.turned(found), self.following(found)
             tolerance, last = max(LAST, FINER * tolerance), tolerance
         return best
+
+    def stepped(self, before: Spent, found: Spent, stride: float) -> Spent:
+        """Paths part of the way from those before to those found: no pair moves by more than `stride`."""
+        known = before.checked.lost.joined(found.contacts)
+        here, there = (self.problem.motions(one.flown, known)[:, 0] for one in (before, found))
+        farthest = float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
+        share = SHARE if farthest * SHARE <= stride else stride / farthest
+        moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
+        fleet = self.fleet(moments)
+        keep_fewest(fleet, self.planes(found.contacts).some(found.pushing), impulses)
+        flown, spent = self.flown(fleet, impulses), float(sizes_of(impulses).sum())
+        checked = self.checked(flown, found.contacts)
+        paths = replace(found, flown=flown, delta_v=spent, checked=checked)
+        return replace(paths, moments=moments, impulses=impulses)
 
     def following(self, found: Spent) -> list[Moments]:
         """When each craft may fire in the round after one."""

@@ -12,7 +12,8 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
-from closeform.planning.impulse_local import ImpulseSolver, Spent, beside
+from closeform.planning.impulse_checks import Spent
+from closeform.planning.impulse_local import ImpulseSolver, beside
 from closeform.planning.limits import FULL
 from closeform.planning.passive_planes import TOGETHER
 from closeform.planning.plan import TooWeak
@@ -25,6 +26,7 @@ from closeform.planning.ways_out import ranked_exits
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
 MORE = 4  # times as many where none of those is clear
+STRIDE = 1.0  # zones, by which a pair moves in a step: farther away other failures are the near ones
 DEAR = 1.1  # times the delta-v of safe paths of least energy: dearer impulses are not worth being few
 
 
@@ -78,11 +80,12 @@ def solved(
     for start in starts(solver, free, by_energy):
         if tried == most:
             break
-        for holding in (False, True) if solver.failures else (False,):
+        for holding, stride in ways_on(solver):
             if solver.failures is not None:
                 solver.failures.holding = holding
             # planes turn: of the first start neither way is left for what it costs before it is clear
-            found = solver.solve(start, inf if best is None or tried == 0 else best.delta_v)
+            bar = inf if best is None or tried == 0 else best.delta_v
+            found = solver.solve(start, bar, stride)
             if found is not None and solver.failures is not None and strayed(problem, free, found):
                 continue
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
@@ -104,6 +107,14 @@ def solved(
         return Outcome(None, (), nan, 1.0, False, tried, blocked(solver, free)), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried), free
+
+
+def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:
+    """How rounds go on from a start: whether planes that press are held, and how far a step leads."""
+    if solver.failures is None:
+        return ((False, inf),)
+    held = (False, inf), (True, inf)
+    return held if solver.limits.any() else (*held, (False, STRIDE))  # burns of two paths overlap
 
 
 def strayed(problem: Problem, free: Spent, found: Spent) -> bool:

@@ -17,7 +17,7 @@ from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
 from closeform.planning.held_pairs import hopeless
-from closeform.planning.impulse_local import Spent
+from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
 from closeform.planning.passive_ends import unseparated
 from closeform.planning.plan import Cost, Plan, Status, weakness

@@ -1,0 +1,31 @@
+"""Passively safe plans of least delta-v from and to holds on the track: found, flown otherwise, priced."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from hold_transfers import NUMBER, hold_transfers
+from test_passive_delta_v import failed_states, fired, least_ratio
+
+COSTS = json.loads((Path(__file__).parent / "data" / "hold_costs.json").read_text(encoding="utf-8"))
+DEARER = 1.01
+SEVERAL = {2: 1.03, 6: 1.25}  # plans nearby, to which ends that are moved by a micrometre lead
+
+
+@pytest.mark.parametrize("k", range(NUMBER))
+def test_plans_from_and_to_holds_are_safe_for_what_they_are_told_to_cost(k):
+    case = hold_transfers()[k]
+    plan = cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v")
+    assert plan.ok, plan.reason
+    assert plan.lower_bound <= plan.delta_v <= SEVERAL.get(k, DEARER) * COSTS[case.name]
+    times, pushes = fired(plan.path)
+    assert plan.delta_v == pytest.approx(np.linalg.norm(pushes, axis=1).sum(), rel=1e-9)
+    rng = np.random.default_rng(k)
+    lost = np.concatenate([rng.uniform(0.0, case.duration, 300), rng.choice(times, 300)])
+    states = failed_states(case.initial, plan.path, lost, rng.uniform(size=600))
+    assert least_ratio(states, lost, case.duration + case.drift) > 1.0 - 1e-5
+    end = failed_states(case.initial, plan.path, np.array([case.duration]), np.ones(1))[0]
+    assert np.abs(end - case.final).max() < 1e-6
