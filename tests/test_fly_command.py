@@ -320,14 +320,14 @@ def test_a_later_margin_begins_with_what_the_stage_before_leaves():
 
 
 def test_a_later_margin_of_pulses_is_kept_after_a_coast():
-    """Pulses hold the coast, too, and follow what the field does by bits: metres off, in all 40 flights."""
+    """Pulses hold the coast, too, but for what bits leave; unheld, the field would move craft by some 10 m."""
     text = swap(craft=SETS, more='margin = "MARGIN"\n' + NAVIGATION + "\n[flight]\nseeds = 40\n")
     text = text.replace("[[stage]]\nname", f"{COAST.replace('10 min', '72 min')}\n[[stage]]\nname")
     text = text.replace('"0 0 120 m", "0 0 -120 m"]', '"0 50 120 m", "0 0 -120 m"]', 1)
     found = fly(parse(text.replace("MARGIN", "auto"), "pulses.toml"))
     assert found.flights.flight.violated == 0.0
-    assert found.results[1].result.plan.padding > 5.0  # m
-    assert fly(parse(text.replace("MARGIN", "1.4 m"), "pulses.toml")).flights.flight.violated == 1.0
+    assert 1.0 < found.results[1].result.plan.padding < 3.0  # m
+    assert fly(parse(text.replace("MARGIN", "0 m"), "pulses.toml")).flights.flight.violated > 0.5
 
 
 def test_errors_of_burns_that_an_option_gives(run: Path, tmp_path: Path):

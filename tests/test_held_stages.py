@@ -8,7 +8,7 @@ import pytest
 
 import closeform as cf
 from closeform.cli import main
-from test_field import chief, fired
+from test_field import chief, fired, pushed
 from test_room import at, deviations
 
 FIELD = cf.Field(chief())
@@ -99,6 +99,46 @@ def test_rooms_know_what_is_held_and_what_is_moved(law):
     aside = at(room, room.shift, flight.times) - deviations(path, flight)[0]
     assert np.abs(deviations(path, flight)).max() > (0.5 if law.impulses else 1e-6)
     assert np.abs(aside).max() < 0.05 * np.abs(deviations(path, flight)).max() + 0.05
+
+
+@pytest.mark.parametrize("verb", ["impulsive", "transfer"])
+def test_coasts_beside_pulses_are_held(verb):
+    """As near and for as little as without thrusters, but for what each thruster counts; led on, 1.2 km."""
+    path = cf.join(stages(2.0 * DAY, verb))
+    thrusters = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-5, period=60.0)
+    pulsed = cf.fly(path, FIELD, feedback=HELD, zones=cf.Sphere(50.0), thrusters=[thrusters, thrusters])
+    plain = cf.fly(path, FIELD, feedback=HELD)
+    assert pulsed.violated == 0.0
+    assert pulsed.greatest_deviation < plain.greatest_deviation + 5.0  # m; 20 of it, of feedback each orbit
+    assert pulsed.greatest_end < plain.greatest_end + 1.0
+    assert np.abs(pulsed.field_delta_v).max() < 2e-3  # m/s; a day of thrust against J2 is 0.7
+    # of three thrusters at most sqrt(3) times the length counts
+    assert (pulsed.delta_v < np.sqrt(3.0) * plain.delta_v).all()
+
+
+def test_brief_pulses_of_long_flights_are_flown():
+    """Pulses of hundredths of a second in four days lead as DOP853 does, that is told each of them."""
+    path = cf.join(stages(2.0 * DAY))
+    thrusters = cf.Thrusters.rtn(acceleration=0.5, minimum_bit=1e-5)
+    flight = cf.fly(path, FIELD, "open", thrusters=thrusters)
+    assert flight.firing.pulses.duration.min() < 0.2  # s
+    own = flight.firing.pulses[flight.firing.pulses.craft == 1]
+    told = zip(own.start, own.start + own.duration, own.direction * 0.5, strict=True)
+    begin = FIELD.chief_states(flight.times[:1])[0]
+    span = flight.times[0], flight.times[-1]
+    end = pushed(begin, flight.states[0, 1, 0], list(told), span)
+    assert flight.states[0, 1, -1, :3] == pytest.approx(end, abs=0.1)  # m, after 61 orbits
+
+
+@pytest.mark.parametrize("verb", ["impulsive", "transfer"])
+def test_rooms_know_coasts_beside_pulses(verb):
+    """Where pulses lead, and what they miss where a coast begins, as far as the flight is off."""
+    path = cf.join(stages(3.0 * ORBIT.period, verb))
+    thrusters = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-5, period=60.0)
+    room = cf.room(path, FIELD, HELD, thrusters=thrusters)
+    flight = cf.fly(path, FIELD, feedback=HELD, thrusters=thrusters)
+    off = deviations(path, flight)[0]
+    assert np.abs(at(room, room.shift, flight.times) - off).max() < 0.05 * np.abs(off).max() + 0.05
 
 
 def test_a_run_holds_its_coasts(tmp_path: Path):

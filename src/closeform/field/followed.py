@@ -31,6 +31,7 @@ STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends 
 OFTEN = 15.0  # s from one step to the next, unless that is more than the most
 NEAR = 0.02  # of a step
 FINER = 6  # instants of a step, between which pulses lead no further
+Missed = tuple[tuple[int, float, Floats], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class Followed:
     times: Floats
     jumps: Retargeted
     aside: Floats
-    missed: tuple[tuple[int, float, Floats], ...]
+    missed: Missed
     against: Floats
     felt: Floats
     pulsed: Path | None
@@ -76,7 +77,7 @@ class Followed:
         left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
         craft, when, planned = impulses_of(paths)
         jumps, aside = Retargeted(craft, when, planned, planned), np.zeros(left_out.shape)
-        missed: tuple[tuple[int, float, Floats], ...] = ()
+        missed: Missed = ()
         holding = Holding.of(paths, law)
         moved, opposed = holding.moved(times), cancel & holding.opposed(times)
         if cancel and len(craft):
@@ -85,7 +86,7 @@ class Followed:
             missed = tuple(_missed(holding, paths, path))
         pulsed, ripple = None, np.zeros(len(paths))
         if thrusters is not None:
-            pulsed, shooting, path = _pulses(paths, jumps, field, thrusters)
+            pulsed, shooting, path, missed = _pulses(paths, jumps, field, thrusters, law)
             fine = np.linspace(start, end, FINER * (len(times) - 1) + 1)
             off = (path.position(fine) - paths.position(fine))[shooting]
             aside[shooting] = off[:, ::FINER]
@@ -161,14 +162,16 @@ class Followed:
 
 
 def _pulses(
-    paths: Path, jumps: Retargeted, field: Field, thrusters: Sequence[Thrusters]
-) -> tuple[Path, Any, Path]:
-    """Paths in Hill's equations of what thrusters fire, who fires, and where that leads in the field."""
-    from closeform.field.pulsed_flight import fired_in, flown_exactly  # whose kernels only thrusters need
+    paths: Path, jumps: Retargeted, field: Field, thrusters: Sequence[Thrusters], law: Feedback
+) -> tuple[Path, Any, Path, Missed]:
+    """Paths in Hill's equations of what thrusters fire, who fires, to where feedback leads, and misses."""
+    from closeform.field.pulsed_flight import fired_in, pulsed_ways  # whose kernels only thrusters need
 
-    firing = fired_in(paths, jumps, field, thrusters)
-    led = paths.orbit._through(*flown_exactly(paths, firing, thrusters, field))
-    return firing.path, np.unique(firing.pulses.craft), led
+    firing = fired_in(paths, jumps, field, thrusters, law=law)
+    times, ways = pulsed_ways(paths, firing, thrusters, field, law)
+    led = paths.orbit._through(times, np.array([way.states for way in ways]))
+    missed = tuple((k, *one) for k, way in enumerate(ways) for one in way.missed)
+    return firing.path, np.unique(firing.pulses.craft), led, missed
 
 
 def _missed(holding: Holding, paths: Path, flown: Path) -> Iterator[tuple[int, float, Floats]]:

@@ -12,14 +12,15 @@ from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import Flights, commands_of, flown, in_order
 from closeform.field.drag import ballistics_of
-from closeform.field.drawn import Draws, exactly, nothing_drawn
+from closeform.field.drawn import Draws, nothing_drawn
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
 from closeform.field.grounded import Grounded
-from closeform.field.holding import Holding
+from closeform.field.holding import Holding, fires
 from closeform.field.lost_thrust import flown_by_each, losses, until_lost
 from closeform.field.nozzles import nozzles_of
+from closeform.field.pulsed_way import PulsedWay
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses, retargeted
 from closeform.field.timetable import BESIDE, edges_of, impulses_of, joined
@@ -43,19 +44,23 @@ def fired_in(
     thrusters: Sequence[Thrusters | None],
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
+    law: Feedback | None = None,
 ) -> Firing:
     """What thrusters fire for planned paths (N,) in a field: their thrust less the residual, or `jumps`.
 
-    These are impulses as changed for the field.  Of craft that have thrusters; nothing for those that coast.
+    These are impulses as changed for the field.  Of craft that have thrusters; nothing for those that coast,
+    nor on coasts that are held under feedback by a `law`.
     """
-    steady, asked = _commanded(paths, field), []
+    holding, asked = Holding.of(paths, law), []
+    steady = _commanded(paths, field, holding.bounds)
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     for k in shooters:
-        one = paths[k]
-        sizes = jumps.impulse[jumps.craft == k]
-        arcs = one.arcs.copy() if len(sizes) or not one.delta_v else steady[k]
-        kicked = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
-        arcs[kicked, IMPULSE : IMPULSE + 3] = sizes
+        one, own, arcs = paths[k], holding.among([k]), paths[k].arcs.copy()
+        arcs[fires(arcs), IMPULSE : IMPULSE + 3] = jumps.impulse[jumps.craft == k]
+        if one.delta_v:
+            lasting, opposed = (own.opposed(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k]))
+            arcs = np.concatenate([arcs[~lasting], steady[k][opposed]])
+            arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
     try:
         return _fired(stack(asked), shooters, thrusters, mass, specific_impulse)
@@ -89,11 +94,11 @@ def _fired(
         raise Grounded(named(str(error), [f"craft {k}" for k in shooters])) from None
 
 
-def _commanded(paths: Path, field: Field) -> Floats:
-    """Arcs (N, M, 30) of the thrust less the residual, without states."""
+def _commanded(paths: Path, field: Field, bounds: Floats) -> Floats:
+    """Arcs (N, M, 30) of the thrust less the residual, without states; some end at `bounds` (B,) [s]."""
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
-    edges = np.union1d(even, joined(edges_of(paths), even))
+    edges = np.union1d(even, joined(np.concatenate([edges_of(paths), bounds]), even))
     lengths = np.diff(edges)
     within = edges[:-1, None] + lengths[:, None] * INSIDE
     times = within.ravel()
@@ -139,8 +144,8 @@ def fly_pulses(
     They cost what thrusters fire for it in Hill's equations, each counted, until they are `lost` (N,) [s].
     """
     law = law and led_by_pulses(law, thrusters)
-    jumps, _, _ = changed_impulses(paths, fields[1])
-    firing = fired_in(paths, jumps, fields[1], thrusters)
+    jumps, _, _ = changed_impulses(paths, fields[1], law)
+    firing = fired_in(paths, jumps, fields[1], thrusters, law=law)
     planned = planned_by_pulses(paths, thrusters, lost)
     return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws, lost)
 
@@ -171,6 +176,21 @@ def flown_exactly(
     return times, done.states[0]
 
 
+def pulsed_ways(
+    paths: Path, firing: Firing, thrusters: Sequence[Thrusters], field: Field, law: Feedback
+) -> tuple[Floats, list[PulsedWay]]:
+    """Times (T,), and ways (N,) by what is fired that feedback leads back to, of craft with thrusters."""
+    plan = spanning(paths, np.array([firing.path.start.min(), firing.path.end.max()]))
+    drag, found = ballistics_of(field.drag, len(paths)), []
+    for k, own in enumerate(thrusters):
+        pulses = firing.pulses[firing.pulses.craft == k]
+        told = firing.path[k : k + 1], law, None, drag[[k]]
+        commands = commands_of(*told, nozzles=nozzles_of(own, pulses), beside=np.zeros(0))
+        frame, holding = commands.frame_in(field), Holding.of(paths[k : k + 1], law)
+        found.append(PulsedWay.of(commands, plan[k], holding, pulses, field, frame))
+    return commands.table.shown_times, found
+
+
 def flown_pulses(
     paths: Path,
     firing: Firing,
@@ -183,7 +203,7 @@ def flown_pulses(
     """Times (T,), when thrusters get orders (Q,), and flights of planned paths (N,) by what is fired.
 
     In the first of two `fields`, the second of which is believed.  Craft with thrusters have steps of their
-    own, and are led back to where their pulses lead, those that only coast to the plan; the others
+    own, and are led back to where their pulses lead, on coasts that are held to the plan; the others
     as without thrusters.  `draws` are their errors, and thrust is `lost` (N,) [s].
     """
     field, believed = fields
@@ -195,7 +215,7 @@ def flown_pulses(
         held = Holding.of(paths[rest], law).bounds
         beside = np.concatenate([beside, impulses_of(paths[rest])[1], held])
     felt, expected = (ballistics_of(one.drag, len(paths)) for one in fields)
-    each, measured = [], None
+    each, measured, planned = [], None, spanning(paths, span)
     for j, k in enumerate(shooters):
         pulses = firing.pulses[firing.pulses.craft == j]
         nozzles = nozzles_of(firing.thrusters[j], pulses)
@@ -205,14 +225,14 @@ def flown_pulses(
         measured = measured or draws.measured(plain.table)  # of all, who are seen together
         if law is not None and len(pulses):
             known = frame if believed is field else ChiefFrame.of(believed, plain.table.times)
-            alone = flown(replace(plain, law=None), believed, known, exactly(1, 1))
-            led = replace(plain, reference=alone.states[0])
+            way = PulsedWay.of(plain, planned[k], Holding.of(paths[k : k + 1], law), pulses, believed, known)
+            led = replace(plain, reference=way.states[None])
         told = replace(led, ballistics=felt[some], lost=lost[k])
         done = flown(told, field, frame, draws.of(led, some, measured))
         fired = np.array([_until(pulses, lost[k])])  # each thruster counts, not their sum
         each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
     if rest:
-        own = spanning(paths, span)[rest]
+        own = planned[rest]
         commands = commands_of(own, law, believed._of(rest), expected[rest], beside=beside)
         frame = commands.frame_in(field)
         if len(beside):

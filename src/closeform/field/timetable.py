@@ -8,7 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.field.feedback import Feedback
-from closeform.motion.arc import IMPULSE, START
+from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
 PULSED, STEP, COAST = 5.0, 10.0, 20.0  # s: steps at most, of pulses, of thrust that lasts, of impulses alone
@@ -163,7 +163,10 @@ def edges_of(path: Path) -> Floats:
     found = [np.zeros(0)]
     for k in np.flatnonzero(path.peak_thrust):
         one = path[int(k)]
-        near = BESIDE * (one.end - one.start)
+        lengths = one.arcs[:, END] - one.arcs[:, START]
+        # on either side of a brief pulse, too, in a flight of days
+        shortest = lengths[lengths > SAME].min()
+        near = min(BESIDE * (one.end - one.start), 0.25 * shortest)
         times = one.arcs[:, START]
         times = times[(times > one.start + near) & (times < one.end - near)]
         change = one.thrust(times + near) - one.thrust(times - near)
