@@ -156,11 +156,11 @@ def planned_by_pulses(paths: Path, thrusters: Sequence[Thrusters | None], lost: 
     planned = np.array(until_lost(paths, lost).delta_v)
     by_plan = _fired(paths[shooters], shooters, thrusters).pulses
     for j, k in enumerate(shooters):
-        planned[k] = _until(by_plan[by_plan.craft == j], lost[k])
+        planned[k] = given_until(by_plan[by_plan.craft == j], lost[k])
     return planned
 
 
-def _until(pulses: Pulses, time: float) -> float:
+def given_until(pulses: Pulses, time: float) -> float:
     """What some pulses give up to a time [m/s]."""
     return float(pulses.impulse @ np.clip((time - pulses.start) / pulses.duration, 0.0, 1.0))
 
@@ -229,7 +229,7 @@ def flown_pulses(
             led = replace(plain, reference=way.states[None])
         told = replace(led, ballistics=felt[some], lost=lost[k])
         done = flown(told, field, frame, draws.of(led, some, measured))
-        fired = np.array([_until(pulses, lost[k])])  # each thruster counts, not their sum
+        fired = np.array([given_until(pulses, lost[k])])  # each thruster counts, not their sum
         each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
     if rest:
         own = planned[rest]

@@ -16,7 +16,7 @@ from closeform.field.feedback import Feedback
 from closeform.field.field import Field
 from closeform.field.grounded import Grounded
 from closeform.field.nozzles import nozzles_of
-from closeform.field.pulsed_flight import fired_in, flown_exactly
+from closeform.field.pulsed_flight import fired_in, flown_exactly, given_until
 from closeform.field.retargeted import Retargeted
 from closeform.fuel.firing import Firing
 from closeform.fuel.thrusters import Thrusters
@@ -107,8 +107,8 @@ class PulsedPlan(NamedTuple):
             told = replace(commands, reference=aim, ballistics=felt[[k]])
             drawn, frame = draws.of(told, [k], measured, number), commands.frame_in(field)
             done = flown(told, field, frame, drawn, now[[k]] + drawn.start[0] * (number == 0))
-            begun, over = (np.clip((time - pulses.start) / pulses.duration, 0.0, 1.0) for time in span)
-            fired = np.array([pulses.impulse @ (over - begun)])  # each thruster counts, not their sum
+            begun, over = (given_until(pulses, time) for time in span)
+            fired = np.array([over - begun])  # each thruster counts, not their sum
             parts.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
         table = commands.table
         if rest:

@@ -22,9 +22,7 @@ from closeform.planning.side_search import Found
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan: the search ends
 FORMATION, STARTS_OF_MANY = 4, 2  # from so many craft on so few starts: in short steps, then in long ones
-FARTHER = (
-    1e-5  # zones, by which the least energy is raised where samples missed some, each time ten times as far
-)
+FARTHER = 1e-5  # zones, by which the least energy is raised where samples missed some; then ten times as far
 FINER = 4  # times that the certified search may find what samples missed
 SIZE = 1.2  # of the zone: the swings of natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
