@@ -320,7 +320,7 @@ def test_a_later_margin_begins_with_what_the_stage_before_leaves():
 
 
 def test_a_later_margin_of_pulses_is_kept_after_a_coast():
-    """Pulses hold the coast, too, but for what bits leave; unheld, the field would move craft by some 10 m."""
+    """Pulses hold the coast, too, but for what bits leave; the field would move craft by some 10 m."""
     text = swap(craft=SETS, more='margin = "MARGIN"\n' + NAVIGATION + "\n[flight]\nseeds = 40\n")
     text = text.replace("[[stage]]\nname", f"{COAST.replace('10 min', '72 min')}\n[[stage]]\nname")
     text = text.replace('"0 0 120 m", "0 0 -120 m"]', '"0 50 120 m", "0 0 -120 m"]', 1)
