@@ -10,6 +10,7 @@ from bridge import hill
 from closeform.campaign import case_of, flown
 from closeform.campaign.draws import failing
 from closeform.mission import fly
+from closeform.report.found import requirements
 from closeform.scenario import ScenarioError, parse
 from test_histories import TWICE
 
@@ -94,6 +95,18 @@ def test_reasons_say_who_drifts_where(campaign):
             assert campaign.column("conflicts")[k] >= 1
             assert campaign.column("drift_ratio")[k] < 1.0
     assert sum(many for _, many, _ in campaign.causes) == len(campaign.failed)
+
+
+def test_pages_of_cases_tell_who_does_not_get_there(campaign):
+    """What is not met in the table is what the verdict is about."""
+    for case in range(24):
+        mission = fly(case_of(parse(FAILS, "fails.toml", "study"), case))
+        unmet = [what for what, _, met in requirements(mission) if not met]
+        assert (not unmet) == mission.verdict.ok
+        drifts = [one.craft for one in mission.lost if one.needed]
+        assert [f"{name} gets where it is to be" for name in drifts] == [
+            one for one in unmet if "gets" in one
+        ]
 
 
 def test_errors_and_failures_go_together():

@@ -58,6 +58,9 @@ def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
         yield f"{use.what.capitalize()} of each craft within its limit", most, not use.exceeded
     for result in mission.results:
         yield from of_stage(mission, result)
+    for one in mission.lost:
+        told = one.asked
+        yield f"{one.craft} gets where it is to be", told.kept or told.broken, told.met
     if mission.flights is not None:
         flown = mission.flights.entered
         yield IN_FLIGHT, flown.zones, flown.clear
@@ -66,9 +69,9 @@ def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
 
 
 def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
-    """Whether everybody keeps clear of the others' zones."""
+    """Whether everybody keeps clear of the others' zones, as far as anything is flown."""
     verdict = mission.verdict
-    if verdict.conflicts is None:
+    if verdict.conflicts is None or not any(result.flown for result in mission.results):
         return
     found = "there is only one craft"
     if (near := closest(mission)) is not None:
