@@ -2600,7 +2600,7 @@ CALLS = (
 WARNED = (
     Call(
         "positions in km beside velocities in m/s",
-        "cf.clearance_in_sigmas(plan, other, cf.Sphere(9.0), cf.Errors([[(i == j) * (1e-6 if i > 2 else 4e-6) for j in range(6)] for i in range(6)]))",
-        "errors: velocities to 0.00173205 m/s beside positions to 0.0034641 m; are units mixed, km with m/s?",
+        "cf.clearance_in_sigmas(plan, other, cf.Sphere(9.0), cf.Errors([[(i == j) * (1e-6 if i > 2 else 2.5e-7) for j in range(6)] for i in range(6)]))",
+        "errors: velocities to 0.00173205 m/s beside positions to 0.000866025 m; are units mixed, km with m/s?",
     ),
 )

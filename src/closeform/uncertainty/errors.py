@@ -21,8 +21,8 @@ from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
 # sigma_v / (n sigma_r): so many of its position's sigmas velocities move a craft in a radian.  Mostly about
-# one; mixed units make it a thousand times more.
-MIXED = 200.0
+# one, of poor speeds near a hundred; mixed units make it a thousand times more.
+MIXED = 1e3
 
 
 @dataclass(frozen=True, eq=False, init=False)
