@@ -206,3 +206,11 @@ cost = "delta-v"
 do = "coast"
 for = "2 d"
 """
+
+
+def test_long_flights_are_drawn_as_they_curve():
+    """Ten days on an ellipse of 150 by 300 m: no line of its picture cuts across."""
+    flight = cf.fly(ORBIT.coast(circle(300.0), 10.0 * DAY), FIELD, feedback=HELD)
+    along, radial = cf.plots.flight_paths(flight).axes[0].lines[0].get_data()
+    middles = [0.5 * (line[:-1] + line[1:]) for line in (along / 300.0, radial / 150.0)]
+    assert np.hypot(*middles).min() > 0.99

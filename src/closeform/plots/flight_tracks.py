@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil
 
 import numpy as np
 from matplotlib.collections import LineCollection
@@ -28,8 +29,10 @@ from closeform.plots.look import (
 )
 from closeform.plots.names import dark
 
-DRAWN = 60  # flights beside the worst, the first ones
-POINTS = 240  # of each line
+DRAWN, FEW = 60, 4  # flights beside the worst at most, the first ones, and of long ones
+POINTS, A_TURN = 240, 48  # of each line, at least, and for each orbit
+LONG = 5  # orbits
+VERTICES = 30_000  # of all flights of one craft, beyond which fewer are drawn
 SHARE = 0.06  # of what is shown, that the greatest deviation may take
 NAMED = 12  # craft up to which each has its name
 
@@ -60,13 +63,18 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
     instance("flight", flight, Flight)
     count = flight.states.shape[1]
     called, tints = short_names(names, count), colours(count)
-    some = np.unique(np.linspace(0, len(flight.times) - 1, POINTS).astype(int))
+    turns = float(np.ptp(flight.times)) / flight.planned.orbit.period
+    points = max(POINTS, ceil(A_TURN * turns))
+    some = np.unique(np.linspace(0, len(flight.times) - 1, points).astype(int))
     planned = flight.planned.position(flight.times[some])
-    seeds = [*range(min(DRAWN, len(flight.states))), flight.worst]
+    drawn = min(DRAWN, max(FEW, VERTICES // len(some)), len(flight.states))
+    seeds = [*range(drawn), flight.worst]
     off = flight.states[seeds][:, :, some, :3] - planned
-    low, top = planned.reshape(-1, 3).min(axis=0), planned.reshape(-1, 3).max(axis=0)
-    most = (top - low).max() or 1.0
+    most = np.ptp(planned.reshape(-1, 3), axis=0).max() or 1.0
     gain = _gain(SHARE * most, float(np.abs(off).max()))
+    shown = (planned + gain * off).reshape(-1, 3)
+    every = np.concatenate([planned.reshape(-1, 3), shown])
+    low, top = every.min(axis=0), every.max(axis=0)
     middle, span = (low + top) / 2, 1.2 * np.maximum(top - low, FLAT * most)
     unit = length_unit(float(span.max()))
     size, (across, high), corners = beside(span)
@@ -82,7 +90,8 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
         for k, tint in enumerate(tints):
             pale = [*tint[:3], 0.18]
             axes.add_collection(LineCollection(list(flown[:-1, k]), colors=[pale], linewidths=0.6))
-            axes.plot(*(planned[k][:, pair].T / unit.size), color=tint, linewidth=1.8)
+            above = 3.0 if turns > LONG else 2.0  # flights would hide it
+            axes.plot(*(planned[k][:, pair].T / unit.size), color=tint, linewidth=1.8, zorder=above)
             axes.plot(*flown[-1, k].T, color=CONFLICT, linewidth=0.9)
             axes.plot(*(planned[k, -1, pair] / unit.size), "o", color=tint, markersize=5.0)
             if count <= NAMED and pair == [1, 2]:
