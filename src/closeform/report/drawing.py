@@ -143,8 +143,11 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
         other.start()
 
     def finish(progress: "Progress") -> "list[Shot]":
+        awaited = set[str]()  # films that are drawn but for the frames of others
+
         def tell() -> None:
-            if (done := sum(picture.name in made for picture in pictures)) < len(pictures):
+            done = sum(picture.name in made or picture.name in awaited for picture in pictures)
+            if done < len(pictures):
                 progress(f"picture {done + 1} of {len(pictures)}")
 
         def draw_what_waits() -> None:
@@ -161,6 +164,7 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
             draw_what_waits()
 
         def frames(film: Film) -> list[Any]:
+            awaited.add(film.name)
             draw_rest()
             return [made.pop(share.name) for share in shares[film.name]]
 
