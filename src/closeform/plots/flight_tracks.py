@@ -72,8 +72,8 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
     off = flight.states[seeds][:, :, some, :3] - planned
     most = np.ptp(planned.reshape(-1, 3), axis=0).max() or 1.0
     gain = _gain(SHARE * most, float(np.abs(off).max()))
-    shown = (planned + gain * off).reshape(-1, 3)
-    every = np.concatenate([planned.reshape(-1, 3), shown])
+    shown = planned + gain * off
+    every = np.concatenate([planned.reshape(-1, 3), shown.reshape(-1, 3)])
     low, top = every.min(axis=0), every.max(axis=0)
     middle, span = (low + top) / 2, 1.2 * np.maximum(top - low, FLAT * most)
     unit = length_unit(float(span.max()))
@@ -86,7 +86,7 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
         axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
         dress(axes)
         scaled(axes, pair, unit, size * span[pair], owned(corner, corners))
-        flown = (planned + gain * off)[..., pair] / unit.size
+        flown = shown[..., pair] / unit.size
         for k, tint in enumerate(tints):
             pale = [*tint[:3], 0.18]
             axes.add_collection(LineCollection(list(flown[:-1, k]), colors=[pale], linewidths=0.6))
