@@ -10,13 +10,13 @@ from closeform.arrays import Floats
 from closeform.field.feedback import Feedback
 from closeform.field.timetable import SAME
 from closeform.motion.arc import END, IMPULSE, START, THRUST
-from closeform.motion.path import Path
+from closeform.motion.path import Path, runs_of
 
 
 class Holding(NamedTuple):
     """Of each craft (N): spans (M, 2) [s] in which impulses move it, and those (D, 2) of thrust that lasts.
 
-    In the rest it coasts, and is kept there.  `kept` is who keeps it there: whoever thrusts all the time.
+    In the rest it coasts, and is kept there.  If thrust is `lasting`, it is against the field all the while.
     """
 
     moves: tuple[Floats, ...]
@@ -73,7 +73,7 @@ def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
     fired, thrusts = fires(arcs), np.asarray(arcs[:, THRUST:].any(axis=1))
     held = ~fired & ~thrusts & (arcs[:, END] - arcs[:, START] >= long)
     burns = []
-    for a, b in _runs(~fired & ~held):
+    for a, b in runs_of(~fired & ~held):
         burning = np.flatnonzero(thrusts[a:b])
         if not len(burning):
             continue
@@ -81,19 +81,13 @@ def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
             b = a + int(burning[-1]) + 1
         burns.append((a, b))
         held[a:b] = True
-    moves = [(a, b) for a, b in _runs(~held) if fired[a:b].any()]
+    moves = [(a, b) for a, b in runs_of(~held) if fired[a:b].any()]
     return _times(arcs, moves), _times(arcs, burns)
 
 
 def _times(arcs: Floats, runs: list[tuple[int, int]]) -> Floats:
     """When runs of arcs begin and end (R, 2) [s]."""
     return np.array([(arcs[a, START], arcs[b - 1, END]) for a, b in runs]).reshape(-1, 2)
-
-
-def _runs(mask: Any) -> list[tuple[int, int]]:
-    """Where runs of what is true begin, and end before."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _inside(spans: Floats, times: Floats) -> Any:

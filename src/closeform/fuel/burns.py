@@ -7,7 +7,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.pulses import Pulses
 from closeform.motion.arc import END, IMPULSE, START
-from closeform.motion.path import Path
+from closeform.motion.path import Path, runs_of
 
 LEAST = 5e-7  # m/s, of a burn worth telling: plans within a limit leave less where they touch it in passing
 SHARE = 1e-3  # of all that is burned: whoever burns next to nothing has burns worth telling, too
@@ -59,8 +59,7 @@ def burns_of(path: Path) -> Burns:
     kicks = np.flatnonzero(jumps.any(axis=1))
     peaks = Path(path.orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),)).peak_thrust
     on = peaks > NOTHING * peaks.max(initial=0.0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
-    first, last = edges[::2], edges[1::2]
+    first, last = runs_of(on).T
     begin, over = arcs[first, START], arcs[last - 1, END]
     rows = arcs[on].copy()
     rows[:, IMPULSE : IMPULSE + 3] = 0.0

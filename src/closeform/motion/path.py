@@ -315,6 +315,11 @@ def fires_impulses(path: Path) -> bool:
     return bool(path.arcs[:, IMPULSE : IMPULSE + 3].any())
 
 
+def runs_of(which: Any) -> Any:
+    """Arcs without a pause (R, 2), of those (M,) that are meant: the first, and the one after the last."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], which, [False]]))).reshape(-1, 2)
+
+
 def ends_of(path: Path) -> tuple[Floats, Floats]:
     """States (6,) of one craft's path before an impulse at its start, and at its end."""
     first = path.arcs[0, STATE : STATE + 6].copy()

@@ -10,7 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
-from closeform.motion.path import Path, of_one_craft, path_of
+from closeform.motion.path import Path, of_one_craft, path_of, runs_of
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
@@ -52,14 +52,12 @@ def errs(path: Path, errors: Errors) -> bool:
     """Whether one craft's errors put it off its path at all: those of burns need a burn."""
     if errors.noise or errors._root.any() or (any(errors.impulse) and path.impulses):
         return True
-    return bool((errors.magnitude or errors.pointing) and burning(path))
+    return bool((errors.magnitude or errors.pointing) and len(burning(path)))
 
 
-def burning(path: Path) -> list[tuple[int, int]]:
-    """First arc and the one after the last of every burn of a craft: thrust without a pause."""
-    on = np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+def burning(path: Path) -> Any:
+    """First arc and the one after the last (B, 2) of every burn of a craft: thrust without a pause."""
+    return runs_of(np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0)
 
 
 def gates_of(jump: Floats, errors: Errors) -> Floats:

@@ -7,7 +7,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.mission_result import StageResult
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, THRUST
-from closeform.motion.path import Path
+from closeform.motion.path import Path, runs_of
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 
@@ -65,8 +65,8 @@ def stretches(result: StageResult[Any, Any], craft: int) -> Floats:
         return np.empty((0, 2))
     paths = result.after.paths
     arcs, on = arcs_of(paths, craft), thrusting(paths)[paths.offsets[craft] : paths.offsets[craft + 1]]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]])))
-    return np.column_stack([arcs[edges[::2], START], arcs[edges[1::2] - 1, END]])
+    first, last = runs_of(on).T
+    return np.column_stack([arcs[first, START], arcs[last - 1, END]])
 
 
 def thrust_of(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
