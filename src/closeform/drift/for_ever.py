@@ -12,6 +12,7 @@ from math import inf, nan, pi, sqrt
 
 from closeform.compiled import kernel
 from closeform.drift.cells import FROM, SIDE, parameter_count, single, span_both
+from closeform.drift.edges import GOLDEN
 from closeform.drift.fans import GENERATORS, OTHER, open_window, place_all
 from closeform.drift.flown import NEAR, aim, cut, fly, near_by, note, target_below
 from closeform.drift.planes import EITHER_WAY, march
@@ -19,14 +20,12 @@ from closeform.zones.shapes import BALL, FACES
 
 FEW = 60  # steps of the march, after which a cell is cut, or gone on with
 STILL = 1e-3  # of a zone: an ellipse that drifts by less in all of the time is closed
-ENOUGH, LESS = (5_000, 1_000), (10.0, 100.0)  # cells of balls, and of other zones, after which less is asked
-OPEN = (
-    1_000  # cells after which the least norm of half-spaces is without a bound: the track may lead into them
-)
+# Cells of balls, and of other zones, after which less is asked; the least norm of half-spaces is without a
+# bound then, as the track may lead into them.
+ENOUGH, LESS = (5_000, 1_000), (10.0, 100.0)
 TURNS = 16  # between what is ahead of a zone and what is behind it, in one orbit
 PHASES = 48  # of an orbit, in which a closed ellipse is looked at before its nearest phase is refined
 BESIDE = 1e-3  # of a cell: so far off a failure that does not drift others are asked which way they do
-GOLDEN = 0.6180339887498949
 
 
 @kernel()
@@ -139,13 +138,13 @@ def limit_ahead(one, two, t, width, n, form, way, room):
 
 
 @kernel()
-def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, way, room):
+def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away, room):
     """Whether all that is ahead of a cell's ellipses is clear, for one orbit and so for good.
 
     Where they are before the zone that is the tube; where they are past it, planes that lead away.  Of
     half-spaces, which have no tube that tells more than whether it is entered, such planes alone.
     """
-    start, away = cell[FROM], (way[0], way[1], way[2])
+    start = cell[FROM]
     turn, clear, t = start + 2.0 * pi / n, False, start
     if tube[0] == FACES:
         return march(one, two, cell, width, turn, n, form, scale, target, -1.0, rest, -1, away, room)[1]
@@ -232,7 +231,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
     _, square = along_track(form[1])
     while top > 0:
         spent += 1
-        if spent > (OPEN if tube[0] == FACES else ENOUGH[kind]):
+        if spent > ENOUGH[kind]:
             if tube[0] == FACES:
                 return best, when, inf
             if certain == 0.0:
