@@ -25,7 +25,7 @@ from closeform.motion.within_limit import TooLittleThrust, limited
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures, Spent
 from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver
-from closeform.planning.impulse_moments import Moments, some_of_each
+from closeform.planning.impulse_moments import Moments, sizes_of, some_of_each
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 
@@ -107,7 +107,7 @@ class BurnSolver(ImpulseSolver):
 
     def following(self, found: Spent) -> list[Moments]:
         """The slots of the next round, cut where thrust begins and ends."""
-        sizes, following = np.linalg.norm(found.impulses, axis=2), super().following(found)
+        sizes, following = sizes_of(found.impulses), super().following(found)
         for i, slots in enumerate(found.moments):
             if self.limits[i]:
                 shares = sizes[i, : len(slots.times)] / (self.limits[i] * slots.widths)
@@ -152,7 +152,7 @@ class BurnSolver(ImpulseSolver):
 
     def with_neighbours(self, best: Spent, share: float) -> list[Moments]:
         """When each craft fires more than a share of all, with the slots next to those; they are one burn."""
-        large = np.linalg.norm(best.impulses, axis=2) > share * best.delta_v
+        large = sizes_of(best.impulses) > share * best.delta_v
         near = large.copy()
         near[:, 1:] |= large[:, :-1]
         near[:, :-1] |= large[:, 1:]

@@ -112,7 +112,7 @@ class ImpulseSolver:
         fleet = self.fleet(fired)
         impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
         flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
-        spent, none = float(np.linalg.norm(impulses, axis=2).sum()), Contacts.none()  # as they are flown
+        spent, none = float(sizes_of(impulses).sum()), Contacts.none()  # as they are flown
         return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
@@ -158,8 +158,7 @@ class ImpulseSolver:
         keep_fewest(fleet, self.planes(found.contacts).some(found.pushing), impulses)
         flown, spent = self.flown(fleet, impulses), float(sizes_of(impulses).sum())
         checked = self.checked(flown, found.contacts)
-        paths = replace(found, flown=flown, delta_v=spent, checked=checked)
-        return replace(paths, moments=moments, impulses=impulses)
+        return replace(found, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
 
     def following(self, found: Spent) -> list[Moments]:
         """When each craft may fire in the round after one."""
@@ -188,7 +187,7 @@ class ImpulseSolver:
     def fewest(self, best: Spent) -> Spent:
         """The same with impulses joined or left out, as many as cost hardly more: all that may, or some."""
         base, most = self.problem.base, (1.0 + FEWER) * best.delta_v
-        sizes = [row[row > 0.0] for row in np.linalg.norm(best.impulses, axis=2)]
+        sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
         rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
         steps = steps_to_fewer(fired, sizes, rates, most - best.delta_v)
