@@ -34,10 +34,11 @@ def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
             planes, short = tried, left
             now, before = Relaxed(pressing(planes), energy), now.contacts
             idle = idle + 1 if gained <= STEADY * (rounds.direct_energy + energy) else 0
-        if idle == IDLE or (gained <= 0.0 and ahead == 0.0):
-            break
-        if gained > 0.0:
+            if idle == IDLE:
+                break
             ahead = min(max(FARTHER * ahead, AHEAD), FARTHEST)
+        elif ahead == 0.0:
+            break
         else:
             ahead = NEARER * ahead if ahead >= AHEAD else 0.0
     if now is safe:
