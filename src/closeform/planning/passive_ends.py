@@ -57,7 +57,8 @@ def unsafe_end(problem: Problem) -> UnsafeEnd | None:
     start, end = problem.base[:, START], problem.base[:, END]
     worst = None
     for (i, j), kind in zip(problem.pairs.tolist(), problem.kinds, strict=True):
-        if j < problem.count:
+        planned = j < problem.count
+        if planned:
             both = float(max(end[i], end[j]))
             ends = [("end", both, both, None), ("start", start[i], end[j], i), ("start", end[i], start[j], j)]
         else:
@@ -66,8 +67,7 @@ def unsafe_end(problem: Problem) -> UnsafeEnd | None:
             if not max(own, others_own) < problem.last:
                 continue
             one = adrift(direct[i], own, problem.last)
-            other = others[j - problem.count] if j >= problem.count else None
-            other = adrift(direct[j], others_own, problem.last) if other is None else other
+            other = adrift(direct[j], others_own, problem.last) if planned else others[j - problem.count]
             met = closest_approach(one, other, problem.zones[kind])
             if met.ratio <= ON and (worst is None or met.ratio < worst.ratio):
                 since = own if stayed is None else start[stayed]
