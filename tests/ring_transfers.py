@@ -5,6 +5,7 @@ ever: they are passively safe by themselves.  Without a plan some failure of thr
 the zone; cases of which no sampled failure does are drawn again.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import tau
@@ -76,19 +77,34 @@ def sampled_ratio(path: cf.Path, radius: float, until: float) -> float:
     return float(distances.min()) / radius
 
 
-@lru_cache
-def ring_transfers(group: str) -> tuple[RingTransfer, ...]:
-    """All transfers of one of the GROUPS."""
-    seed, number = GROUPS[group]
+def unsafe_transfers(
+    seed: int,
+    number: int,
+    orbits: tuple[float, float],
+    drawn: Callable[[cf.Orbit, np.random.Generator, int], tuple[str, np.ndarray, np.ndarray]],
+) -> tuple[RingTransfer, ...]:
+    """So many of which some failure leads into the zone, each lasting some `orbits`.
+
+    The k-th is `drawn` as its name and the natural motions that it leaves and joins, at time 0.
+    """
     rng = np.random.default_rng(seed)
     orbit = cf.Orbit.circular(ALTITUDE)
     found: list[RingTransfer] = []
     while len(found) < number:
-        duration = rng.uniform(*ORBITS) * orbit.period
+        duration = rng.uniform(*orbits) * orbit.period
         drift = float(rng.choice(DRIFTS)) * orbit.period
-        initial, there = ring(orbit, rng), ring(orbit, rng)
+        name, initial, there = drawn(orbit, rng, len(found))
         final = orbit.transition(duration) @ there
-        case = RingTransfer(f"{group} {len(found)}", orbit, initial, final, duration, drift)
+        case = RingTransfer(name, orbit, initial, final, duration, drift)
         if sampled_ratio(case.path, RADIUS, duration + drift) < 1.0:
             found.append(case)
     return tuple(found)
+
+
+@lru_cache
+def ring_transfers(group: str) -> tuple[RingTransfer, ...]:
+    """All transfers of one of the GROUPS."""
+    seed, number = GROUPS[group]
+    return unsafe_transfers(
+        seed, number, ORBITS, lambda orbit, rng, k: (f"{group} {k}", ring(orbit, rng), ring(orbit, rng))
+    )
