@@ -54,10 +54,14 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
     TOO_WEAK where none does, or where `longer` is not allowed.
     """
     limits = request.limits
-    if limits is None or (excess := _peaks(request, plan) / limits).max() <= FULL:
+    if limits is None:
+        return request, plan
+    peaks = _peaks(request, plan)
+    excess = peaks / limits
+    if excess.max() <= FULL:
         return request, plan
     if not plan.measures:  # else craft take longer for another reason
-        plan = replace(plan, punctual=_peaks(request, plan))
+        plan = replace(plan, punctual=peaks)
 
     proven = 0.0 if plan.weak is None else plan.weak.proven
 
