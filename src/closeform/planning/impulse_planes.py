@@ -51,9 +51,9 @@ def fill_planes(scene, arcs, offsets, contacts, spans, aim, planes):
 
 
 def sides_of(contacts: Contacts, apart: Floats) -> Floats:
-    """Contacts, in order, as rows (K, 5) of pair, time and normal; in those that are alike each differs by 1.
+    """Contacts, in order, as rows (K, 5) of pair, time and normal; each is at most 1 off in those alike.
 
-    Or less.  `apart` (P,) [s] is how far apart in time contacts of each pair may be.
+    `apart` (P,) [s] is how far apart in time contacts of each pair may be.
     """
     lengths = np.sqrt((contacts.normals * contacts.normals).sum(axis=1))
     rows = np.empty((contacts.number, 5))
