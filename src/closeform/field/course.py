@@ -86,6 +86,16 @@ class Commands:
             each["reference"] = self.reference[which]
         return replace(self, **each)
 
+    def alone(self, first: int, last: int) -> tuple[Commands, Any, Any]:
+        """The plan alone from one node to another, both included: without feedback, or a field that is known.
+
+        With the rows that its impulses and its states have among all.
+        """
+        nodes = slice(first, last + 1)
+        fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (self.table.fires, self.table.shown))
+        told = replace(self, table=self.table.during(first, last), jumps=self.jumps[:, fired])
+        return replace(told, known=None, law=None, reference=None), fired, shown
+
     @property
     def events(self) -> Events:
         """Which burns and impulses have errors of their own."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -39,12 +38,10 @@ class PulsedWay(NamedTuple):
         frame: ChiefFrame,
     ) -> Self:
         """Of a plan, as commanded in a field: each span of pulses from the planned state before it."""
-        table, alone = commands.table, replace(commands, law=None)
+        table = commands.table
         states, missed = plan.state(table.shown_times), []
         for first, last in _spans(table, holding, pulses):
-            nodes = slice(first, last + 1)
-            fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (table.fires, table.shown))
-            part = replace(alone, table=table.during(first, last), jumps=alone.jumps[:, fired])
+            part, _, shown = commands.alone(first, last)
             # what begins with an impulse begins before it
             begin = plan.state(table.nodes[first])[None] if first else None
             during = frame.during(slice(2 * first, 2 * last + 1))

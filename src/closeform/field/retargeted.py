@@ -95,14 +95,10 @@ def retargeted(commands: Commands, field: Field) -> Commands:
     Each span in which impulses move a craft by itself, from the planned state at its begin; in the others the
     reference is the plan.
     """
-    table = commands.table
-    alone, frame = replace(commands, known=None, law=None), commands.frame_in(field)
-    jumps, reference = commands.jumps.copy(), commands.path.state(table.shown_times)
+    frame = commands.frame_in(field)
+    jumps, reference = commands.jumps.copy(), commands.path.state(commands.table.shown_times)
     for (first, last), who in _spans(commands).items():
-        nodes = slice(first, last + 1)
-        fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (table.fires, table.shown))
-        some = alone.of(who)
-        part = replace(some, table=table.during(first, last), jumps=some.jumps[:, fired])
+        part, fired, shown = commands.of(who).alone(first, last)
         changed, states = _retargeted(part, field, frame.during(slice(2 * first, 2 * last + 1)))
         jumps[np.ix_(who, fired)], reference[np.ix_(who, shown)] = changed, states
     return replace(commands, jumps=jumps, reference=reference)
