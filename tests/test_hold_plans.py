@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from closeform.planning.impulse_moments import Moments, blended
 from hold_transfers import NUMBER, hold_transfers
 from test_passive_delta_v import failed_states, fired, least_ratio
 
@@ -29,3 +30,21 @@ def test_plans_from_and_to_holds_are_safe_for_what_they_are_told_to_cost(k):
     assert least_ratio(states, lost, case.duration + case.drift) > 1.0 - 1e-5
     end = failed_states(case.initial, plan.path, np.array([case.duration]), np.ones(1))[0]
     assert np.abs(end - case.final).max() < 1e-6
+
+
+def test_part_of_the_way_between_two_sets_of_impulses_leads_part_of_the_way():
+    """Motion is linear in impulses; one that is too small to be squared is none, and fails nothing."""
+    orbit, end = cf.Orbit.circular(500e3), 3000.0
+    times = np.array([0.0, 700.0, 2000.0]), np.array([0.0, 900.0])
+    impulses = np.array([[[1.0, 0, 0], [1e-170, 0, 0], [0, 2, 0]]]), np.array([[[0.0, 1, 0], [0, 0, 4]]])
+
+    def led(times, impulses):
+        return sum(
+            orbit.transition(end - t)[:, 3:] @ push for t, push in zip(times, impulses[0], strict=True)
+        )
+
+    moments = [[Moments.instants(own, np.zeros(len(own), dtype=np.int64))] for own in times]
+    (found,), pushes = blended(tuple(moments), impulses, 0.25)
+    assert found.times.tolist() == [0.0, 900.0, 2000.0]
+    expected = 0.75 * led(times[0], impulses[0]) + 0.25 * led(times[1], impulses[1])
+    np.testing.assert_allclose(led(found.times, pushes), expected, rtol=1e-12)

@@ -90,13 +90,14 @@ def blended(
     moments: tuple[list[Moments], list[Moments]], impulses: tuple[Floats, Floats], share: float
 ) -> tuple[list[Moments], Floats]:
     """Moments (N) and impulses (N, J, 3) a `share` of the way from the first paths to the second."""
-    used = [some_of_each(own, sizes_of(given) > 0.0) for own, given in zip(moments, impulses, strict=True)]
+    fired = [sizes_of(given) > 0.0 for given in impulses]
+    used = list(map(some_of_each, moments, fired))
     every = list(map(Moments.joined, *used))
     found = np.zeros((len(every), max(len(own.times) for own in every), 3))
-    for rows, given, part in zip(used, impulses, (1.0 - share, share), strict=True):
-        for all_own, own, pushes, into in zip(every, rows, given, found, strict=True):
+    for rows, given, chosen, part in zip(used, impulses, fired, (1.0 - share, share), strict=True):
+        for all_own, own, pushes, some, into in zip(every, rows, given, chosen, found, strict=True):
             same = (all_own.times[:, None] == own.times) & (all_own.which[:, None] == own.which)
-            into[same.argmax(axis=0)] += part * pushes[pushes.any(axis=1)]
+            into[same.argmax(axis=0)] += part * pushes[some]
     return every, found
 
 
