@@ -31,13 +31,12 @@ class Holding(NamedTuple):
         what begins with one is a way that this leads.
         """
         each = [paths.arcs[a:b] for a, b in zip(paths.offsets, paths.offsets[1:], strict=False)]
-        by_impulses = law is not None and law.impulses > 0
         if law is None:
             moves = tuple(_times(arcs, [(0, len(arcs))] if fires(arcs).any() else []) for arcs in each)
             return cls(moves, (np.zeros((0, 2)),) * len(each), True)
         long = min(law.horizon, 2.0 * np.pi / paths.orbit.mean_motion)
         found = [_spans(arcs, long) for arcs in each]
-        return cls(tuple(moves for moves, _ in found), tuple(burns for _, burns in found), not by_impulses)
+        return cls(tuple(moves for moves, _ in found), tuple(burns for _, burns in found), not law.impulses)
 
     def among(self, which: Any) -> Self:
         """The same of some of the craft."""

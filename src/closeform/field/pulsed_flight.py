@@ -165,6 +165,12 @@ def given_until(pulses: Pulses, time: float) -> float:
     return float(pulses.impulse @ np.clip((time - pulses.start) / pulses.duration, 0.0, 1.0))
 
 
+def each_counts(done: Flights, given: float) -> Flights:
+    """One craft's flights, whose pulses by plan are counted as each thruster gives them, not as their sum."""
+    asked = np.array([given])
+    return replace(done, spent=done.spent - done.asked + asked, asked=asked)
+
+
 def flown_exactly(
     paths: Path, firing: Firing, thrusters: Sequence[Thrusters | None], field: Field
 ) -> tuple[Floats, Floats]:
@@ -229,8 +235,7 @@ def flown_pulses(
             led = replace(plain, reference=way.states[None])
         told = replace(led, ballistics=felt[some], lost=lost[k])
         done = flown(told, field, frame, draws.of(led, some, measured))
-        fired = np.array([given_until(pulses, lost[k])])  # each thruster counts, not their sum
-        each.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
+        each.append(each_counts(done, given_until(pulses, lost[k])))
     if rest:
         own = planned[rest]
         commands = commands_of(own, law, believed._of(rest), expected[rest], beside=beside)

@@ -16,7 +16,7 @@ from closeform.field.feedback import Feedback
 from closeform.field.field import Field
 from closeform.field.grounded import Grounded
 from closeform.field.nozzles import nozzles_of
-from closeform.field.pulsed_flight import fired_in, flown_exactly, given_until
+from closeform.field.pulsed_flight import each_counts, fired_in, flown_exactly, given_until
 from closeform.field.retargeted import Retargeted
 from closeform.fuel.firing import Firing
 from closeform.fuel.thrusters import Thrusters
@@ -108,8 +108,7 @@ class PulsedPlan(NamedTuple):
             drawn, frame = draws.of(told, [k], measured, number), commands.frame_in(field)
             done = flown(told, field, frame, drawn, now[[k]] + drawn.start[0] * (number == 0))
             begun, over = (given_until(pulses, time) for time in span)
-            fired = np.array([over - begun])  # each thruster counts, not their sum
-            parts.append(replace(done, spent=done.spent - done.asked + fired, asked=fired))
+            parts.append(each_counts(done, over - begun))
         table = commands.table
         if rest:
             own = self.paths[rest]
