@@ -31,7 +31,10 @@ def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
     if not asked or plan is None:
         return ()
     why = ", for what feedback leaves uncorrected in flight" if asked == "auto" else ""
-    return (f"Margin: zones are padded by {np.max(plan.padding):.3g} m{why}",)
+    padded = np.unique(np.asarray(plan.padding))
+    least, most = (f"{one:.3g}" for one in (padded[padded > 0.0].min(initial=np.inf), padded[-1]))
+    of = f"{most} m" if float(least) >= float(most) else f"{least} to {most} m, by pair"
+    return (f"Margin: zones are padded by {of}{why}",)
 
 
 def figures(result: StageResult[Any, Any]) -> dict[str, Any]:

@@ -184,7 +184,7 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     shows = "before: the direct path" if changed else ""
     found = [Picture("distances", caption, "distances", (path, obstacle, zone), pair, shows=shows)]
     if before.conflicts and result.stage.cost == "energy":
-        caption = f"Ways of {craft} around {other} alone: the cheapest found on each side"
+        caption = f"Ways of {craft} around {other} alone: the cheapest found on each side, where there is one"
         found.append(Picture("two-ways", caption, "two_ways", (path, obstacle, zone), {"name": other}))
     if changed:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
