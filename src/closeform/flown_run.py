@@ -86,12 +86,12 @@ class FlownRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own, plan = [craft.fired(1.0) for craft in run.scenario.craft], planned(run)
+        own, pulsed = [craft.fired(1.0) for craft in run.scenario.craft], fires_pulses(run)
+        plan = followed(run.flown) if pulsed else planned(run)
         told = told | {"feedback": told["feedback"] or usually_led(run, control)}
         if run.lost:
             times = {one.craft: one.time for one in run.lost}
             told["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
-        pulsed = fires_pulses(run)
         if pulsed or fires_impulses(plan):
             told["max_acceleration"] = None
         if pulsed:
@@ -100,7 +100,6 @@ class FlownRun:
             told["thrusters"] = own
             if control != "replan":  # which knows by itself what holds craft on a plan
                 told["feedback"] = led_by_pulses(told["feedback"], own)
-            plan = followed(run.flown)
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
         flight = fly(plan, field, control, zones=zones, known=known, seeds=some, **told)
         if pulsed:  # off what was certified, which is flown by pulses, too
