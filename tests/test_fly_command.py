@@ -19,6 +19,7 @@ from closeform.scenario import parse
 from closeform.stage_margin import flown_errors
 from closeform.stage_start import BurnRoom, StageStart
 from field_scenario import swap
+from pages import Seen
 from test_field import axes_of, textbook
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -477,3 +478,24 @@ def test_where_nothing_is_uncertain_one_flight_is_all(tmp_path: Path, capsys):
 def test_intervals_are_percents_that_read():
     """Two of two flights: 34 to 100 by Wilson, not 1e+02."""
     assert str(Entered(2, 2, 0.9, True)).endswith("(95 % between 34 and 100 %), least 0.9000 x zone")
+
+
+def test_the_page_names_the_flight_that_moves_and_its_stages(run: Path, tmp_path: Path):
+    """Each stage with its name and times; its closest approach as the worst flight's own states have it."""
+    _, summary, tables = flown(run, tmp_path / "out", "--seeds", "12")
+    scene, loaded, worst = Seen.of((tmp_path / "out" / "viewer.html").read_text()).record, cf.load(run), []
+    assert scene["title"].startswith(f"Flight {summary['worst']} of 12, in which two come nearest: ")
+    told = [('Stage 1 "swap": reconfigure', 0.0), ("Stage 2: coast", loaded.results[0].end)]
+    assert [(one["title"], one["start"]) for one in scene["stages"]] == [
+        (title, pytest.approx(start, abs=1e-3)) for title, start in told
+    ]
+    paths = two(tables["paths"], loaded)
+    for stage in loaded.results:
+        times = np.linspace(stage.start, stage.end, 20_001)
+        apart = np.linalg.norm(paths[0].position(times) - paths[1].position(times), axis=1)
+        worst.append((times[np.argmin(apart)], apart.min()))
+    passes = [one for one in scene["events"] if one["kind"] == "approach"]
+    assert [one["stage"] for one in passes] == [1, 2]
+    assert [one["time"] for one in passes] == [pytest.approx(time, abs=0.2) for time, _ in worst]
+    near = {one["stage"]: one["distance"] for one in scene["approaches"]}
+    assert near == {1: pytest.approx(worst[0][1], abs=1e-3), 2: pytest.approx(worst[1][1], abs=1e-3)}

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -22,7 +23,8 @@ from closeform.field.tube import Tube, tube
 from closeform.flown_verdict import Entered
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
-from closeform.motion.path import Path, fires_impulses
+from closeform.motion.arc import END, START
+from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
 from closeform.stage_start import followed
 from closeform.verdict import Use
@@ -210,6 +212,21 @@ class FlownRun:
         return watch(self.flight.path(self.flight.worst), self.names, self.zones)
 
     @cached_property
+    def worst_by_stage(self) -> tuple[WatchedFlight, ...]:
+        """The same from the start of each stage to its end."""
+        cuts = [self.flight.times[0], *(one.end for one in self.run.flown)]
+        parts = (during(self.worst.paths, start, end) for start, end in pairwise(cuts))
+        return tuple(watch(part, self.names, self.zones) for part in parts)
+
+    @property
+    def which(self) -> str:
+        """Which of many flights is the worst, and why; of a single one nothing."""
+        if len(self.flight.states) == 1:
+            return ""
+        why = "in which two come nearest" if self.flight.ratios.size else "which ends farthest off"
+        return f"flight {self.flight.worst} of {len(self.flight.states)}, {why}"
+
+    @cached_property
     def commanded(self) -> tuple[CommandedThrust, ...]:
         """What is to be commanded in the field, in each stage."""
         return tuple(thrust(one.planned.paths, self.known) for one in self.run.flown)
@@ -250,3 +267,11 @@ def usually_led(run: Stages, control: Control) -> Feedback:
 def planned(run: Stages) -> Path:
     """What guidance knows of (N,), from the first stage to the last: not of lost thrust."""
     return followed(run.flown) if run.lost else run.paths
+
+
+def during(paths: Path, start: float, end: float) -> Path:
+    """The arcs of paths (N,) that lie between two times at which arcs of all of them meet, about."""
+    middle = 0.5 * (paths.arcs[:, START] + paths.arcs[:, END])
+    some = (start < middle) & (middle < end)
+    counts = np.add.reduceat(some.astype(int), paths.offsets[:-1])
+    return path_of(paths.orbit, paths.arcs[some], np.concatenate([[0], np.cumsum(counts)]), paths.shape)

@@ -118,8 +118,15 @@ class Shown:
 
     @classmethod
     def of_flight(cls, report: "FlightTold") -> Self:
-        """The worst flight of a run in its field, as one stage."""
-        return cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
+        """The worst flight of a run in its field, stage by stage, by which of all it is."""
+        flown = report.flown
+        told = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
+        stages = tuple(
+            StageResult(one.number, one.stage, float(np.min(flight.paths.start)), flight, flight, None)
+            for one, flight in zip(flown.run.flown, flown.worst_by_stage, strict=True)
+        )
+        which = f"{flown.which[0].upper()}{flown.which[1:]}: " if flown.which else ""
+        return replace(told, title=which + told.title, results=stages)
 
     @classmethod
     def _of_one(
