@@ -191,7 +191,9 @@ class Rounds:
     def once(self, contacts: Contacts) -> Any:
         """Indices of contacts of which none is the same as another, the first ones."""
         cells = np.rint(np.column_stack([contacts.times, contacts.drifts]) / self.same)
-        return np.unique(np.column_stack([contacts.which, cells]), axis=0, return_index=True)[1]
+        order = np.lexsort((*cells.T[::-1], contacts.which))
+        rows = np.column_stack([contacts.which, cells])[order]
+        return order[np.append(True, (rows[1:] != rows[:-1]).any(axis=1))[: len(order)]]
 
     def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
         """The minima within REACH after sampled failures, and their norms, as though bodies were shifted."""

@@ -32,6 +32,7 @@ LEFT = 0.999 * GAP / (1.0 + GAP)  # of the energy, then
 PROVEN = 1e-6  # of the energy: a gap that is rounding
 NEARLY = 0.05  # of the bound of a node, or of what it lacks: how far it is climbed
 LARGEST = 80  # contacts of craft that share some, of which a bound is worked out
+FEW, HOPEFUL = 24, 0.05  # of more only where so many give such a share of what the plan adds
 SETTLED = 0.02  # of a node's bound, by which its samples may fall short before other times are looked at
 DEEP, SAME = 1e-3, 5e-3  # of the zone, by which paths of a bound may miss; of all time, samples that are one
 FINER = 1e-3  # of both, where there is nothing left to cut
@@ -69,10 +70,12 @@ def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | No
     total, groups = 0.0, _apart(problem, contacts)
     for group in groups:
         strongest = sorted(group, key=lambda contact: -contact.multiplier)[:LARGEST]
-        samples = _samples(problem, strongest)
-        if samples.gram.diagonal().max() > 0.0:  # else at the very ends of their craft's time
-            energy = extra if len(groups) == 1 and len(strongest) == len(contacts) else None
-            total += max(samples.bound(strongest, energy), 0.0)
+        energy = extra if len(groups) == 1 else None
+        if energy is not None and len(strongest) > FEW:
+            few = strongest[:FEW]
+            if _bound(problem, few) <= HOPEFUL * energy:  # as where failures touch all along: none says much
+                strongest = few
+        total += max(_bound(problem, strongest, energy if len(strongest) == len(contacts) else None), 0.0)
     return total
 
 
@@ -202,6 +205,14 @@ class _Search:
         solution = self.solver.solve(contacts, nearer(problem), self.extra)
         if solution.clear and solution.energy < self.extra:
             self.extra, self.better = solution.energy, solution
+
+
+def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None = None) -> float:
+    """The dual bound of some contacts; `energy`: what their multipliers spend, if it is known."""
+    samples = _samples(problem, contacts)
+    if not samples.gram.diagonal().max() > 0.0:  # at the very ends of their craft's time
+        return 0.0
+    return samples.bound(contacts, energy)
 
 
 def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
