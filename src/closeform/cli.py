@@ -92,9 +92,10 @@ def make_haste(tokens: list[str]) -> None:
         drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
     if tokens[:1] in (["run"], ["check"], ["fly"], ["screen"], ["encounter"], ["study"]):
         own_process.import_numba()
-        from closeform import kernel_memory
+        from closeform import kernel_memory, kernel_writing
 
         kernel_memory.remember()
+        kernel_writing.write_less()
 
 
 @app.command(sort_key=0)

@@ -32,7 +32,8 @@ from platformdirs import user_cache_path
 from closeform.lock_file import lock
 
 UNUSED = 30 * 86400.0  # [s] that a compiled kernel is kept without being used
-MAKERS = "closeform.kernel_loans", "closeform.kernel_parts"  # write LLVM code, and say what numba leaves out
+# Modules that write LLVM code, and say what numba leaves out.
+MAKERS = "closeform.kernel_loans", "closeform.kernel_parts", "closeform.kernel_writing"
 CHECKSUM = 32  # bytes at the start of a file: without it garbage would reach the unpickler
 
 

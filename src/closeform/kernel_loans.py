@@ -14,10 +14,11 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """An array without its count of references; anything else as it is."""
     if not isinstance(kind, types.Array):
         return value
-    view = context.make_array(kind)(context, builder, value)
-    view.meminfo = cgutils.get_null_value(view.meminfo.type)
-    view.parent = cgutils.get_null_value(view.parent.type)
-    return view._getvalue()
+    for field in ("meminfo", "parent"):
+        place = context.data_model_manager[kind].get_field_position(field)
+        null = cgutils.get_null_value(value.type.elements[place])
+        value = builder.insert_value(value, null, place)
+    return value
 
 
 def _borrowed(typing: Any, array: Any) -> Any:

@@ -69,9 +69,17 @@ class LinkOnly(AnalysisPass):
 class PartCompiler(CompilerBase):
     """numba's compiler, up to what callers link."""
 
+    not_looked_for: tuple[str, ...] = NOT_LOOKED_FOR
+
     def define_pipelines(self) -> list[Any]:
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes.passes = [look for look in passes.passes if look[0].__name__ not in NOT_LOOKED_FOR]
+        passes.passes = [look for look in passes.passes if look[0].__name__ not in self.not_looked_for]
         passes.add_pass_after(LinkOnly, IRLegalization)
         passes.finalize()
         return [passes]
+
+
+class OwnPartCompiler(PartCompiler):
+    """The same for what numba itself has written as parts of kernels, `np.empty` say, in any way."""
+
+    not_looked_for = ()

@@ -39,9 +39,15 @@ def compile_for(text: str) -> None:
 
 def compile_beside(modules: list[str]) -> None:
     """Start a process that compiles the kernels of `modules`; it ends with this one at the latest."""
-    ahead = "from closeform import own_process; own_process.begin(); own_process.import_numba()"
-    memory = "from closeform import kernel_memory; kernel_memory.remember()"
-    code = f"{ahead}; {memory}; from closeform.warmup import compile_all; compile_all({modules})"
+    code = f"""
+from closeform import own_process
+own_process.begin()
+own_process.import_numba()
+from closeform import kernel_memory, kernel_writing, warmup
+kernel_memory.remember()
+kernel_writing.write_less()
+warmup.compile_all({modules})
+"""
     command = [sys.executable, "-P", "-c", code]  # nothing from the folder where the user stands
     other = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL

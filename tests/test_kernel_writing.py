@@ -1,0 +1,115 @@
+"""What a process of our own has numba write for LLVM: kernels compute what Python does, in less text."""
+
+import os
+import subprocess
+import sys
+
+LENGTHS = """
+from numba.core.codegen import CPUCodeLibrary
+add, lengths = CPUCodeLibrary.add_ir_module, []
+
+def add_ir_module(self, module):
+    lengths.append(str(module).count("\\n"))
+    add(self, module)
+
+CPUCodeLibrary.add_ir_module = add_ir_module
+"""
+KERNEL = """
+import math
+from typing import NamedTuple
+import numpy as np
+from numba import float64, int64, types
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
+
+class Pair(NamedTuple):
+    table: np.ndarray
+    row: np.ndarray
+
+@kernel()
+def halves(pair, number, out):
+    middle = pair.row[number:-1]
+    for k, value in enumerate(middle):
+        if k == 2:
+            continue
+        out[k] += 0.5 * value - pair.table[-1, k % 3]
+    return middle[-1], len(middle)
+
+@kernel()
+def rows(table):
+    most = -math.inf
+    for row in table:
+        most = max(most, row[1:].max())
+    return most
+
+@kernel()
+def grown(start, count):
+    for _ in range(count):
+        longer = np.empty(len(start) + 1)
+        longer[1:] = start
+        longer[0] = start[-1]
+        start = longer
+    return start
+
+KIND = types.NamedTuple((float64[:, ::1], float64[::1]), Pair)
+
+@kernel(types.Tuple((float64[::1], float64, int64))(KIND, float64[:, :], float64[::1]))
+def mixed(pair, strided, out):
+    pair, out = lent(Pair(borrowed(pair.table), borrowed(pair.row))), borrowed(out)
+    square, corner = stack_matrix(3, 3), stack_vector(3)
+    for i in range(3):
+        corner[i] = strided[i, -i]
+        for j in range(i, 3):
+            square[i, j] = square[j, i] = corner[i] * j
+    last, number = halves(pair, 1, out)
+    for i in range(len(out) - 1, 0, -2):
+        out[i] -= square[i % 3, 1] + rows(strided) - rows(strided.T)
+    view = pair.table[1]
+    view[0], view[1] = view[1], view[0]
+    more = grown(view, 3 if last > 0.0 else 1)
+    for value in out:
+        last += value
+    return more, last + (view if number > 2 else corner)[2], number
+
+def arguments():
+    some = np.random.default_rng(3)
+    return Pair(some.normal(size=(4, 3)), some.normal(size=9)), some.normal(size=(8, 6))[::2, ::2], np.ones(8)
+"""
+COMPUTED = """
+given = arguments()
+more, total, number = mixed(*given)
+print([float(value).hex() for value in (*more, total, *given[0].table.ravel(), *given[2])], number)
+print(sum(lengths))
+"""
+OURS = """
+from closeform import own_process
+own_process.begin()
+own_process.import_numba()
+from closeform import kernel_writing
+kernel_writing.write_less()
+"""
+
+
+def computed(folder, begin="", **environment):
+    """What the kernel computes in a fresh process, and how many lines LLVM was given."""
+    script = folder / "kernel.py"
+    folder.mkdir()
+    script.write_text(f"{begin}{LENGTHS}{KERNEL}{COMPUTED}")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", script],
+        env={**os.environ, "HOME": str(folder), "XDG_CACHE_HOME": str(folder), **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
+    numbers, length = done.stdout.splitlines()
+    return numbers, int(length)
+
+
+def test_what_is_not_written_changes_no_bit(tmp_path):
+    python, _ = computed(tmp_path / "python", NUMBA_DISABLE_JIT="1")
+    ours, short = computed(tmp_path / "ours", OURS)
+    whole, long = computed(tmp_path / "whole")
+    assert ours == whole == python
+    assert short < 0.75 * long
