@@ -3,8 +3,10 @@
 import sys
 from typing import Any
 
-from numba.core import ir
+from numba.core import interpreter, ir
 from numba.core.base import BaseContext
+from numba.core.postproc import PostProcessor, VariableLifetime
+from numba.core.transforms import canonicalize_cfg
 from numba.core.types.functions import BaseFunction
 
 from closeform.own_process import without_blas
@@ -15,11 +17,14 @@ def remember() -> None:
 
     For the sum of two numbers it tries a dozen templates at each place where it stands, and words why
     each does not fit; for the size of a variable, which only debuggers are told, it has LLVM parse a text;
-    and for whatever it does not know at once it imports again all that could teach it.
+    for whatever it does not know at once it imports again all that could teach it; and seven times it reckons
+    where each variable of a function ends, which it asks at the end.
     """
     BaseFunction.get_call_type = typed_once(BaseFunction.get_call_type)
     BaseContext.get_abi_sizeof = measured_once(BaseContext.get_abi_sizeof)
     BaseContext.refresh = taught_once(BaseContext.refresh)
+    PostProcessor.run = lived_once(PostProcessor.run)
+    interpreter.peep_hole_delete_with_exit = left_without_with(interpreter.peep_hole_delete_with_exit)
     ir.Stmt.list_vars = lambda self: variables(self.__dict__)
     ir.Expr.list_vars = lambda self: variables(self._kws)
 
@@ -58,10 +63,16 @@ def measured_once(measure: Any) -> Any:
 def taught_once(learn: Any) -> Any:
     """What modules say of operations: asked again once there are more modules, or they say more."""
     known: dict[Any, int] = {}
+    asked: dict[Any, int] = {}
+    lists: dict[Any, list[Any]] = {}
 
     def said(context: Any) -> int:
-        lists = (each for registry in context._registries for each in vars(registry).values())
-        return sum(len(each) for each in lists if isinstance(each, list))
+        registries = context._registries
+        if asked.get(context) != len(registries):
+            asked[context] = len(registries)
+            values = (each for one in registries for each in vars(one).values())
+            lists[context] = [each for each in values if isinstance(each, list)]
+        return sum(map(len, lists[context]))
 
     def told(context: Any) -> int:
         return len(sys.modules) + said(context) + said(context.typing_context)
@@ -73,6 +84,35 @@ def taught_once(learn: Any) -> Any:
             known[self] = told(self)
 
     return refresh
+
+
+def lived_once(run: Any) -> Any:
+    """How long the variables of a function live: reckoned where that is asked, written where it is to be."""
+
+    def processed(self: Any, emit_dels: bool = False, **options: Any) -> None:
+        function = self.func_ir
+        if function.is_generator:
+            run(self, emit_dels, **options)
+            return
+        function.blocks = canonicalize_cfg(function.blocks)
+        function.variable_lifetime = VariableLifetime(function.blocks)  # reckons what it is asked
+        function.generator_info = None
+        if emit_dels:
+            self._insert_var_dels(**options)
+
+    return processed
+
+
+def left_without_with(clean: Any) -> Any:
+    """A function without variables of a `with`, which are looked for in every statement, twice."""
+
+    def cleaned(function: Any) -> Any:
+        held = any(
+            isinstance(each, ir.EnterWith) for block in function.blocks.values() for each in block.body
+        )
+        return clean(function) if held else function
+
+    return cleaned
 
 
 def variables(holder: Any) -> list[ir.Var]:
