@@ -132,6 +132,7 @@ NAMES = (  # known before they are made, which takes seconds and compiles most k
     "DriftApproach",
     "batch DriftApproach",
     "DriftScreening",
+    "DriftScreening of both",
     "SigmaApproach",
     "Probability",
     "Probability of histories",
@@ -236,6 +237,7 @@ def answers() -> dict[str, Any]:
         "DriftApproach": cf.drift_approach(past, stays, ball, 400.0),
         "batch DriftApproach": cf.drift_approach(moves[:2], stays, ball, 400.0),
         "DriftScreening": cf.drift_screen(moves, ball, 200.0),
+        "DriftScreening of both": cf.drift_screen(moves, ball, 200.0, failing="both"),
         "SigmaApproach": cf.clearance_in_sigmas(near, rest, ball, known),
         "Probability": cf.collision_probability(near, rest, ball, known),
         "Probability of histories": cf.collision_probability(

@@ -2270,6 +2270,11 @@ CALLS = (
         "until: inf needs other to coast, which flies on while the other fails",
     ),
     Call(
+        "a screen of who is not one of a pair",
+        "cf.drift_screen(cf.stack([plan, plan]), cf.Sphere(25.0), 9000.0, failing='other')",
+        "failing: expected 'either' or 'both', got 'other'",
+    ),
+    Call(
         "a share of thrust of one and more",
         "cf.WeakThrust(1.0)",
         "least: a share of thrust from 0 on, below 1, got 1",

@@ -160,7 +160,9 @@ CALLS = {
     "drift_approach": turned(
         path=MOVE, other=STAYS, zone=BALL, until=1800.0, failure=cf.WeakThrust(0.5), failing="path"
     ),
-    "drift_screen": turned(paths=MOVES, zone=cf.Sphere(60.0), until=1800.0, failure=cf.MissedBurns(0.5)),
+    "drift_screen": turned(
+        paths=MOVES, zone=cf.Sphere(60.0), until=1800.0, failure=cf.MissedBurns(0.5), failing="either"
+    ),
     "Errors": turned(
         state=MESSAGE, magnitude=0.01, pointing=0.01, impulse=np.array([1e-3, 0.01, 1e-3, 0.01]), noise=1e-9
     ),

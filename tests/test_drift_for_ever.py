@@ -10,6 +10,7 @@ N, PERIOD = ORBIT.mean_motion, ORBIT.period
 OTHER = ORBIT.coast(np.zeros(6), PERIOD)
 LONG = ORBIT.coast(np.zeros(6), 10_002 * PERIOD)
 ZONES = [cf.Ellipsoid([15, 25, 12]), cf.Sphere(20.0)]
+FLAT = [cf.Box([15, 25, 12]), cf.Cylinder(15.0, 25.0, [0, 1, 0]), cf.Cylinder(12.0, 20.0, [1, 0, 0.5])]
 
 
 def transfers(seed, count):
@@ -60,6 +61,74 @@ def test_no_end_is_the_least_over_all_ends():
             norms = slow_drifts(path, zone, found.failed_at)
             assert found.ratio - 1e-3 < norms.min() < found.ratio + 5e-3
     assert min(late, soon) >= 8
+
+
+def least_of_orbits(path, zone, orbits):
+    """About the least norm within so many orbits after some failures, by the textbook: in each phase of the
+    orbits that pass the zone's centre there."""
+    phases, least = np.linspace(0.0, PERIOD, 721), np.inf
+    for state in path.state(np.linspace(path.start, path.end, 201)):
+        by = -6.0 * np.pi * (2.0 * state[0] + state[4] / N)  # [m] per orbit
+        there = carried(N, np.tile(state, (len(phases), 1)), phases)[:, :3]
+        before = np.clip(np.floor(-there[:, 1] / by), 0, orbits - 1) if by else np.zeros(len(phases))
+        for turns in (before, before + 1):
+            least = min(least, zone.norm(there + np.outer(turns * by, [0.0, 1.0, 0.0])).min())
+    return least
+
+
+def test_no_end_is_never_above_ten_thousand_orbits():
+    """Nor is it below what slower and slower drifts tend to: by a tenth as much in ten times the time."""
+    tending = 0
+    for k, (path, zone) in enumerate(transfers(9, 40)):
+        found = cf.drift_approach(path, OTHER, zone, np.inf)
+        off = 1e-9 * max(1.0, found.ratio)
+        assert found.ratio <= least_of_orbits(path, zone, 10_000) + off
+        if k in (0, 2, 3, 5, 19, 22, 23, 39):
+            horizons = [cf.drift_approach(path, LONG, zone, path.end + t * PERIOD) for t in (1_000, 10_000)]
+            ratios = [found.ratio, *(one.ratio for one in horizons[::-1])]
+            assert ratios == sorted(ratios) or np.diff(ratios).min() > -off
+            if np.isfinite(found.time):
+                assert np.ptp(ratios) <= 2 * off
+                continue
+            tending += 1
+            near, far = ratios[1] - ratios[0], ratios[2] - ratios[0]
+            assert near < 1e-4
+            assert near < 0.15 * far + off
+    assert tending == 4
+
+
+def test_no_end_beside_boxes_and_cylinders():
+    """Of which the track is along an axis: slow drifts tend to the least in their own shadow, not in that of
+    what holds them, which is up to 1.7 times as wide."""
+    tending = 0
+    for k, (path, _) in enumerate(transfers(9, 60)):
+        zone = FLAT[k % 3]
+        found = cf.drift_approach(path, OTHER, zone, np.inf)
+        assert cf.passively_safe(path, OTHER, zone, np.inf) == (found.lower > 1.0)
+        assert found.ratio <= least_of_orbits(path, zone, 10_000) + 1e-9 * max(1.0, found.ratio)
+        if found.time == np.inf:
+            tending += 1
+            norms = slow_drifts(path, zone, found.failed_at)
+            assert found.ratio - 1e-3 < norms.min() < found.ratio + 5e-3
+    assert tending >= 5
+
+
+def test_bounded_drifts_repeat_their_first_orbit():
+    """Natural motions without a drift, and one that passes in its own time, after some hundred orbits."""
+    rng = np.random.Generator(np.random.Philox(12))
+    for k in range(20):
+        zone, state = ZONES[k % 2], rng.normal(size=6) * np.r_[80, 60, 80, 0.1, 0, 0.1]
+        state[4] = -2 * N * state[0]
+        coast = ORBIT.coast(state, PERIOD)
+        found = cf.drift_approach(coast, OTHER, zone, np.inf)
+        assert abs(found.ratio - cf.closest_approach(coast, OTHER, zone).ratio) <= 1e-9 * max(
+            1.0, found.ratio
+        )
+        by, ahead = rng.uniform(0.5, 5.0), rng.uniform(200.0, 1000.0)  # [m] per orbit, and to go
+        slow = state + np.array([by / (3 * np.pi), ahead, 0, 0, -1.5 * N * by / (3 * np.pi), 0])
+        passing = cf.drift_approach(ORBIT.coast(slow, PERIOD), OTHER, zone, np.inf)
+        whole = cf.closest_approach(ORBIT.coast(slow, 3000 * PERIOD), LONG, zone)
+        assert abs(passing.ratio - whole.ratio) <= 1e-8 * max(1.0, whole.ratio)
 
 
 def test_fast_drifts_that_are_gone_for_good_do_not_count():

@@ -26,6 +26,7 @@ TABLES = (
     "DriftApproach",
     "batch DriftApproach",
     "DriftScreening",
+    "DriftScreening of both",
     "SigmaApproach",
     "Probability",
     "Probability of histories",

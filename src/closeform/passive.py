@@ -121,7 +121,7 @@ def nearest(
     flying = paths if until == inf else carried(paths, until)
     asked = sum(len(first) for _, first, _ in directed(zones, thrusts, MOST))
     looked = directed(zones, thrusts, CHUNK)
-    if asked > MOST and until < inf:
+    if asked > MOST:
         found = drift_screen(paths, zones, until, failure)
         first, second = found.pairs[np.argsort(found.ratio, kind="stable")].T
         mine = thrusts[first] | (~thrusts[second] & (first < second))

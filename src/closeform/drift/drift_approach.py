@@ -21,7 +21,7 @@ from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
-from closeform.zones.shapes import BALL, FACES
+from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.zone import Zone, enclosing
 
 Failing = Literal["path", "other", "either", "both"]
@@ -265,26 +265,28 @@ def search_pairs(
 
 @lru_cache(maxsize=64)
 def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
-    """The shadow along the track of an ellipsoid that holds a zone, as the form of a zone without an end."""
-    matrix = enclosing(zone)
+    """The shadow along the track of a zone, as the form of a zone without an end.
+
+    Of boxes and cylinders that are tilted to the track, and of half-spaces, that of an ellipsoid which
+    holds them.
+    """
+    axes = np.flatnonzero(zone.matrix[:, 1])  # of its own, that the track is not across
+    own = zone.shape == CUBE and len(axes) == 1
+    if zone.shape == CYLINDER:
+        own = 2 not in axes or len(axes) == 1
+    shape, matrix = (zone.shape, zone.matrix) if own else (BALL, enclosing(zone))
     along = matrix[:, 1]
     square = float(along @ along)
     shadow = matrix - np.outer(along, along @ matrix) / square if square > 0.0 else matrix
-    return BALL, np.ascontiguousarray(shadow), np.empty((0, 3))
+    return shape, np.ascontiguousarray(shadow), np.empty((0, 3))
 
 
 def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
     """Columns of a `DriftApproach`."""
-    first = FAILURE + SIDE
-    width = (rows.shape[1] - first) // 2
-    instants = [
-        failed_at(sides[k], rows[:, first + k * width : first + (k + 1) * width], craft[k])
-        for k in {"path": (0,), "other": (1,), "both": (0, 1)}[who]
-    ]
+    at = failures_at(who, rows, sides, craft)
     time, ratio = rows[:, TIME], rows[:, RATIO]
     distance = np.linalg.norm(rows[:, PLACE : PLACE + 3] @ _to_metres(zone), axis=1)
     distance[~np.isfinite(time)] = np.inf  # of a slow drift only the ratio is known
-    at = np.stack(instants, axis=1) if who == "both" else instants[0]
     at[np.isnan(time)] = np.nan
     return [at, time, ratio, distance, np.full(len(rows), who), rows[:, LOWER]]
 
@@ -293,6 +295,16 @@ def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: A
 def _to_metres(zone: Zone) -> Floats:
     """What takes rows of zone coordinates to metres."""
     return np.asarray(np.linalg.inv(zone.matrix).T)
+
+
+def failures_at(who: str, rows: Floats, sides: tuple[Side, Side], craft: Any) -> Floats:
+    """When the worst failures of some pairs happen (M,), or (M, 2) where both craft fail."""
+    width = (rows.shape[1] - FAILURE - SIDE) // 2
+    instants = [
+        failed_at(sides[k], rows[:, FAILURE + SIDE + k * width :][:, :width], craft[k])
+        for k in {"path": (0,), "other": (1,), "both": (0, 1)}[who]
+    ]
+    return np.stack(instants, axis=1) if who == "both" else instants[0]
 
 
 def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:

@@ -6,17 +6,17 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from closeform.arrays import Floats
-from closeform.drift.cells import SIDE, Side
-from closeform.drift.drift_approach import failed_at, search_pairs
-from closeform.drift.ends import checked_end
+from closeform.arrays import Floats, shown
+from closeform.drift.cells import Side
+from closeform.drift.drift_approach import failures_at, search_pairs
+from closeform.drift.ends import checked_end, soon_after
 from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
-from closeform.drift.search import FAILURE, RATIO, TIME
+from closeform.drift.search import RATIO, TIME
 from closeform.drift.sides import side_of
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
@@ -24,6 +24,7 @@ from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
+from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 ENOUGH = 5e-4  # of a zone: as precise as ratios of a screen are; to 1e-9 they take twice as long
@@ -37,18 +38,18 @@ class DriftScreening(Rows):
     Attributes
     ----------
     pairs : array of int of shape (M, 2)
-        The craft that fails, and the one that it meets.
+        The craft that fails, and the one that it meets; where both fail the first is the one before.
     failed_at : array of shape (M,) [s]
-        When thrust fails for the worst.
+        When thrust fails for the worst; (M, 2) where both fail.
     time : array of shape (M,) [s]
-        When the norm is least then.
+        When the norm is least then; inf where slower and slower drifts tend to it.
     ratio : array of shape (M,), no unit
         The least norm, at most 1, certain to 1e-3; `drift_approach` of the pair tells it to 1e-9.
     """
 
     _columns: ClassVar = {
         "pairs": "first second",
-        "failed_at": "failed_at_s",
+        "failed_at": "failed_at_s other_failed_at_s",
         "time": "time_s",
         "ratio": "ratio",
     }
@@ -67,8 +68,9 @@ def drift_screen(
     zone: OwnZone | Sequence[OwnZone | None] | PairZones,
     until: float,
     failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+    failing: Literal["either", "both"] = "either",
 ) -> DriftScreening:
-    """Every pair of many craft in which the failure of one leads it into the zone of the other, on all cores.
+    """Every pair of many craft in which failures lead one into the zone of the other, on all cores.
 
     Parameters
     ----------
@@ -78,9 +80,11 @@ def drift_screen(
     zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
         As of `screen`.
     until : float [s]
-        The end of the drift, at the last end of the paths or later; finite.
+        The end of the drift, at the last end of the paths or later; inf is a million orbits.
     failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
-        What fails, in one craft at a time.
+        What fails.
+    failing : {"either", "both"}, default "either"
+        Which craft of a pair: one while the other flies on, either way, or both, each at its own instant.
 
     Returns
     -------
@@ -90,9 +94,9 @@ def drift_screen(
     Raises
     ------
     ValueError
-        If `paths` are no Path of shape (N,) or in different orbits, `until` is before their ends or not
-        finite, impulses would be stuck on, or `zone` is of another kind, of another number of craft, or
-        makes none for a pair.
+        If `paths` are no Path of shape (N,) or in different orbits, `until` is before their ends, impulses
+        would be stuck on, `failing` is another word, or `zone` is of another kind, of another number of
+        craft, or makes none for a pair.
 
     References
     ----------
@@ -102,50 +106,69 @@ def drift_screen(
     if len(batch.shape) != 1:
         raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
     end = checked_end("paths", batch, until, failure)
-    if end == np.inf:
-        raise ValueError("until: expected a finite time in s, got inf; ask drift_approach pair by pair")
+    if not isinstance(failing, str) or failing not in ("either", "both"):
+        raise ValueError(f"failing: expected 'either' or 'both', got {shown(failing)}")
     held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
-    every = side_of(batch, failure, end), side_of(batch, None, end, carry_on=True)
+    for_ever, both = end == np.inf, failing == "both"
+    soon = soon_after(batch, batch) if for_ever else end
+    fails = side_of(batch, failure, soon, carry_on=True)
+    flies = fails if both else side_of(batch, None, soon, carry_on=True)
 
-    def search(job: tuple[Zone, Any, Any]) -> tuple[Any, Floats]:
+    def search(job: tuple[Zone, Any, Any]) -> tuple[Any, ...]:
         one, first, second = job
-        fails, flies = (side._replace(now=side.now.copy()) for side in every)  # whom a search looks at
-        unsafe, worst = worst_drifts(fails, flies, first, second, end, batch.orbit, one, ENOUGH)
-        return np.stack([first[unsafe], second[unsafe]], axis=1), worst
+        sides = own(fails), own(flies)
+        pair = first, second, soon, batch.orbit
+        unsafe, rows = worst_drifts(sides, *pair, one, ENOUGH, for_ever)
+        craft = first[unsafe], second[unsafe]
+        at = failures_at("both" if both else "path", rows, sides, craft)
+        return np.stack(craft, axis=1), at, rows[:, TIME], rows[:, RATIO]
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        found = list(pool.map(search, _directed(held, len(batch))))
-    pairs = np.concatenate([np.empty((0, 2), dtype=np.int64), *(one for one, _ in found)])
-    rows = np.concatenate([np.empty((0, 3)), *(row for _, row in found)])
-    order = np.lexsort(pairs.T[::-1])
-    return DriftScreening(pairs[order], *np.ascontiguousarray(rows[order].T))
+        found = list(pool.map(search, _asked(held, len(batch), both)))
+    if not found:
+        found = [search((Sphere(1.0), *np.empty((2, 0), dtype=np.int64)))]
+    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
+    order = np.lexsort(columns[0].T[::-1])
+    return DriftScreening(*(column[order] for column in columns))
+
+
+def own(side: Side) -> Side:
+    """A side for a search of its own, which notes in it whom it looks at."""
+    return side._replace(now=side.now.copy())
 
 
 def worst_drifts(
-    fails: Side, flies: Side, first: Any, second: Any, end: float, orbit: Orbit, zone: Zone, certain: float
+    sides: tuple[Side, Side],
+    first: Any,
+    second: Any,
+    end: float,
+    orbit: Orbit,
+    zone: Zone,
+    certain: float,
+    for_ever: bool = False,
 ) -> tuple[Any, Floats]:
-    """Which pairs are not passively safe; of each (U, 3) when its worst failure is, when it is met, its norm.
+    """Which pairs are not passively safe, and the rows of `search.worst_failures` of these.
 
-    One search tells both: the least norm is looked for where any is within the zone.
+    Where drift has an end one search tells both: the least norm is looked for where any is within the zone.
     """
-    rows = search_pairs(fails, flies, first, second, end, orbit, zone, certain, MEETS)
+    judged = 0.0 if for_ever else certain
+    rows = search_pairs(*sides, first, second, end, orbit, zone, judged, MEETS, for_ever)
     unsafe = np.flatnonzero(np.isfinite(rows[:, RATIO]))
-    unsure = unsafe[np.isnan(rows[unsafe, TIME])]
+    unsure = unsafe if for_ever else unsafe[np.isnan(rows[unsafe, TIME])]
     rows[unsure] = search_pairs(
-        fails, flies, first[unsure], second[unsure], end, orbit, zone, certain, np.inf
+        *sides, first[unsure], second[unsure], end, orbit, zone, certain, np.inf, for_ever
     )
-    at = failed_at(fails, rows[unsafe, FAILURE + SIDE :], first[unsafe])
-    return unsafe, np.stack([at, rows[unsafe, TIME], rows[unsafe, RATIO]], axis=1)
+    return unsafe, rows[unsafe]
 
 
-def _directed(zone: Zone | PairZones, count: int) -> Iterator[tuple[Zone, Any, Any]]:
-    """Zones, who fails, and who flies on: each pair both ways."""
+def _asked(zone: Zone | PairZones, count: int, both: bool) -> Iterator[tuple[Zone, Any, Any]]:
+    """Zones, who fails, and who flies on, each pair both ways; or `both` fail, each pair once."""
     if isinstance(zone, PairZones):
-        for one, first, second in portions(zone, CHUNK):
-            yield one, first, second
+        held: Any = ((one, first, second) for one, first, second in portions(zone, CHUNK))
+    else:
+        around = (zone,) if zone.symmetric else (zone, zone.mirrored)
+        held = ((one, *pair) for pair in pairs_of(count, CHUNK) for one in around)
+    for one, first, second in held:
+        yield one, first, second
+        if not both:
             yield one.mirrored, second, first
-        return
-    for first, second in pairs_of(count, CHUNK):
-        for one in (zone,) if zone.symmetric else (zone, zone.mirrored):
-            yield one, first, second
-            yield one, second, first

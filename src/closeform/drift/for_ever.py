@@ -8,12 +8,11 @@ and slower drifts beside such a one meet the zone's shadow along the track, the 
 closer and closer, and the least norm there is what theirs tend to.                    # theory (49)
 """
 
-from math import inf, nan, pi, sqrt
+from math import acos, atan2, inf, nan, pi, sqrt
 
 from closeform.compiled import kernel
 from closeform.drift.cells import FROM, SIDE, parameter_count, single, span_both
-from closeform.drift.edges import GOLDEN
-from closeform.drift.fans import GENERATORS, OTHER, open_window, place_all
+from closeform.drift.fans import GENERATORS, OTHER, open_window
 from closeform.drift.flown import NEAR, aim, cut, fly, near_by, note, target_below
 from closeform.drift.planes import EITHER_WAY, march
 from closeform.zones.shapes import BALL, FACES
@@ -24,7 +23,6 @@ STILL = 1e-3  # of a zone: an ellipse that drifts by less in all of the time is 
 # bound then, as the track may lead into them.
 ENOUGH, LESS = (5_000, 1_000), (10.0, 100.0)
 TURNS = 16  # between what is ahead of a zone and what is behind it, in one orbit
-PHASES = 48  # of an orbit, in which a closed ellipse is looked at before its nearest phase is refined
 BESIDE = 1e-3  # of a cell: so far off a failure that does not drift others are asked which way they do
 
 
@@ -104,37 +102,31 @@ def stand_still(one, two, cell, width, far, n, form, slow, count, room):
 
 
 @kernel()
-def ahead(room, window, t, form, way):
-    """The norm of all that is ahead of a place where it drifts to, in the direction of `way`."""
-    place_all(room, window, t)
-    direction, square = along_track(form[1])
-    x, y, z = room.places[0, 0], room.places[0, 1], room.places[0, 2]
-    along = (x * direction[0] + y * direction[1] + z * direction[2]) / square
-    if way * along < 0.0:
-        x, y, z = x - along * direction[0], y - along * direction[1], z - along * direction[2]
-    return sqrt(x * x + y * y + z * z)
+def limit_ahead(one, two, t, width, n, form, tube, way, room, best):
+    """Least norm of all that is ahead of a closed ellipse, the failure `room.point[0]`, if below `best`.
 
-
-@kernel()
-def limit_ahead(one, two, t, width, n, form, way, room):
-    """Least norm over one orbit of all that is ahead of a closed ellipse, the failure `room.point[0]`."""
-    point, step = room.point[0], 2.0 * pi / (n * PHASES)
-    window, _ = open_window(one, two, point, width, t, t + 2.0 * pi / n, n, 1, t, form, room)
-    least, near = inf, 0.0
-    for k in range(PHASES):
-        value = ahead(room, window, k * step, form, way)
-        if value < least:
-            least, near = value, k * step
-    low, high = near - step, near + step
-    while high - low > 1e-9 * step:
-        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-        first, second = ahead(room, window, left, form, way), ahead(room, window, right, form, way)
-        least = min(least, first, second)
-        if first < second:
-            high = right
-        else:
-            low = left
-    return least
+    Along the track it is at a - size cos(n t - middle).  In the half in which that is before the zone all
+    that is ahead is in the tube; where it is past it only where it is counts.
+    """
+    point = room.point[0]
+    open_window(one, two, point, width, t, t, n, 1, t, form, room)
+    q, (direction, square) = room.motions[0], along_track(form[1])
+    a, c, s = 0.0, 0.0, 0.0
+    for axis in range(3):
+        share = direction[axis] / square
+        a += share * (q[0, axis] + q[2, axis] / (n * n))
+        c += share * q[2, axis] / (n * n)
+        s += share * q[3, axis] / (n * n * n)
+    size, middle = sqrt(c * c + s * s), atan2(s, c)
+    behind = acos(max(-1.0, min(a / size, 1.0))) if size > abs(a) else (0.0 if a > 0.0 else pi)
+    begin = t + ((middle - behind) % (2.0 * pi)) / n
+    for k in range(2):
+        end = begin + 2.0 * (behind if k == 0 else pi - behind) / n
+        if end > begin:
+            seen = tube if (way > 0.0) == (k == 0) else form
+            best = fly(one, two, point, width, begin, end, n, seen, room, best)[0]
+        begin = end
+    return best
 
 
 @kernel()
@@ -187,7 +179,7 @@ def ways_from(one, two, cell, width, far, n, form, slow, count, room):
 def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best):
     """What the norms of slower and slower drifts in a cell tend to, if below `best`, at `shares` of it.
 
-    Where they drift but one way only what is ahead counts, beside a zone that is an ellipsoid.
+    Where they drift but one way only what is ahead counts.
     """
     if not stand_still(one, two, cell, width, far, n, form, slow, count, room):
         return inf
@@ -195,8 +187,8 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
     if not (forward or backward):
         return inf
-    if form[0] == BALL and forward != backward:
-        return limit_ahead(one, two, t, width, n, form, 1.0 if forward else -1.0, room)
+    if forward != backward:
+        return limit_ahead(one, two, t, width, n, form, tube, 1.0 if forward else -1.0, room, best)
     return fly(one, two, room.point[0], width, t, turn, n, tube, room, best)[0]
 
 

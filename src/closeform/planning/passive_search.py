@@ -6,9 +6,10 @@ from math import inf
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.drift.drift_approach import SAME
+from closeform.drift.drift_approach import SAME, failures_at
 from closeform.drift.drift_screen import worst_drifts
 from closeform.drift.failures import ThrustLost
+from closeform.drift.search import TIME
 from closeform.drift.sides import side_of
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
@@ -34,17 +35,17 @@ def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
     `planned` (N,) are the craft's paths until they arrive, `flown` (N + M,) all bodies' with the drift.
     """
     found, end = Contacts.none(), problem.last
-    fails, flies = side_of(planned, ThrustLost(), end), side_of(flown, None, end)
+    sides = side_of(planned, ThrustLost(), end), side_of(flown, None, end)
     for kind, zone in enumerate(problem.zones):
         those = np.flatnonzero(problem.kinds == kind)
         for side in range(2):
             which = those[problem.pairs[those, side] < problem.count]
             craft, others = problem.pairs[which, side], problem.pairs[which, 1 - side]
             around = zone.mirrored if side else zone
-            unsafe, worst = worst_drifts(fails, flies, craft, others, end, problem.orbit, around, SAME)
-            drifts = np.zeros((len(unsafe), 2))
-            drifts[:, side] = worst[:, 1] - worst[:, 0]
-            found = found.joined(Contacts.at(which[unsafe], worst[:, 1], drifts))
+            unsafe, rows = worst_drifts(sides, craft, others, end, problem.orbit, around, SAME)
+            drifts, time = np.zeros((len(unsafe), 2)), rows[:, TIME]
+            drifts[:, side] = time - failures_at("path", rows, sides, (craft[unsafe], others[unsafe]))
+            found = found.joined(Contacts.at(which[unsafe], time, drifts))
     return found
 
 

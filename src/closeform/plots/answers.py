@@ -37,7 +37,8 @@ def _screening(result: Any, names: Any = None) -> Figure:
 def _drift_screening(result: Any, names: Any = None) -> Figure:
     from closeform.plots.spans import Spans, spans
 
-    told = Spans(result.failed_at, result.time, result.time, result.ratio, _pairs(result, names), RATIO)
+    failed = result.failed_at if result.failed_at.ndim == 1 else result.failed_at.min(axis=1)
+    told = Spans(failed, result.time, result.time, result.ratio, _pairs(result, names), RATIO)
     count = len(result)
     said = f"{count} pairs are not passively safe" if count else "All pairs are passively safe"
     return spans(told, f"{said}; lines from lost thrust to the closest")
