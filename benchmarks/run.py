@@ -34,6 +34,7 @@ SECTIONS = {
     "fuel": None,
     "fuel_zones": 1,
     "drift": 1,
+    "drift_pairs": None,
     "sigmas": 1,
     "probability": None,
     "planning": 1,

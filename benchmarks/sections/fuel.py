@@ -50,6 +50,7 @@ def measure(quick: bool) -> Report:
     curtis(report)
     cones(report, orbit, 3 if quick else 60)
     slots(report, orbit, 1 if quick else 9)
+    pulses(report, 20 if quick else 10_000)
     return report
 
 
@@ -137,3 +138,15 @@ def slots(report: Report, orbit: cf.Orbit, repeats: int) -> None:
     report.figures.append(
         Figure("50 x 50 slots by least delta-v", "<= 150 ms", seconds(matrix), matrix <= 0.15)
     )
+
+
+def pulses(report: Report, count: int) -> None:
+    """How far pulses lead from random plans, and the bound of that."""
+    from fire_plans import compared
+
+    ratios, _ = compared(range(count))
+    broken, middle = int((~(ratios >= 1.0)).sum()), float(np.median(ratios))
+    name = f"{count:,} plans fired by pulses, bounds of their deviation broken"
+    report.figures.append(Figure(name, "0", f"{broken}", broken == 0))
+    name = "those bounds over the deviations, median"
+    report.figures.append(Figure(name, "<= 5", f"{middle:.2f}", middle <= 5))

@@ -15,10 +15,12 @@ N, PERIOD = ORBIT.mean_motion, ORBIT.period
 ZONE = cf.Sphere(15.0)
 CASES = {  # state, deviations, orbits
     "hold 120 m ahead": ([0, 120, 0, 0, 0, 0], [3, 6, 3, 2e-3, 2e-3, 2e-3], 2),
+    "hold 155 m ahead": ([0, 155, 0, 0, 0, 0], [3, 6, 3, 2e-3, 2e-3, 2e-3], 2),
     "hold 200 m ahead": ([0, 200, 0, 0, 0, 0], [2, 5, 2, 1e-3, 1.5e-3, 2e-3], 2),
     "hold 300 m ahead": ([0, 300, 0, 0, 0, 0], [2, 5, 2, 1e-3, 1.4e-3, 2e-3], 2),
     "walking ellipse": ([50, 400, 0, 0, -2 * N * 50 - 2 * N, N * 50], [2, 6, 2, 2e-3, 2e-3, 2e-3], 5),
     "safety ellipse": ([60, 0, 0, 0, -2 * N * 60, N * 60], [3, 6, 3, 3e-3, 3e-3, 3e-3], 2),
+    "wider ellipse": ([64.5, 0, 0, 0, -2 * N * 64.5, N * 64.5], [3, 6, 3, 3e-3, 3e-3, 3e-3], 2),
 }
 
 
