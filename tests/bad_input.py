@@ -1406,6 +1406,30 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'stage[2]: method = "sauter-palmer" goes with cost = "energy" only; remove one of them',
     ),
     Bad(
+        "an engine without thrust",
+        'max_thrust = "1.5 N"',
+        'max_thrust = ["1.5 N", "0 N", "1.5 N"]',
+        'craft.max_thrust[2]: "0 N" must be above zero; of a craft without an engine write engine = false',
+    ),
+    Bad(
+        "a move of a craft without an engine",
+        KEEP_OUT,
+        f"{KEEP_OUT}\nengine = [true, true, false]",
+        "stage[2].craft: F3 has no engine; name another craft, or remove engine",
+    ),
+    Bad(
+        "a craft without an engine among all that scatter",
+        'keep_out = { sphere = "20 m" }\n\n[[stage]]\ndo = "coast"\nfor = "5 min"',
+        'keep_out = { sphere = "20 m" }\nengine = [true, false, true]\n\n[[stage]]\ndo = "scatter"\nfactor = 2.0\nwithin = "1 orbit"',
+        "stage[1].do: scatter moves everybody, and F2 has no engine; use reconfigure with craft",
+    ),
+    Bad(
+        "a craft without an engine where nobody is said to move",
+        'keep_out = { sphere = "20 m" }\n\n[[stage]]\ndo = "coast"\nfor = "5 min"',
+        'keep_out = { sphere = "20 m" }\nengine = [true, false, true]\n\n[[stage]]\ndo = "reconfigure"\nto = { remove = "eccentricity" }\nwithin = "1 orbit"',
+        'stage[1].craft: missing, and F2 has no engine; name who moves, for example craft = ["F1", "F3"]',
+    ),
+    Bad(
         "a transfer that does not say of whom",
         'do = "avoid"\ncraft = "F3"',
         'do = "transfer"',
@@ -2443,6 +2467,21 @@ CALLS = (
         "thrust that is lost where plans are made anew",
         'cf.fly(plan, cf.Field(chief), "replan", zones=cf.Sphere(9.0), lost=60.0)',
         'lost: new plans would need the thrust that is lost; give control="track"',
+    ),
+    Call(
+        "engines of more craft than fly",
+        "cf.fly(plan, cf.Field(chief), engine=[True, False])",
+        "engine: True or False, or one for each of 1 craft, got [True, False]",
+    ),
+    Call(
+        "a plan that thrusts for a craft without an engine",
+        "cf.fly(plan, cf.Field(chief), engine=False)",
+        "engine: craft 0 has none, and its path thrusts; give that of its coast",
+    ),
+    Call(
+        "thrusters of a craft without an engine",
+        "cf.room(orbit.coast(start, 3000.0), cf.Field(chief), thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), engine=False)",
+        "thrusters: craft 0 has no engine; give None in its place",
     ),
     Call(
         "white noise that a flight would draw",

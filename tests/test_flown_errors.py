@@ -117,7 +117,7 @@ def spreads(path: cf.Path, law: cf.Feedback, errors: cf.Errors, sight: cf.Naviga
     room = cf.room(path, FIELD, law, sight, errors=errors)
     away = (flights.states - quiet.states)[..., :3]
     found = np.linalg.eigvalsh(np.einsum("snti,sntj->ntij", away, away) / 400)[..., -1]
-    said = room.noise**2 + np.linalg.eigvalsh(room.spread)[..., -1]
+    said = room.noise[:, None] ** 2 + np.linalg.eigvalsh(room.spread)[..., -1]
     return np.sqrt(found.max(axis=1)), np.sqrt(said.max(axis=1)), room
 
 

@@ -229,7 +229,9 @@ class FlownRun:
     @cached_property
     def commanded(self) -> tuple[CommandedThrust, ...]:
         """What is to be commanded in the field, in each stage."""
-        return tuple(thrust(one.planned.paths, self.known) for one in self.run.flown)
+        return tuple(
+            thrust(one.planned.paths, self.known, engine=self.told["engine"]) for one in self.run.flown
+        )
 
     @cached_property
     def tube(self) -> Tube | None:
@@ -240,7 +242,8 @@ class FlownRun:
         far planned ones are off depends on the plan, and so it does where each burn errs by itself.
         """
         told, impulses = self.told, fires_impulses(self.run.paths)
-        if not self.uncertain or self.control != "track" or self.run.lost:
+        drifts = bool(self.run.lost) or not self.told["engine"].all()
+        if not self.uncertain or self.control != "track" or drifts:
             return None
         if told["feedback"].impulses or impulses or told["errors"] is not None:
             return None
@@ -256,7 +259,7 @@ def differs(control: Control, told: dict[str, Any]) -> bool:
 
 def fires_pulses(run: Stages) -> bool:
     """Whether anybody flies a run by pulses."""
-    return any(craft.thrusters is not None for craft in run.scenario.craft)
+    return any(craft.fired(1.0) is not None for craft in run.scenario.craft)
 
 
 def usually_led(run: Stages, control: Control) -> Feedback:

@@ -43,6 +43,7 @@ def with_margin(
             thrust_error=told["thrust_error"][who],
             errors=flown_errors(start, who),
             thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
+            engine=told["engine"][who],
         )
     except Grounded as error:
         raise Grounded(as_listed(str(error), [start.scenario.names[k] for k in who])) from None
@@ -59,6 +60,6 @@ def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
 
 def led_by_impulses(scenario: Scenario) -> bool:
     """Whether a run is led back by impulses or burns: someone has thrusters, or plans by impulses."""
-    free = any(not craft.limited for craft in scenario.craft)
+    free = any(craft.unlimited for craft in scenario.craft)
     impulsive = free and any(getattr(stage, "cost", None) == "delta-v" for stage in scenario.stages)
-    return impulsive or any(craft.thrusters is not None for craft in scenario.craft)
+    return impulsive or any(craft.fired(1.0) is not None for craft in scenario.craft)

@@ -11,11 +11,14 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
 from closeform.field.chief_frame import ChiefFrame
+from closeform.field.engines import running_engines
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly, spanning
+from closeform.field.natural import drifting
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses
 from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.result import Rows
@@ -50,8 +53,8 @@ class CommandedThrust(Rows):
     impulses : Retargeted
         Those of craft that have some.
     path : Path
-        What is flown (N,): the plan, and of craft with impulses what these fly in the field, through samples;
-        `screen` certifies it.
+        What is flown (N,): the plan, and of craft with impulses, or without engines, what these fly in the
+        field, through samples; `screen` certifies it.
     deviation : array of shape (N,) [m]
         How far that is from the plan at most, at these samples.
     firing : Firing or None
@@ -105,6 +108,7 @@ def thrust(
     thrusters: Thrusters | Sequence[Thrusters] | None = None,
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
+    engine: ArrayLike = True,
 ) -> CommandedThrust:
     """The thrust that flies planned paths in a field as they are, and with them all that is certified.
 
@@ -127,6 +131,8 @@ def thrust(
         Of the craft at the start, as for `fire`.
     specific_impulse : array_like of shape () or (N,) [s], optional
         With `mass`.
+    engine : array_like of bool of shape (N,) or (), default True
+        Whether each craft has one; without it nothing is commanded, and it drifts.  Not with thrusters.
 
     Returns
     -------
@@ -170,7 +176,15 @@ def thrust(
     left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
     impulses, path, deviation = changed_impulses(paths, field)
     fires = np.isin(np.arange(len(paths)), impulses.craft)
-    commanded = planned - left_out * ~fires[:, None, None]
+    own = () if thrusters is None else each_set(thrusters, len(paths), Thrusters)
+    running = running_engines(engine, paths, field, own)
+    commanded = planned - left_out * (running & ~fires)[:, None, None]
+    if len(adrift := np.flatnonzero(~running)):
+        drift = drifting(paths[adrift], field._of(adrift))
+        off = drift.position(times) - paths[adrift].position(times)
+        deviation[adrift] = np.linalg.norm(off, axis=2).max(axis=1)
+        each = dict(zip(adrift.tolist(), (drift[j] for j in range(len(adrift))), strict=True))
+        path = stack([each.get(k, path[k]) for k in range(len(paths))])
     size = np.linalg.norm(commanded, axis=2)
     more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
     kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
@@ -183,7 +197,6 @@ def thrust(
         return CommandedThrust(*told, impulses, path, deviation, None)
     from closeform.field.pulsed_flight import fired_in, flown_exactly  # whose kernels only thrusters need
 
-    own = each_set(thrusters, len(paths), Thrusters)
     firing = fired_in(paths, impulses, field, own, mass, specific_impulse)
     when, states = flown_exactly(paths, firing, own, field)
     path = paths.orbit._through(when, states)

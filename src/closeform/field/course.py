@@ -13,6 +13,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.field.chief_frame import ChiefFrame
 from closeform.field.drawn import Drawn, exactly
+from closeform.field.engines import Engines
 from closeform.field.executed import Events, nothing_of
 from closeform.field.feedback import Feedback, delayed, kicks_back, slots_of, way_back
 from closeform.field.field import Field
@@ -204,8 +205,7 @@ def commands_of(
     law: Feedback | None,
     known: Field | None,
     ballistics: Floats,
-    limit: Any = np.inf,
-    bit: float = 0.0,
+    engines: Engines | None = None,
     nozzles: Nozzles | None = None,
     span: tuple[float, float] | None = None,
     beside: Floats | None = None,
@@ -232,7 +232,7 @@ def commands_of(
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
     np.add.at(jumps, (craft, np.searchsorted(table.fired_times, when)), sizes)  # some at one instant
-    limits, bits = np.full(count, limit), np.full(count, bit)
+    limits, bits = engines or Engines.of(np.ones(count, dtype=bool))
     against = None if known is None else Known(known, ChiefFrame.of(known, table.times))
     return Commands(path, table, against, holding, jumps, None, law, limits, bits, ballistics, nozzles)
 

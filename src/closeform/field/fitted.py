@@ -83,6 +83,7 @@ def fit_margin(
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     sigmas: float = 4.0,
     max_acceleration: ArrayLike | None = None,
+    engine: ArrayLike = True,
 ) -> FittedMargin:
     """A plan with the margin that its own flight needs: made, looked at, and made anew until it fits.
 
@@ -123,6 +124,8 @@ def fit_margin(
         As of `room`.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
         What each craft can give, for its plan, the field and feedback together.
+    engine : array_like of bool of shape (N,) or (), default True
+        As of `room`; an obstacle without one is `held`, and coasts in the field.
 
     Returns
     -------
@@ -197,6 +200,7 @@ def fit_margin(
             minimum_bit=minimum_bit,
             thrusters=thrusters,
             sigmas=sigmas,
+            engine=engine,
         )
         if before is not None:
             found = found._since(float(paths.start[0]))

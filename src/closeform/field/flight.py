@@ -12,6 +12,7 @@ from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.field.course import Flights, commands_of
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, drawable, seeds_of
+from closeform.field.engines import Engines, running_engines
 from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flight_result import Flight
@@ -45,6 +46,7 @@ def fly(
     seeds: int | Sequence[int] = 1,
     errors: Any = None,
     lost: ArrayLike | None = None,
+    engine: ArrayLike = True,
 ) -> Flight:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
 
@@ -89,6 +91,9 @@ def fly(
     lost : array_like of shape (N,) or () [s], optional
         When each craft loses its thrust, as nobody knows, inf of one that does not: it drifts from then on.
         Of thrusters what they are told last to lead back counts as spent.
+    engine : array_like of bool of shape (N,) or (), default True
+        Whether each craft has one.  Without it a craft coasts in the field: nobody leads it back, and new
+        plans go around where it is measured to be.
 
     Returns
     -------
@@ -138,7 +143,9 @@ def fly(
     least = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     draws = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths)))
     drifts = losses(lost, len(paths))
-    asked = _Asked(paths, field, known or field, law, zones, cancel, limit, least, draws, drifts)
+    believed = known or field
+    engines = Engines.of(running_engines(engine, paths, believed, own_sets), limit, least)
+    asked = _Asked(paths, field, believed, law, zones, cancel, engines, draws, drifts)
     if control == "replan":
         if np.isfinite(drifts).any():
             raise ValueError('lost: new plans would need the thrust that is lost; give control="track"')
@@ -184,8 +191,7 @@ class _Asked(NamedTuple):
     law: Feedback | None
     zones: Zone | PairZones | None
     cancel: bool
-    limit: Floats
-    least: float
+    engines: Engines
     draws: Draws
     lost: Floats
 
@@ -202,9 +208,9 @@ class _Asked(NamedTuple):
             lasts = float(self.paths.end[0] - self.paths.start[0])
             law = led_by_pulses(law, thrusters)
             steady = in_step(thrusters, lasts / intervals_in(lasts, law.every))
-            first = PulsedPlan.of(self.paths, steady, self.believed)
+            first = PulsedPlan.of(self.paths, steady, self.believed, self.engines)
             planned = planned_by_pulses(self.paths, thrusters, self.lost)
-        anew = Replanning.of(self.paths, zones, fields, law, self.limit, self.draws, first)
+        anew = Replanning.of(self.paths, zones, fields, law, self.engines, self.draws, first)
         (times, ordered), done, made, why = anew.flights(self.draws)
         each = zip(self.draws.seeds, why, strict=True)
         refused = tuple((seed, *one) for seed, some in each for one in some)
@@ -217,7 +223,7 @@ class _Asked(NamedTuple):
         from closeform.field.pulsed_flight import fly_pulses  # whose kernels only thrusters need
 
         fields = self.field, self.believed
-        found = fly_pulses(self.paths, thrusters, fields, self.law, self.draws, self.lost)
+        found = fly_pulses(self.paths, thrusters, fields, self.law, self.draws, self.lost, self.engines)
         firing, planned, times, ordered, done = found
         paths = until_lost(spanning(self.paths, times), self.lost)
         return _Flown(times, done, paths, planned, firing=firing, ordered=ordered)
@@ -226,8 +232,7 @@ class _Asked(NamedTuple):
         """By thrust that lasts, and by impulses."""
         own, paths = ballistics_of(self.field.drag, len(self.paths)), self.paths
         against = self.believed if self.cancel else None
-        told = paths, self.law, against, own, self.limit, self.least
-        commands = commands_of(*told, lost=self.lost)
+        commands = commands_of(paths, self.law, against, own, self.engines, lost=self.lost)
         frame = commands.frame_in(self.field)
         if self.cancel and fires_impulses(paths):
             commands = retargeted(commands, self.believed)
@@ -248,7 +253,7 @@ class _Asked(NamedTuple):
             done.spent if self.cancel else done.spent - done.asked + planned,
             planned,
             (done.asked - planned) * self.cancel,
-            done.limited / (times[-1] - times[0]),
+            done.limited * self.engines.running / (times[-1] - times[0]),
             found[0][0],
             np.array([ratio for _, ratio in found]),
             told.paths,

@@ -67,11 +67,8 @@ class Followed:
         thrusters: Sequence[Thrusters] | None = None,
     ) -> Self:
         """As `fly` flies it in a field that is known; with `cancel` thrust is corrected for that."""
-        start, end = float(paths.start[0]), float(paths.end[0])
-        intervals = intervals_in(end - start, law.every)
-        every = (end - start) / intervals
-        steps = _steps(min(law.delay / every, 1.0), every)
-        times = np.linspace(start, end, steps * intervals + 1)
+        times, every, steps = instants(paths, law)
+        start, end = times[0], times[-1]
         loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
         frame = ChiefFrame.of(field, times)
         left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
@@ -159,6 +156,15 @@ class Followed:
         errors = errors if self.pulsed is None else errors._of_orders
         shaken = self.loop.shaken(sight, errors, moments, len(self.times))
         return _squares(off) + shaken, _squares(answers)
+
+
+def instants(paths: Path, law: Feedback) -> tuple[Floats, float, int]:
+    """Times (T,) at which paths (N,) are known, from one measurement to the next [s], and steps in it."""
+    start, end = float(paths.start[0]), float(paths.end[0])
+    intervals = intervals_in(end - start, law.every)
+    every = (end - start) / intervals
+    steps = _steps(min(law.delay / every, 1.0), every)
+    return np.linspace(start, end, steps * intervals + 1), every, steps
 
 
 def _pulses(

@@ -95,6 +95,12 @@ def coast(
     return followed(orbit or field.chief.orbit, states_at, duration, begin, within)
 
 
+def drifting(paths: Path, field: Field) -> Path:
+    """Natural motion in a field from where paths (N,) begin, as long as they last."""
+    begin, over = float(paths.start[0]), float(paths.end[0])
+    return coast(paths.state(begin), field, over - begin, begin, orbit=paths.orbit)
+
+
 def transition(field: Field, duration: ArrayLike, start: float = 0.0) -> Floats:
     """State transition matrices of natural motion near the chief of a field.
 

@@ -13,6 +13,7 @@ from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import Flights, commands_of, flown, in_order
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, nothing_drawn
+from closeform.field.engines import Engines
 from closeform.field.feedback import BY_IMPULSES, Feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import spanning
@@ -138,6 +139,7 @@ def fly_pulses(
     law: Feedback | None,
     draws: Draws,
     lost: Floats,
+    engines: Engines,
 ) -> tuple[Firing, Floats, Floats, Floats, Flights]:
     """What thrusters fire for planned paths (N,), what these cost (N,) [m/s], and what `flown_pulses` gives.
 
@@ -147,7 +149,8 @@ def fly_pulses(
     jumps, _, _ = changed_impulses(paths, fields[1], law)
     firing = fired_in(paths, jumps, fields[1], thrusters, law=law)
     planned = planned_by_pulses(paths, thrusters, lost)
-    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws, lost)
+    told = law, draws, lost, engines
+    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, *told)
 
 
 def planned_by_pulses(paths: Path, thrusters: Sequence[Thrusters | None], lost: Floats) -> Floats:
@@ -205,12 +208,14 @@ def flown_pulses(
     law: Feedback | None,
     draws: Draws,
     lost: Floats,
+    engines: Engines | None = None,
 ) -> tuple[Floats, Floats, Flights]:
     """Times (T,), when thrusters get orders (Q,), and flights of planned paths (N,) by what is fired.
 
     In the first of two `fields`, the second of which is believed.  Craft with thrusters have steps of their
     own, and are led back to where their pulses lead, on coasts that are held to the plan; the others
-    as without thrusters.  `draws` are their errors, and thrust is `lost` (N,) [s].
+    as without thrusters.  `draws` are their errors, thrust is `lost` (N,) [s], all have `engines` or
+    those given.
     """
     field, believed = fields
     span = np.array([firing.path.start.min(), firing.path.end.max()])
@@ -238,7 +243,8 @@ def flown_pulses(
         each.append(each_counts(done, given_until(pulses, lost[k])))
     if rest:
         own = planned[rest]
-        commands = commands_of(own, law, believed._of(rest), expected[rest], beside=beside)
+        bounds = engines and engines.among(rest)
+        commands = commands_of(own, law, believed._of(rest), expected[rest], bounds, beside=beside)
         frame = commands.frame_in(field)
         if len(beside):
             commands = retargeted(commands, believed)

@@ -12,6 +12,7 @@ from closeform.arrays import Floats
 from closeform.field.course import Flights, commands_of, flown, in_order
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws
+from closeform.field.engines import Engines
 from closeform.field.feedback import Feedback
 from closeform.field.field import Field
 from closeform.field.grounded import Grounded
@@ -52,17 +53,20 @@ class PulsedPlan(NamedTuple):
     thrusters: Sequence[Thrusters | None]
     firing: Firing
     led: Path
+    engines: Engines
 
     @classmethod
-    def of(cls, paths: Path, thrusters: Sequence[Thrusters | None], believed: Field) -> Self:
+    def of(
+        cls, paths: Path, thrusters: Sequence[Thrusters | None], believed: Field, engines: Engines
+    ) -> Self:
         """Of planned paths by thrust that lasts.  Raises Grounded where thrusters cannot fire it."""
         firing = fired_in(paths, NOTHING, believed, thrusters)
         led = paths.orbit._through(*flown_exactly(paths, firing, thrusters, believed))
-        return cls(paths, thrusters, firing, led)
+        return cls(paths, thrusters, firing, led, engines)
 
     def again(self, paths: Path, believed: Field) -> Self:
         """The same of a new plan, of which nothing is missed before its end."""
-        return self.of(paths, self.thrusters, believed)
+        return self.of(paths, self.thrusters, believed, self.engines)
 
     def fired(self, asked: Floats) -> Floats:
         """What is asked of craft (N,) [m/s], of those with thrusters as these fire it."""
@@ -112,7 +116,8 @@ class PulsedPlan(NamedTuple):
         table = commands.table
         if rest:
             own = self.paths[rest]
-            plain = commands_of(own, law, believed._of(rest), expected[rest], span=span, beside=none)
+            known = own, law, believed._of(rest), expected[rest], self.engines.among(rest)
+            plain = commands_of(*known, span=span, beside=none)
             told = replace(plain, ballistics=felt[rest])
             drawn, frame = draws.of(told, rest, measured, number), plain.frame_in(field)
             done = flown(told, field, frame, drawn, now[rest] + drawn.start[0] * (number == 0))

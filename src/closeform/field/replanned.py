@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.field.chief_frame import ChiefFrame
 from closeform.field.course import Flights, commands_of, flown, together
 from closeform.field.drag import ballistics_of
 from closeform.field.drawn import Draws, exactly
+from closeform.field.engines import Engines
 from closeform.field.feedback import Feedback, Navigation
 from closeform.field.field import Field
 from closeform.field.grounded import Grounded
+from closeform.field.residual import residuals
 from closeform.field.timetable import intervals_in
+from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.planning.reconfigure import reconfigure
-from closeform.zones.pair_zones import PairZones
+from closeform.zones.made_table import NONE
+from closeform.zones.pair_zones import PairZones, pairs_of
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.field.pulsed_legs import PulsedPlan
 
 SIGMAS = 4.0
+SEEN = 201  # instants of a plan at which it is asked what holds craft on it
 PADDED = (2.0, 1.0, 0.5)  # times the room, in this order: where craft are measured inside there is no plan
 
 
@@ -31,7 +37,7 @@ PADDED = (2.0, 1.0, 0.5)  # times the room, in this order: where craft are measu
 class Replanning:
     """What S flights that plan anew share: planned `paths` (N,), `zones`, and the `room` [m] around these.
 
-    Thrust is less the residual of the field that is `believed`, and no more than `limits` (N,); `law` holds
+    Thrust is less the residual of the field that is `believed`, and within what `engines` give; `law` holds
     craft on the last plan that there was.  The `first` is what pulses fly, if thrusters fire plans.
     """
 
@@ -41,7 +47,7 @@ class Replanning:
     field: Field
     believed: Field
     law: Feedback
-    limits: Floats
+    engines: Engines
     first: PulsedPlan | None
 
     @classmethod
@@ -51,7 +57,7 @@ class Replanning:
         zones: Zone | PairZones,
         fields: tuple[Field, Field],
         law: Feedback,
-        limits: Floats,
+        engines: Engines,
         draws: Draws,
         first: PulsedPlan | None,
     ) -> Self:
@@ -59,10 +65,11 @@ class Replanning:
         off = np.hypot(*draws.sizes.T)
         if draws.errors is not None:
             off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in draws.errors])
-        room = room_of(draws.sight, law.every, off * paths.peak_thrust)
+        pushes = np.where(engines.running, off * paths.peak_thrust, unopposed(paths, fields[1]))
+        room = room_of(draws.sight, law.every, pushes)
         if first is not None:
             room += float(np.sort(first.aside)[-2:].sum())
-        return cls(paths, zones, room, *fields, law, limits, first)
+        return cls(paths, zones, room, *fields, law, engines, first)
 
     @property
     def instants(self) -> Floats:
@@ -75,7 +82,7 @@ class Replanning:
     ) -> tuple[tuple[Floats, Floats], Flights, list[int], list[list[tuple[float, str]]]]:
         """All, with times that are shown and of orders, how many plans each flew, why others were refused."""
         own = ballistics_of(self.field.drag, len(self.paths))
-        asked = commands_of(self.paths, self.law, self.believed, own, self.limits)
+        asked = commands_of(self.paths, self.law, self.believed, own, self.engines)
         measured = draws.measured(asked.table)
         each = [
             self.flight(replace(draws, seeds=[seed]), (seen[None], off[None]))
@@ -114,7 +121,7 @@ class Replanning:
                 shown, orders, done = pulsed.leg(span, now, fields, law, draws, seen, k)
                 ordered.append(orders)
             else:
-                commands = commands_of(last, law, self.believed, ballistics, self.limits, span=span)
+                commands = commands_of(last, law, self.believed, ballistics, self.engines, span=span)
                 frame = commands.frame_in(self.field)
                 drawn = draws.of(commands, range(len(now)), seen, k)
                 now = now + drawn.start[0] if k == 0 else now
@@ -133,29 +140,54 @@ class Replanning:
 
     def plan(self, states: Floats, begin: float) -> tuple[Path | None, PulsedPlan | None, list[str]]:
         """Paths (N,) from measured states (N, 6), their pulses if there are any, why others were refused."""
-        end = float(self.paths.end[0])
-        limits = self.limits if np.isfinite(self.limits).all() else None
-        why: list[str] = []
+        end, orbit, why = float(self.paths.end[0]), self.paths.orbit, list[str]()
+        who, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
+        limits = self.engines.limits[who]
+        coasting = orbit.coast(states[rest], end - begin, begin)
+        order = np.concatenate([who, rest])
+        zones = self.zones
+        if isinstance(zones, PairZones) and len(rest):
+            zones = reordered(zones, order, len(who))
         for share in PADDED:
             plan = reconfigure(
-                self.paths.orbit,
-                states,
-                self.paths.state(end),
+                orbit,
+                states[who],
+                self.paths.state(end)[who],
                 end - begin,
-                self.zones,
+                zones,
                 start=begin,
-                max_acceleration=limits,
+                obstacles=coasting,
+                max_acceleration=limits if np.isfinite(limits).all() else None,
                 if_blocked=("more sides",),
                 margin=share * self.room,
             )
             try:
                 if plan.ok and plan.paths is not None:
-                    pulsed = self.first and self.first.again(plan.paths, self.believed)
-                    return plan.paths, pulsed, why
+                    each = [part[k] for part in (plan.paths, coasting) for k in range(len(part))]
+                    paths = stack([each[k] for k in np.argsort(order)])
+                    return paths, self.first and self.first.again(paths, self.believed), why
                 why.append(f"{share:g} of the room: {plan.reason}")
             except Grounded as error:
                 why.append(f"{share:g} of the room: {error}")
         return None, None, why
+
+
+def unopposed(paths: Path, field: Field) -> Floats:
+    """What Hill's equations leave out at most along paths (N,) [m/s^2], on which nobody holds craft."""
+    times = np.linspace(float(paths.start[0]), float(paths.end[0]), SEEN)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+    return np.asarray(np.linalg.norm(left_out, axis=-1).max(axis=1))
+
+
+def reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
+    """The zones of the same bodies in another order, of which so many move."""
+    count, found = len(zones), list[Zone]()
+    table = np.full((count + 1, count + 1), NONE)
+    for one, other in zip(*(k.tolist() for k in next(pairs_of(count))), strict=True):
+        if (zone := zones.between(order[one], order[other])) is not None:
+            table[one, other] = len(found)
+            found.append(zone)
+    return PairZones(tuple(found), np.arange(count), table, np.arange(count) < moving)
 
 
 def room_of(sight: Navigation, every: float, pushes: Floats) -> float:

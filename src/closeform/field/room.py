@@ -12,10 +12,12 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each
 from closeform.field.drawn import drawable
+from closeform.field.engines import running_engines
 from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_errors, usual_feedback
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
-from closeform.field.followed import Followed
+from closeform.field.followed import Followed, instants
+from closeform.field.natural import drifting
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
@@ -36,7 +38,7 @@ class Room(Result):
         Since the chief's epoch.
     shift : array of shape (N, T, 3) [m]
         Where they are expected to be off: by what is known of the field and not commanded against, and
-        where impulses lead that are changed for it; in the chief's axes.
+        where impulses lead that are changed for it, or craft drift that have no engine; in the chief's axes.
     stretch : array of shape (N, T, 3) [m]
         How much further for thrust that is larger by the whole of itself, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
@@ -49,7 +51,7 @@ class Room(Result):
     spread : array of shape (N, T, 3, 3) [m^2]
         Covariances of what errors of each burn and impulse, and of states at the start, leave; in the chief's
         axes.
-    noise : float [m]
+    noise : array of shape (N,) [m]
         The standard deviation, in the worst direction, from measurements that are off at random.
     sigmas : float, no unit
         As many of which count.
@@ -67,7 +69,7 @@ class Room(Result):
     thrust_error: Floats
     rest: Floats
     spread: Floats
-    noise: float
+    noise: Floats
     sigmas: float
     thrust: Floats
 
@@ -79,7 +81,7 @@ class Room(Result):
         aligned = np.linalg.norm(np.einsum("ntij,nti->ntj", turned, larger), axis=-1)
         square = (larger**2).sum(axis=-1) + np.linalg.norm(turned, 2, axis=(-2, -1)) ** 2 + 2.0 * aligned
         off = np.linalg.norm(self.shift, axis=-1) + np.sqrt(square)
-        random = np.sqrt(self.noise**2 + np.linalg.eigvalsh(self.spread)[..., -1])
+        random = np.sqrt(self.noise[:, None] ** 2 + np.linalg.eigvalsh(self.spread)[..., -1])
         return np.asarray(off + self.rest[:, None] + self.sigmas * random)
 
     @property
@@ -110,6 +112,7 @@ def room(
     minimum_bit: float = 0.0,
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     sigmas: float = 4.0,
+    engine: ArrayLike = True,
 ) -> Room:
     """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
 
@@ -140,6 +143,8 @@ def room(
         what a bit leaves undone is bounded.
     sigmas : float, no unit, default 4
         Of the noise and of `errors`, which count.
+    engine : array_like of bool of shape (N,) or (), default True
+        Whether each craft has one; without it drifts in the field, as of `fly`.
 
     Returns
     -------
@@ -174,6 +179,7 @@ def room(
     """
     paths = paths_to_fly(plan, field)
     own, count = each_set(thrusters, len(paths)), len(paths)
+    running = running_engines(engine, paths, field, own)
     shooters = np.array([one is not None for one in own])
     usual = usual_feedback("track", fires_impulses(paths) or bool(shooters.any()))
     law = instance("feedback", usual if feedback is None else feedback, Feedback)
@@ -194,16 +200,17 @@ def room(
     elif least > 0.0 and not law.impulses:
         raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
     told: Any = sizes, unknown, drawable(errors, count)
-    groups = [np.flatnonzero(who) for who in (~shooters, shooters) if who.any()]
+    groups = [np.flatnonzero(who) for who in (running & ~shooters, shooters, ~running) if who.any()]
     found = []
     for some in groups:
+        own_told = [None if one is None else [one[k] for k in some] for one in told]
+        if not running[some[0]]:
+            times = instants(paths, law)[0]
+            found.append(_of_drifting(paths[some], field._of(some), times, own_told, many))
+            continue
         sets = [own[k] for k in some] if shooters[some[0]] else None
         flight = Followed.of(paths[some], field._of(some), law, cancel, sets)
-        found.append(
-            _of_alike(
-                flight, sight, [None if one is None else [one[k] for k in some] for one in told], least, many
-            )
-        )
+        found.append(_of_alike(flight, sight, own_told, least, many))
     return found[0] if len(found) == 1 else _together(found, np.argsort(np.concatenate(groups)))
 
 
@@ -224,16 +231,31 @@ def _of_alike(flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any
     if not len(loop.fired):
         asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
     off = shift + flight.aside, stretch, np.stack(turned, axis=-1)
-    return Room(flight.times, *off, sizes, rest, spread, noise, many, asked)
+    return Room(flight.times, *off, sizes, rest, spread, np.full(len(sizes), noise), many, asked)
+
+
+def _of_drifting(paths: Path, field: Field, times: Floats, told: Sequence[Any], many: float) -> Room:
+    """Of craft without engines: where they drift, with bounds, unknown accelerations, errors as told."""
+    sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
+    moved = paths.orbit.transition(times - times[0])
+    pushed = np.linalg.norm(moved[:, :3, 3:], 2, axis=(1, 2))
+    rest = unknown * float(np.trapezoid(pushed, times))
+    spread = np.zeros((len(paths), len(times), 3, 3))
+    for k, own in enumerate(errors or ()):
+        spread[k] = moved[:, :3] @ own.state @ moved[:, :3].swapaxes(1, 2)
+    shift = drifting(paths, field).position(times) - paths.position(times)
+    none = np.zeros(len(paths))
+    turn = np.zeros_like(spread)
+    return Room(times, shift, np.zeros_like(shift), turn, sizes, rest, spread, none, many, none)
 
 
 def _together(parts: Sequence[Room], order: Any) -> Room:
     """Of craft one part after another, in this order."""
     joined: Any = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
-        for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "thrust")
+        for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "noise", "thrust")
     }
-    return replace(parts[0], noise=max(one.noise for one in parts), **joined)
+    return replace(parts[0], **joined)
 
 
 def needed_room(found: Room, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats]:
@@ -299,7 +321,7 @@ def _along(found: Room, craft: int, times: Floats, normals: Floats) -> tuple[Flo
     off = larger * np.abs((stretch * normals).sum(axis=-1))
     turned = np.einsum("tij,ti->tj", turn, normals)
     off += (1.0 + larger) * angle * np.linalg.norm(turned, axis=-1)
-    square = np.einsum("ti,tij,tj->t", normals, spread, normals) + found.noise**2
+    square = np.einsum("ti,tij,tj->t", normals, spread, normals) + found.noise[craft] ** 2
     return (shift * normals).sum(axis=-1), off + found.rest[craft], square
 
 

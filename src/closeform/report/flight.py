@@ -60,7 +60,7 @@ class FlightTold:
         alike = "" if one.uncertain else "; nothing is uncertain, all others would be the same"
         what = self.title, f"{count} of {len(one.names)} craft, {stages}{alike}"
         where = f"Field: {described(one.field)}, known{self.unknown}; thrust corrected for it"
-        drawn = *self.drawn, *self.lost
+        drawn = *self.drawn, *self.coasting, *self.lost
         if one.control == "open":
             return *what, f"{where}; nobody measures", *self.thrust_errors, *drawn
         if one.control == "replan":
@@ -83,6 +83,12 @@ class FlightTold:
         """Who drifts, since when."""
         told = ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost)
         return (f"Thrust lost: {told}; from then on craft drift",) * bool(told)
+
+    @property
+    def coasting(self) -> tuple[str, ...]:
+        """Who has no engine."""
+        told = ", ".join(np.array(self.flown.names)[~self.flown.told["engine"]])
+        return (f"No engine: {told}; nobody leads back who has none, they drift in the field",) * bool(told)
 
     @property
     def unknown(self) -> str:

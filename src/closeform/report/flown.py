@@ -93,7 +93,7 @@ def stage(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
 def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
     """Rows of SPENT."""
     told, back, tanks = flown.flight, flown.flight.feedback_delta_v, flown.propellant
-    bounded = flown.told["max_acceleration"] is not None
+    bounded, engine = flown.told["max_acceleration"] is not None, flown.told["engine"]
     for k, name in enumerate(flown.names):
         yield (
             name,
@@ -103,7 +103,7 @@ def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
             float(back[:, k].max()),
             float(told.delta_v[:, k].max()),
             known(tanks[:, k].max()),
-            float(told.limited[:, k].max()) if bounded or name in flown.thrusters else None,
+            float(told.limited[:, k].max()) if (bounded or name in flown.thrusters) and engine[k] else None,
         )
     planned, field, every = (
         one.sum(axis=-1) for one in (told.planned_delta_v, told.field_delta_v, told.delta_v)

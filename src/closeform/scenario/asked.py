@@ -41,7 +41,7 @@ def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
                 f'stage[{number}].drift: "forever" is for stages in which one craft moves at most; '
                 'give a time, for example "24 h"'
             )
-    jumps = any(not craft.limited for craft in scenario.craft)
+    jumps = any(craft.unlimited for craft in scenario.craft)
     if isinstance(stage, Thrusting) and stage.failure == "thrust stuck" and stage.cost == "delta-v" and jumps:
         yield (
             f"stage[{number}].failure: impulses have no thrust that could be stuck; "

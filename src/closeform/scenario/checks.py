@@ -16,7 +16,7 @@ from closeform.scenario.errors import did_you_mean, key_of, meant_by
 from closeform.scenario.flown import in_air, in_field, in_flight, too_blind
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stage_table import Drifting, Thrusting
+from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
 from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
 from closeform.scenario.studied import study
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
@@ -140,8 +140,28 @@ def stages(scenario: Scenario) -> Iterator[str]:
         yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
+        yield from engines(scenario, number, stage)
         if stage.searches:
             yield from searching(scenario)
+
+
+def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
+    """Stages that move craft without engines."""
+    idle = [craft.name for craft in scenario.craft if not craft.engine]
+    named = {key: names for key, names in stage.craft_named.items() if key != "order"}
+    for key, names in named.items():
+        for name in names:
+            if name in idle:
+                yield f"stage[{number}].{key}: {name} has no engine; name another craft, or remove engine"
+    if not idle or named or not isinstance(stage, Joint | Transfer | Gather):
+        return
+    if isinstance(stage, Reconfigure):
+        others = ", ".join(f'"{name}"' for name in scenario.names if name not in idle)
+        lacks = f"missing, and {idle[0]} has no engine"
+        yield f"stage[{number}].craft: {lacks}; name who moves, for example craft = [{others}]"
+        return
+    remedy = "use reconfigure with craft" if isinstance(stage, Scatter | Regather) else "remove engine"
+    yield f"stage[{number}].do: {stage.verb} moves everybody, and {idle[0]} has no engine; {remedy}"
 
 
 def exact(scenario: Scenario) -> Iterator[str]:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
 Matrix = tuple[Vector, Vector, Vector]
+IDLE = "of a craft without an engine write engine = false"
 MOST_TURN = pi / 2.0  # rad, of a body: more is no error of its pointing
 
 
@@ -54,10 +55,10 @@ class Craft(Table):
     mass: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
         None, examples=['"150 kg"']
     )
-    max_thrust: Annotated[float, BeforeValidator(Reader(FORCE, least="positive"))] | None = Field(
+    max_thrust: Annotated[float, BeforeValidator(Reader(FORCE, 1, "positive", IDLE))] | None = Field(
         None, examples=['"1.5 N"']
     )
-    acceleration: Annotated[float, BeforeValidator(Reader(ACCELERATION, least="positive"))] | None = Field(
+    acceleration: Annotated[float, BeforeValidator(Reader(ACCELERATION, 1, "positive", IDLE))] | None = Field(
         None, alias="max_acceleration", examples=['"5 mm/s^2"']
     )
     thrusters: ThrusterTable | None = Field(None, examples=['"rtn"'])
@@ -65,6 +66,7 @@ class Craft(Table):
     period: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
         None, examples=['"30 s"']
     )
+    engine: bool = Field(True, examples=["true"])
     delta_v_budget: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
         None, examples=['"12 m/s"']
     )
@@ -164,7 +166,9 @@ class Craft(Table):
 
     @property
     def max_acceleration(self) -> float:
-        """What its engine gives the mass that it starts with [m/s^2]; inf without a limit."""
+        """What its engine gives the mass that it starts with [m/s^2]; inf without a limit, or an engine."""
+        if not self.engine:
+            return inf
         if self.max_thrust is None or self.mass is None:
             return inf if self.acceleration is None else self.acceleration
         return self.max_thrust / self.mass
@@ -172,11 +176,16 @@ class Craft(Table):
     @property
     def limited(self) -> bool:
         """Whether its thrust has a limit."""
-        return self.max_thrust is not None or self.acceleration is not None
+        return self.engine and (self.max_thrust is not None or self.acceleration is not None)
+
+    @property
+    def unlimited(self) -> bool:
+        """Whether it thrusts without a limit."""
+        return self.engine and not self.limited
 
     def fired(self, share: float) -> Thrusters | None:
         """Its thrusters when a `share` of the mass at the start is left; None without any."""
-        if self.thrusters is None:
+        if self.thrusters is None or not self.engine:
             return None
         bit = 0.0 if self.minimum_bit is None else self.minimum_bit.on(self.mass or nan)
         table, has = self.thrusters, self.max_acceleration / share

@@ -72,7 +72,7 @@ def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Why flights could not plan the rest of a scenario anew, and with what they could."""
     if len(scenario.stages) > 1:
         yield f"replan is for one stage, and there are {len(scenario.stages)}", "one stage"
-    impulses = any(not one.limited or one.thrusters is not None for one in scenario.craft)
+    impulses = any(one.unlimited or one.fired(1.0) is not None for one in scenario.craft)
     if impulses and any(getattr(one, "cost", None) == "delta-v" for one in scenario.stages):
         yield "replan is for thrust that lasts, and impulses are planned", 'cost = "energy" in the stage'
     law = scenario.feedback

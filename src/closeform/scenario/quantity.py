@@ -109,12 +109,14 @@ class Reader:
     """Reads one number (`size` 1) or a vector of `size` numbers of one `kind`, 0 for any number of them.
 
     `least` is "positive", "zero" (not negative) or "any". A number comes back as a float, a
-    vector as a tuple of floats, a number of kind DURATION as a Duration.
+    vector as a tuple of floats, a number of kind DURATION as a Duration.  `of_none` is what to write in place
+    of zero, where there is something.
     """
 
     kind: Kind
     size: int = 1
     least: str = "any"
+    of_none: str = ""
 
     def __call__(self, value: Any) -> float | tuple[float, ...] | Duration:
         if self.kind is DURATION:
@@ -184,7 +186,10 @@ class Reader:
                 f"{shown(value)} is out of range; give {SMALLEST:g} to {LARGEST:g} in SI units, or 0"
             )
         if self.least == "positive" and min(numbers) <= 0.0:
-            raise ValueError(f"{shown(value)} must be above zero; write for example {self.example}")
+            remedy = (
+                self.of_none if self.of_none and not any(numbers) else f"write for example {self.example}"
+            )
+            raise ValueError(f"{shown(value)} must be above zero; {remedy}")
         if self.least == "zero" and min(numbers) < 0.0:
             raise ValueError(f"{shown(value)} is negative; give zero or more, for example {self.example}")
         return numbers

@@ -116,6 +116,7 @@ class Scenario:
             "navigation": (self.navigation or NavigationTable.model_validate({})).build(),
             "thrust_error": np.array([craft.thrust_error for craft in self.craft]),
             "errors": [craft.errors for craft in self.craft] if self.uncertain else None,
+            "engine": np.array([craft.engine for craft in self.craft]),
             "max_acceleration": most if np.isfinite(most).any() else None,
         }
 
