@@ -1,6 +1,7 @@
 """Drift without an end, against long ends, and against slow drifts flown by the textbook's matrix."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import closeform as cf
 from pairs import carried
@@ -11,6 +12,10 @@ OTHER = ORBIT.coast(np.zeros(6), PERIOD)
 LONG = ORBIT.coast(np.zeros(6), 10_002 * PERIOD)
 ZONES = [cf.Ellipsoid([15, 25, 12]), cf.Sphere(20.0)]
 FLAT = [cf.Box([15, 25, 12]), cf.Cylinder(15.0, 25.0, [0, 1, 0]), cf.Cylinder(12.0, 20.0, [1, 0, 0.5])]
+TILTED = [
+    cf.Box([8, 40, 12], axes=Rotation.from_euler("z", 35, degrees=True).as_matrix()),
+    cf.Box([10, 25, 6], axes=Rotation.from_rotvec([0.5, -0.3, 0.7]).as_matrix()),
+]
 
 
 def transfers(seed, count):
@@ -24,22 +29,24 @@ def transfers(seed, count):
         yield ORBIT.transfer(here, there, rng.uniform(0.3, 1.2) * PERIOD), ZONES[k % 2]
 
 
-def slow_drifts(path, zone, s):
-    """Least norms of some failures close to `s` that drift past the zone, by the textbook."""
-    off = np.geomspace(1e-3, 1e2, 300)
+def slow_drifts(path, zone, s, count=300, places=(0.0,)):
+    """Least norms of some failures close to `s` that drift past the zone, by the textbook.
+
+    Of each phase the orbit that comes closest to some `places` along the track.
+    """
+    off = np.geomspace(1e-3, 1e2, count)
     instants = np.concatenate([s - off, s + off])
     instants = instants[(instants >= path.start) & (instants <= path.end)]
     states = path.state(instants)
     drift = -6.0 * np.pi * (2.0 * states[:, 0] + states[:, 4] / N)  # [m] per orbit
-    phases = np.linspace(0.0, PERIOD, 2000)
+    phases = np.linspace(0.0, PERIOD, 2000 if len(places) == 1 else 600)
     least = []
     for state, by in zip(states, drift, strict=True):
         if not 1e-9 < abs(by) < 5.0:
             continue
         ahead = carried(N, np.tile(state, (len(phases), 1)), phases)[:, :3]
-        turns = np.maximum(np.round(-ahead[:, 1] / by), 0.0)  # which of its orbits is nearest in that phase
-        ahead[:, 1] += turns * by
-        least.append(zone.norm(ahead).min())
+        turns = [np.maximum(np.round((place - ahead[:, 1]) / by), 0.0) for place in places]
+        least.append(min(zone.norm(ahead + np.outer(k * by, [0.0, 1.0, 0.0])).min() for k in turns))
     return np.array(least)
 
 
@@ -110,6 +117,20 @@ def test_no_end_beside_boxes_and_cylinders():
             tending += 1
             norms = slow_drifts(path, zone, found.failed_at)
             assert found.ratio - 1e-3 < norms.min() < found.ratio + 5e-3
+    assert tending >= 5
+
+
+def test_no_end_beside_tilted_boxes():
+    """Whose shadows are a rectangle and a hexagon."""
+    tending = 0
+    for k, (path, _) in enumerate(transfers(9, 60)):
+        zone = TILTED[k % 2]
+        found = cf.drift_approach(path, OTHER, zone, np.inf)
+        assert found.ratio <= least_of_orbits(path, zone, 10_000) + 1e-9 * max(1.0, found.ratio)
+        if found.time == np.inf:
+            tending += 1
+            norms = slow_drifts(path, zone, found.failed_at, 30, np.linspace(-60.0, 60.0, 121))
+            assert found.ratio - 1e-3 < norms.min() < found.ratio + 2e-2  # places are a metre apart
     assert tending >= 5
 
 

@@ -267,14 +267,17 @@ def search_pairs(
 def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
     """The shadow along the track of a zone, as the form of a zone without an end.
 
-    Of boxes and cylinders that are tilted to the track, and of half-spaces, that of an ellipsoid which
+    Of half-spaces, and of cylinders which the track is neither along nor across, that of an ellipsoid that
     holds them.
     """
-    axes = np.flatnonzero(zone.matrix[:, 1])  # of its own, that the track is not across
-    own = zone.shape == CUBE and len(axes) == 1
-    if zone.shape == CYLINDER:
-        own = 2 not in axes or len(axes) == 1
-    shape, matrix = (zone.shape, zone.matrix) if own else (BALL, enclosing(zone))
+    if zone.shape == CUBE:  # a hexagon, with two sides along the shadow of each edge
+        edges = np.linalg.inv(zone.matrix)
+        normals = np.cross([0.0, 1.0, 0.0], edges.T)
+        reach = np.abs(normals @ edges).sum(axis=1, keepdims=True)
+        return CUBE, normals / np.where(reach > 0.0, reach, 1.0), np.empty((0, 3))
+    slanting = zone.matrix[:2, 1].any() and zone.matrix[2, 1] != 0.0
+    own = zone.shape == CYLINDER and not slanting
+    shape, matrix = (CYLINDER, zone.matrix) if own else (BALL, enclosing(zone))
     along = matrix[:, 1]
     square = float(along @ along)
     shadow = matrix - np.outer(along, along @ matrix) / square if square > 0.0 else matrix
