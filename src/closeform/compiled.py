@@ -13,7 +13,7 @@ from numba.core.types import Array, BaseTuple, unliteral
 
 from closeform.kernel_cache import KernelCache, alone, is_under_way, parts
 from closeform.kernel_parts import PartCompiler
-from closeform.own_process import is_ours
+from closeform.own_process import is_ours, with_room
 from closeform.part_cache import PartCache
 
 _announced: list[bool] = []
@@ -86,7 +86,7 @@ def prepare(entry: Any, wait: bool = True) -> None:
             with alone(cached.path, wait) as mine, uncollected():
                 if not mine:
                     return
-                entry.compile(cached.signature)
+                with_room(entry.compile, cached.signature)
 
 
 def _writeable(kind: Any) -> Any:
