@@ -92,3 +92,21 @@ def test_without_an_end_beside_craft_that_coast():
     assert 0 < len(unsafe) < len(pairs)
     for (i, j), ratio in zip(unsafe, found.ratio[mine], strict=True):
         assert abs(cf.drift_approach(flown[i], flown[j], ZONE, np.inf).ratio - ratio) < PRECISE
+
+
+def test_pairs_that_stay_open_are_told():
+    """Of failures of two unknowns: those that do meet, and no others than those that may.
+
+    One pair, of which no verdict is certain, is clear by its least norm; it was told with a ratio above 1.
+    """
+    fleet, until = transfers(312, 5), 20 * PERIOD
+    failure, zone = cf.StuckThrust(60.0, [0.0, 2e-4, 0.0]), cf.Box([15, 25, 12])
+    told = {tuple(pair) for pair in cf.drift_screen(fleet, zone, until, failure).pairs.tolist()}
+    flown = cf.join([fleet, ORBIT.coast(fleet.state(PERIOD), until - PERIOD, start=PERIOD)])
+    meet, may = set(), set()
+    for i, j in np.argwhere(~np.eye(5, dtype=bool)):
+        found = cf.drift_approach(fleet[i], flown[j], zone, until, failure)
+        meet |= {(i, j)} if found.ratio <= 1.0 else set()
+        may |= {(i, j)} if found.lower <= 1.0 else set()
+    assert meet <= told <= may
+    assert len(told) == 11

@@ -16,7 +16,7 @@ from closeform.drift.drift_approach import failures_at, search_pairs
 from closeform.drift.ends import checked_end, soon_after
 from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
-from closeform.drift.search import RATIO, TIME
+from closeform.drift.search import LOWER, RATIO, TIME
 from closeform.drift.sides import side_of
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
@@ -44,7 +44,9 @@ class DriftScreening(Rows):
     time : array of shape (M,) [s]
         When the norm is least then; inf where slower and slower drifts tend to it.
     ratio : array of shape (M,), no unit
-        The least norm, at most 1, certain to 1e-3; `drift_approach` of the pair tells it to 1e-9.
+        The least norm that is found: certain to 1e-3, and to 1e-9 by `drift_approach` of the pair.  Less so
+        where failures of many unknowns, or drift without an end, need more cells than are searched; it is
+        above 1 where that leaves open whether they meet.
     """
 
     _columns: ClassVar = {
@@ -158,6 +160,7 @@ def worst_drifts(
     rows[unsure] = search_pairs(
         *sides, first[unsure], second[unsure], end, orbit, zone, certain, np.inf, for_ever
     )
+    unsafe = unsafe[rows[unsafe, LOWER] <= 1.0]
     return unsafe, rows[unsafe]
 
 
