@@ -32,9 +32,7 @@ def with_room(call: Callable[..., Answer], *arguments: Any) -> Answer:
     return call(*arguments)
 
 
-with_room.__code__ = with_room.__code__.replace(
-    co_stacksize=ROOM
-)  # its own frame makes a large piece
+with_room.__code__ = with_room.__code__.replace(co_stacksize=ROOM)  # its own frame makes a large piece
 
 
 def is_ours() -> bool:
