@@ -44,7 +44,7 @@ SECTIONS = {
     "viewer": None,
     "exchange": 1,
 }  # cores; None: all
-LIMIT = 600  # seconds a section may take
+LIMIT = 1200  # seconds a section may take
 TESTS = Path(__file__).parents[1] / "tests"  # formations fixed before the planner was tuned
 TOOLS = Path(__file__).parents[1] / "tools"  # crowds
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
