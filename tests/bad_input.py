@@ -113,6 +113,7 @@ def lost(what: str, old: str, new: str, message: str) -> Bad:
 
 KEEP_OUT = 'keep_out = { sphere = "20 m" }'
 ALTITUDE = 'altitude = "500 km"'
+FROM_CRAFT = GOOD[GOOD.index("[craft]") :]
 FROM_ORBIT = GOOD[GOOD.index(ALTITUDE) :]
 FOR = 'for = "5 min"'
 TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
@@ -1392,6 +1393,51 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'max_thrust = "1.5 N"',
         'max_thrust = "1.5 N"\nthrusters = "rtn"',
         'craft.period: missing, in which thrusters fire once while a plan of least energy thrusts; add for example period = "30 s", or write cost = "delta-v" in the stage',
+    ),
+    Bad(
+        "two limits of thrust in a stage",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\nmax_thrust = "50 mN"\nmax_acceleration = "1 mm/s^2"',
+        "stage[2]: max_thrust and max_acceleration exclude each other; keep one",
+    ),
+    Bad(
+        "thrust of a stage as a force, of craft without mass",
+        FROM_CRAFT,
+        FROM_CRAFT.replace('mass = "150 kg"\nmax_thrust = "1.5 N"\n', "") + 'max_thrust = "50 mN"\n',
+        'stage[2].max_thrust: needs mass; add for example mass = "150 kg" to [craft]',
+    ),
+    Bad(
+        "thrusters of a stage of unknown strength",
+        FROM_CRAFT,
+        FROM_CRAFT.replace('max_thrust = "1.5 N"\n', "") + 'thrusters = "rtn"\nperiod = "30 s"\n',
+        'stage[2].thrusters: need max_thrust, which each gives; add for example max_thrust = "10 mN"',
+    ),
+    Bad(
+        "a minimum bit in a stage without thrusters",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\nminimum_bit = "1 mN s"',
+        "stage[2].minimum_bit: goes with thrusters only; remove minimum_bit",
+    ),
+    Bad(
+        "least energy by thrusters of a stage without a period",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\nthrusters = "rtn"',
+        'stage[2].period: missing, in which thrusters fire once while a plan of least energy thrusts; add for example period = "30 s", or write cost = "delta-v" in the stage',
+    ),
+    Bad(
+        "a specific impulse of one stage only",
+        'within = "0.1 orbits"',
+        'within = "0.1 orbits"\nspecific_impulse = "60 s"',
+        'stage[2].specific_impulse: stands for that of [craft], which has none; add for example specific_impulse = "220 s" there',
+    ),
+    Bad(
+        "two sets of thrusters in one flight",
+        FROM_ORBIT,
+        FROM_ORBIT.replace(ALTITUDE, f"{IN_FIELD}\n\n[flight]").replace(
+            'max_thrust = "1.5 N"', 'max_thrust = "1.5 N"\nthrusters = "rtn"\nperiod = "30 s"'
+        )
+        + f'\n[[stage]]\n{MOVE.replace("pass", "back")}\nmax_thrust = "50 mN"\n',
+        "stage[3].max_thrust: F3 has another in an earlier stage, and flights have one set of thrusters for each craft; give it one, or each set a file of its own",
     ),
     Bad(
         "an unknown cost",

@@ -21,17 +21,16 @@ from closeform.field.grounded import Grounded
 from closeform.field.least_ratios import least_ratios
 from closeform.field.tube import Tube, tube
 from closeform.flown_verdict import Entered
-from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.mission_result import Stages
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
+from closeform.scenario.flown import flown_thrusters
 from closeform.stage_start import followed
 from closeform.verdict import Use
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
-TANK = "mass", "specific_impulse"
 PARTIAL = 1e-9  # of a time: stages that end at one that is shown
 
 
@@ -88,7 +87,7 @@ class FlownRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own, pulsed = [craft.fired(1.0) for craft in run.scenario.craft], fires_pulses(run)
+        own, pulsed = flown_thrusters(run.scenario), fires_pulses(run)
         plan = followed(run.flown) if pulsed else planned(run)
         told = told | {"feedback": told["feedback"] or usually_led(run, control)}
         if run.lost:
@@ -173,8 +172,18 @@ class FlownRun:
     def burnt(self, which: Any, delta_v: Floats) -> Floats:
         """What craft, by index, burn for a delta-v [kg]; nan for one without mass and specific impulse."""
         craft = self.run.scenario.craft
-        mass, impulse = (np.array([getattr(one, key) for one in craft], dtype=float)[which] for key in TANK)
-        return np.asarray(-mass * np.expm1(-delta_v / (STANDARD_GRAVITY * impulse)))
+        mass = [one.mass if one.specific_impulse is not None else None for one in craft]
+        return np.asarray(np.array(mass, dtype=float)[which] * -np.expm1(-delta_v / self.exhaust[which]))
+
+    @cached_property
+    def exhaust(self) -> Floats:
+        """The speed of each craft's exhaust (N,) [m/s]: of stages that differ, by what is planned in each."""
+        own = np.array([one.exhaust for one in self.run.scenario.craft])
+        spent = np.array([one.planned.paths.delta_v for one in self.run.flown])
+        each = np.array([self.run.scenario.exhaust(one.stage) for one in self.run.flown])
+        differ = (each != each[0]).any(axis=0) & spent.any(axis=0)
+        own[differ] = spent[:, differ].sum(axis=0) / (spent / each)[:, differ].sum(axis=0)
+        return own
 
     @property
     def spent(self) -> Iterator[Use]:
@@ -259,7 +268,7 @@ def differs(control: Control, told: dict[str, Any]) -> bool:
 
 def fires_pulses(run: Stages) -> bool:
     """Whether anybody flies a run by pulses."""
-    return any(craft.fired(1.0) is not None for craft in run.scenario.craft)
+    return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
 
 
 def usually_led(run: Stages, control: Control) -> Feedback:

@@ -59,7 +59,7 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
     from closeform.planning import targets
 
     names, to = start.scenario.names, stage.to
-    who = [names.index(name) for name in stage.movers or names]
+    who = [names.index(name) for name in stage.moving(names)]
 
     def goals(duration: float) -> Floats:
         coasted = np.asarray(start.states @ start.orbit.transition(duration).T)
@@ -79,7 +79,7 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
 def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
     """A formation moves to its `goals` in one plan; craft that do not move coast, and are kept clear of."""
     names = start.scenario.names
-    movers = stage.movers or names
+    movers = stage.moving(names)
     others = tuple(name for name in names if name not in movers)
     who = [names.index(name) for name in movers]
     plan, measures = planned(start, stage, goals, who, [names.index(name) for name in others])

@@ -11,7 +11,6 @@ pulses of thrusters (`pulsed`), `lock_times` and `gather` for who finds whom (`s
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.conflicts.flight import ALL_PAIRS
-from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.joint_stage import reconfigure, regather, scatter
 from closeform.mission_result import Mission, StageResult
 from closeform.scenario import (
@@ -70,7 +68,8 @@ def staged(
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
         known = () if replanned else tuple(results)  # where everybody is known anew
-        start = StageStart(scenario, orbit, number, states, begin, past, shares, errors=errors, flown=known)
+        here = scenario.during(stage)
+        start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, flown=known)
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:
@@ -155,9 +154,9 @@ def run(file: str | Path) -> Mission:
 
 def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Floats:
     """What the craft have left of their mass (N,), by Tsiolkovsky's equation, after some stages."""
-    exhaust = np.array([STANDARD_GRAVITY * (craft.specific_impulse or inf) for craft in scenario.craft])
-    spent = sum((result.delta_v for result in results if result.flown), np.zeros(len(exhaust)))
-    return np.asarray(np.exp(-spent / exhaust))
+    flown = [result for result in results if result.flown]
+    spent = (result.delta_v / scenario.exhaust(result.stage) for result in flown)
+    return np.asarray(np.exp(-sum(spent, np.zeros(len(scenario.craft)))))
 
 
 def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:

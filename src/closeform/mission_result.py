@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import nan
+from math import expm1, nan
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -272,14 +272,10 @@ class Mission(Stages):
     @cached_property
     def propellant(self) -> Floats:
         """What each craft burns in each stage (S, N) [kg]; nan for one without mass and specific impulse."""
-        from closeform.planning.limits import propellant
-
-        burnt = np.full(self.delta_v.shape, nan)
-        for k, craft in enumerate(self.scenario.craft):
-            if craft.mass is not None and craft.specific_impulse is not None:
-                so_far = propellant(craft.mass, np.cumsum(self.delta_v[:, k]), craft.specific_impulse)
-                burnt[:, k] = np.diff(so_far, prepend=0.0)
-        return burnt
+        exhaust = [self.scenario.exhaust(result.stage) for result in self.results]
+        so_far = np.cumsum(self.delta_v / np.array(exhaust).reshape(self.delta_v.shape), axis=0)
+        known = (craft.mass if craft.specific_impulse is not None else None for craft in self.scenario.craft)
+        return np.array([*known], dtype=float) * -np.diff(np.expm1(-so_far), axis=0, prepend=0.0)
 
     @cached_property
     def spent_of_each(self) -> Floats:
@@ -295,13 +291,10 @@ class Mission(Stages):
 
     def burnt(self, number: int, k: int, delta_v: float) -> float:
         """What craft k burns for a delta-v [m/s] in stage `number` [kg]; nan where not known."""
-        from closeform.planning.limits import propellant
-
-        craft = self.scenario.craft[k]
+        craft = self.scenario.craft_in(self.scenario.stages[number - 1])[k]
         if craft.mass is None or craft.specific_impulse is None:
             return nan
-        mass = craft.mass - float(self.propellant[: number - 1, k].sum())
-        return float(propellant(mass, delta_v, craft.specific_impulse))
+        return -craft.mass * self.mass_left(number, k) * expm1(-delta_v / craft.exhaust)
 
     def mass_left(self, number: int, k: int) -> float:
         """The share of its mass that craft k has when stage `number` begins; 1 where that is not known."""
@@ -314,7 +307,8 @@ class Mission(Stages):
         """The greatest thrust of each craft that has a limit, as planned in one stage."""
         on = () if result.pulsed is None else result.pulsed.names  # all or nothing
         peaks = result.planned.paths.peak_thrust.tolist()
-        for k, (craft, peak) in enumerate(zip(self.scenario.craft, peaks, strict=True)):
+        craft_now = self.scenario.craft_in(result.stage)
+        for k, (craft, peak) in enumerate(zip(craft_now, peaks, strict=True)):
             if craft.limited:  # an engine's force, told by what it gives the mass at the start
                 peak *= self.mass_left(result.number, k)
                 yield thrust_use(craft, craft.max_acceleration if craft.name in on else peak)
@@ -326,14 +320,17 @@ class Mission(Stages):
 
     @cached_property
     def uses(self) -> tuple[Use, ...]:
-        """What each craft uses of each of its limits in all stages flown, of thrust the most at a time.
+        """What each craft uses of each of its limits in all stages flown, of thrust the greatest share of
+        that in one stage.
 
         Of delta-v and propellant what it takes in the dearest of its flights in the field, if there are any.
         """
         planned = self.spent([result.flown for result in self.results])
         uses = list(planned if self.flights is None else self.flights.spent)
-        flown = (self.thrusts(result) for result in self.flown)
-        uses += [max(thrusts, key=lambda use: use.used) for thrusts in zip(*flown, strict=True)]
+        of_each: dict[str, list[Use]] = {}
+        for use in (use for result in self.flown for use in self.thrusts(result)):
+            of_each.setdefault(use.craft, []).append(use)
+        uses += [max(thrusts, key=lambda use: use.share) for thrusts in of_each.values()]
         return tuple(sorted(uses, key=lambda use: self.scenario.names.index(use.craft)))
 
     @property

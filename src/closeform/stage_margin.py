@@ -60,6 +60,5 @@ def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
 
 def led_by_impulses(scenario: Scenario) -> bool:
     """Whether a run is led back by impulses or burns: someone has thrusters, or plans by impulses."""
-    free = any(craft.unlimited for craft in scenario.craft)
-    impulsive = free and any(getattr(stage, "cost", None) == "delta-v" for stage in scenario.stages)
-    return impulsive or any(craft.fired(1.0) is not None for craft in scenario.craft)
+    fires = any(craft.fired(1.0) is not None for craft in scenario.craft_of_all)
+    return fires or any(map(scenario.plans_impulses, scenario.stages))

@@ -38,7 +38,7 @@ SHOT = (
     Column("pulses", "pulses"),
     Column("planned [m/s]", "planned_m_s", "{:#.6g}".format),
     Column("fired [m/s]", "delta_v_m_s", "{:#.6g}".format),
-    Column("off the plan [m]", "deviation_m", "{:#.4g}".format),
+    Column("off plan [m]", "deviation_m", "{:#.4g}".format),
     Column("at most [m]", "deviation_bound_m", "{:#.4g}".format),
     Column("dropped [m/s]", "dropped_m_s", "{:#.4g}".format),
     effort.FUEL,

@@ -15,6 +15,7 @@ from closeform.motion.path import Path, ends_of
 from closeform.report import burns, effort
 from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
+from closeform.scenario import Craft
 
 MOST = 24  # craft, up to which choices are looked at
 DURATIONS = np.geomspace(0.1, 3.0, 40)  # of the plan's, at which the trade is looked at
@@ -39,6 +40,11 @@ class Choices:
     def told(self) -> bool:
         """Whether a stage that keeps zones tells of them, and of its burns, in words and pictures."""
         return self.result.stage.cost == "delta-v" or self.result.pulsed is not None
+
+    @property
+    def craft(self) -> Sequence[Craft]:
+        """All craft as they thrust in the stage."""
+        return self.mission.scenario.craft_in(self.result.stage)
 
     @cached_property
     def ends(self) -> tuple[Floats, Floats, float, float]:
@@ -67,7 +73,7 @@ class Choices:
         """Rows of CHOICE, the dearest first but for the plan."""
         orbit, (initial, final, duration, start) = self.mission.orbit, self.ends
         task = initial, final, duration, start
-        craft = [self.mission.scenario.craft[k] for k in self.places]
+        craft = [self.craft[k] for k in self.places]
         limits = [one.max_acceleration for one in craft]
         told: list[tuple[str, Callable[[], Any]]] = [("least energy", lambda: orbit.transfer(*task).delta_v)]
         if orbit.mean_motion:
@@ -116,7 +122,7 @@ class Choices:
         return np.array(
             [
                 self.mission.orbit.impulsive(
-                    initial[k], final[k], duration, start, self.mission.scenario.craft[place].fired(1.0)
+                    initial[k], final[k], duration, start, self.craft[place].fired(1.0)
                 ).delta_v
                 for k, place in enumerate(self.places)
             ]
@@ -157,7 +163,7 @@ class Choices:
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
         """What is drawn of a craft's primer: its plan around zones, or its path to its end."""
         scenario, done = self.mission.scenario, self.result.result
-        own = {"thrusters": scenario.craft[scenario.names.index(name)].fired(1.0)}
+        own = {"thrusters": self.craft[scenario.names.index(name)].fired(1.0)}
         if isinstance(done, ReconfigureResult):
             return (done.plan, done.movers.index(name)), own
         return (done.avoidance if isinstance(done, AvoidResult) else self.plan(name),), own

@@ -45,7 +45,7 @@ def in_grams(told: Weighed, column: Column) -> Column:
 
 def asked(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> float:
     """Delta-v [m/s] of a craft's planned path: summed over its thrusters where the plan is made for them."""
-    table = next(craft for craft in mission.scenario.craft if craft.name == name)
+    table = next(craft for craft in mission.scenario.craft_in(result.stage) if craft.name == name)
     thrusters = table.fired(1.0) if getattr(result.stage, "cost", None) == "delta-v" else None
     if thrusters is None or not result.flown:
         return float(path.delta_v)

@@ -58,7 +58,8 @@ def used(mission: Mission) -> Table:
     scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     uses = {(use.what, use.craft): use for use in mission.uses}
     flown, how, heading = flown_delta_v(mission)
-    rows, key = [], "max_acceleration" if any(one.acceleration for one in scenario.craft) else "max_thrust"
+    speeds_up = any(one.acceleration for one in scenario.craft_of_all)
+    key, rows = "max_acceleration" if speeds_up else "max_thrust", []
     rest = f"left{' in flight' * bool(how)} [kg]"
     each = scenario.craft, delta_v.tolist(), propellant.tolist(), flown
     for craft, spent, burnt, most in zip(*each, strict=True):

@@ -112,7 +112,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     ]
     padded = optimum.padded(avoidance)
     many = f"{padded}zones {len(where)} times, from that of {where[0]} to {where[-1]}"
-    limited = mission.scenario.limits(moved.craft)
+    limited = mission.scenario.during(result.stage).limits(moved.craft)
     best = optimum.best(avoidance, result.pulsed is not None, limited)
     touched = many if len(where) > MOST_CONTACTS else f"the {padded}zone of {', '.join(where)}"
     return (

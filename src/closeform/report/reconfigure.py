@@ -157,7 +157,7 @@ def worth(mission: Mission, result: Moved) -> Iterator[str]:
     """How good the plan is, where craft touch each other's zones, and what the stage has come to."""
     moved, plan = result.result, result.result.plan
     how = "jointly" if result.stage.plan == "joint" else "one craft after another"
-    limited = mission.scenario.limits(*moved.movers)
+    limited = mission.scenario.during(result.stage).limits(*moved.movers)
     best = optimum.best(plan, result.pulsed is not None, limited)
     if not plan.ok:
         yield f"Planned {how}, without success: these are the direct paths"
@@ -246,8 +246,9 @@ def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
 def thrust(mission: Mission, result: Moved) -> Picture:
     """How strongly each craft thrusts: in newtons where their limits are."""
     scenario, options = mission.scenario, dict[str, Any](names=result.after.names)
-    if any(one.limited for one in scenario.craft):
-        options["limits"] = [one.max_acceleration for one in scenario.craft]
+    craft = scenario.craft_in(result.stage)
+    if any(one.limited for one in craft):
+        options["limits"] = [one.max_acceleration for one in craft]
     if result.pulsed is not None:
         options["on_off"] = [name in result.pulsed.names for name in scenario.names]
     masses = [scenario.force_mass(name) for name in scenario.names]

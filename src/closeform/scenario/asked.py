@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from closeform.scenario.craft import Craft
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
-from closeform.scenario.stages import Avoid, Joint, Transfer
+from closeform.scenario.stages import Avoid, Joint
 
 
 def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
@@ -36,23 +36,14 @@ def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
     if stage.for_ever:
         if scenario.orbit.deep_space is not None:
             yield f'stage[{number}].drift: "forever" needs an orbit; give a time, for example "24 h"'
-        elif movers(scenario, stage) > 1:
+        elif len(stage.moving(scenario.names)) > 1:
             yield (
                 f'stage[{number}].drift: "forever" is for stages in which one craft moves at most; '
                 'give a time, for example "24 h"'
             )
-    jumps = any(craft.unlimited for craft in scenario.craft)
+    jumps = any(craft.unlimited for craft in scenario.craft_in(stage))
     if isinstance(stage, Thrusting) and stage.failure == "thrust stuck" and stage.cost == "delta-v" and jumps:
         yield (
             f"stage[{number}].failure: impulses have no thrust that could be stuck; "
             "give max_thrust in [craft], or another failure"
         )
-
-
-def movers(scenario: Scenario, stage: Drifting) -> int:
-    """How many craft may thrust in a stage."""
-    if isinstance(stage, Avoid):
-        return 1 + len(stage.meanwhile)
-    if isinstance(stage, Joint):
-        return len(stage.movers or scenario.names)
-    return int(isinstance(stage, Transfer))

@@ -129,7 +129,8 @@ def stages(scenario: Scenario) -> Iterator[str]:
         if isinstance(stage, Transfer) and stage.craft is None and len(scenario.craft) > 1:
             yield f'stage[{number}].craft: missing; name who moves, for example "{scenario.names[0]}"'
         if isinstance(stage, Avoid | Joint | Transfer):
-            yield from firing(scenario, stage)
+            yield from thrusting(scenario, number, stage)
+            yield from firing(scenario, number, stage)
             if any(later.verb == "gather" for later in scenario.stages[number:]):
                 yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
         if isinstance(stage, Drifting) and stage.drift is not None:
@@ -174,14 +175,33 @@ def exact(scenario: Scenario) -> Iterator[str]:
         )
 
 
-def firing(scenario: Scenario, stage: Avoid | Joint | Transfer) -> Iterator[str]:
+def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> Iterator[str]:
     """Thrust that lasts, from thrusters that do not know how often they fire."""
-    endless = any(craft.thrusters is not None and craft.period is None for craft in scenario.craft)
+    each = scenario.craft_in(stage)
+    endless = any(craft.thrusters is not None and craft.period is None for craft in each)
     if endless and stage.cost == "energy":
+        section = "craft" if stage.thrusters is None else f"stage[{number}]"
         yield (
-            "craft.period: missing, in which thrusters fire once while a plan of least energy thrusts; "
+            f"{section}.period: missing, in which thrusters fire once while a plan of least energy thrusts; "
             'add for example period = "30 s", or write cost = "delta-v" in the stage'
         )
+
+
+def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
+    """What a stage says of the engine of craft that have no mass for it, no thrust or no exhaust."""
+    for craft in scenario.craft if stage.told else ():
+        if craft.name not in stage.moving(scenario.names):
+            continue
+        known = {*craft.unfit()}
+        for line in craft.using(stage).unfit():
+            if line not in known:
+                key, _, wrong = line.partition(" ")
+                yield f"stage[{number}].{key}: {wrong}{' to [craft]' if ' mass = ' in wrong else ''}"
+        if stage.specific_impulse is not None and craft.specific_impulse is None:
+            yield (
+                f"stage[{number}].specific_impulse: stands for that of [craft], which has none; "
+                'add for example specific_impulse = "220 s" there'
+            )
 
 
 def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
@@ -201,7 +221,7 @@ def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) ->
 
 def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
     """Whether every craft has its place, and its turn."""
-    movers = stage.movers or scenario.names
+    movers = stage.moving(scenario.names)
     for name in dict.fromkeys(stage.order or ()):
         if (stage.order or ()).count(name) > 1:
             yield f"stage[{number}].order: {name} stands in it twice; name each craft once"

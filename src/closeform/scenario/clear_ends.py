@@ -57,7 +57,7 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
 
 def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
     """Final states inside each other's zone, where they are known before the flight."""
-    movers = stage.movers or scenario.names
+    movers = stage.moving(scenario.names)
     finals = stage.known(orbit, len(movers))
     if finals is None or len(finals) < len(movers):
         return

@@ -8,18 +8,18 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PrivateAttr
 
 from closeform.arrays import Floats
+from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.roe import state_from_scaled_roe
+from closeform.scenario.engine import Engine
 from closeform.scenario.field import ThrustError
 from closeform.scenario.formation import Start
 from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.quantity import (
-    ACCELERATION,
     ANGLE,
     BALLISTIC,
-    FORCE,
     LENGTH,
     MASS,
     RATE,
@@ -30,7 +30,6 @@ from closeform.scenario.quantity import (
     Reader,
 )
 from closeform.scenario.table import FileName, Length, Name, Position, Table, Vector, Velocity
-from closeform.scenario.thrusters import MinimumBit, ThrusterTable
 from closeform.scenario.uncertainty import Covariance, Execution, as_errors
 
 if TYPE_CHECKING:
@@ -39,11 +38,10 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Errors
 
 Matrix = tuple[Vector, Vector, Vector]
-IDLE = "of a craft without an engine write engine = false"
 MOST_TURN = pi / 2.0  # rad, of a body: more is no error of its pointing
 
 
-class Craft(Table):
+class Craft(Engine):
     """One craft of [craft]."""
 
     name: Name = Field(examples=['["F1", "F2"]'])
@@ -55,23 +53,9 @@ class Craft(Table):
     mass: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
         None, examples=['"150 kg"']
     )
-    max_thrust: Annotated[float, BeforeValidator(Reader(FORCE, 1, "positive", IDLE))] | None = Field(
-        None, examples=['"1.5 N"']
-    )
-    acceleration: Annotated[float, BeforeValidator(Reader(ACCELERATION, 1, "positive", IDLE))] | None = Field(
-        None, alias="max_acceleration", examples=['"5 mm/s^2"']
-    )
-    thrusters: ThrusterTable | None = Field(None, examples=['"rtn"'])
-    minimum_bit: MinimumBit | None = Field(None, examples=['"1 mm/s"'])
-    period: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
-        None, examples=['"30 s"']
-    )
     engine: bool = Field(True, examples=["true"])
     delta_v_budget: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
         None, examples=['"12 m/s"']
-    )
-    specific_impulse: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
-        None, examples=['"220 s"']
     )
     propellant: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
         None, examples=['"2 kg"']
@@ -107,6 +91,7 @@ class Craft(Table):
         return value[0] if isinstance(value, list) else value  # of one craft
 
     def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
         given = self.start is not None or self.states is not None
         if self.start is not None and self.states is not None:
             yield "start and states exclude each other; keep one"
@@ -117,18 +102,7 @@ class Craft(Table):
             yield 'no position; add for example position = "0 100 0 m"'
         if not given and self.velocity is None:
             yield 'no velocity; add for example velocity = "0 0 0 m/s"'
-        if self.max_thrust is not None and self.mass is None:
-            yield 'max_thrust needs mass; add for example mass = "150 kg"'
-        if self.max_thrust is not None and self.acceleration is not None:
-            yield "max_thrust and max_acceleration exclude each other; keep one"
-        if self.thrusters is not None and self.max_thrust is None and self.acceleration is None:
-            yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
-        yield from self.only_with("minimum_bit", "thrusters")
-        yield from self.only_with("period", "thrusters")
-        if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
-            yield 'minimum_bit in N s needs mass; add for example mass = "12 kg"'
-        if self.specific_impulse is not None and self.mass is None:
-            yield 'specific_impulse needs mass; add for example mass = "150 kg"'
+        yield from self.unfit()
         if self.propellant is not None and self.specific_impulse is None:
             yield 'propellant needs specific_impulse; add for example specific_impulse = "220 s"'
         if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
@@ -145,6 +119,23 @@ class Craft(Table):
                 "covariance and a keep_out that is one both say where the craft may be; "
                 "keep one, or give keep_out a size of its own"
             )
+
+    def unfit(self) -> Iterator[str]:
+        """What does not fit together of its engine, and its mass."""
+        if self.max_thrust is not None and self.mass is None:
+            yield 'max_thrust needs mass; add for example mass = "150 kg"'
+        if self.thrusters is not None and not super().limited:
+            yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
+        yield from self.only_with("minimum_bit", "thrusters")
+        yield from self.only_with("period", "thrusters")
+        if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
+            yield 'minimum_bit in N s needs mass; add for example mass = "12 kg"'
+        if self.specific_impulse is not None and self.mass is None:
+            yield 'specific_impulse needs mass; add for example mass = "150 kg"'
+
+    def using(self, engine: Engine) -> Self:
+        """The craft with what a stage says of its engine, key by key, in place of its own."""
+        return self.model_copy(update=engine.told) if engine.told else self
 
     def placed(self, place: int, count: int) -> Self:
         """The craft that takes this place of so many where `start` names a formation."""
@@ -176,12 +167,17 @@ class Craft(Table):
     @property
     def limited(self) -> bool:
         """Whether its thrust has a limit."""
-        return self.engine and (self.max_thrust is not None or self.acceleration is not None)
+        return self.engine and super().limited
 
     @property
     def unlimited(self) -> bool:
         """Whether it thrusts without a limit."""
         return self.engine and not self.limited
+
+    @property
+    def exhaust(self) -> float:
+        """The speed of its exhaust [m/s]; inf where what it burns is not known."""
+        return inf if self.specific_impulse is None else STANDARD_GRAVITY * self.specific_impulse
 
     def fired(self, share: float) -> Thrusters | None:
         """Its thrusters when a `share` of the mass at the start is left; None without any."""

@@ -4,12 +4,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft
 from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.study import FAILS
 
+FIRING = "thrusters", "max_thrust", "acceleration", "minimum_bit", "period"  # fields of a Craft
 REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
 
 
@@ -55,6 +57,11 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
     if scenario.noisy and (autos or scenario.flights is not None):
         yield "craft.execution: no flight can have white noise; remove noise"
+    if autos or scenario.flights is not None:
+        try:
+            flown_thrusters(scenario)
+        except ValueError as error:
+            yield str(error)
     if scenario.flights is None:
         return
     if scenario.flights.control == "replan":
@@ -68,12 +75,36 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield f"study.vary.{shown(FAILS)}: new plans would need the thrust that is lost; {remedy}"
 
 
+def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
+    """The thrusters that each craft flies with, from its first stage to its last.
+
+    Raises ValueError, beginning with the key of a stage, where it thrusts by others in another one.
+    """
+    return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
+
+
+def throughout(scenario: Scenario, k: int) -> Craft:
+    """A craft as it thrusts in all stages in which it moves, which have one set of thrusters, or none."""
+    name, first = scenario.names[k], None
+    for number, stage in enumerate(scenario.stages, 1):
+        if name not in stage.moving(scenario.names):
+            continue
+        craft = scenario.craft_in(stage)[k]
+        first = craft if first is None else first
+        differ = [key for key in FIRING if getattr(craft, key) != getattr(first, key)]
+        if differ and (craft.thrusters or first.thrusters) is not None:
+            raise ValueError(
+                f"stage[{number}].{Craft.key_of(differ[0])}: {name} has another in an earlier stage, and "
+                "flights have one set of thrusters for each craft; give it one, or each set a file of its own"
+            )
+    return first or scenario.craft[k]
+
+
 def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Why flights could not plan the rest of a scenario anew, and with what they could."""
     if len(scenario.stages) > 1:
         yield f"replan is for one stage, and there are {len(scenario.stages)}", "one stage"
-    impulses = any(one.unlimited or one.fired(1.0) is not None for one in scenario.craft)
-    if impulses and any(getattr(one, "cost", None) == "delta-v" for one in scenario.stages):
+    if any(scenario.plans_impulses(stage) for stage in scenario.stages):
         yield "replan is for thrust that lasts, and impulses are planned", 'cost = "energy" in the stage'
     law = scenario.feedback
     if law is not None and law.impulses:

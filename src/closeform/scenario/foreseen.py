@@ -34,7 +34,7 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
         if isinstance(stage, Coast):
             states = coasted
             continue
-        who = movers(scenario, stage)
+        who = [scenario.names.index(name) for name in stage.moving(scenario.names)]
         latitude = scenario.orbit.latitude + orbit.mean_motion * time
         after = ends(orbit, stage, coasted, who, latitude)
         if stage.keeps_out:
@@ -48,17 +48,6 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
             return ()
         states = after
     return ()
-
-
-def movers(scenario: Scenario, stage: Moving) -> list[int]:
-    """Who does not coast, by index."""
-    if isinstance(stage, Joint):
-        named = stage.movers or scenario.names
-    else:
-        named = (stage.craft or scenario.names[0],)
-    if isinstance(stage, Avoid):
-        named += tuple(fellow.craft for fellow in stage.meanwhile)
-    return [scenario.names.index(name) for name in named]
 
 
 def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
@@ -83,7 +72,7 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude:
 
 def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:
     """Whether a stage may take longer than asked, and where somebody is or goes depends on how long."""
-    limited = any(scenario.craft[k].limited for k in who)
+    limited = any(scenario.craft_in(stage)[k].limited for k in who)
     if not isinstance(stage, Joint):
         return limited
     coast = len(who) < len(scenario.craft)

@@ -2,9 +2,9 @@
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import inf, isfinite, isnan
+from math import inf, isnan
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,7 +19,7 @@ from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stage_table import StageTable
+from closeform.scenario.stage_table import StageTable, Thrusting
 from closeform.scenario.stages import Gather
 from closeform.scenario.study import FAILS, SEARCHED, STATES, UNPLANNED, Study
 from closeform.zones.combined_zones import Body, OwnZone
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from closeform.search.schedule import Search
     from closeform.search.search_errors import SearchErrors
 
-LIMITS = ("max_thrust", "acceleration", "delta_v_budget", "propellant")  # fields of a Craft
+TANKS = ("delta_v_budget", "propellant")  # fields of a Craft
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Scenario:
     @property
     def flight(self) -> dict[str, Any]:
         """What `fly` is to be told beside the paths and the field."""
-        most = np.array([craft.max_acceleration for craft in self.craft])
+        most = np.max([[craft.max_acceleration for craft in each] for each in self.crews], axis=0)
         return {
             "feedback": None if self.feedback is None else self.feedback.build(),
             "navigation": (self.navigation or NavigationTable.model_validate({})).build(),
@@ -134,17 +134,49 @@ class Scenario:
 
     @property
     def limited(self) -> bool:
-        """Whether any craft has a limit of thrust, delta-v or propellant."""
-        return any(getattr(craft, key) is not None for craft in self.craft for key in LIMITS)
+        """Whether any craft has a limit of thrust, in a stage at least, of delta-v or propellant."""
+        tanks = any(getattr(craft, key) is not None for craft in self.craft for key in TANKS)
+        return tanks or any(craft.limited for craft in self.craft_of_all)
 
     def limits(self, *names: str) -> bool:
         """Whether the thrust of any of these craft has a limit."""
-        return any(isfinite(craft.max_acceleration) for craft in self.craft if craft.name in names)
+        return any(craft.limited for craft in self.craft if craft.name in names)
+
+    def craft_in(self, stage: StageTable) -> tuple[Craft, ...]:
+        """The craft as they thrust in a stage: with what it says of the engines of those who move in it."""
+        if not isinstance(stage, Thrusting) or not stage.told:
+            return self.craft
+        moving = stage.moving(self.names)
+        return tuple(craft.using(stage) if craft.name in moving else craft for craft in self.craft)
+
+    def during(self, stage: StageTable) -> "Scenario":
+        """The scenario with craft as they thrust in a stage."""
+        return self if (craft := self.craft_in(stage)) is self.craft else replace(self, craft=craft)
+
+    def exhaust(self, stage: StageTable) -> Floats:
+        """The speed of each craft's exhaust (N,) in a stage [m/s]; inf where what it burns is not known."""
+        return np.array([craft.exhaust for craft in self.craft_in(stage)])
+
+    @property
+    def crews(self) -> list[tuple[Craft, ...]]:
+        """The craft as [craft] has them, and as they thrust in each stage that says otherwise."""
+        own = (each for stage in self.stages if (each := self.craft_in(stage)) is not self.craft)
+        return [self.craft, *own]
+
+    @property
+    def craft_of_all(self) -> tuple[Craft, ...]:
+        """All of these."""
+        return sum(self.crews, ())
+
+    def plans_impulses(self, stage: StageTable) -> bool:
+        """Whether anybody is to plan impulses in a stage."""
+        jumps = (craft.unlimited or craft.fired(1.0) is not None for craft in self.craft_in(stage))
+        return getattr(stage, "cost", None) == "delta-v" and any(jumps)
 
     @property
     def newtons(self) -> bool:
         """Whether the file speaks of thrust in newtons."""
-        return any(craft.max_thrust is not None for craft in self.craft)  # and then all have a mass
+        return any(craft.max_thrust is not None for craft in self.craft_of_all)  # and then all have a mass
 
     def force_mass(self, name: str) -> float | None:
         """The mass [kg] by which a craft's thrust is told in newtons; None where it is an acceleration."""

@@ -7,8 +7,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
+from closeform.scenario.engine import Engine
 from closeform.scenario.formation import Goal, Target
-from closeform.scenario.table import Drift, Name, Share, Span, Table
+from closeform.scenario.table import Drift, Name, Names, Share, Span, Table
 
 Cost = Literal["energy", "delta-v"]
 Failed = Literal["thrust lost", "burns missed", "thrust weak", "thrust stuck"]
@@ -45,6 +46,10 @@ class StageTable(Table):
         """The craft that the stage names, by key."""
         return {}
 
+    def moving(self, names: Names) -> Names:
+        """Who of all craft may thrust in it, those that it plans for first."""
+        return ()
+
     @property
     def targets(self) -> dict[str, Target | Goal]:
         """The states or formations that craft move to, by key."""
@@ -72,8 +77,8 @@ class Drifting(StageTable):
         return ThrustLost()
 
 
-class Thrusting(Drifting):
-    """What stages share in which craft thrust: what is least, and what may fail."""
+class Thrusting(Engine, Drifting):
+    """What stages share in which craft thrust: what is least, by which engine, and what may fail."""
 
     cost: Cost = Field("energy", examples=['"delta-v"'])
     failure: Failed | None = Field(None, examples=['"thrust lost"'])
@@ -81,6 +86,7 @@ class Thrusting(Drifting):
     longest: Span | None = Field(None, examples=['"10 s"'])
 
     def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
         yield from self.only_with("failure", "drift")
         if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
             yield 'least goes with failure = "burns missed" or "thrust weak" only; remove least'

@@ -57,10 +57,13 @@ class Avoid(Thrusting):
         yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
             yield f'method = "{self.method}" goes with cost = "energy" only; remove one of them'
-        names = [self.craft, *(fellow.craft for fellow in self.meanwhile)]
+        names = self.moving(())
         for name in names:
             if names.count(name) > 1:
                 yield f"{name} moves twice in one stage; name each craft once"
+
+    def moving(self, names: Names) -> Names:
+        return self.craft, *(fellow.craft for fellow in self.meanwhile)
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:
@@ -82,6 +85,9 @@ class Transfer(Thrusting):
     to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
     within: Span = Field(examples=['"0.5 orbits"'])
     animation: bool = Field(False, examples=["true"])
+
+    def moving(self, names: Names) -> Names:
+        return (self.craft or names[0],)
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:
@@ -114,10 +120,8 @@ class Joint(Thrusting):
         if self.cost == "delta-v" and self.plan != "joint":
             yield f'plan = "{self.plan}" goes with cost = "energy" only; remove one of them'
 
-    @property
-    def movers(self) -> Names | None:
-        """Who moves, if not everybody; the others coast."""
-        return None
+    def moving(self, names: Names) -> Names:
+        return names
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:
@@ -184,9 +188,8 @@ class Reconfigure(Joint):
         if isinstance(self.to, Goal) and self.to.join is not None and len(self.craft or ()) != 1:
             yield 'join is for one craft; name it, for example craft = ["F9"]'
 
-    @property
-    def movers(self) -> Names | None:
-        return self.craft
+    def moving(self, names: Names) -> Names:
+        return self.craft or names
 
     @property
     def assigns(self) -> bool:
