@@ -410,12 +410,6 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'stage[1].drift: "forever" needs an orbit; give a time, for example "24 h"',
     ),
     Bad(
-        "a drift without an end of a formation",
-        MOVE,
-        'do = "scatter"\nfactor = 2.0\nwithin = "1 orbit"\ndrift = "forever"',
-        'stage[2].drift: "forever" is for stages in which one craft moves at most; give a time, for example "24 h"',
-    ),
-    Bad(
         "a failure that nobody knows",
         'within = "0.1 orbits"',
         'within = "0.1 orbits"\ndrift = "24 h"\nfailure = "engine"',
@@ -2333,11 +2327,6 @@ CALLS = (
         "a drift without an end in deep space",
         "cf.passively_safe(cf.Orbit(0.0).coast(start, 9.0), cf.Orbit(0.0).coast(end, 9.0), cf.Sphere(2.0), float('inf'))",
         "until: inf needs an orbit; in deep space give a time",
-    ),
-    Call(
-        "a drift without an end beside a craft that thrusts",
-        "cf.passively_safe(plan, plan, cf.Sphere(25.0), float('inf'))",
-        "until: inf needs other to coast, which flies on while the other fails",
     ),
     Call(
         "a screen of who is not one of a pair",

@@ -60,7 +60,7 @@ def test_both_are_never_safer_than_either():
 
 
 def test_without_an_end_no_pair_is_safer_than_for_long():
-    """Of craft that thrust beside each other, too, which `drift_approach` refuses without an end."""
+    """Of craft that thrust beside each other; and as near as `drift_approach` says."""
     fleet = transfers(6, 7)
     long, for_ever = (cf.drift_screen(fleet, ZONE, until) for until in (1000 * PERIOD, np.inf))
     least = {tuple(pair): ratio for pair, ratio in zip(for_ever.pairs.tolist(), for_ever.ratio, strict=True)}
@@ -69,6 +69,8 @@ def test_without_an_end_no_pair_is_safer_than_for_long():
     assert len(for_ever) < 42
     for pair, ratio in zip(long.pairs.tolist(), long.ratio, strict=True):
         assert least[tuple(pair)] <= ratio + PRECISE
+    found = cf.drift_approach(fleet[for_ever.pairs[:, 0]], fleet[for_ever.pairs[:, 1]], ZONE, np.inf)
+    assert np.abs(found.ratio - for_ever.ratio).max() < PRECISE
     met = np.isfinite(for_ever.time)
     i, j = for_ever.pairs[met].T
     failed, time = for_ever.failed_at[met], for_ever.time[met]

@@ -293,3 +293,30 @@ def test_a_curve_goes_down_amid_an_impulse():
 def test_pictures_refuse(wrong, message):
     with pytest.raises(ValueError, match=message):
         wrong()
+
+
+def test_a_formation_that_moves_is_judged_for_ever():
+    """No pair is safer than for a thousand orbits, and where the worst is met before that it is as near."""
+    text = HEAD.replace('["Client", "Inspector"]', '["A", "B", "C"]').partition("position")[0]
+    text += """
+start = { safety_ellipse = { radial = "60 m", cross_track = "60 m" } }
+keep_out = { sphere = "20 m" }
+
+[[stage]]
+do = "reconfigure"
+within = "0.7 orbits"
+to = { safety_ellipse = { radial = "90 m", cross_track = "80 m" } }
+drift = "forever"
+"""
+    (result,) = flown(text).results
+    paths, until = result.after.paths, result.end + 1000 * 5739.5  # s, an orbit of 550 km
+    orbit, end, names = paths.orbit, paths[0].end, result.after.names
+    onward = cf.join([paths, orbit.coast(paths.state(end), until - end, start=end)])
+    assert len(result.passive.pairs) == 6
+    for pair in result.passive.pairs:
+        fails, meets = names.index(pair.fails), names.index(pair.meets)
+        long = cf.drift_approach(paths[fails], onward[meets], pair.zone, until)
+        assert pair.ratio <= long.ratio + 1e-9 * max(1.0, long.ratio)
+        if np.isfinite(pair.time):
+            assert abs(pair.ratio - long.ratio) < 2e-9 * max(1.0, long.ratio)
+    assert sum(np.isfinite(pair.time) for pair in result.passive.pairs) >= 3

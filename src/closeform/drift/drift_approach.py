@@ -16,7 +16,7 @@ from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
 from closeform.drift.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
-from closeform.motion.arc import IMPULSE, START, THRUST
+from closeform.motion.arc import START
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -89,7 +89,7 @@ def passively_safe(
         Of the pair.
     until : float [s]
         The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        is a million orbits, beside a craft that coasts.
+        is a million orbits, in which who flies on coasts after its end.
     failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
         What fails.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -147,7 +147,7 @@ def drift_approach(
         Whose norm is looked at.
     until : float [s]
         The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        is a million orbits, beside a craft that coasts.
+        is a million orbits, in which who flies on coasts after its end.
     failure : ThrustLost, MissedBurns, WeakThrust or StuckThrust, default ThrustLost()
         What fails.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -203,10 +203,11 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
     for name, one, fail, fly in zip(("path", "other"), (path, other), fails, flies, strict=True):
         if fail:
             checked_end(name, one, end, failure)
-        if fly and end == np.inf:
-            if one.arcs[:, THRUST:].any() or one.arcs[:, IMPULSE : IMPULSE + 3].any():
-                raise ValueError(f"until: inf needs {name} to coast, which flies on while the other fails")
-        elif fly and last_times(one).min(initial=np.inf) < end and (one.end < end - forgiven(one)).any():
+        if (
+            fly
+            and last_times(one).min(initial=np.inf) < end < np.inf
+            and (one.end < end - forgiven(one)).any()
+        ):
             raise ValueError(
                 f"{name}: ends at {last_times(one).min():g} s, and flies on while the other fails; "
                 f"carry it on to {end:g} s, such as by a coast"

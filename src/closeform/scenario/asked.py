@@ -29,18 +29,12 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
 
 
 def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
-    """A drift that nobody is there for, or that has no end though others still thrust."""
+    """A drift that nobody is there for, or that has no end where there is no orbit."""
     if len(scenario.craft) < 2:
         yield f"stage[{number}].drift: needs another craft to keep clear of; add one, or remove drift"
         return
-    if stage.for_ever:
-        if scenario.orbit.deep_space is not None:
-            yield f'stage[{number}].drift: "forever" needs an orbit; give a time, for example "24 h"'
-        elif len(stage.moving(scenario.names)) > 1:
-            yield (
-                f'stage[{number}].drift: "forever" is for stages in which one craft moves at most; '
-                'give a time, for example "24 h"'
-            )
+    if stage.for_ever and scenario.orbit.deep_space is not None:
+        yield f'stage[{number}].drift: "forever" needs an orbit; give a time, for example "24 h"'
     jumps = any(craft.unlimited for craft in scenario.craft_in(stage))
     if isinstance(stage, Thrusting) and stage.failure == "thrust stuck" and stage.cost == "delta-v" and jumps:
         yield (
