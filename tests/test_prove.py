@@ -1,14 +1,19 @@
 """Lower bounds and proofs of plans against a scan of all sides, and every clear plan that is known."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
+from closeform.mission import fly
 from closeform.planning.pieces import outside, pieces
 from closeform.planning.prove import lower_bound, prove
 from closeform.planning.request import Request
+from closeform.report.run import RunReport
+from closeform.scenario import parse
 from formations import Task, random_case
 from reflown import faults
 
@@ -207,3 +212,26 @@ def test_the_bound_covers_most_of_the_extra_energy_of_random_formations():
             shares.append(1.0 - (plan.energy - plan.lower_bound) / plan.extra_energy)
     assert len(shares) >= 12
     assert np.median(shares) > 0.6
+
+
+def test_a_stage_closes_its_gap_where_that_is_asked():
+    """Of the cluster's crossing, 1 % above its bound: the same path, and a bound within 0.1 % of it."""
+    text = (Path(__file__).parents[1] / "examples" / "cluster.toml").read_text()
+    asked = text.replace('do = "avoid"\n', 'do = "avoid"\nprove = "60 s"\n')
+    assert asked != text
+    plans = []
+    for some in (text, asked):
+        mission = fly(parse(some, "cluster.toml", "run"))
+        plans.append(mission.results[1].result.avoidance)
+        (said,) = (
+            line
+            for one in RunReport(mission).sections
+            for line in one.lines + one.closing
+            if "bound of" in line
+        )
+        assert ('prove = "10 s" in the stage' in said) == (some is text)
+    loose, close = plans
+    assert loose.gap > 0.01
+    assert close.energy <= loose.energy * (1.0 + 1e-9)
+    assert loose.lower_bound <= close.lower_bound <= close.energy * (1.0 + 1e-9)
+    assert close.gap <= 1e-3

@@ -145,6 +145,7 @@ def planned(
                 sigmas=stage.sigmas or 0.0,
                 drift=drift,
                 margin=margin,
+                prove=stage.proving,
             )
 
         plan = with_margin(start, stage, who + rest, coasting, made)

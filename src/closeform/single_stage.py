@@ -87,9 +87,12 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     def made(margin: Any) -> Avoidance:
         padded = task.padded(margin) if np.any(margin) else task
         if not craft.limited or thrusters is not None:
-            return padded.plan(direct)
+            return padded.plan(direct, stage.proving)
         return padded.keep(
-            craft.max_acceleration, lambda factor: way(factor) if factor != 1.0 else direct, stage.longer
+            craft.max_acceleration,
+            lambda factor: way(factor) if factor != 1.0 else direct,
+            stage.longer,
+            stage.proving,
         )
 
     avoidance = with_margin(start, stage, who, others, made)

@@ -7,6 +7,7 @@ from typing import Any
 from closeform.conflicts.two_paths import closest_approach, nearest_first
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
+from closeform.planning.plan import UNITS
 from closeform.report import arrival, burns, conflicts, effort, optimum
 from closeform.report.choices import Choices, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
@@ -115,21 +116,21 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     limited = mission.scenario.during(result.stage).limits(moved.craft)
     best = optimum.best(avoidance, result.pulsed is not None, limited)
     touched = many if len(where) > MOST_CONTACTS else f"the {padded}zone of {', '.join(where)}"
+    free, unit = free_cost(mission, result), UNITS[avoidance.cost]
     return (
-        f"Method {method}: touches {touched}",
-        f"Extra {extra(mission, result)} beyond the free optimum{over}; {best}",
-        *optimum.bounds(avoidance),
+        f"Method {method}: {optimum.meets(avoidance)} {touched}",
+        f"Extra {avoidance.cost} {avoidance.spent - free:.6g} {unit} beyond the free optimum{over}; {best}",
+        *optimum.bounds(avoidance, free, result.stage),
         *optimum.clearance(avoidance, moved.names, result.after.names),
     )
 
 
-def extra(mission: Mission, result: Move) -> str:
-    """What the way around costs more than the free optimum."""
+def free_cost(mission: Mission, result: Move) -> float:
+    """What is least with no zones in the way, in the unit of what is least."""
     moved = result.result
     if moved.avoidance.cost == "delta-v":
-        free = effort.asked(mission, result, moved.craft, moved.plain)
-        return f"delta-v {moved.avoidance.delta_v - free:.6g} m/s"
-    return f"energy {moved.avoidance.extra_energy:.6g} m²/s³"
+        return float(effort.asked(mission, result, moved.craft, moved.plain))
+    return moved.avoidance.energy - moved.avoidance.extra_energy
 
 
 def figures(mission: Mission, result: Move, choices: Choices, fired: burns.StageBurns) -> dict[str, Any]:

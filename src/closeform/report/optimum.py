@@ -7,12 +7,17 @@ import numpy as np
 
 from closeform.planning.plan import UNITS, Avoidance, Contact, Plan
 from closeform.report.table import PAIR, Column, Table, counted
+from closeform.scenario.stages import Clearing
 
 KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
     "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
     "delta-v": ("per_metre_1_s", "per_factor_m_s"),
 }
 NOTHING = 1e-9  # m/s: what is left by rounding where nobody has to burn
+SAME = 1e-6  # of what is spent: a bound that is no better than that of free paths
+WIDE = 1e-3  # a gap that `prove` may close, as far as it goes
+NO_ZONES = "which is without zones in the way: a clear plan that comes nearer may not exist"
+DUAL = "by duality: a plan that comes nearer may not exist"
 TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
 
 
@@ -27,11 +32,20 @@ def best(found: Avoidance | Plan, fired: bool, limited: bool) -> str:
     return f"{told}: without thrust all arrive" if float(found.delta_v) < NOTHING else told
 
 
-def bounds(found: Avoidance | Plan) -> Iterator[str]:
-    """What a better plan could save at most, and whether it was made for larger zones."""
+def bounds(found: Avoidance | Plan, free: float, stage: Clearing) -> Iterator[str]:
+    """What a better plan could save at most, and whether it was made for larger zones.
+
+    `free`: what it costs with no zones in the way, in the unit of what is least.
+    """
     share = f"{100 * found.gap:.3f} % " if found.lower_bound > 0.0 else ""
     above, unit = f"{share}above the lower bound of", UNITS[found.cost]
-    yield f"{found.cost.capitalize()} {above} {found.lower_bound:.6g} {unit}"
+    said = ""
+    if not found.proven:
+        nothing = abs(found.lower_bound - free) <= SAME * found.spent
+        said = f", {NO_ZONES if nothing else DUAL}"
+        if found.gap > WIDE and stage.prove is None and stage.unprovable is None:
+            said += '; prove = "10 s" in the stage looks closer'
+    yield f"{found.cost.capitalize()} {above} {found.lower_bound:.6g} {unit}{said}"
     if found.margin > TOUCHING:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
 
@@ -39,6 +53,11 @@ def bounds(found: Avoidance | Plan) -> Iterator[str]:
 def padded(found: Avoidance | Plan) -> str:
     """What stands before zones that a plan touches, where they are larger than those of its conflicts."""
     return "padded " if np.max(found.padding) > 0.0 else ""
+
+
+def meets(found: Avoidance | Plan) -> str:
+    """What a plan does where it has contacts: of drifts after failures planes stand for the zones."""
+    return "is held off" if any(adrift(at) for at in found.contacts) else "touches"
 
 
 def adrift(at: Contact) -> str:

@@ -79,6 +79,18 @@ def regather(mission: Mission, result: StageResult[Regather, ReconfigureResult])
     return section(mission, result, reached)
 
 
+def spent_on(mission: Mission, result: Moved, flown: Path) -> Any:
+    """What each of those who move spends on its path (N,) of what is least."""
+    if result.stage.cost != "delta-v":
+        return flown.energy
+    return [effort.asked(mission, result, name, flown[k]) for k, name in enumerate(result.result.movers)]
+
+
+def free_cost(mission: Mission, result: Moved) -> float:
+    """What all of them spend with no zones in the way."""
+    return float(np.sum(spent_on(mission, result, result.result.plan.direct)))
+
+
 def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     """What every craft flies and what that costs."""
     from closeform.fuel.burns import burns_of
@@ -86,13 +98,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     moved, plan = result.result, result.result.plan
     who = [result.after.names.index(name) for name in moved.movers]
     paths, by_delta_v = result.planned.paths[who], result.stage.cost == "delta-v"
-
-    def spent_on(flown: Path) -> Any:
-        if not by_delta_v:
-            return flown.energy
-        return [effort.asked(mission, result, name, flown[k]) for k, name in enumerate(moved.movers)]
-
-    values = spent_on(paths), spent_on(plan.direct)
+    values = spent_on(mission, result, paths), spent_on(mission, result, plan.direct)
     cost, direct = (np.append(one, np.sum(one)) for one in values)
     columns: dict[Column, list[Any]] = {Column("craft", words=True): [*moved.movers, "all"]}
     if result.stage.assigns:
@@ -166,16 +172,16 @@ def worth(mission: Mission, result: Moved) -> Iterator[str]:
         yield f"Planned {how}: everybody takes the direct path; {best}"
         return
     yield f"Planned {how}: {best}"
-    yield from optimum.bounds(plan)
+    yield from optimum.bounds(plan, free_cost(mission, result), result.stage)
     where = [
         f"{one} - {other} at {at.time:.1f} s{optimum.adrift(at)}"
         for ((one, other), *_), at in zip(touching(moved), plan.contacts, strict=True)
     ]
-    padded = optimum.padded(plan)
+    padded, meets = optimum.padded(plan), optimum.meets(plan).removeprefix("is ").capitalize()
     if len(where) > MOST_CONTACTS:
-        yield f"Touches {padded}zones {len(where)} times, from {where[0]} to {where[-1]}"
+        yield f"{meets} {padded}zones {len(where)} times, from {where[0]} to {where[-1]}"
     elif where:
-        yield f"Touches {padded}zones: {', '.join(where)}"
+        yield f"{meets} {padded}zones: {', '.join(where)}"
     yield from optimum.clearance(plan, moved.names, result.after.names)
 
 

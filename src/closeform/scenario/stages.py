@@ -26,6 +26,41 @@ class Coast(Drifting):
     animation: bool = Field(False, examples=["true"])
 
 
+class Clearing(Thrusting):
+    """What the stages share whose paths go around zones: room beyond these, how long a bound is raised."""
+
+    margin: Margin | None = Field(None, examples=['"0.5 m"'])
+    prove: Span | None = Field(None, examples=['"10 s"'])
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether its plan is of the method that knows errors, drift and bounds."""
+        raise NotImplementedError
+
+    @property
+    def proving(self) -> float:
+        """For how long the lower bound of a plan is raised [s]."""
+        return 0.0 if self.prove is None else self.prove.seconds
+
+    @property
+    def unprovable(self) -> str | None:
+        """What `prove` does not go with; None where it may be asked for."""
+        also = {
+            'cost = "delta-v"': self.cost != "energy",
+            "a method that knows no bound": not self.is_exact,
+            "drift": self.plans_drift,
+            "sigmas": self.sigmas is not None,
+        }
+        return next((what for what, given in also.items() if given), None)
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        if self.prove is not None and self.prove.orbits:
+            yield 'prove is a time; write for example prove = "10 s"'
+        if self.prove is not None and self.unprovable is not None:
+            yield f"prove goes without {self.unprovable}; remove one of them"
+
+
 class Fellow(Table):
     """A craft that flies its own transfer during somebody's move and does not give way."""
 
@@ -33,7 +68,7 @@ class Fellow(Table):
     to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
 
 
-class Avoid(Thrusting):
+class Avoid(Clearing):
     """One craft moves among the others, around their zones, at the least cost."""
 
     do: Literal["avoid"] = Field(examples=['"avoid"'])
@@ -46,11 +81,9 @@ class Avoid(Thrusting):
         (), examples=['[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]']
     )
     longer: bool = Field(True, examples=["false"])
-    margin: Margin | None = Field(None, examples=['"0.5 m"'])
 
     @property
     def is_exact(self) -> bool:
-        """Whether its plan is of the method that knows errors and drift."""
         return self.method == "exact"
 
     def flaws(self) -> Iterator[str]:
@@ -98,19 +131,17 @@ class Transfer(Thrusting):
         return {"to": self.to}
 
 
-class Joint(Thrusting):
+class Joint(Clearing):
     """What the stages share in which the whole formation moves."""
 
     within: Span = Field(examples=['"0.25 orbits"'])
     plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
     order: Names | None = Field(None, examples=['["F3", "F1"]'])
     if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
-    margin: Margin | None = Field(None, examples=['"0.5 m"'])
     animation: bool = Field(False, examples=["true"])
 
     @property
     def is_exact(self) -> bool:
-        """Whether its plan is of the method that knows errors and drift."""
         return self.plan == "joint"
 
     def flaws(self) -> Iterator[str]:
