@@ -376,3 +376,13 @@ def test_small_ratios_are_the_bad_tail():
     assert "Least distance of 100 cases: median 50.5, 5 % 5.95 x zone" in words
     with pytest.raises(ValueError, match="tail: a share between 0 and 1, got 1"):
         cf.plots.distribution([1.0, 2.0], "least distance", 1.0)
+
+
+def test_few_cases_have_few_bins():
+    """Twice the root of their number, as many cases as before in all; of very many sixty."""
+    for count, bins in ((20, 9), (100, 20), (10_000, 60)):
+        values = np.random.default_rng(count).normal(size=count)
+        (axes, *_) = cf.plots.distribution(values, "delta-v [m/s]").axes
+        (stairs,) = (one for one in axes.patches if hasattr(one, "get_data"))
+        assert len(stairs.get_data().values) == bins
+        assert stairs.get_data().values.sum() == count

@@ -14,6 +14,7 @@ from closeform.campaign import case_of, flown
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli import main
 from closeform.mission import fly
+from closeform.report.mission_study import MissionStudyReport
 from closeform.scenario import ScenarioError, parse
 from philox import block
 
@@ -198,3 +199,25 @@ def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
 def test_draws_that_do_not_fit_are_refused(old, new, told):
     with pytest.raises(ScenarioError, match=re.escape(told)):
         flown(parse(PASS.replace(old, new), "pass.toml", "study"))
+
+
+def test_how_far_a_plan_may_be_above_the_least_is_a_column(missions):
+    """That of the run of the case; 0 where it is proven."""
+    gaps = missions.column("gap")
+    for case in (0, 7, 23):
+        plan = fly(case_of(missions.scenario, case)).results[1].result.avoidance
+        assert gaps[case] == pytest.approx(
+            max(plan.energy / plan.lower_bound - 1.0, 0.0), rel=1e-9, abs=1e-12
+        )
+    assert missions.spreads["above the lower bound [%]"].worst[0][0] == gaps.max()
+
+
+def test_tables_have_no_more_than_cases_say(missions):
+    """No 99.9 % of 24 cases, which is between the last two; no rows of what is 0 in every case."""
+    (spent,) = (one for one in MissionStudyReport(missions).tables if one.title == "What they spent")
+    assert [column.heading for column in spent.shown][1:] == ["mean", "median", "95 %", "greatest", "in case"]
+    told = [row[0] for row in spent.rows]
+    assert "delta-v of A [m/s]" in told
+    assert "delta-v of B [m/s]" not in told  # which coasts, as all do in stage 1
+    assert "stage 1, coast [m/s]" not in told
+    assert missions.spreads["delta-v of B [m/s]"].worst[0][0] == 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, nan
@@ -24,6 +24,7 @@ from closeform.campaign.spread import Spread
 from closeform.mission import as_happened, staged
 from closeform.mission_result import Mission, StageResult
 from closeform.scenario import Scenario, ScenarioError
+from closeform.scenario.stages import Clearing
 from closeform.scenario.study import FAILS
 
 AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft; of many, a minute
@@ -36,6 +37,7 @@ WORDS = {
     STOPPED: "stopped in a stage",
     REFUSED: "cannot be flown",
 }
+GAP, ABOVE = "gap", "above the lower bound [%]"  # the column, and what it is in a table
 NAMED = 10  # cases that are named
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
@@ -46,6 +48,7 @@ class MissionCases(Cases):
 
     Where cases are flown in the field, what that came to (`flight_rows`) stands beside what was planned.
 
+    `gap`: by how much a plan is above its lower bound at most, as a share of it.
     `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
     numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most;
     where craft fail, when each does, and `drift_ratio`, the least from then on between them and any other.
@@ -76,7 +79,13 @@ class MissionCases(Cases):
         stages = (*map(of_stage, numbers), *(map(off_in, numbers) if self.replanned else ()))
         lost = (*map(lost_by, self.scenario.names), "drift_ratio") if self.failing else ()
         last = *lost, *flight_rows.names(self.scenario)
-        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, "least_ratio", "conflicts", *last
+        least = "least_ratio", *([GAP] if self.bounded else []), "conflicts"
+        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, *least, *last
+
+    @property
+    def bounded(self) -> bool:
+        """Whether any stage goes around zones, so that its plans have lower bounds."""
+        return any(isinstance(stage, Clearing) for stage in self.scenario.stages)
 
     @property
     def failing(self) -> bool:
@@ -140,11 +149,19 @@ def figures(mission: Mission) -> dict[str, Any]:
         **{of_stage(result.number): spent.sum() for result, spent in zip(flown, each, strict=True)},
         **{off_in(result.number): off(result) for result in flown if result.commanded is not None},
         "least_ratio": min(ratios, default=nan),
+        **({GAP: widest(flown)} if any(isinstance(one.stage, Clearing) for one in mission.results) else {}),
         "conflicts": sum(len(result.after.conflicts) for result in flown),
         **{lost_by(one.craft): one.time for one in mission.lost},
         "drift_ratio": np.fmin.reduce([one.ratio for one in mission.lost], initial=nan),
         **({} if mission.flights is None else flight_rows.figures(mission.flights)),
     }
+
+
+def widest(results: Sequence[StageResult[Any, Any]]) -> float:
+    """By how much a plan is above its lower bound at most, as a share of it; nan where none has one."""
+    moved = [one.result for one in results if isinstance(one.stage, Clearing)]
+    plans = [getattr(one, "plan", None) or one.avoidance for one in moved]
+    return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
 
 
 def off(result: StageResult[Any, Any]) -> float:
@@ -301,6 +318,8 @@ class MissionCampaign(FlownCases):
         if self.kind.replanned:
             stages = enumerate(self.scenario.stages, 1)
             named |= {f"stage {number}, {stage.verb}, off [m]": off_in(number) for number, stage in stages}
+        if self.kind.bounded:
+            named[ABOVE] = GAP
         named["end [s]"] = "end_s"
         if self.scenario.flights is not None:
             planned = {f"planned: {words}": name for words, name in named.items()}
@@ -309,11 +328,11 @@ class MissionCampaign(FlownCases):
         return {words: spread for words, spread in found.items() if spread is not None}
 
     def spread(self, name: str) -> Spread | None:
-        """Of one column, of the cases that were flown to the end."""
+        """Of one column, of the cases that were flown to the end and have a number in it."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
             for first, part in self.chunks.read(name, "end_s"):
-                counts = ~np.isnan(part["end_s"])
+                counts = ~np.isnan(part["end_s"] + part[name])
                 yield part[name][counts], first + np.flatnonzero(counts)
 
         return Spread.of(values)

@@ -12,7 +12,7 @@ from closeform.palette import AFTER, INK, OTHER
 from closeform.plots.letters import plain
 from closeform.plots.look import DASHED, TEXT, WIDTH, area, dress, headline, right_axis, sheet
 
-BINS = 60
+BINS = 60  # at most; of few cases twice the root of their number
 
 
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
@@ -59,7 +59,8 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     dress(axes)
     low, high = float(found[0]), float(found[-1])
     room = 0.02 * (high - low) or 0.01 * max(abs(high), 1.0)
-    counts, edges = np.histogram(found, BINS, (low - room, high + room))
+    bins = min(BINS, int(np.ceil(2.0 * np.sqrt(len(found)))))
+    counts, edges = np.histogram(found, bins, (low - room, high + room))
     axes.stairs(counts, edges, fill=True, color=OTHER, zorder=3)
     axes.set_xlim(low - room, high + room)
     axes.set_xlabel(what, fontsize=TEXT, color=INK)

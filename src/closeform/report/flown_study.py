@@ -5,7 +5,7 @@ from typing import Any
 from closeform.campaign.flight_rows import END, RATIO, SPENT, FlightTally
 from closeform.confidence import estimate
 from closeform.report.cases import percent
-from closeform.report.study import quantiles
+from closeform.report.study import quantiles, resolved
 from closeform.report.table import Column, Table
 
 ENTERED = Column("flown once in the field", words=True), Column("cases"), *percent("share [%]")
@@ -46,7 +46,8 @@ def tables(flights: FlightTally) -> tuple[Table, ...]:
             *flights.nearest,
         )
         entered = ("a zone is entered", flights.entered, share, share)
-        found = [Table("Flights in the field", ENTERED, [entered]), Table("", NEAREST, [row]), *found]
+        near = resolved(NEAREST, flights.nearness.count, [*flights.nearness.quantiles])
+        found = [Table("Flights in the field", ENTERED, [entered]), Table("", near, [row]), *found]
     return tuple(found)
 
 

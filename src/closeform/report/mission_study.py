@@ -14,7 +14,7 @@ from closeform.report.cases import SHARES, percent
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
-from closeform.report.study import SPREAD, draw_table, draws, spread, spread_row
+from closeform.report.study import SPREAD, draw_table, draws, resolved, spread, spread_row
 from closeform.report.table import Column, Table, counted
 
 ENDED = Column("how cases ended", words=True), Column("cases"), *percent("share [%]")
@@ -23,6 +23,7 @@ SPREADS = Column("of the cases flown to the end", words=True), *SPREAD
 LOST = Column("of", words=True), Column("cases"), *percent("share [%]")
 SPENT = "delta-v", "What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s", 0.95
 PLANNED = SPENT[0], f"{SPENT[1]}, as planned", f"planned {SPENT[2]}", *SPENT[3:]  # beside what is flown
+DIGITS = {"[s]": 1, "[%]": 2}  # by the unit
 DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".format)
 
 
@@ -71,10 +72,14 @@ class MissionStudyReport(CasesReport):
         if campaign.spreads:
             flown = ", flown" * (campaign.flights is not None)
             title = "What they spent" if campaign.flights is None else "What they spend, flown and as planned"
-            spreads = campaign.spreads.items()
-            rows = [spread_row(name, one, 1 if name.endswith("end [s]") else 4) for name, one in spreads]
-            found.append(Table(title, SPREADS, rows))
-            dearest = next(iter(campaign.spreads.values())).worst
+            every = [*campaign.spreads.items()]
+            told = every[:1] + [(name, one) for name, one in every[1:] if one.worst[0][0] > 0.0]
+            rows = [
+                spread_row(name, one, DIGITS.get(name[-3:], 4), 100.0 if name.endswith("[%]") else 1.0)
+                for name, one in told
+            ]
+            found.append(Table(title, resolved(SPREADS, every[0][1].count), rows))
+            dearest = every[0][1].worst
             most = [(case, spent) for spent, case in dearest]
             found.append(Table(f"The cases that spent most{flown}", DEAREST, most))
         if campaign.nearest is not None:

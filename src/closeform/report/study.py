@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
@@ -10,7 +10,7 @@ from typing import Any
 
 from closeform.campaign import Campaign
 from closeform.campaign.flown_cases import FlownCases
-from closeform.campaign.spread import Spread
+from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
 from closeform.report import asked, model, search, worst
 from closeform.report.cases import (
@@ -187,22 +187,39 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
     """Mean, quantiles and greatest of the times, and of the delta-v."""
     spreads = campaign.spreads.items()
     rows = [spread_row(name, found, 2 if name.startswith("time") else 4) for name, found in spreads]
-    columns = Column(campaign.done, words=True), *SPREAD
+    columns = resolved((Column(campaign.done, words=True), *SPREAD), fewest(campaign.spreads))
     return (Table("How long", columns, rows),) if rows else ()
+
+
+def fewest(spreads: Mapping[str, Spread]) -> int:
+    """Of how few cases some spreads are, at least."""
+    return min((one.count for one in spreads.values()), default=0)
 
 
 def cost_table(campaign: Campaign) -> tuple[Table, ...]:
     """The same of what is spent, by cause and by the phase in which cases were done."""
     rows = [spread_row(name, found, 4) for name, found in campaign.costs.items()]
-    columns = Column("delta-v of all craft [m/s]", words=True), *SPREAD
+    columns = resolved((Column("delta-v of all craft [m/s]", words=True), *SPREAD), fewest(campaign.costs))
     return (Table("By cause and phase", columns, rows),) if rows else ()
 
 
-def spread_row(name: str, found: Spread, digits: int) -> tuple[Any, ...]:
-    """A name, and what SPREAD says of it, to so many `digits`."""
+def resolved(
+    columns: Sequence[Column], count: int, shares: Sequence[float] = QUANTILES
+) -> tuple[Column, ...]:
+    """The columns of a spread of so many cases: no quantile beyond which not one of them lies.
+
+    Quantiles by `shares` stand in the middle, in their order.
+    """
+    first = next(k for k, column in enumerate(columns) if column.heading == "median")
+    hidden = {first + k for k, share in enumerate(shares) if count * min(share, 1.0 - share) < 1.0}
+    return tuple(replace(one, heading=None) if k in hidden else one for k, one in enumerate(columns))
+
+
+def spread_row(name: str, found: Spread, digits: int, scale: float = 1.0) -> tuple[Any, ...]:
+    """A name, and what SPREAD says of it, `scale` times, to so many `digits`."""
     greatest, case = found.worst[0]
     numbers = found.mean, *(one.value for one in found.quantiles.values()), greatest
-    return name, *(f"{one:.{digits}f}" for one in numbers), case
+    return name, *(f"{scale * one:.{digits}f}" for one in numbers), case
 
 
 def draws(campaign: FlownCases) -> dict[str, Any]:
