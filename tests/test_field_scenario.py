@@ -53,6 +53,17 @@ def test_before_a_plan_a_run_says_what_becomes_of_it():
     assert stage.validity.flown[0] == pytest.approx(least, abs=5e-4)  # 15 mm
     (warning,) = mission.warnings
     assert warning.startswith("stage 1: thrust as planned, in the field of J2, leads A and B into zones")
+    verdict = mission.verdict
+    assert verdict.predicted == stage.validity.flown[0]
+    assert str(verdict).startswith("clear as planned, not as predicted in the field: no conflict remains")
+    assert str(verdict).endswith(f"least {stage.validity.flown[0]:.4f} x zone as predicted in the field")
+
+
+def test_an_ellipse_is_warned_of_only_where_no_field_says_what_it_does():
+    """The prediction knows the ellipse; the rule for it would be ten times as much here."""
+    text = swap().replace("eccentricity = 0.001", "eccentricity = 0.002")
+    assert not any("eccentricity" in line for line in fly(parse(text)).warnings)
+    assert any("eccentricity" in line for line in fly(parse(text), predicted=False).warnings)
 
 
 def test_what_is_printed_and_left(tmp_path: Path, capsys):

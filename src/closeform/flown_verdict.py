@@ -1,14 +1,17 @@
-"""What flights in a field have come to: who enters a zone, whose limits are kept; or why there are none."""
+"""What flights in a field have come to, or would: who enters a zone, whose limits are kept; why none are."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from closeform.confidence import estimate
-from closeform.verdict import MET, NOT_MET, Asked, Use, beyond
+from closeform.verdict import MET, NOT_MET, SAMPLED, Asked, Use, beyond
 
 if TYPE_CHECKING:
+    from closeform.field.validity import Validity
     from closeform.flown_run import FlownRun
+    from closeform.mission_result import Mission, StageResult
 
 
 @dataclass(frozen=True)
@@ -83,3 +86,33 @@ def in_flight(flights: "FlownRun | None", grounded: str | None) -> tuple[Asked, 
     if grounded is not None:
         return (Asked("", f"cannot be flown: {grounded}", False, 0.0, "flight"),)
     return () if flights is None else (flights.entered.asked,)
+
+
+def predicted(mission: "Mission") -> float | None:
+    """The least ratio in a field, thrust as planned, of pairs that are clear as planned; None without any."""
+    return min((float(found.flown[k]) for _, found, clear in foreseen(mission) for k in clear), default=None)
+
+
+def eaten(mission: "Mission") -> Iterator[str]:
+    """Of stages in a field: pairs that are clear as planned, and not where thrust is played as planned."""
+    for result, found, clear in foreseen(mission):
+        entered = [k for k in clear if found.flown[k] < 1.0 - SAMPLED]
+        if entered:
+            first, second = found.pairs[min(entered, key=lambda k: float(found.flown[k]))].tolist()
+            names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
+            where = f"stage {result.number}: thrust as planned, in the field of {found.field},"
+            pair = f"{names[first]} and {names[second]}{more}"
+            remedy = 'closeform fly corrects it, and margin = "auto" leaves room for errors'
+            yield f"{where} leads {pair} into zones that the plan keeps; {remedy}"
+
+
+def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:
+    """Stages whose field predicts something, and what: with the rows of pairs that are clear as planned.
+
+    None where flights say what becomes of them.
+    """
+    for result in mission.flown if mission.flights is None else ():
+        if (found := result.validity) is not None:
+            met, names = {(one.first, one.second) for one in result.after.conflicts}, result.after.names
+            pairs = [(names[i], names[j]) for i, j in found.pairs.tolist()]
+            yield result, found, [k for k, pair in enumerate(pairs) if pair not in met]

@@ -11,14 +11,14 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
-from closeform.flown_verdict import in_flight
+from closeform.flown_verdict import eaten, in_flight, predicted
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.scenario import Destination, Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Asked, Late, LostThrust, Use, Verdict, conflicts_in, eaten, thrust_use
+from closeform.verdict import Asked, Late, LostThrust, Use, Verdict, conflicts_in, thrust_use
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -256,6 +256,7 @@ class Mission(Stages):
             tuple(result.late for result in self.flown if result.late is not None),
             asked=(*judged, *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
+            predicted=predicted(self),
         )
 
     @property
@@ -335,12 +336,11 @@ class Mission(Stages):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A chief far from a circle, stages longer than asked, zones entered in a field, limits exceeded."""
-        chief, late = self.scenario.chief, (one.warning for one in self.verdict.late)
-        as_planned = self.flown if self.flights is None else ()
+        """A chief far from a circle, or what its field does; stages longer than asked, limits exceeded."""
+        chief, known = self.scenario.chief, any(result.validity is not None for result in self.flown)
         return (
-            *(() if chief is None else chief.warnings),
-            *late,
-            *(one for result in as_planned for one in eaten(result.number, result.after, result.validity)),
+            *(() if chief is None or known else chief.warnings),
+            *(one.warning for one in self.verdict.late),
+            *eaten(self),
             *(use.warning(self.grams) for use in self.uses if use.exceeded),
         )

@@ -10,7 +10,6 @@ from closeform.scenario import Craft
 
 if TYPE_CHECKING:  # whose kernels a verdict can spare
     from closeform.conflicts.flight import WatchedFlight
-    from closeform.field.validity import Validity
 
 ROUNDING = 1e-9  # of a limit that a plan was to keep to
 SAMPLED = 1e-4  # of a zone: what is predicted at some instants is off by less
@@ -166,6 +165,7 @@ class Verdict:
     uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
     that take longer than asked.  `sigmas`: of the errors of states by which conflicts were counted.
     `asked`: what stages ask for beyond that.  `drawn`: whether craft fly with errors that a case has drawn.
+    `predicted`: the least ratio in the scenario's field of pairs that are clear as planned; None without.
     """
 
     stopped: str | None
@@ -177,6 +177,7 @@ class Verdict:
     sigmas: float | None = None
     asked: tuple[Asked, ...] = ()
     drawn: bool = False
+    predicted: float | None = None
 
     @property
     def clear(self) -> bool:
@@ -210,6 +211,7 @@ class Verdict:
             "clear": self.clear,
             "conflicts": self.conflicts,
             "pairs_in_conflict": self.pairs if self.conflicts is not None else None,
+            "predicted_ratio": self.predicted,
             "limits_kept": None if self.exceeded is None else not exceeded,
             "exceeded": exceeded,
             "late": [
@@ -233,7 +235,11 @@ class Verdict:
             tightest = {one.kind: one for one in sorted(self.asked, key=lambda one: -one.margin)}
             found += [one.kept for one in tightest.values()]
             found += ["limits are kept"] * (self.exceeded is not None)
-            return f"clear: {', '.join(found)}"
+            word = "clear"
+            if self.predicted is not None:
+                word += " as planned, not as predicted in the field" * (self.predicted < 1.0 - SAMPLED)
+                found.append(f"least {self.predicted:.4f} x zone as predicted in the field")
+            return f"{word}: {', '.join(found)}"
         unmet = [f"stopped in {self.stopped}"] if self.stopped is not None else []
         if self.conflicts:
             remain = f"remain{'s' * (self.conflicts == 1)}{self.at}"
@@ -283,18 +289,3 @@ def conflicts_in(flights: Iterable["WatchedFlight"]) -> tuple[int, int]:
             ends[pair] = met.end
             pairs.add(pair)
     return count, len(pairs)
-
-
-def eaten(number: int, after: "WatchedFlight", found: "Validity | None") -> Iterator[str]:
-    """Of a stage in a field: pairs that are clear as planned, and not where thrust is played as planned."""
-    if found is None:
-        return
-    met, names = {(one.first, one.second) for one in after.conflicts}, after.names
-    pairs = [(names[i], names[j]) for i, j in found.pairs.tolist()]
-    entered = [k for k, pair in enumerate(pairs) if found.flown[k] < 1.0 - SAMPLED and pair not in met]
-    if entered:
-        first, second = pairs[min(entered, key=lambda k: float(found.flown[k]))]
-        more = f" and {len(entered) - 1} more" if len(entered) > 1 else ""
-        where = f"stage {number}: thrust as planned, in the field of {found.field},"
-        remedy = 'closeform fly corrects it, and margin = "auto" leaves room for errors'
-        yield f"{where} leads {first} and {second}{more} into zones that the plan keeps; {remedy}"

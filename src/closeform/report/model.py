@@ -80,8 +80,30 @@ def section(mission: Mission) -> Section:
     reach = Reach.of([result.after for result in flown])
     n, mu, chief = mission.orbit.mean_motion, mission.scenario.orbit.mu, mission.scenario.chief
     orbit = Circle(n, mu or EARTH_MU) if chief is None else Circle(n, chief.mu, chief.eccentricity)
-    lines, tables = beyond(reach, orbit, flown[-1].end)
+    (exact, far), tables = beyond(reach, orbit, flown[-1].end)
+    lines = exact, *beside(mission, flown), far
     return Section("Limits of the model", lines, (*tables, sure))
+
+
+def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str]:
+    """What is not exact so: what is predicted in a field, counted with errors, or flown."""
+    told = []
+    if some := [one.number for one in flown if one.validity is not None]:
+        field = next(one.validity.field for one in flown if one.validity is not None)
+        told.append(f"what is predicted in the field of {field} ({numbered(some)})")
+    if some := [one.number for one in flown if one.uncertain is not None]:
+        told.append(f"sigmas and probabilities, of errors as given ({numbered(some)})")
+    if some := [one.number for one in flown if one.commanded is not None]:
+        told.append(f"paths with the errors that this case has drawn ({numbered(some)})")
+    if mission.flights is not None:
+        told.append("flights in the field, integrated with errors as drawn")
+    if told:
+        yield f"Not so: {'; '.join(told)}. How sure these are stands below."
+
+
+def numbered(stages: list[int]) -> str:
+    """Stages by their numbers."""
+    return f"stage{'s' * (len(stages) != 1)} {', '.join(map(str, stages))}"
 
 
 def certain(rows: list[tuple[str, str]]) -> Table:
@@ -97,15 +119,15 @@ def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...
     if not orbit.mean_motion:
         off = 0.5e-9 * duration**2
         return (
-            "Every figure is exact for craft on which nothing acts but their own thrust, and whose states at "
-            "the start are known exactly unless errors are given.",
+            "Paths, conflicts and plans are exact for craft on which nothing acts but their own thrust, and "
+            "whose states at the start are as given.",
             f"Sunlight and leaks are not in it: two craft that differ by 1 nm/s² are {off:.3g} m off after "
             f"{duration:.1f} s, and four times as much after twice the time. {far}.",
         ), ()
     orbits = duration * orbit.mean_motion / (2.0 * pi)
     lines = (
-        "Every figure is exact for Hill's equations: a circular orbit, a point mass, small separations, no "
-        "force but the craft's own thrust, states that are known exactly unless errors are given.",
+        "Paths, conflicts and plans are exact for Hill's equations: a circular orbit, a point mass, small "
+        "separations, no force but the craft's own thrust, states at the start as given.",
         f"{far}. Real motion leaves the model by what stands below, in each of the {orbits:.3g} orbits "
         "flown: zones are to be larger by as much as is expected until states are measured again.",
     )
