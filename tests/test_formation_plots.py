@@ -150,7 +150,7 @@ def test_oblique_views_show_all_in_deep_space_at_one_scale():
     assert figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
     assert np.allclose(OBLIQUE.basis @ OBLIQUE.basis.T, np.eye(3))
     right, up = OBLIQUE.basis[:2]
-    assert up[2] > 0.8  # z is up
+    assert up[2] < -0.8  # the sun is up, as in pictures of searches
     last = states[:, :3] + END * states[:, 3:]
     assert np.allclose(marks(figure.axes[0], "end"), np.stack([last @ right, last @ up], axis=1))
     for axes in figure.axes:

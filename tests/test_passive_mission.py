@@ -17,6 +17,7 @@ from closeform import plots
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report import drift
+from closeform.report.run import RunReport
 from closeform.scenario import parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -320,3 +321,45 @@ drift = "forever"
         if np.isfinite(pair.time):
             assert abs(pair.ratio - long.ratio) < 2e-9 * max(1.0, long.ratio)
     assert sum(np.isfinite(pair.time) for pair in result.passive.pairs) >= 3
+
+
+def test_what_would_have_been_is_drawn_beside_what_is_planned():
+    """The direct path, whose drift is nearer, dashed in full depth; and the headline has both numbers."""
+    direct = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -60, 40, 0, 0, 0], ORBIT.period)
+    until = CLIENT.end
+    worst = cf.drift_approach(direct, CLIENT, ZONE, until)
+    figure = plots.drift_ratios(PATH, CLIENT, ZONE, until, before=(direct, CLIENT, ZONE))
+    (axes, *_) = figure.axes
+    dashed = next(line for line in axes.get_lines() if line.get_linestyle() == "--")
+    for k in (40, 222, 401):
+        near = drifted(direct, CLIENT, 60.0 * dashed.get_xdata()[k], until) / 20.0
+        assert near - 1e-3 <= dashed.get_ydata()[k] <= near + ROUNDING
+    assert worst.ratio < 0.1 < axes.get_ylim()[1]
+    (headline,) = (text.get_text() for text in figure.texts if "by the direct path" in text.get_text())
+    assert headline.endswith(f", {worst.ratio:.2g} by the direct path")
+
+
+STOPS = """
+closeform = 1
+title = "An end from which one drifts into the client"
+[orbit]
+altitude = "550 km"
+[craft]
+name = ["Client", "Inspector"]
+position = ["0 0 0 m", "0 200 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "20 m" }
+[[stage]]
+do = "avoid"
+craft = "Inspector"
+to = { position = "0 60 0 m", velocity = "0 -0.01 0 m/s" }
+within = "1 orbits"
+drift = "24 h"
+"""
+
+
+def test_of_a_stage_that_stops_a_run_says_that_its_drift_was_not_judged():
+    mission = fly(parse(STOPS, "file.toml", "run"))
+    assert mission.stopped is not None
+    (section,) = RunReport(mission).sections
+    assert "Passively safe for 24 h: not judged, since these paths are not flown" in section.closing

@@ -40,7 +40,8 @@ CALLS = {
     "plots.distances": {"path": MOVE, "other": REST, "zone": BALL, "names": ["a", "b"]},
     "plots.drift_fan": {"path": MOVE, "other": STAYS, "zone": BALL, "until": 1800.0, "names": ["a", "b"]},
     "plots.drift_ratios": {
-        "path": [MOVE], "other": [STAYS], "zone": [BALL], "until": 1800.0, "labels": ["a"]
+        "path": [MOVE], "other": [STAYS], "zone": [BALL], "until": 1800.0, "labels": ["a"],
+        "before": (MOVE, STAYS, BALL),
     },
     "plots.flight_costs": {"flight": FLOWN, "names": ["a", "b"]},
     "plots.flight_deviations": {"flight": FLOWN, "tube": None, "names": ["a", "b"]},

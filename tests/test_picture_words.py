@@ -135,7 +135,10 @@ def test_pictures_of_one_flight_speak_of_no_other(seeds):
         plots.flight_ratios(flight, BALL),
     )
     told = " ".join(text.get_text() for figure in figures for text, _ in written(figure))
-    many = "median", "average", "worst", "each flight", f"{seeds} flights", f"flight {flight.worst}: "
+    many = (
+        *("median", "average", "each flight", f"{seeds} flights", f"flight {flight.worst}: "),
+        *("farthest off, flight", "nearest, flight", "in which a craft ends farthest off"),
+    )
     assert [word in told for word in many] == [seeds > 1] * len(many)
 
 

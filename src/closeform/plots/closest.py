@@ -37,7 +37,7 @@ from closeform.zones.pair_zones import PairZones
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
-LINEAR = 6.0  # ratio up to which the whole axis is linear
+LINEAR, LOW_LINEAR = 12.0, 6.0  # ratio up to which the whole axis is linear, of panels above each other
 TANGLED = 8.0  # curves times orbits from which on each pair has a panel of its own
 BANDED = 24.0  # orbits from which on a curve is the band between least and most of each orbit
 BAND = "#b9d9ec"
@@ -151,7 +151,7 @@ def in_panels(
         dot: dict[str, Any] = {"color": AFTER, "markeredgecolor": "white", "markersize": 8, "zorder": 5}
         axes.plot(ticks(pairs.time[k]), pairs.ratio[k], "o", clip_on=False, **dot)
         ratio_axis(axes, least, most, few=True)
-    scale = ", logarithmic beyond it" if most > LINEAR and len(shown) > 2 else ""
+    scale = ", logarithmic beyond it" if most > LOW_LINEAR and len(shown) > 2 else ""
     figure.text(0.012, 0.5, f"ratio [× zone]{scale}", rotation=90, va="center", fontsize=TEXT, color=INK)
     return figure, panels
 
@@ -210,14 +210,14 @@ def line(
 def ratio_axis(axes: Axes, least: float, most: float, few: bool = False) -> None:
     """From 0 to what is reached: linear, or logarithmic beyond the zone; with few numbers it is not said."""
     bottom = 0.0 if least > 0.02 else -0.03  # so that a line at 0 is seen
-    if most <= LINEAR:
+    if most <= (LOW_LINEAR if few else LINEAR):
         axes.set_ylim(bottom, 1.06 * max(most, 1.2))
         if few:
             axes.yaxis.set_major_locator(FixedLocator([0.0, 1.0, np.floor(max(most, 1.0))]))
         return
     axes.set_yscale("symlog", linthresh=1.0, linscale=0.7, subs=range(2, 10))
     if not few:
-        say_scale(axes, "logarithmic beyond the zone")
+        say_scale(axes, "logarithmic beyond the zone", low=True)
     axes.set_ylim(bottom, 1.2 * most)
     decades = 10.0 ** np.arange(np.ceil(np.log10(1.2 * most)))
     steps = (1, 2, 5) if len(decades) <= 3 and not few else (1, 5) if len(decades) == 1 else (1,)

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats, sequence
+from closeform.arrays import Floats, instance, sequence, shown
 from closeform.conflicts.two_paths import closest_approach
 from closeform.drift.drift_approach import DriftApproach, drift_approach
 from closeform.motion.path import Path
 from closeform.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
-from closeform.plots.given import crafts, texts
+from closeform.plots.given import crafts, one_craft, texts
 from closeform.plots.look import (
+    DASHED,
     DOTTED,
     HALO,
     SMALL,
@@ -36,6 +37,7 @@ from closeform.zones.zone import Zone
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE, "#882255", "#7a6a00")
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED, "-", ALONG.dashes)
 INSTANTS, SHARES = 480, 64  # of failure, on a curve, and those of an impulse amid which thrust is lost
+MOST = 6  # times the nearest ratio, or the zone: higher a curve says nothing of safety
 RING: dict[str, Any] = {"markersize": 10, "markerfacecolor": "none", "markeredgewidth": 2.2}
 
 
@@ -99,6 +101,7 @@ def drift_ratios(
     zone: Zone | Sequence[Zone],
     until: float,
     labels: Sequence[str] | None = None,
+    before: tuple[Path, Path, Zone] | None = None,
 ) -> Figure:
     """How near craft come when thrust is lost, against the instant at which it is: below 1 is in the zone.
 
@@ -117,6 +120,8 @@ def drift_ratios(
         The end of the drift, as of `drift_approach`.
     labels : sequence of str, optional
         What each pair is called.
+    before : tuple of (Path, Path, Zone), optional
+        A pair as it would have flown without a plan that is safe, and its zone: dashed.
 
     Returns
     -------
@@ -126,7 +131,8 @@ def drift_ratios(
     Raises
     ------
     ValueError
-        If others, zones or labels are not as many as paths, or as `drift_approach` does.
+        If others, zones or labels are not as many as paths, `before` is something else, or as
+        `drift_approach` does.
     """
     fail, fly = crafts("path", path), crafts("other", other)
     zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
@@ -137,11 +143,13 @@ def drift_ratios(
         raise ValueError("path: give at least one")
     called = texts("labels", labels, len(fail), "paths") if labels is not None else [""] * len(fail)
     found = [Failed.of(*pair, until) for pair in zip(fail, fly, zones, strict=True)]
+    direct = None if before is None else Failed.of(*pair_given("before", before), until)
     start, end = min(one.times[0] for one in found), max(one.times[-1] for one in found)
     ticks = clock(fail[0], float(start), float(end))
 
-    figure = sheet(5.6 + 0.3 * len(found))
-    (axes,) = column(figure, [1.0], 0.85 + 0.3 * len(found))
+    rows = len(found) + (direct is not None)
+    figure = sheet(5.6 + 0.3 * rows)
+    (axes,) = column(figure, [1.0], 0.85 + 0.3 * rows)
     dress(axes)
     axes.axhspan(0, 1, color=ZONE, alpha=0.2, linewidth=0)
     axes.axhline(1, color=ZONE, linewidth=1.6)
@@ -155,16 +163,31 @@ def drift_ratios(
         axes.plot(ticks(one.worst.failed_at), one.worst.ratio, "o", color=hit, zorder=6, **RING)
         lines.append(line)
         words.append((f"{name}: " if name else "") + told(one, ticks))
+    if direct is not None:
+        look: dict[str, Any] = {"color": INK, "linestyle": DASHED, "linewidth": 1.4, "zorder": 1.9}
+        lines += axes.plot(ticks(direct.times), direct.ratios, **look)
+        words.append(f"by the direct path: {told(direct, ticks)}")
     most = max(float(one.ratios.max()) for one in found)
-    axes.set_ylim(0, min(1.06 * most, 6 * max(1.0, *(one.worst.ratio for one in found))))
+    axes.set_ylim(0, min(1.06 * most, MOST * max(1.0, *(one.worst.ratio for one in found))))
     axes.set_ylabel("nearest in the drift [× zone]", fontsize=TEXT, color=INK)
     text = axes.text(0.992, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
     text.set(ha="right", path_effects=HALO)
     time_axes([axes], ticks, float(start), float(end))
     axes.set_xlabel(f"thrust is lost at [{ticks.unit.name}]", fontsize=TEXT, color=INK)
     legend(figure, lines, words, ncols=1)
-    headline(figure, verdict(found))
+    without = "" if direct is None else f", {number(direct.worst.ratio)} by the direct path"
+    headline(figure, verdict(found) + without)
     return figure
+
+
+def pair_given(name: str, given: Any) -> tuple[Path, Path, Zone]:
+    """A craft that fails, one that flies on, and their zone."""
+    if not isinstance(given, tuple) or len(given) != 3:
+        raise ValueError(f"{name}: expected a tuple of two paths and their zone, got {shown(given)}")
+    path, other, zone = given
+    one_craft(name, path)
+    one_craft(name, other)
+    return path, other, instance(name, zone, Zone)
 
 
 def told(one: Failed, ticks: Any) -> str:
@@ -177,8 +200,8 @@ def told(one: Failed, ticks: Any) -> str:
 
 
 def number(ratio: float) -> str:
-    """A ratio in words."""
-    return f"{ratio:.2f}" if ratio >= 0.1 else f"{ratio:.2g}"
+    """A ratio in words; beside 1 with as many digits as tell on which side it is."""
+    return f"{ratio:.{4 if abs(ratio - 1.0) < 0.005 else 2}f}" if ratio >= 0.1 else f"{ratio:.2g}"
 
 
 def later(worst: DriftApproach) -> str:

@@ -36,6 +36,7 @@ FAN = 36  # failed motions that are drawn
 LAST, MOST = 3.0, 32.0  # orbits of the worst before it is nearest, of any past the zone, that are drawn
 CURVE = "#d9a7a0"  # of a failed motion that enters the zone
 QUIET = "#a9c4d6"  # of one that does not
+ZONED = "keep-out zone; tracks pass before it or behind"
 
 
 def drift_fan(
@@ -99,7 +100,7 @@ def whole(axes: Axes, found: Failed) -> None:
     reach = np.vstack([course, np.eye(3) * size, -np.eye(3) * size])
     unit = length_unit(float(np.abs(reach).max()))
     show = np.eye(3)[[1, 0]] / unit.size
-    place(axes, shadow(zone, show), (0, 0), facecolor=ZONE, edgecolor=ZONE, alpha=0.35, label="keep-out zone")
+    place(axes, shadow(zone, show), (0, 0), facecolor=ZONE, edgecolor=ZONE, alpha=0.35, label=ZONED)
     said = set()
     for k in picked(found):
         unsafe = bool(found.ratios[k] <= 1.0)

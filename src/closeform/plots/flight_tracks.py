@@ -103,7 +103,8 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
         Line2D([], [], color=CONFLICT, linewidth=0.9),
         Line2D([], [], color=INK, linestyle="", marker="o", markersize=5.0),
     ]
-    words = ["planned", "flown", f"the worst, flight {flight.worst}", "end"]
+    why = "a pair comes nearest" if flight.ratios.size else "a craft ends farthest off"
+    words = ["planned", "flown", f"flight {flight.worst}, in which {why}", "end"]
     if len(flight.states) == 1:
         handles, words = [handles[0], *handles[2:]], ["planned", "flown", "end"]
     legend(figure, handles, words, ncols=4)

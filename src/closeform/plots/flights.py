@@ -108,7 +108,9 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     inside = ""
     if tube is not None:
         inside = f"; {share} stay within {length(radius)}, said beforehand"
-    _meanings(figure, flight, ("each flight, its craft farthest off", "median", "the worst"))
+    _meanings(
+        figure, flight, ("each flight, its craft farthest off", "median", f"farthest off, flight {seed}")
+    )
     plain(headline(figure, f"{most}{inside}"))
     return figure
 
@@ -117,7 +119,7 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
     """How near pairs come in every flight, against time: all of it, and a close look at the nearest.
 
     Each pale line is the least ratio of all pairs in one flight, the dashed one that of the plan; in blue
-    the median of all flights, in red the worst.  Below 1 a zone is entered.
+    the median of all flights, in red the one in which a pair comes nearest.  Below 1 a zone is entered.
 
     Parameters
     ----------
@@ -173,7 +175,7 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
     lowest = float(nearer[seed, now])
     name = f"{_which(flight, seed)}{pair}, {lowest:.4f} × zone"
     _dot(close, ticks, float(fine[now]), lowest, name, -UNDER - _line_below(close, lowest))
-    _meanings(figure, flight, ("each flight", "median", "the worst", "planned"))
+    _meanings(figure, flight, ("each flight", "median", f"nearest, flight {seed}", "planned"))
     entered = int((least.min(axis=1) < 1.0).sum())
     found = (
         f"{entered} of {_flights(flight)} enter a zone"

@@ -19,7 +19,6 @@ from closeform.plots.look import SMALL, TEXT, sheet
 from closeform.plots.moment import Knots, Moment, clock_text
 from closeform.plots.panels import (
     DIRECTIONS,
-    OBLIQUE,
     STYLES,
     SUN_VIEW,
     CloseUp,
@@ -28,6 +27,7 @@ from closeform.plots.panels import (
     style_of,
     tint,
 )
+from closeform.plots.views import OBLIQUE
 from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.sets import FORMATION, LOST
 

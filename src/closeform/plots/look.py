@@ -187,15 +187,16 @@ def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look:
     return made
 
 
-def say_scale(axes: Axes, words: str) -> None:
-    """Words about an axis that is not linear, in the upper right corner."""
+def say_scale(axes: Axes, words: str, low: bool = False) -> None:
+    """Words about an axis that is not linear, in the upper right corner, or the lower one."""
     corner: dict[str, Any] = {
         "xycoords": "axes fraction",
         "textcoords": "offset points",
         "ha": "right",
-        "va": "top",
+        "va": "bottom" if low else "top",
     }
-    axes.annotate(words, (1.0, 1.0), (-4, -3), fontsize=SMALL - 2.0, color=OTHER, **corner)
+    place, shift = ((1.0, 0.0), (-4, 3)) if low else ((1.0, 1.0), (-4, -3))
+    axes.annotate(words, place, shift, fontsize=SMALL - 2.0, color=OTHER, **corner)
 
 
 def dress(axes: Axes) -> None:

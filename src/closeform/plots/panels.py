@@ -29,14 +29,15 @@ from closeform.plots.camera import (
 from closeform.plots.letters import plain
 from closeform.plots.look import DASHED, HALO, SMALL, TEXT
 from closeform.plots.moment import Knots, Moment, clock_text
+from closeform.plots.views import OBLIQUE
 from closeform.search.gather_result import EventKind, Gathering
-from closeform.search.leg import SUN
+from closeform.search.leg import SPELLED, SUN
 from closeform.search.sets import FORMATION, LOST
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as the sun sees it
 SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
-OBLIQUE = Camera.around(-0.45, 0.5, SUN, -NORTH)  # the same, laid back and turned a little: the sun is above
 DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
+NARROW, SPACIOUS = 0.035, 0.35  # of the time line: bands with room for the name of a phase, and in full
 FEW = 12  # craft up to which each has its cone, shade and name
 STYLES: dict[int, tuple[str, str, str]] = {  # of sets: marker, edge and face
     LOST: ("o", BEFORE, "white"),
@@ -283,8 +284,10 @@ class Strip:
                 axes.axvspan(
                     first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0.0
                 )
-                if min(last, end) - first > 0.035 * end:
-                    word(axes, (first, 0.5), name, shift=(5, 0), ha="left")
+                share = (min(last, end) - first) / end
+                told = f"{name}: {SPELLED[name]}" if share > SPACIOUS else name
+                if share > NARROW:
+                    word(axes, (first, 0.5), told, shift=(5, 0), ha="left")
         above = blended_transform_factory(axes.transData, axes.transAxes)
         times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
         free = [-1.0, -1.0]  # from which time on there is room for words in a row

@@ -219,7 +219,8 @@ def plane_panel(
             linewidth=1.2,
             label="zone at closest approach" if filled else "the same, after",
         )
-        axes.plot(*(basis @ guard.centre), "s", color=OTHER if filled else AFTER, markersize=4)
+        mark: dict[str, Any] = {"color": OTHER if filled else AFTER, "markersize": 4}
+        axes.plot(*(basis @ guard.centre), "s", **mark, linestyle="", label="obstacle then")
     name = "path" if scene.after is None else "before"
     axes.plot(*(basis @ scene.before.T), color=BEFORE, linestyle=DASHED, linewidth=2, label=name)
     if scene.after is not None:
@@ -229,7 +230,8 @@ def plane_panel(
             *(basis @ stay.T), color=CONFLICT, linewidth=4.5, label="in conflict", solid_capstyle="butt"
         )
     for guard in scene.guards:
-        axes.plot(*(basis @ guard.craft), "o", color=guard.colour, markersize=6, zorder=5)
+        mark = {"color": guard.colour, "markersize": 6, "zorder": 5, "linestyle": ""}
+        axes.plot(*(basis @ guard.craft), "o", **mark, label="craft then")
     first, last = scene.before[0], scene.before[-1]
     for point, face in ((first, "white"), (last, INK)):
         axes.plot(*(basis @ point), "o", color=INK, markerfacecolor=face, markersize=6, zorder=6)

@@ -9,11 +9,12 @@ from matplotlib.axes import Axes
 from closeform.arrays import Floats
 from closeform.plots.camera import Camera, framing, scale_bar, triad
 
-OBLIQUE = Camera.around(-1.0, 0.42, np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+SUNWARD = np.array([0.0, 0.0, -1.0])  # in deep space, where searches have the sun
+OBLIQUE = Camera.around(-0.45, 0.5, SUNWARD, np.array([0.0, 1.0, 0.0]))  # the sun is above
 ORBITAL = Camera.at([0.75, -0.45, -0.5], [1.0, 0.0, 0.0])  # radial up, along-track to the right
 AXES = ("radial", "along", "cross")  # of an orbit
 FOOT = 0.9  # inches for the scale and the directions
-LETTER = 0.1  # inches of a letter
+LETTER, LENGTH = 0.1, 0.45  # inches of a letter, and of a direction
 LAYERS = 40  # of depth
 
 
@@ -27,8 +28,9 @@ def window(axes: Axes, points: Floats, camera: Camera, directions: Sequence[str]
     axes.set_ylim(floor, floor + inch * high)
     scale_bar(axes, inch * wide)
     letters = LETTER * max(map(len, directions))  # one may point to the left
-    corner = np.array([axes.get_xlim()[0] + (0.5 + letters) * inch, floor + 0.3 * inch])
-    triad(axes, camera, corner, 0.45 * inch, dict(zip(directions, np.eye(3), strict=True)))
+    down = max(0.0, -float(camera(np.eye(3))[:, 1].min()))  # one may point there
+    corner = np.array([axes.get_xlim()[0] + (0.5 + letters) * inch, floor + (0.3 + LENGTH * down) * inch])
+    triad(axes, camera, corner, LENGTH * inch, dict(zip(directions, np.eye(3), strict=True)))
 
 
 def layered(camera: Camera, tracks: Sequence[Floats]) -> tuple[list[int], list[Floats]]:

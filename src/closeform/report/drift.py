@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from closeform.drift.failures import ThrustLost
 from closeform.mission_result import StageResult
+from closeform.motion.path import Path
 from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, record
 from closeform.scenario.quantity import span
+from closeform.scenario.stage_table import Drifting
+from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.passive import PairDrift, PassiveSafety
@@ -46,8 +49,10 @@ def row(pair: "PairDrift") -> tuple[Any, ...]:
 
 def lines(result: StageResult[Any, Any]) -> Iterator[str]:
     """The verdict in words, and whether the paths were planned for it."""
-    passive = result.passive
+    passive, stage = result.passive, result.stage
     if passive is None:
+        if isinstance(stage, Drifting) and stage.drift is not None:
+            yield f"Passively safe {stage.lasting}: not judged, since these paths are not flown"
         return
     safe, lasting, worst = passive.safe, passive.lasting, passive.worst
     title = f"{'Passively' if safe else 'Not passively'} safe {lasting}"
@@ -154,13 +159,14 @@ def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
     zones, labels = [pair.zone for pair in failing], [f"{pair.fails} fails, {pair.meets}" for pair in failing]
     some = f", the {CURVES} nearest of {passive.count} pairs" if passive.count > CURVES else ""
     pair = names[fail[0]], names[fly[0]]
+    before = None if passive.direct is None else unplanned(result, passive.direct, passive.until)
     return (
         Picture(
             "failures",
             f"How near craft come when thrust is lost, by when it is{some}",
             "drift_ratios",
             (paths, others, zones, passive.until),
-            {"labels": labels},
+            {"labels": labels, "before": before},
         ),
         Picture(
             "drift",
@@ -170,3 +176,12 @@ def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
             {"names": pair},
         ),
     )
+
+
+def unplanned(result: StageResult[Any, Any], direct: "PairDrift", until: float) -> tuple[Path, Path, Zone]:
+    """The nearest pair of the direct paths: who fails, who flies on until the end, their zone."""
+    from closeform.drift.sides import carried  # whose kernels only a drift needs
+
+    paths, names = result.before.paths, result.before.names
+    flown = paths if until == inf else carried(paths, until)
+    return paths[names.index(direct.fails)], flown[names.index(direct.meets)], direct.zone

@@ -1,6 +1,8 @@
 """What a mission came to: of all that was asked for whether it is met, and every stage in a row."""
 
 from collections.abc import Iterator
+from dataclasses import replace
+from textwrap import shorten
 from typing import Any
 
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach
@@ -9,7 +11,7 @@ from closeform.mission_result import FirstLocks, Mission, StageResult
 from closeform.report.conflicts import RATIO
 from closeform.report.limits import first_of_each
 from closeform.report.picture import Picture
-from closeform.report.section import Section, called
+from closeform.report.section import REASON, Section, called
 from closeform.report.table import PAIR, Column, Table
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.verdict import conflicts_of
@@ -142,7 +144,10 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
         "locks": [lock for result in flown for lock in locks(result)],
     }
     paths = [result.after.paths for result in flown]
-    return (Picture("overview", "The whole mission", "overview", (paths,), options),)
+    stopped = mission.stopped is not None
+    fate = shorten(f"Stopped in {mission.stopped}", REASON, placeholder=" …") + "; this was flown before"
+    whole = Picture("overview", "The whole mission", "overview", (paths,), options)
+    return (replace(whole, stage=fate, failed=True) if stopped else whole,)
 
 
 def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:

@@ -8,6 +8,7 @@ from typing import Any
 from closeform.mission_result import StageResult
 from closeform.report import conflicts
 from closeform.report.table import PHASE, Column, Table, minutes
+from closeform.search.leg import SPELLED
 from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad
@@ -72,7 +73,14 @@ def phases(search: Search, rounds: int = 1) -> Table:
         ((name, number), start, end, f"{minutes(start)} - {minutes(end)}", covered(search, name))
         for name, number, start, end in search.phases
     ]
-    return Table(f"Phases of one round, of {rounds} at most" if rounds > 1 else "Phases", PHASES, rows)
+    title = f"Phases of one round, of {rounds} at most" if rounds > 1 else "Phases"
+    return Table(f"{title}: {spelled(search)}", PHASES, rows)
+
+
+def spelled(search: Search) -> str:
+    """What the names of its phases stand for."""
+    names = dict.fromkeys(name for name, *_ in search.phases)
+    return ", ".join(f"{name} is the {SPELLED[name]}" for name in names)
 
 
 def turns(search: Search) -> Table:

@@ -12,7 +12,7 @@ from closeform.report.table import Table
 if TYPE_CHECKING:  # which a search can spare
     from closeform.planning.plan import Avoidance, Plan
 
-REASON = 60  # letters in a picture, of why a stage failed
+REASON = 90  # letters in a picture, of why a stage failed
 
 
 @dataclass(frozen=True)
