@@ -5,15 +5,18 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from closeform import console
 from closeform.campaign import case_of, flown
 from closeform.cli import main
 from closeform.console import WIDTH, stdout
 from closeform.mission import fly
+from closeform.report import burns
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from test_verdict import LOST
@@ -267,3 +270,31 @@ for = "2000 s"
     assert pairs > 40
     assert told.tables[0].title == f"Conflicts, by pair, the 40 deepest of {pairs}"
     assert len(told.tables[0].rows) == 40
+
+
+def test_long_work_without_a_terminal_says_now_and_then_that_it_goes_on(monkeypatch, capsys) -> None:
+    """Which part is under way; nothing of what is over before."""
+    monkeypatch.setattr(console, "EVERY", 0.05)
+    with console.working(console.stderr(), "flying") as tell:
+        tell("stage 2 of 3")
+        time.sleep(0.4)
+    told = capsys.readouterr().err.splitlines()
+    assert 1 <= len(told) <= 8
+    assert all(re.fullmatch(r"stage 2 of 3, \d+ s so far", line) for line in told)
+    monkeypatch.setattr(console, "EVERY", 30.0)
+    with console.working(console.stderr(), "flying"):
+        pass
+    assert capsys.readouterr().err == ""
+
+
+def test_burns_that_are_too_small_to_tell_are_counted() -> None:
+    """A micrometre a second is no line of the list on which somebody works; files have all of them."""
+    mission = fly(parse((EXAMPLES / "swap_impulses.toml").read_text(), "file.toml", "run"))
+    told = burns.StageBurns(mission, mission.results[0])
+    (whole,) = told.tables
+    small = (*told.rows[0][:3], 1e-6, 0.0, 0.0, 1e-6, *told.rows[0][7:])
+    told.rows.append(small)
+    (listed,) = told.tables
+    assert len(listed.rows) == len(whole.rows)
+    assert listed.title == f"{whole.title}, without 1 below 0.01 mm/s, which burns.parquet has"
+    assert len(told.files["burns"].rows) == len(whole.rows) + 1

@@ -104,6 +104,9 @@ def test_what_was_asked_comes_first_and_how_to_repeat_it_last(handed_in):
     contents = re.findall(r'<li><a href="#(.*?)">(.*?)</a></li>', page)
     assert [unescape(words) for _, words in contents] == chapters
     assert_linked(handed_in)
+    assert "<td>the same, in this folder</td><td>closeform run scenario.toml</td>" in re.sub(
+        r"<td [^>]*>", "<td>", page
+    )
     files = {name for name, *_ in rows(re.sub("</?a[^>]*>", "", page), "Files beside this page")}
     assert files == {file.name for file in handed_in.iterdir()} - {"report.html"}
 

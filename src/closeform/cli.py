@@ -21,6 +21,7 @@ from closeform.console import (
     stderr,
     stdout,
     tell_run,
+    working,
 )
 from closeform.flights import fly as fly_run
 from closeform.given import BAD_INPUT, CLEAR, UsageError, one_case, read
@@ -153,11 +154,11 @@ def run(
 
     notes = stderr()
     try:
-        with notes.status("flying") as status, folder(place, overwrite) as under_way:
-            mission = fly(loaded, lambda text: status.update(text))
+        with working(notes, "flying") as tell, folder(place, overwrite) as under_way:
+            mission = fly(loaded, tell)
             report = RunReport(mission)
             with written(place):
-                leave(report, under_way, lambda text: status.update(text), None if no_viewer else viewer, out)
+                leave(report, under_way, tell, None if no_viewer else viewer, out)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

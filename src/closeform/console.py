@@ -4,6 +4,7 @@ import codecs
 import io
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -94,6 +95,28 @@ def stderr() -> "Console":
     from rich.console import Console
 
     return Console(stderr=True, width=WIDTH, markup=False, emoji=False)
+
+
+@contextmanager
+def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
+    """What is told which part of long work is under way: shown on a terminal, elsewhere now and then."""
+    if console.is_terminal:
+        with console.status(what) as status:
+            yield lambda text: status.update(text)
+        return
+    under_way, over, begun = [what], threading.Event(), time.monotonic()
+
+    def tell() -> None:
+        while not over.wait(EVERY):
+            complain(f"{under_way[-1]}, {time.monotonic() - begun:.0f} s so far")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield under_way.append
+    finally:
+        over.set()
+        teller.join()
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform.console import complain, kept, say, stderr, stdout, tell_screen
+from closeform.console import complain, kept, say, stderr, stdout, tell_screen, working
 from closeform.given import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
 
 if TYPE_CHECKING:
@@ -145,10 +145,10 @@ def left(
         page.leave(Shown.of_report(report), under_way, pictures)
 
     notes = stderr()
-    with notes.status("looking") as status, folder(place, overwrite) as under_way:
+    with working(notes, "looking") as tell, folder(place, overwrite) as under_way:
         report = made()
         with written(place):
-            report.leave(under_way, lambda text: status.update(text), viewer)
+            report.leave(under_way, tell, viewer)
     with kept(place):
         tell_screen(report, place)
     return report.verdict.status

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from closeform import own_process
-from closeform.console import complain, kept, progress, stderr, tell_study
+from closeform.console import complain, kept, progress, stderr, tell_study, working
 from closeform.given import BAD_INPUT, UsageError, read
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def study(
             from closeform.report.study import draw_lines
             from closeform.viewer import replays
 
-            with notes.status("writing results"), written(place):
+            with working(notes, "writing results"), written(place):
                 report.leave(under_way, *replays.begin(campaign, under_way), out)
     except ScenarioError as error:
         complain(*error.lines)

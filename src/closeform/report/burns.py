@@ -15,6 +15,7 @@ from closeform.report.table import MOST_ROWS, Column, Table, counted
 from closeform.stage_burns import burns_in
 
 NOTHING = 5e-7  # m/s
+TELLING = 1e-5  # m/s: a burn that is listed
 
 
 def speed(part: float) -> str:
@@ -33,6 +34,7 @@ BURN = (
     Column("thruster", "thruster", absent=""),
     effort.FUEL,
 )
+SIZE = [column.key for column in BURN].index("size_m_s")
 SHOT = (
     Column("craft", "craft", words=True),
     Column("pulses", "pulses"),
@@ -88,7 +90,10 @@ class StageBurns:
             plain = {"thruster"} if pulsed is None else set()
             title = "Burns" if pulsed is None else f"Burns, {counted(len(self.rows), 'pulse')}"
             columns = effort.shown(self.mission, BURN, plain)
-            yield Table(title, columns, self.rows, folded=len(self.rows) > MOST_ROWS)
+            some = [row for row in self.rows if row[SIZE] >= TELLING]
+            if left := len(self.rows) - len(some):
+                title += f", without {left} below {1e3 * TELLING:g} mm/s, which burns.parquet has"
+            yield Table(title, columns, some, folded=len(some) > MOST_ROWS)
 
     @property
     def figures(self) -> dict[str, Any]:

@@ -76,12 +76,12 @@ class CasesReport(ABC):
         """How to repeat it."""
         campaign = self.campaign
         study = campaign.scenario.study
-        command = f"closeform study {repeat.quoted(Path(campaign.scenario.file).name)}"
+        options = ""
         if study is not None and study.cases != len(campaign):
-            command += f" --cases {len(campaign)}"
+            options += f" --cases {len(campaign)}"
         if study is None or study.seed != campaign.seed:
-            command += f" --seed {campaign.seed}"
-        return repeat.section(command, repeat.inputs(campaign.scenario), beside, out, seed=campaign.seed)
+            options += f" --seed {campaign.seed}"
+        return repeat.by_scenario(campaign.scenario, "study", options, beside, out, campaign.seed)
 
     def leave(
         self,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
-from closeform.result_folder import SUMMARY, VIEWER, WORST_FLIGHT, Folder, digest, versions
+from closeform.result_folder import SCENARIO, SUMMARY, VIEWER, WORST_FLIGHT, Folder, digest, versions
 
 if TYPE_CHECKING:
     from closeform.scenario import Scenario
@@ -130,6 +130,15 @@ def links(names: Sequence[str]) -> list[tuple[str, str]]:
     """What of it stands above everything."""
     pages = {VIEWER: "See it in motion", WORST_FLIGHT: "See the worst flight in motion"}
     return [(name, words) for name, words in pages.items() if name in names]
+
+
+def by_scenario(
+    scenario: "Scenario", verb: str, options: str, beside: Sequence[str], out: Path | None, seed: int | None
+) -> Section:
+    """How to repeat what a `verb` did with a scenario and `options`: by its file, or by the copy beside."""
+    command = f"closeform {verb} {quoted(Path(scenario.file).name)}{options}"
+    copied = {"the same, in this folder": f"closeform {verb} {SCENARIO}{options}"}
+    return section(command, inputs(scenario), beside, out, **copied, seed=seed)
 
 
 def inputs(scenario: "Scenario") -> dict[str, str]:

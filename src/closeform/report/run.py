@@ -159,8 +159,7 @@ class RunReport:
         scenario = self.mission.scenario
         case = "" if scenario.case is None else f" --case {scenario.case}"
         point = "" if scenario.place is None else f" --point {scenario.place}"
-        command = f"closeform run {repeat.quoted(Path(scenario.file).name)}{point}{case}"
-        return repeat.section(command, repeat.inputs(scenario), beside, out, seed=self.seed)
+        return repeat.by_scenario(scenario, "run", f"{point}{case}", beside, out, self.seed)
 
     @property
     def summary(self) -> dict[str, Any]:
