@@ -11,7 +11,7 @@ from closeform.mission_result import FirstLocks, Mission, StageResult
 from closeform.report.conflicts import RATIO
 from closeform.report.limits import first_of_each
 from closeform.report.picture import Picture
-from closeform.report.section import REASON, Section, called
+from closeform.report.section import Section, called
 from closeform.report.table import PAIR, Column, Table
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.verdict import conflicts_of
@@ -34,6 +34,7 @@ STAGES = (
     Column("delta-v of all [m/s]", "delta_v_m_s", "{:.6g}".format),
 )
 MOST_CRAFT = 100  # that are shown together
+WHY = 80  # letters above the overview, of where and why a mission stopped
 IN_FLIGHT = "No craft enters a zone in flight, with errors as they are"
 
 
@@ -144,10 +145,11 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
         "locks": [lock for result in flown for lock in locks(result)],
     }
     paths = [result.after.paths for result in flown]
-    stopped = mission.stopped is not None
-    fate = shorten(f"Stopped in {mission.stopped}", REASON, placeholder=" …") + "; this was flown before"
     whole = Picture("overview", "The whole mission", "overview", (paths,), options)
-    return (replace(whole, stage=fate, failed=True) if stopped else whole,)
+    if mission.stopped is None:
+        return (whole,)
+    why = shorten(mission.stopped.split(";")[0], WHY, placeholder=" …")
+    return (replace(whole, stage=f"Stopped in {why}; what was flown before that", failed=True),)
 
 
 def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:

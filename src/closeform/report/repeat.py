@@ -108,8 +108,8 @@ def section(
     `out`: where results go, if that was said.
     """
     rows = [("command", command + ("" if out is None else f" --out {quoted(str(out))}"))]
-    rows += [(f"{name}, SHA-256", digest.removeprefix("sha256:")) for name, digest in inputs.items()]
     rows += [(what, str(value)) for what, value in more.items() if value is not None]
+    rows += [(f"{name}, SHA-256", digest.removeprefix("sha256:")) for name, digest in inputs.items()]
     rows.append(("versions", ", ".join(f"{name} {one}" for name, one in versions().items())))
     tables = [Table("", ROWS, rows)]
     if beside:

@@ -1,5 +1,6 @@
 """Section: all that a report has to say of one stage, for the terminal, the page and the files."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from textwrap import shorten
@@ -12,7 +13,7 @@ from closeform.report.table import Table
 if TYPE_CHECKING:  # which a search can spare
     from closeform.planning.plan import Avoidance, Plan
 
-REASON = 90  # letters in a picture, of why a stage failed
+REASON = 60  # letters in a picture, of why a stage failed
 
 
 @dataclass(frozen=True)
@@ -63,5 +64,5 @@ def fate(result: StageResult[Any, Any]) -> str:
     if result.failure is None:
         return called(result)
     shown = "" if result.flown else "; these are the direct paths, which are not flown"
-    why = shorten(result.failure.split(":")[0], REASON, placeholder=" …")
+    why = shorten(re.split("[:;]", result.failure)[0], REASON, placeholder=" …")
     return f"{called(result)} failed: {why}{shown}"
