@@ -32,7 +32,7 @@ class Body:
 
     def __post_init__(self):
         self.rate = RATE * (1.0 + self.slew_rate)
-        angles = np.array([abs(turn[2]) for turn in self.turns])
+        self.angles = angles = np.array([abs(turn[2]) for turn in self.turns])
         self.ramps = np.minimum(self.rate / self.slew_acceleration, np.sqrt(angles / self.slew_acceleration))
         full = angles >= self.rate**2 / self.slew_acceleration
         lasts = np.where(full, angles / self.rate + self.ramps, 2.0 * self.ramps)
@@ -41,12 +41,14 @@ class Body:
         self.attitudes = [Rotation.from_matrix(START[self.group])]
         for k, (_, _, angle, *_) in enumerate(self.turns):
             self.attitudes.append(self.turn(k, np.array([abs(angle)]))[0])
+        quarters = 0.5 * np.pi * np.arange(3)
+        looks = np.stack([self.off(self.turn(k, quarters))[:, :, 2] for k in range(len(angles))], axis=1)
+        self.circles = looks - 0.5 * (looks[0] + looks[2])  # as the angle grows, from the first to the second
+        self.middles = looks[0] - self.circles[0]
 
     def turned(self, k, time):
-        """By what angles turn k has gone some times after it began: by its acceleration, then its rate."""
-        angle, gain, ramp = abs(self.turns[k][2]), self.slew_acceleration, self.ramps[k]
-        if angle == 0.0:
-            return np.zeros(len(time))
+        """By what angles turns k have gone a time after each began: by its acceleration, then its rate."""
+        angle, gain, ramp = self.angles[k], self.slew_acceleration, self.ramps[k]
         if gain == inf:
             return np.minimum(self.rate * time, angle)
         left = self.begins[k + 1] - self.begins[k] - time
@@ -55,19 +57,29 @@ class Body:
         return np.where(time < ramp, 0.5 * gain * time**2, slower)
 
     def boresights(self, times):
-        """Unit vectors (T, 3)."""
-        return self.bodies(times)[:, :, 2]
+        """Unit vectors (T, 3), which go round a circle in each turn."""
+        k, since = self.under_way(times)
+        angles = self.turned(k, since)[:, None]
+        return self.middles[k] + np.cos(angles) * self.circles[0, k] + np.sin(angles) * self.circles[1, k]
 
     def bodies(self, times):
         """Attitudes (T, 3, 3), columns body x, y, z."""
-        times = np.clip(times, self.start, self.begins[-1])
-        turns = np.minimum(np.searchsorted(self.begins, times, side="right") - 1, len(self.turns) - 1)
+        turns, since = self.under_way(times)
         out = np.empty((len(times), 3, 3))
         for k in np.unique(turns):
             here = turns == k
-            attitude = self.turn(k, self.turned(k, times[here] - self.begins[k]))
-            out[here] = (attitude * Rotation.from_rotvec(self.pointing)).as_matrix()
+            out[here] = self.off(self.turn(k, self.turned(k, since[here])))
         return out
+
+    def under_way(self, times):
+        """Which turn is under way, and for how long."""
+        times = np.clip(times, self.start, self.begins[-1])
+        k = np.minimum(np.searchsorted(self.begins, times, side="right") - 1, len(self.turns) - 1)
+        return k, times - self.begins[k]
+
+    def off(self, attitudes):
+        """Matrices of attitudes that are off by the pointing error."""
+        return (attitudes * Rotation.from_rotvec(self.pointing)).as_matrix()
 
     def turn(self, k, angles):
         """Attitudes after turn k has gone by some angles: about the sun line in space, or about body y."""
