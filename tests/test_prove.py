@@ -95,12 +95,12 @@ def cheapest_scanned(path, stone, zone):
     sides = np.random.default_rng(0).normal(size=(400, 3))
     sides /= np.linalg.norm(sides, axis=1)[:, None]
 
-    def lengths(time, ways, samples):
-        """How far each way goes at the time of the force."""
+    def lengths(time, ways, samples, within):
+        """How far each way goes at the time of the force, within so many metres."""
         gaps = path.position(samples) - stone.position(samples)
         shares = kernel(samples, time, 2000.0) / kernel(time, time, 2000.0)
         low, high = np.zeros(len(ways)), np.full(len(ways), 300.0)
-        for _ in range(40):
+        while (high - low).max() > within:
             middle = 0.5 * (low + high)
             moved = gaps + shares[:, None] * (middle[:, None] * ways)[:, None, :]
             clear = zone.norm(moved).min(axis=1) >= 1.0
@@ -110,11 +110,11 @@ def cheapest_scanned(path, stone, zone):
     coarse, fine = np.linspace(600.0, 1400.0, 161), np.linspace(600.0, 1400.0, 20_001)  # 0.02 m apart
     rough = []
     for time in np.linspace(900.0, 1100.0, 15):
-        far = lengths(time, sides, coarse)
+        far = lengths(time, sides, coarse, 1e-3)
         rough += [(far[k] ** 2 / kernel(time, time, 2000.0), time, k) for k in np.argsort(far)[:5]]
     least = np.inf
     for _, time, k in sorted(rough)[:8]:
-        far = lengths(time, sides[k : k + 1], fine)[0]
+        far = lengths(time, sides[k : k + 1], fine, 1e-9)[0]
         least = min(least, 0.5 * far**2 / kernel(time, time, 2000.0))
     return least
 
