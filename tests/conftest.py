@@ -1,18 +1,17 @@
 """Before NumPy is loaded: small matrices on many BLAS threads take longer, not shorter."""
 
-import gc
+import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr
 from pathlib import Path
 
 import hypothesis
 import pytest
 
-from closeform.own_process import RARELY
+from closeform import own_process
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-
-gc.set_threshold(*RARELY)  # as the command line does: a tenth of the time of all tests
 
 # the first call of a kernel may compile it for seconds
 hypothesis.settings.register_profile("compiles", deadline=None)
@@ -38,6 +37,7 @@ FAULTS = ("attacks", "kernel_cache", "many_craft", "result_folder")
 
 def pytest_configure(config: pytest.Config) -> None:
     """Without files or a selection: all but `-m fault`, commands under attack, and what is APART."""
+    begin()
     if not config.option.markexpr and config.args_source is not config.ArgsSource.ARGS:
         config.option.markexpr = " and ".join(f"not {one}" for one in ("fault", *APART))
 
@@ -67,12 +67,24 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     return 0 if config.args_source is config.ArgsSource.ARGS else None
 
 
-@pytest.fixture(scope="session", autouse=True)
-def announced() -> None:
-    """That kernels are compiled is said before a test looks at what a command says on standard error."""
-    from closeform.compiled import announce
+def begin() -> None:
+    """As the command line does: less search for garbage, kernels in less time, others while it waits for one.
 
-    announce()
+    That kernels are compiled is said before a test looks at what a command says on standard error.
+    """
+    own_process.begin()
+    own_process.import_numba()
+    from closeform import compiled, kernel_memory, kernel_writing, warmup
+
+    kernel_memory.remember()
+    kernel_writing.write_less()
+    with redirect_stderr(io.StringIO()):
+        compiled.announce()
+
+    def compile_others(ended: Callable[[], bool]) -> None:
+        warmup.compile_all(sorted({entry.__module__ for entry in compiled.ENTRIES}), ended)
+
+    compiled.meanwhile.append(compile_others)
 
 
 @pytest.fixture(scope="module")
