@@ -86,22 +86,25 @@ def film(place):
     return shot.file.read_bytes(), [text for text in said if text.startswith("animation")]
 
 
-def test_a_film_is_drawn_by_all_and_is_that_of_one(tmp_path, others, monkeypatch):
+@pytest.fixture(scope="module")
+def film_of_one(tmp_path_factory):
+    """What this process draws alone, and says."""
+    return film(tmp_path_factory.mktemp("alone"))
+
+
+def test_a_film_is_drawn_by_all_and_is_that_of_one(tmp_path, film_of_one, others):
     alike, told = film(tmp_path)
-    drawers = [*others]
-    monkeypatch.setattr(drawing, "_drawers", [])
-    assert film(tmp_path) == (alike, [f"animation: picture {k} of 8" for k in range(1, 9)])
-    assert len(told) == -(-8 // len(drawers))  # the first share, in which all others have as many or one less
+    assert film_of_one == (alike, [f"animation: picture {k} of 8" for k in range(1, 9)])
+    assert len(told) == -(-8 // len(others))  # the first share, in which all others have as many or one less
     assert told[-1] == "animation: picture 8 of 8"
 
 
-def test_a_film_is_whole_where_the_others_are_gone(tmp_path, monkeypatch):
-    whole, _ = film(tmp_path)
+def test_a_film_is_whole_where_the_others_are_gone(tmp_path, film_of_one, monkeypatch):
     gone = [socketpair() for _ in range(3)]
     monkeypatch.setattr(drawing, "_drawers", [drawing.Drawer(ours) for ours, _ in gone])
     for _, theirs in gone:
         theirs.close()
-    assert film(tmp_path)[0] == whole
+    assert film(tmp_path)[0] == film_of_one[0]
 
 
 @pytest.mark.parametrize("pictures", [PICTURES, []])
