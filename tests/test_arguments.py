@@ -367,7 +367,7 @@ CALLS = {
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), cancel=True, residual=np.full(len(START), 1e-7),
         thrust_error=np.array([0.01, 0.01]), errors=cf.Errors(magnitude=0.01), sigmas=3.0,
-        minimum_bit=0.0, thrusters=None,
+        minimum_bit=0.0, thrusters=None, engine=True,
     ),
     "fit_margin": turned(
         planned=lambda margin: cf.reconfigure(
@@ -376,19 +376,19 @@ CALLS = {
         field=cf.Field(LOW), zones=cf.Sphere(3.0), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), obstacles=[], held=False, before=None, cancel=True,
         residual=1e-7, thrust_error=np.array([0.0, 0.0]), errors=None, sigmas=3.0, max_acceleration=1.0,
-        minimum_bit=0.0, thrusters=[None, None],
+        minimum_bit=0.0, thrusters=[None, None], engine=[True, True],
     ),
     "fly": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),
         thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, thrusters=None, seeds=2,
-        errors=[None] * len(START), lost=np.full(len(START), 600.0),
+        errors=[None] * len(START), lost=np.full(len(START), 600.0), engine=[True] * len(START),
     ),
     "Flight.path": turned(self=cf.fly(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0),
     "thrust": turned(
         plan=LOW.orbit.transfer(START[0], START[1], 900.0), field=cf.Field(LOW), every=60.0,
         max_acceleration=1.0, thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), mass=100.0,
-        specific_impulse=200.0,
+        specific_impulse=200.0, engine=True,
     ),
     "validity": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), zones=BALL
