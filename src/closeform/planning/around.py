@@ -242,7 +242,8 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
     if path is clear:
         contacts, spent = (), path.delta_v
     bound, number = min(free.least, spent), len(contacts)
-    best = f"{number} contact{'s' * (number != 1)}, the best of {ways}" if number else "no conflict"
+    changed = path is not clear and found.tried > 0
+    best = f"{number or 'no'} contact{'s' * (number != 1)}, the best of {ways}" if changed else "no conflict"
     return Avoidance(
         sigmas=problem.sigmas,
         path=path,
@@ -251,9 +252,9 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         delta_v=spent,
         lower_bound=bound,
         contacts=contacts,
-        status=Status.AVOIDED if number else Status.CLEAR,
+        status=Status.AVOIDED if changed else Status.CLEAR,
         reason=f"{best}, {closeness(spent, bound, 'delta-v', limits is not None)}",
-        margin=found.margin if number else 1.0,
+        margin=found.margin if changed else 1.0,
         proven=is_proven(spent, bound),
         tried=found.tried,
         cost="delta-v",

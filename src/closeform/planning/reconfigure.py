@@ -286,7 +286,8 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         return replace(plan, blocked=found.blocked, reason=reason)
     paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
     bound, number = min(free.least, spent), len(contacts)
-    best = f"{number} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
+    changed = found.tried > 0
+    best = f"{number or 'no'} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
     near = closeness(spent, bound, "delta-v", limits is not None)
     return replace(
         plan,
@@ -297,8 +298,8 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         contacts=contacts,
         margin=found.margin,
         proven=is_proven(spent, bound),
-        status=Status.AVOIDED if number else Status.CLEAR,
-        reason=f"{best if number else 'no conflict'}, {near}",
+        status=Status.AVOIDED if changed else Status.CLEAR,
+        reason=f"{best if changed else 'no conflict'}, {near}",
         priced=found.priced,
     )
 
